@@ -58,7 +58,12 @@ def inlined_kernel(function: F) -> F:
     return _compiled(function, _nrt=False, forceinline=True)
 
 
-def _compiled(function: F, **flags: bool) -> F:
+def merged_kernel(function: F) -> F:
+    """A part of the only kernel that calls it: compiled there, and with it, instead of twice."""
+    return _compiled(function, _nrt=False, inline="always")
+
+
+def _compiled(function: F, **flags: Any) -> F:
     options: Any = {"nogil": True, "error_model": "numpy", **flags}
     try:
         compiled = numba.njit(cache=True, **options)(function)

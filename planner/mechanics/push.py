@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import inner_kernel, kernel
+from planner.kernel import inner_kernel, merged_kernel
 from planner.mechanics.boundary import MAX_POINTS, Boundary
 from planner.mechanics.contacts import GAP, place_turned
 from planner.mechanics.stepping import (
@@ -20,7 +20,6 @@ from planner.mechanics.stepping import (
     HELD,
     Body,
     Scratch,
-    SqueezeWork,
     find_contacts,
     try_step,
 )
@@ -117,8 +116,8 @@ def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm:
     )
 
 
-@inner_kernel
-def push(body: Body, way: float, q: Array, scratch: Scratch) -> tuple[bool, bool]:
+@merged_kernel
+def _push(body: Body, way: float, q: Array, scratch: Scratch) -> tuple[bool, bool]:
     """Pushes one part at q (3,) on a way [mm]; q is modified into the final pose [mm, mm, rad].
 
     Both are in the pusher's frame at the start.
@@ -186,24 +185,23 @@ def _carry_by(boundary: Boundary, pushers: Pushers, i: int) -> None:
     boundary.centre[0], boundary.centre[1] = paths.centres[i, 0], paths.centres[i, 1]
 
 
-@kernel
+@inner_kernel
 def push_many(
-    outline: Array,
-    reach: float,
-    rho: float,
+    body: Body,
     step: float,
     pushers: Pushers,
     mechanics: Mechanics,
     ends: PushEnds,
-    work: SqueezeWork,
+    scratch: Scratch,
 ) -> None:
-    """`push` for every row of `ends.poses`, each with its pusher and mechanics; `ends` is filled in place."""
-    mu = mechanics.mu
-    columns, n, boundary = np.ascontiguousarray(outline.T), outline.shape[0], work.boundary
-    scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), work)
+    """Pushes every part of `ends.poses` (n, 3) with its pusher and mechanics; `ends` is filled in place.
+
+    Steps are at most `step` [mm]; the mechanics' surface takes the place of the body's.
+    """
+    mu, boundary = mechanics.mu, scratch.work.boundary
     for i in range(ends.poses.shape[0]):
         _carry_by(boundary, pushers, i)
         boundary.mu_top, boundary.mu_bottom, boundary.step = mu[i, 0], mu[i, 1], step
-        body = Body(columns, reach, mechanics.surfaces[i], rho)
-        touches, failed = push(body, pushers.way[i], ends.poses[i], scratch)
+        pushed = Body(body.outline, body.reach, mechanics.surfaces[i], body.rho)
+        touches, failed = _push(pushed, pushers.way[i], ends.poses[i], scratch)
         ends.touching[i], ends.given_up[i] = int(touches), int(failed)

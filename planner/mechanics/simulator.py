@@ -34,11 +34,9 @@ from planner.mechanics.squeeze import (
     Each,
     Part,
     RollOut,
-    close_by,
-    squeeze,
     squeeze_many,
 )
-from planner.mechanics.stepping import Body, Scratch, squeeze_workspace
+from planner.mechanics.stepping import Body, scratch_of
 from planner.mechanics.surface import Surface
 from planner.mechanics.traits import FRESH, TRAITS, Traits, as_planned, shapes
 from planner.part.outline import reach, simplified
@@ -187,22 +185,14 @@ class Simulator:
         Returns x, y, theta, width on the way (k, 4) [mm, mm, rad, mm], from the start to the end, and the
         status.
         """
-        n, q, rows = (
-            len(self.outline),
-            arguments.row(pose, "pose", 3).copy(),
-            np.zeros((TRACE_ROWS, 4)),
-        )
+        q = arguments.row(pose, "pose", 3)
         mu = arguments.number(mu, "mu", 0.0, MOST_FRICTION)
-        surface = checked_surfaces(np.asarray(surface)[None])[0]
-        body = Body(
-            np.ascontiguousarray(self.outline.T), reach(self.outline), surface, self.surface.rho_mm
-        )
-        work = squeeze_workspace()
-        close_by(work.boundary, self.jaws, mu, mu, self.step_mm)
-        scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), work)
-        width, status, _, count = squeeze(body, self.jaws[0], q, scratch, rows)
-        end = np.array([[*q, width]])
-        return np.concatenate([rows[:count], end]), int(status)
+        surfaces, rows = checked_surfaces(np.asarray(surface)[None]), np.zeros((TRACE_ROWS, 4))
+        parameters = Parameters(surfaces, np.full((1, 2), mu))
+        result = _at_the_start(q[None])
+        count = self._squeeze(self._each(parameters), result, rows)
+        end = np.array([[*result.poses[0], result.width_mm[0]]])
+        return np.concatenate([rows[:count], end]), int(result.status[0])
 
     def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
         """Squeezes each pose (n, 3) in the hand frame once, jaws open [mm, mm, rad].
@@ -217,35 +207,35 @@ class Simulator:
             return in_order(
                 [(rows, self.roll_out(poses[rows], chosen)) for rows, chosen in forms], len(poses)
             )
-        n, final = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
-        result = RollOut(final, np.zeros(n), np.zeros(n, np.int64), np.zeros(n, np.int64))
-        part = Part(self.outline, self.shapes, self.surface.rho_mm)
-        share, deviation = parameters.share, parameters.deviation
-        each = Each(
-            parameters.surfaces,
-            parameters.mu,
-            np.full(n, self.jaws[3]) if share is None else share,
-            np.zeros((n, len(self.shapes)))
-            if deviation is None
-            else np.ascontiguousarray(deviation),
-        )
+        result, each = _at_the_start(poses), self._each(parameters)
 
         def run(start: int) -> None:
             rows = slice(start, start + CHUNK)
-            squeeze_many(
-                part,
-                self.jaws,
-                self.step_mm,
-                Each(*(values[rows] for values in each)),
-                result.of(rows),
-                squeeze_workspace(),
-            )
+            chunk = Each(*(values[rows] for values in each))
+            self._squeeze(chunk, result.of(rows), np.zeros((0, 4)))
 
-        deque(Threads(self.workers).map(run, range(0, n, CHUNK)), maxlen=0)
+        deque(Threads(self.workers).map(run, range(0, len(poses), CHUNK)), maxlen=0)
         if parameters.release is not None:
             held = (result.status == GRASPED) | (result.status == JAMMED)
-            final += np.where(held, 1.0, 0.0)[:, None] * parameters.release
+            result.poses[held] += parameters.release[held]
         return result
+
+    def _each(self, parameters: Parameters) -> Each:
+        """What the kernel needs of each squeeze, with nothing left out."""
+        n, share, deviation = len(parameters.mu), parameters.share, parameters.deviation
+        if share is None:
+            share = np.full(n, self.jaws[3])
+        if deviation is None:
+            deviation = np.zeros((n, len(self.shapes)))
+        return Each(parameters.surfaces, parameters.mu, share, np.ascontiguousarray(deviation))
+
+    def _squeeze(self, each: Each, result: RollOut, trace: Array) -> int:
+        """Squeezes the parts of `result`, filled in place; returns the rows written to `trace` (rows, 4)."""
+        columns = np.ascontiguousarray(self.outline.T)
+        deviations = np.ascontiguousarray(self.shapes.transpose(0, 2, 1))
+        part = Part(columns, deviations, self.surface.rho_mm)
+        scratch = scratch_of(self.outline)
+        return squeeze_many(part, self.jaws[:3], self.step_mm, each, result, scratch, trace)
 
     def push(self, paths: Paths, parameters: Parameters, radius_mm: float = 0.0) -> Pushed:
         """Pushes the part once along each of n paths, given in the part's frame at the start.
@@ -320,28 +310,27 @@ class Simulator:
         """How pushes of parts at poses (n, 3) end."""
         n, final = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
         result = PushEnds(final, np.zeros(n, np.int64), np.zeros(n, np.int64))
-        farthest = reach(self.outline)
+        columns, farthest = np.ascontiguousarray(self.outline.T), reach(self.outline)
 
         def run(start: int) -> None:
             chunk = np.arange(start, min(start + CHUNK, n))
-            for some, mechanics in by_form(parameters.of(chunk)):
+            for some, drawn in by_form(parameters.of(chunk)):
                 rows = chunk[some]
-                ends = result.of(rows)
-                push_many(
-                    self.outline,
-                    farthest,
-                    self.surface.rho_mm,
-                    self.step_mm,
-                    pushers.of(rows),
-                    Mechanics(mechanics.surfaces, mechanics.mu),
-                    ends,
-                    squeeze_workspace(),
-                )
+                ends, mechanics = result.of(rows), Mechanics(drawn.surfaces, drawn.mu)
+                body = Body(columns, farthest, drawn.surfaces[0], self.surface.rho_mm)
+                scratch = scratch_of(self.outline)
+                push_many(body, self.step_mm, pushers.of(rows), mechanics, ends, scratch)
                 for values, part in zip(result, ends, strict=True):
                     values[rows] = part
 
         deque(Threads(self.workers).map(run, range(0, n, CHUNK)), maxlen=0)
         return result
+
+
+def _at_the_start(poses: Array) -> RollOut:
+    """Results of squeezes of poses (n, 3) that are yet to be made."""
+    n, start = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
+    return RollOut(start, np.zeros(n), np.zeros(n, np.int64), np.zeros(n, np.int64))
 
 
 def check(parameters: Parameters, n: int, shapes: int) -> None:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import inner_kernel, kernel
+from planner.kernel import inner_kernel, merged_kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.boundary import Boundary, Drive, directions
 from planner.mechanics.clearance import free_closing, stand
@@ -22,7 +22,6 @@ from planner.mechanics.stepping import (
     HELD,
     Body,
     Scratch,
-    SqueezeWork,
     find_contacts,
     touching,
     try_step,
@@ -45,8 +44,8 @@ LARGEST_ESCAPE = 1e4
 class Part(NamedTuple):
     """What n squeezes have in common: the part, in its own frame."""
 
-    outline: Array  # (N, 2) counter-clockwise [mm]
-    shapes: Array  # (m, N, 2) how the vertices move for each of the part's deviations
+    outline: Array  # (2, N) counter-clockwise [mm]
+    shapes: Array  # (m, 2, N) how the vertices move for each of the part's deviations
     rho: float  # length that normalises rotations [mm]
 
 
@@ -121,23 +120,25 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
     return row + 1
 
 
-@kernel
-def close_by(boundary: Boundary, jaws: Array, mu_top: float, mu_bottom: float, step: float) -> None:
-    """Makes the boundary fingers that close: `jaws` (4,), their friction, and the nominal step [mm]."""
+@inner_kernel
+def _close_by(
+    boundary: Boundary, jaws: Array, share: float, mu_top: float, mu_bottom: float, step: float
+) -> None:
+    """Makes the boundary fingers that close: `jaws` (3,), the upper one's share, friction, and the nominal step [mm]."""
     boundary.fingers, boundary.facing, boundary.apart = 2, -1, 0.0
     boundary.h, boundary.thickness = 0.5 * jaws[1], jaws[2]
     boundary.mu_top, boundary.mu_bottom, boundary.step = mu_top, mu_bottom, step
-    boundary.top_share, boundary.bottom_share = 2.0 * jaws[3], 2.0 * (1.0 - jaws[3])
+    boundary.top_share, boundary.bottom_share = 2.0 * share, 2.0 * (1.0 - share)
     boundary.x = boundary.y = boundary.turn = 0.0
 
 
-@inner_kernel
-def squeeze(
+@merged_kernel
+def _squeeze(
     body: Body, opening: float, q: Array, scratch: Scratch, trace: Array
 ) -> tuple[float, int, int, int]:
     """Closes the fingers on one part at q (3,) in the hand frame [mm, mm, rad], modified into the final pose.
 
-    They are `opening` [mm] apart at first, else as `close_by` says.
+    They are `opening` [mm] apart at first, else as `_close_by` says.
     `trace` (rows, 4) receives poses and widths on the way; no rows for none.
 
     Returns:
@@ -181,25 +182,35 @@ def squeeze(
     return work.fingers[0] - work.fingers[1], held, 0 if verdict == HELD else 1, rows
 
 
-@kernel
+@inner_kernel
 def squeeze_many(
-    part: Part, jaws: Array, step: float, each: Each, result: RollOut, work: SqueezeWork
-) -> None:
-    """`squeeze` for every row of `result.poses`; `result` is filled in place."""
-    n = part.outline.shape[0]
-    scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), work)
-    outline, uneven, trace = part.outline.T.copy(), np.copy(jaws), np.zeros((0, 4))
-    reach = _reach(outline)
+    part: Part,
+    jaws: Array,
+    step: float,
+    each: Each,
+    result: RollOut,
+    scratch: Scratch,
+    trace: Array,
+) -> int:
+    """Closes the fingers on every part of `result.poses` (n, 3), in steps of at most `step` [mm].
+
+    `jaws` (3,) are opening, finger length and thickness [mm]; `result` is filled in place. `trace` (rows, 4)
+    receives poses and widths on the way of the last squeeze; no rows for none.
+
+    Returns:
+        Rows of the trace.
+    """
+    rows = 0
     for i in range(result.poses.shape[0]):
-        if part.shapes.shape[0] > 0:
-            _deviate(part, each.deviation[i], outline)
-            reach = _reach(outline)
-        uneven[3] = each.share[i]
-        close_by(work.boundary, uneven, each.mu[i, 0], each.mu[i, 1], step)
-        body = Body(outline, reach, each.surfaces[i], part.rho)
-        result.width_mm[i], result.status[i], result.given_up[i], _ = squeeze(
+        if i == 0 or part.shapes.shape[0] > 0:
+            _deviate(part, each.deviation[i], scratch.outline)
+        reach = _reach(scratch.outline)
+        _close_by(scratch.work.boundary, jaws, each.share[i], each.mu[i, 0], each.mu[i, 1], step)
+        body = Body(scratch.outline, reach, each.surfaces[i], part.rho)
+        result.width_mm[i], result.status[i], result.given_up[i], rows = _squeeze(
             body, jaws[0], result.poses[i], scratch, trace
         )
+    return rows
 
 
 @inner_kernel
@@ -214,8 +225,8 @@ def _reach(outline: Array) -> float:
 @inner_kernel
 def _deviate(part: Part, deviation: Array, outline: Array) -> None:
     """Writes the outline (2, N) of a part with deviations (m,) [mm] into `outline`."""
-    for i in range(part.outline.shape[0]):
-        for j in range(2):
-            outline[j, i] = part.outline[i, j]
+    for j in range(2):
+        for i in range(part.outline.shape[1]):
+            outline[j, i] = part.outline[j, i]
             for k in range(part.shapes.shape[0]):
-                outline[j, i] += deviation[k] * part.shapes[k, i, j]
+                outline[j, i] += deviation[k] * part.shapes[k, j, i]

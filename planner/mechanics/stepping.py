@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.kernel import inlined_kernel, inner_kernel
+from planner.kernel import inlined_kernel, inner_kernel, merged_kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.boundary import (
     BOUNDARY,
@@ -75,11 +75,6 @@ ACCEPTED, RETRY, HELD, GIVEN_UP = range(4)
 """What came of a step: taken; to be tried again, shorter; no solution; neither."""
 
 
-def squeeze_workspace() -> SqueezeWork:
-    """A fresh workspace: a record of `SQUEEZE_WORK`."""
-    return np.zeros(1, SQUEEZE_WORK).view(np.recarray)[0]
-
-
 class Body(NamedTuple):
     """A part, in its own frame."""
 
@@ -92,9 +87,18 @@ class Body(NamedTuple):
 class Scratch(NamedTuple):
     """Workspaces of a squeeze, modified in place."""
 
+    outline: Array  # (2, N) of the part, in its own frame
     points: Array  # (2, N) the placed outline
     out: IntArray  # (N,) which vertices are far from the fingers, as `contacts.mark` says
     work: SqueezeWork  # a record of `SQUEEZE_WORK`
+
+
+def scratch_of(outline: Array) -> Scratch:
+    """Fresh workspaces for a part's outline (N, 2)."""
+    n = len(outline)
+    work = np.zeros(1, SQUEEZE_WORK).view(np.recarray)[0]
+    columns = np.array(outline.T, order="C")
+    return Scratch(columns, np.zeros((2, n)), np.zeros(n, np.int64), work)
 
 
 @inlined_kernel
@@ -105,7 +109,7 @@ def _turn_back(work: SqueezeWork) -> None:
             work.step.C[k, column] = work.before[k, column]
 
 
-@inlined_kernel
+@merged_kernel
 def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWork) -> int:
     """Solves the step for the contacts; leaves the displacement in the boundary's frame in `step.V`."""
     C, I, V, count, boundary = work.step.C, work.step.I, work.step.V, work.contacts, work.boundary
@@ -119,7 +123,7 @@ def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWor
     return status
 
 
-@inner_kernel
+@merged_kernel
 def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int, float]:
     """One midpoint step from pose q, for contacts already found there, into `work.euler` and `work.step.V`.
 
@@ -212,7 +216,7 @@ def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: f
     return float(max(abs(dx), step_top + dy, step_bottom - dy) + abs(trial[2] - q[2]) * body.reach)
 
 
-@inner_kernel
+@merged_kernel
 def try_step(
     body: Body, size: float, margin: float, q: Array, scratch: Scratch
 ) -> tuple[int, float]:

@@ -2,21 +2,27 @@
 
     python tests/bench/bench_plc.py [--parts 1000000] [--seeds 20] [--workers 2]
         [--output tests/bench/results/plc.json]
-    python tests/bench/bench_plc.py --opc-ua 100
+    python tests/bench/bench_plc.py --opc-ua 100 [--node-modules FOLDER/node_modules]
 
 In virtual time, on the station that the server serves; or so many parts over OPC UA by asyncua's client, with
-an encrypted channel to the command. Ends with 1 where a result is lost, taken twice or another's.
+an encrypted channel to the command, or by node-opcua's where its folder of modules is stated
+(`npm install node-opcua-client` makes it). Ends with 1 where a result is lost, taken twice or another's, or a
+state was not seen.
 """
 
 import argparse
 import json
+import os
+import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
@@ -24,8 +30,11 @@ from plc_programs import PlcServed
 from plc_study import Study
 from served import ROOT
 from supervisor import Supervisor, passport
+from waiting import until
 
 from runtime.plc.handshake import Error
+from runtime.plc.panel import AUTOMATIC, MACHINE
+from runtime.plc.vision import VisionState
 
 EXCHANGES = (
     "dropped",
@@ -50,29 +59,63 @@ def studied(seed: int, parts: int) -> tuple[int, Counter[str], str]:
     return len(study.program.taken), study.counts, ""
 
 
-def over_opc_ua(parts: int) -> bool:
-    """Run parts over OPC UA; whether each result is that of its part, once and in order."""
-    words = ("--time-scale", "max", "--world", "runtime.devices.rehearsal:make")
+def by_asyncua(port: int, folder: Path, parts: int) -> tuple[list[dict[str, Any]], set[str]]:
+    """The results of so many parts, and the states that were seen; 0 parts: one that is aborted."""
+    with Supervisor(port, passport(folder, f"identity-{parts}")) as line:
+        line.follow()
+        seen = {line[f"{MACHINE}/CurrentState"]}
+        line.begin("rectangle")
+        results = [line.part(str(number)) for number in range(parts)]
+        if parts == 0:
+            line.start("aborted")
+            line.call(f"{AUTOMATIC}/Abort")
+        line.until(f"{MACHINE}/CurrentState", "Halted" if parts else "Error")
+        seen.add(line[f"{MACHINE}/CurrentState"])
+        until(lambda: line.events[-1].endswith("Halted" if parts else "Error"), "the last event")
+        return results, seen.union(*(event.split("To") for event in line.events))
+
+
+def by_node(
+    modules: Path, port: int, folder: Path, parts: int
+) -> tuple[list[dict[str, Any]], set[str]]:
+    """The same by node-opcua."""
+    words = ["node", Path(__file__).parent / "opcua_supervisor.cjs", port, "rectangle", parts]
+    certificates = folder / f"certificates-{parts}"
+    environment = {**os.environ, "NODE_PATH": str(modules.resolve())}
+    subprocess.run([str(word) for word in (*words, certificates)], env=environment, check=True)
+    document = json.loads((certificates / "document.json").read_text())
+    return document["results"], set(document["states"])
+
+
+def over_opc_ua(parts: int, modules: Path | None) -> bool:
+    """Run parts over OPC UA; whether each result is its part's, once, in order, and all states are seen."""
+    client = by_asyncua if modules is None else partial(by_node, modules)
     with tempfile.TemporaryDirectory() as folder:
-        identity, tree = passport(Path(folder), "identity"), Path(folder) / "rectangle.msgpack"
-        tree.write_bytes((ROOT / "trees" / "rectangle" / "rectangle.msgpack").read_bytes())
-        with PlcServed(tree, more=words, count=parts, plc="opc.tcp://127.0.0.1:0") as served:
-            with Supervisor(served.port, identity) as line:
-                line.begin("rectangle")
-                began_s = time.monotonic()
-                results = [line.part(str(number)) for number in range(parts)]
-                took_s = time.monotonic() - began_s
-            printed = served.ended()[1]
+        with served(Path(folder) / "parts", "max", parts) as run:
+            began_s = time.monotonic()
+            results, seen = client(run.port, run.journal.parent, parts)
+            took_s = time.monotonic() - began_s
+            printed = run.ended()[1]
+        with served(Path(folder) / "aborted", "12", 1) as run:
+            seen |= client(run.port, run.journal.parent, 0)[1]
     outcomes = Counter(result["Outcome"] for result in results)
-    print(f"{parts} parts over OPC UA in {took_s:.1f} s: {dict(outcomes)}")
-    numbers = [int(result["MeasId"]) for result in results]
-    handles = [result["ResultHandle"] for result in results]
+    print(f"{parts} parts over OPC UA in {took_s:.1f} s: {dict(outcomes)}; states {sorted(seen)}")
     return (
-        numbers == list(range(parts))
-        and handles == list(range(1, parts + 1))
+        [result["MeasId"] for result in results] == [str(number) for number in range(parts)]
+        and [result["ResultHandle"] for result in results] == list(range(1, parts + 1))
         and len(printed) == parts
         and outcomes["located"] == sum(part["outcome"] == "leaf" for part in printed)
+        and seen >= {state.value for state in VisionState}
     )
+
+
+def served(folder: Path, time_scale: str, count: int) -> PlcServed:
+    """A run of the simulated cell that waits for a supervisor."""
+    folder.mkdir()
+    tree = folder / "rectangle.msgpack"
+    tree.write_bytes((ROOT / "trees" / "rectangle" / "rectangle.msgpack").read_bytes())
+    words = ("--time-scale", time_scale, "--world", "runtime.devices.rehearsal:make")
+    return PlcServed(tree, more=words, count=count, plc="opc.tcp://127.0.0.1:0")
 
 
 def main() -> int:
@@ -84,9 +127,10 @@ def main() -> int:
         "--output", type=Path, default=Path(__file__).parent / "results" / "plc.json"
     )
     parser.add_argument("--opc-ua", type=int, metavar="PARTS")
+    parser.add_argument("--node-modules", type=Path, metavar="FOLDER")
     given = parser.parse_args()
     if given.opc_ua is not None:
-        return int(not over_opc_ua(given.opc_ua))
+        return int(not over_opc_ua(given.opc_ua, given.node_modules))
     counts: Counter[str] = Counter()
     results, wrong = 0, []
     parts = given.parts // given.seeds

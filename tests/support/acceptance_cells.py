@@ -1,5 +1,6 @@
 """Simulated cells under the acceptance study: parts whose audits are drawn, looked at after each of them."""
 
+from collections.abc import Iterable
 from enum import Enum
 
 import numpy as np
@@ -43,6 +44,11 @@ def tried(
     for failed, kind, dark, out in zip(fails, kinds, hidden, stopped, strict=True):
         part = FAILED[kind] if failed else GOOD
         parts.append(STOPPED if out else UNSEEN if dark and part.outcome == "leaf" else part)
+    return judged(parts, rate, limit)
+
+
+def judged(parts: Iterable[Part], rate: float, limit: float) -> Tried:
+    """The first verdict on parts, looked at after each; at a true rate of the limit either is wrong."""
     for now in followed(parts, limit):
         if now.verdict is Verdict.ACCEPTED:
             return Tried.RIGHT if rate < limit else Tried.WRONG
