@@ -44,7 +44,7 @@ CALLS = {
     "Table.of": "record",
     "Table.save": "self, path",
     "World.squeeze": "self, pose_hand",
-    "compile": "job, workers, trials, report, limit, store, scheduler",
+    "compile": "job, workers, trials, report, limit, scheduler",
     "evaluate": "table, job, world, trials, seed, workers, report",
     "squeeze": "job, belief, placement, rng, workers",
 }
