@@ -95,7 +95,7 @@ def test_a_journal_is_laid_over_the_tree(tmp_path, capsys):
         "--journal",
         str(journal),
         "--trials",
-        "100",
+        "50",
         "--json",
     ]
     assert report.main(words) == 0
@@ -115,7 +115,7 @@ def test_rejects_are_drawn_with_the_part(tmp_path, capsys):
     journal, output = tmp_path / "j.jsonl", tmp_path / "page.html"
     parts = [entry for k in range(1, 11) for entry in part(k, [(0, 20, None)], "reject")]
     journal.write_bytes(chained([header(dumps(TABLE)), *parts]))
-    words = [str(TABLE_PATH), "-o", str(output), "--trials", "100", "--journal", str(journal)]
+    words = [str(TABLE_PATH), "-o", str(output), "--trials", "50", "--journal", str(journal)]
     assert report.main(words) == 0
     figures = output.read_text().partition('id="rejects"')[2].partition("</section>")[0]
     assert figures.count("<figure>") == figures.count('class="part"') == 10
@@ -127,7 +127,7 @@ def test_rejects_are_drawn_with_the_part(tmp_path, capsys):
 def test_two_plans_and_two_runs_are_compared(tmp_path, capsys):
     journal, _ = journal_of(tmp_path)
     output = tmp_path / "page.html"
-    words = [str(TABLE_PATH), "-o", str(output), "--trials", "100", "--compare"]
+    words = [str(TABLE_PATH), "-o", str(output), "--trials", "50", "--compare"]
     assert report.main([*words, str(TABLE_PATH)]) == 0
     rows = output.read_text().partition("<h2>Compared</h2>")[2].partition("</table>")[0]
     cells = re.findall(r"<td>([^<]*)</td><td>([^<]*)</td>", rows)

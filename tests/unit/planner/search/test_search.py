@@ -102,16 +102,16 @@ def test_grow_toy_world_reaches_the_optimum_of_exhaustive_search(problem, seed, 
     assert all(problem.stopping.reached(leaf.mode.ratio) for leaf in leaves(root))
 
 
-def test_grow_places_that_read_alike_ends_with_a_leaf_that_does_not_know(problem):
+def test_grow_places_that_read_alike_ends_with_a_leaf_that_does_not_know():
+    problem = Problem.of(JOB.replaced(search={"max_depth": 2}), 1)
     counts = np.full((len(ANGLES), len(PLACES)), 100)
     counts[:, 0] = 180
     toy = Toy(problem.mixture, counts)
-    _, root = searched(
-        replace(problem, model=toy, ahead=toy), Belief.of(np.repeat(PLACES, EACH, axis=0))
-    )
+    belief = Belief.of(np.repeat(PLACES, EACH, axis=0))
+    _, root = searched(replace(problem, model=toy, ahead=toy), belief)
     known = [leaf for leaf in leaves(root) if problem.stopping.reached(leaf.mode.ratio)]
     assert sum(leaf.share for leaf in known) == pytest.approx(0.25)
-    assert max(node.depth for node in breadth_first(root)) <= 4
+    assert max(node.depth for node in breadth_first(root)) == 2
 
 
 def test_grow_real_squeezes_conserves_probability_and_particles(tree):

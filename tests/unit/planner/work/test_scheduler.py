@@ -25,10 +25,6 @@ class TestThreads:
     def test_results_come_in_the_order_of_the_items(self, workers):
         assert list(Threads(workers).map(late, range(40))) == list(range(40))
 
-    @pytest.mark.parametrize("n", [0, 1, 2])
-    def test_few_items(self, workers, n):
-        assert list(Threads(workers).map(squared, range(n))) == [k * k for k in range(n)]
-
     def test_the_functions_error_ends_the_work(self, workers):
         begun = []
 
