@@ -23,13 +23,13 @@ def run_tool(*arguments: str, **variables: str) -> subprocess.CompletedProcess[s
 
 
 def test_a_slice_of_the_mutated_tables_is_refused_or_another_legal_table():
-    tally = fuzz_tables.run(1, range(1_500))
+    tally = fuzz_tables.run(1, range(1_000))
     assert tally.failures == []
-    assert sum(tally.verdicts.values()) == 1_500
+    assert sum(tally.verdicts.values()) == 1_000
     for depth in ("file", "payload", "values"):
-        assert tally.verdicts[f"{depth}: refused"] > 180
+        assert tally.verdicts[f"{depth}: refused"] > 120
     # The mutants get as far as the validation, and past it.
-    assert tally.verdicts["values: another table"] > 35
+    assert tally.verdicts["values: another table"] > 20
     assert tally.verdicts["file: another table"] == 0
 
 
@@ -67,9 +67,9 @@ def test_the_tool_fuzzes_frames_without_its_engine(tmp_path):
 
 def test_a_slice_of_the_files_that_are_almost_right_ends_as_commands_must():
     failures: list[str] = []
-    ends = hostile_inputs.run(7, range(1, 90), failures.append)
+    ends = hostile_inputs.run(7, range(1, 45), failures.append)
     assert failures == []
-    assert len({end.partition(":")[0] for end in ends}) >= 10  # commands
+    assert len({end.partition(":")[0] for end in ends}) >= 8  # commands
 
 
 def test_a_command_that_hangs_or_ends_otherwise_is_found(monkeypatch):

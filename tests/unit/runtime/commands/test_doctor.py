@@ -2,6 +2,10 @@
 
 import json
 import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -151,3 +155,31 @@ def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(tmp_path
     with pytest.raises(CheckFailedError):
         run(given, Drivers(TimeoutError("silence")))
     assert "BAD  The gripper does not answer: silence. -> Check power" in capsys.readouterr().out
+
+
+def test_a_simulated_cells_terminal_is_held_by_the_cell_and_by_nobody_else():
+    """Each end in a process of its own, as with grasp-cell and a terminal program that was left open."""
+    maker = "import os; m, s = os.openpty(); print(os.ttyname(s), flush=True); input()"
+    holder = (
+        "import os, sys; os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); print(flush=True); input()"
+    )
+    with _started(maker) as cell:
+        terminal = cell.stdout.readline().strip()
+        result = list(doctor.check_port(terminal, System()))
+        assert verdicts(result) == [Verdict.GOOD] * 3
+        assert "pseudo-terminal" in result[1].sentence
+        with _started(holder, terminal) as other:
+            other.stdout.readline()
+            held = list(doctor.check_port(terminal, System()))[-1]
+            assert held.verdict is Verdict.BAD
+            assert f"(process {other.pid})." in held.sentence
+
+
+@contextmanager
+def _started(source: str, *words: str) -> Iterator["subprocess.Popen[str]"]:
+    command = [sys.executable, "-c", source, *words]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        yield process
+        process.communicate("\n")

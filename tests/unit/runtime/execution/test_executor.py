@@ -173,8 +173,8 @@ def assert_safe_end(rig: FakeCell, result: PartResult, *, failed: int) -> None:
     assert result.leaf is None
     assert len(result.safe_state) == 2
     kind, fields = rig.journal.kept[-1]
-    told = result.outcome.value, result.exit_code
-    assert (kind, fields["outcome"], fields["exit_code"]) == ("outcome", *told)
+    ending = result.outcome.value, result.exit_code
+    assert (kind, fields["outcome"], fields["exit_code"]) == ("outcome", *ending)
 
 
 @pytest.mark.parametrize(

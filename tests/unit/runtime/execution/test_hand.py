@@ -4,10 +4,10 @@ import math
 from dataclasses import replace
 
 import pytest
-from counting import width_um
+from counting import SETTINGS, width_um
 from fake_cell import State, fake_cell
 from sample_tables import GRIPPER, small_table, with_job, with_node
-from squeezes import AT_21, AT_30, AT_36, jaw_moves, run
+from squeezes import AT_21, AT_30, AT_36, AT_60, jaw_moves, meeting, run
 
 from runtime.errors import GripperStateError
 from runtime.execution.executor import RunOptions
@@ -178,3 +178,20 @@ def test_arm_that_settles_within_the_tolerance_is_no_fault(turn_rad):
 
     rig.arm.move_linear = settle
     assert run(rig, RunOptions()).leaf == 0
+
+
+def test_squeeze_regulated_raises_the_force_where_the_reading_decides_nothing():
+    rig = meeting(AT_60[0])
+    result = run(rig, RunOptions(handling=Handling(regulated=True)))
+    assert result.outcome is Outcome.REJECT  # nobody planned for 60 mm
+    forces = [force for position, _, force in jaw_moves(rig) if position > 0]
+    assert forces == [0, SETTINGS.force(40.0)]
+
+
+def test_phases_of_each_squeeze_add_up_to_the_seconds_of_the_part():
+    rig = fake_cell([AT_30, AT_21])
+    rig.cell.clock.step_s = 0.001
+    result = run(rig, RunOptions())
+    assert len(result.phases) == 2
+    assert sum(phases.total_s for phases in result.phases) == pytest.approx(result.seconds, abs=0.1)
+    assert rig.journal.kept[-1][1]["phases"][0].keys() == result.phases[0]._asdict().keys()

@@ -193,3 +193,14 @@ def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
     if alarms:
         assert lines.index(True) == max(alarms[0], LEAST_REFIT - 1)
         assert all(lines[lines.index(True) :])
+
+
+def test_line_that_a_crash_cut_short_is_left_out(tmp_path):
+    whole = write(tmp_path / "a.jsonl", parts_of(6), ended=False)
+    result = reading.read([whole]).parts
+    with whole.open("ab") as file:
+        file.write(b'{"seq":99,"kind":"squ')
+    assert reading.read([whole]).parts == result
+    whole.write_bytes(b'{"seq":0,"kind":"hea')
+    with pytest.raises(UsageError, match="no part yet"):
+        reading.read([whole])

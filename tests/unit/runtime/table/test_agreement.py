@@ -187,3 +187,9 @@ def test_check_says_what_was_compared_and_what_was_not(table, said, tmp_path, ca
     out = capsys.readouterr().out
     assert said in out
     assert "plan-evaluate" in out
+
+
+def test_the_number_of_parts_is_the_jobs():
+    job = {"part": {"name": "left hand"}}
+    with pytest.raises(TableError, match="the number of parts is 2, but the embedded job says 1"):
+        dumps(with_job(several_table(), json.dumps(job)))

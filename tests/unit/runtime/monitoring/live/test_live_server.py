@@ -16,7 +16,6 @@ from runtime.monitoring.http_server import MOST_CLIENTS
 from runtime.monitoring.live import page
 from runtime.monitoring.live.server import Address, PageServer
 from runtime.monitoring.status import Status
-from runtime.shell.errors import UsageError
 
 FREE = Address("127.0.0.1", 0)
 LARGE = b"x" * 16_000_000
@@ -97,12 +96,3 @@ def test_its_end_ends_all_connections_and_frees_the_port():
     with PageServer(running.address, {}) as again:
         assert again.address == running.address
     assert not [thread for thread in threading.enumerate() if thread.name == "http"]
-
-
-def test_a_port_in_use_is_one_line(serving):
-    with pytest.raises(
-        UsageError, match="in use; name another port, or 0 for a free one"
-    ) as refused:
-        PageServer(serving.address, {})
-    assert str(serving.address) in str(refused.value)
-    assert refused.value.exit_code == 2
