@@ -43,7 +43,7 @@ CELLS = {
     "dh-ag95": Cell(
         table_for("dh-ag95"),
         REGULATED,
-        range(4, 150, 23),
+        range(4, 150, 11),
         OTHERS | {name for name in KINDS if name.startswith("gflt_")},  # it has no fault register
     ),
     "schunk-egu": Cell(
