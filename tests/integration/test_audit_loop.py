@@ -1,8 +1,6 @@
 """Parts through table, `grasp-runtime`, Modbus gripper, arm, rendered camera and `grasp-audit`."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,13 +8,11 @@ import pytest
 from audit_loops import agreement, loop, mixed
 from cameras import part_tag, true_calibration
 
-from drivers import connect
 from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration.file import Reference
 from drivers.camera.commands import audit as grasp_audit
 from drivers.camera.vision import tag_file
 from drivers.sim.camera.rig import standard_rig
-from runtime.devices.cell_process import CellProcess
 from runtime.table import dump, load
 
 ROOT = Path(__file__).parents[2]
@@ -49,37 +45,3 @@ def test_verdicts_agree_with_the_world_and_are_in_the_journal(folder, capsys):
     grasp_audit(["report", str(folder / "journal.jsonl"), "--json"])
     reported = json.loads(capsys.readouterr().out)
     assert reported["judged"] == record["verdicts"]["pass"] + record["verdicts"]["fail"]
-
-
-def test_cell_tells_its_camera_and_shows_where_the_part_is(folder):
-    with CellProcess(
-        TREE, world="planner.world:make", seed=3, time_scale=10.0, camera=True
-    ) as cell:
-        words = [
-            sys.executable,
-            "-m",
-            "drivers.camera.audit.command",
-            "judge",
-            "--tree",
-            str(TREE),
-            "--deadline",
-            "60",
-        ]
-        words += ["--calibration", str(folder / "camera.json"), "--tag", str(folder / "tag.json")]
-        scene = connect.scene(cell.endpoints.scene)
-        try:
-            scene.next_part()
-            truth = scene.truth()
-        finally:
-            scene.close()
-        asked = f'{{"part": 1, "x_mm": {truth.x_mm}, "y_mm": {truth.y_mm}, "theta_rad": {truth.theta_rad}}}\n'
-        ended = subprocess.run(
-            [*words, "--camera", cell.endpoints.camera],
-            cwd=ROOT,
-            input=asked,
-            capture_output=True,
-            text=True,
-            timeout=300,
-            check=True,
-        )
-    assert '"verdict": "pass"' in ended.stdout

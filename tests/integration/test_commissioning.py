@@ -36,13 +36,7 @@ def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
     assert meet.commands[0].startswith("grasp-calibrate middle ")
     shutil.copy(RECTANGLE, work)
     calibrate(work / "gripper.json")
-    cell = [
-        sys.executable,
-        "-c",
-        "from drivers.sim.cli import main; main()",
-        "--until-stdin-closes",
-        "--json",
-    ]
+    cell = [sys.executable, "-m", "drivers.sim.cli", "--until-stdin-closes", "--json"]
     with subprocess.Popen(
         [*cell, "--tree", str(RECTANGLE), "--time-scale", "100"],
         stdin=subprocess.PIPE,
@@ -62,11 +56,14 @@ def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
     assert (work / "report.html").stat().st_size < 3_000_000
 
 
-@pytest.mark.parametrize(
-    "job", sorted((ROOT / "trees").glob("*/job.toml")), ids=lambda path: path.parent.name
-)
-def test_rehearsal_in_the_air_is_a_job_that_is_accepted(job):
-    """Every height that the page names, and that a job has, raised by what the page says."""
+@pytest.mark.parametrize("part", ["rectangle", "gusset"])
+def test_rehearsal_in_the_air_is_a_job_that_is_accepted(part):
+    """Every height that the page names, and that a job has, raised by what the page says.
+
+    100 good parts say what it says, too.
+    """
+    job = ROOT / "trees" / part / "job.toml"
+    assert 0.96 < wilson_interval(100, 100)[0] < 0.97
     step = re.search(
         r"\*\*In the air\.\*\*(.*?)\n\d\. ", (DOCS / "commissioning.md").read_text(), re.DOTALL
     )[1]
@@ -85,7 +82,3 @@ def test_rehearsal_in_the_air_is_a_job_that_is_accepted(job):
     air = job_file.load(job, raised)
     assert air.cell.squeeze_height_mm == sound.cell.squeeze_height_mm + more_mm
     assert air.cell.retreat_height_mm == sound.cell.retreat_height_mm + more_mm
-
-
-def test_a_hundred_good_parts_say_what_the_page_says():
-    assert 0.96 < wilson_interval(100, 100)[0] < 0.97

@@ -39,7 +39,7 @@ TABLES = {
     "sixty nodes": random_table(3, 60),
     "wide": wide_table(),
 }
-FUZZED = 100_000
+FUZZED = 20_000
 MOST_CODE_BYTES = 4096
 WILD = (-(2**31), -257, -2, -1, 256, 257, 4096, 2**31 - 1)
 PLAYED = """\
@@ -178,7 +178,7 @@ def test_the_guide_s_program_follows_the_tree(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*COMMITTED, "every field", "wide"])
+@pytest.mark.parametrize("name", ["rectangle", "every field", "wide"])
 def test_structured_text_gives_all_vectors(name, folder):
     table, out = TABLES[name], folder(name, "st")
     block = FunctionBlock((out / "squeezetree_table.st").read_text())
@@ -192,13 +192,11 @@ def test_structured_text_gives_all_vectors(name, folder):
 
 
 @pytest.mark.slow
-def test_the_parser_as_it_is_takes_the_block_and_the_guide_s_program(folder):
+def test_the_parser_as_it_is_takes_the_guide_s_program(folder):
     block = (folder("every field", "st") / "squeezetree_table.st").read_text()
-    program = re.findall(r"```text\n(.*?)```", GUIDE, re.DOTALL)
-    assert len(program) == 1
-    for text in (block, *program):
-        assert parse_source_code(text).exception is None
-    used = set(re.findall(r"table\.(\w+)", program[0]))
+    (program,) = re.findall(r"```text\n(.*?)```", GUIDE, re.DOTALL)
+    assert parse_source_code(program).exception is None
+    used = set(re.findall(r"table\.(\w+)", program))
     assert used < set(FunctionBlock(block).names[OUTPUT])
 
 
@@ -220,23 +218,13 @@ END_FUNCTION_BLOCK
 """
 
 
-@pytest.mark.parametrize(
-    "statement",
-    [
-        "a := b[2];",
-        "a := b[-1];",
-        "c := 1;",
-        "n := 2;",
-        "a := 2147483647 + a;",
-        "a := TRUE;",
-        "a := d;",
-    ],
-)
-def test_the_interpreter_refuses_what_a_controller_would(statement):
+def test_the_interpreter_refuses_what_a_controller_would():
     assert FunctionBlock(REFUSED.format("a := b[1];"))(n=1) == {}
-    block = FunctionBlock(REFUSED.format(statement))
-    with pytest.raises((AssertionError, IndexError, KeyError, TypeError)):
-        block(n=1)
+    wrong = "a := b[2]; a := b[-1]; c := 1; n := 2; a := 2147483647 + a; a := TRUE; a := d;"
+    for statement in wrong.split("; "):
+        block = FunctionBlock(REFUSED.format(f"{statement.rstrip(';')};"))
+        with pytest.raises((AssertionError, IndexError, KeyError, TypeError)):
+            block(n=1)
 
 
 TWO = """\

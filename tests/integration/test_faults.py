@@ -38,12 +38,12 @@ class Cell(NamedTuple):
 OTHERS = frozenset(kind.name for kind in KINDS.values() if kind.channel not in DEVICE)
 CELLS = {
     # The moments of one lie between those of the other.
-    "direct": Cell(None, RunOptions(), range(0, 116, 16)),
-    "regulated": Cell(None, REGULATED, range(8, 116, 16)),
+    "direct": Cell(None, RunOptions(), range(0, 116, 24)),
+    "regulated": Cell(None, REGULATED, range(12, 116, 24)),
     "dh-ag95": Cell(
         table_for("dh-ag95"),
         REGULATED,
-        range(4, 150, 23),
+        range(4, 150, 11),
         OTHERS | {name for name in KINDS if name.startswith("gflt_")},  # it has no fault register
     ),
     "schunk-egu": Cell(

@@ -12,10 +12,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import hostile_campaign
 import pytest
-from hostile_devices import Bench, End
-from relays import Case, Row
+from hostile_devices import Bench
+from relays import Case
 from running_cells import REHEARSAL, ROOT, WAIT_S, Notices
 from sample_tables import small_table
 
@@ -44,43 +43,6 @@ def test_run_whose_device_fails_ends_safely_and_in_the_journal(case: Case, bench
     end = bench.run(case)
     assert (end.reached, end.wrong) == (True, [])
     assert end.code in ("20", "21")
-
-
-class Rehearsed:
-    """A bench whose runs end as their case says: late always, late among others alone, wrong, or well.
-
-    Their polls are nine or more.
-    """
-
-    alone = os.getpid()
-
-    def __init__(self, folder: Path) -> None:
-        self._runs = 0
-
-    def run(self, case: Case) -> End:
-        self._runs += 1
-        rows = [Row(1, 1), Row(8 + self._runs, 1)]
-        late = case.device == "late" or (case.device == "loaded" and os.getpid() != self.alone)
-        wrong = ["a traceback"] if case.device == "wrong" else []
-        return End("20", float(case.row), wrong, "it took 9.0 s" * late, reached=True, rows=rows)
-
-    def close(self) -> None:
-        """And end here."""
-
-
-def test_campaign_case_that_is_late_among_others_fails_only_if_it_is_late_alone(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(hostile_campaign, "Bench", Rehearsed)
-    devices = ["good", "late", "wrong", "loaded", "good"]
-    cases = [(number, Case(device, "slow", number)) for number, device in enumerate(devices)]
-    summary = hostile_campaign.campaign(cases, 3)
-    assert [failure.partition(" ")[0] for failure in summary.failures] == ["2", "1"]
-    assert [loaded.partition(" ")[0] for loaded in summary.loaded] == ["3"]
-    kept = summary.result()["devices"]
-    assert kept["good"]["slow"] == {"cases": 2, "ends": {"exit 20": 2}, "longest_s": 4.0}
-    assert summary.count == 5
-    assert "1 were late among others, and in time alone" in capsys.readouterr().out
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import re
-import socket
 import subprocess
 import sys
 import threading
@@ -43,7 +42,7 @@ def words(tmp_path: Path) -> list[str]:
             "--world",
             "runtime.devices.rehearsal:make",
         ),
-        *("--journal", str(tmp_path / "journal.jsonl"), "--time-scale", "5"),
+        *("--journal", str(tmp_path / "journal.jsonl"), "--time-scale", "20"),
     ]
 
 
@@ -55,8 +54,12 @@ def run(words: list[str]) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_run_that_nobody_watches_loads_no_view(words: list[str]) -> None:
-    assert run(words).stderr.splitlines()[-1] == "[]"
+def test_a_run_that_nobody_watches_and_a_pipe_load_no_view(words: list[str]) -> None:
+    assert run([*words[:-1], "max"]).stderr.splitlines()[-1] == "[]"
+    done = run([*words, "--watch"])
+    assert done.stderr.splitlines()[-1] == "[]"
+    assert "part 1: " in done.stdout
+    assert "\x1b" not in done.stdout
 
 
 def test_the_page_follows_the_run(words: list[str]) -> None:
@@ -111,17 +114,5 @@ def test_what_cannot_be_shown_is_one_line_before_anything_starts(
     printed = capfd.readouterr()
     assert printed.err.count("\n") == 1
     assert reason in printed.err
-    assert "simulated cell" not in printed.out
-    assert not Path(words[words.index("--journal") + 1]).exists()
-
-
-def test_a_port_in_use_is_one_line_before_anything_starts(
-    words: list[str], capfd: pytest.CaptureFixture[str]
-) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        assert main([*words, "--http", str(other.getsockname()[1])]) == 2
-    printed = capfd.readouterr()
-    assert "address already in use; name another port" in printed.err
-    assert printed.err.count("\n") == 1
     assert "simulated cell" not in printed.out
     assert not Path(words[words.index("--journal") + 1]).exists()

@@ -6,11 +6,11 @@ import json
 import os
 import re
 import shutil
-import subprocess
-import sys
 
+import matplotlib
 import pytest
 from documents import DOCS, ROOT, blocks, run, shims
+from matplotlib import pyplot
 
 import planner.api
 from drivers.sim.physics import scene
@@ -84,7 +84,7 @@ def test_a_report_may_end_the_work_with_what_there_is_or_with_nothing():
         if stage == "search" and limit.standing:
             limit.ask()
 
-    plan = planner.api.compile(job, trials=500, report=grown, limit=limit)
+    plan = planner.api.compile(job, trials=100, report=grown, limit=limit)
     assert plan.cut is not None
     assert plan.cut.asked
 
@@ -92,7 +92,7 @@ def test_a_report_may_end_the_work_with_what_there_is_or_with_nothing():
         raise InterruptedError
 
     with pytest.raises(InterruptedError):
-        planner.api.compile(job, trials=500, report=enough)
+        planner.api.compile(job, trials=100, report=enough)
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
@@ -103,21 +103,33 @@ def test_notebooks_are_stored_without_output(notebook):
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
 
 
-def test_the_world_of_the_notebook_is_found_by_its_name(tmp_path):
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_run(notebook, monkeypatch, capsys):
+    """Their cells, in their folder; `tools/site` runs them as its reader would."""
+    matplotlib.use("Agg")
+    monkeypatch.chdir(notebook.parent)
+    monkeypatch.setattr(pyplot, "show", lambda: pyplot.close("all"))
+    names = {"__name__": notebook.stem}
+    for cell in json.loads(notebook.read_text())["cells"]:
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), notebook.name, "exec"), names)
+
+
+def test_the_world_of_the_notebook_is_found_by_its_name_by_each_program(tmp_path):
+    """The notebook's command evaluates its world; that of the page runs parts in a cell."""
     cells = ["".join(cell["source"]) for cell in json.loads(NOTEBOOKS[-1].read_text())["cells"]]
-    (tmp_path / "worn.py").write_text(next(cell for cell in cells if "class Worn" in cell))
+    (tmp_path / "worn.py").write_text(documented_worlds()["notebook"])
     (tmp_path / "page.md").write_text(cells[-1])
     (block,) = blocks(tmp_path / "page.md")
     shutil.copytree(ROOT / "trees" / "rectangle", tmp_path / "trees" / "rectangle")
-    environment = {
-        **os.environ,
-        "PATH": f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}",
-        "PYTHONPATH": str(ROOT),
-    }
-    printed = run(
-        [block._replace(commands=[f"{block.commands[0]} --trials 500"])], tmp_path, environment
-    )
-    assert any("success" in line for line in printed[0])
+    path = f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}"
+    runtime = "grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --world worn:Worn"
+    commands = [f"{block.commands[0]} --trials 100"]
+    commands.append(f"{runtime} --time-scale max --json || test $? -eq 10")
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)}
+    (printed, _) = run([block._replace(commands=commands)], tmp_path, environment)
+    assert any("success" in line for line in printed)
+    assert json.loads(printed[-1])["path"][0] == 0
 
 
 def documented_worlds():
@@ -155,20 +167,3 @@ def test_documented_worlds_run_in_a_simulated_cell(name, tmp_path, monkeypatch):
             scene.warm_up(setting._replace(subject=doubting), 3)
     else:
         scene.warm_up(setting._replace(subject=doubting), 3)
-
-
-def test_documented_world_by_its_name_runs_parts(tmp_path):
-    (tmp_path / "worn.py").write_text(documented_worlds()["page"])
-    words = ["--tree", str(ROOT / "trees" / "rectangle" / "rectangle.msgpack"), "--port", "sim"]
-    words += ["--world", "worn:Worn", "--time-scale", "max", "--json"]
-    done = subprocess.run(
-        [sys.executable, "-m", "runtime.cli", *words],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode in (0, 10), done.stderr
-    assert json.loads(done.stdout)["path"][0] == 0

@@ -13,7 +13,7 @@ FEWER = {
     "--count 100 --seed 7": "--count 75 --seed 7",
     "--count 100 --seed 8": "--count 40 --seed 8",
 }
-FEWER |= {"--trials 2000": "--trials 300"}
+FEWER |= {"--trials 2000": "--trials 300", "--count 20 --seed 9": "--count 8 --seed 9"}
 FEWER |= {"--trials 4000": "--trials 500", "plan-refit": "plan-refit --seed 1"}
 
 

@@ -21,9 +21,8 @@ from planner.evaluation.foreign import tried
 from planner.evaluation.leaves import identities
 from planner.evaluation.outcome import CRASHED, Evaluation
 from planner.job import model as job_file
-from planner.report import dossier
 from planner.work.scheduler import Threads
-from planner.world import Assorted, ContactWorlds, World, load_world
+from planner.world import ContactWorlds
 from runtime import cli
 from runtime.journal.export import rows
 from runtime.shell.errors import InputError
@@ -138,20 +137,13 @@ def test_foreign_parts_may_be_generated(plan, tmp_path, capsys):
     """Squares of 20 and 34 mm: of each a smaller and a larger one, a disc, and a rectangle."""
     tree = tmp_path / "squares.msgpack"
     dump(plan.table, tree)
-    assert evaluate_command.main([str(tree), "--foreign-parts", "--trials", "300", "--json"]) == 0
+    assert evaluate_command.main([str(tree), "--foreign-parts", "--trials", "200", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)["foreign_parts"]
-    assert [each["name"] for each in record][:4] == [
-        "small x 0.9",
-        "small x 1.1",
-        "small its disc",
-        "small its rectangle",
-    ]
+    names = [f"small {kind}" for kind in ("x 0.9", "x 1.1", "its disc", "its rectangle")]
+    assert [each["name"] for each in record][:4] == names
     assert len(record) == 8
-    assert record[1]["answers"][0]["differ_mm"] == pytest.approx(
-        2.0 * 2**0.5, abs=0.01
-    )  # its diagonal's
-    assert evaluate_command.main([str(tree), "--foreign-parts", "--sweep"]) == 2
-    assert "leave out --ppm and --sweep" in capsys.readouterr().err
+    diagonal = 2.0 * 2**0.5
+    assert record[1]["answers"][0]["differ_mm"] == pytest.approx(diagonal, abs=0.01)
 
 
 def rectangle(key, name, length, width):
@@ -177,25 +169,6 @@ def test_a_foreign_part_that_differs_where_no_squeeze_measures_is_explained_by_t
     assert first.apart_mm < 0.5
     assert first.differ_mm == pytest.approx(6.0, abs=0.1)  # along the plate
     assert "some width differs by 6.0 mm" in short.lines()[1]
-
-
-class Lonely:
-    """A world that knows one part and squeezes one at a time."""
-
-    def __init__(self, job: job_file.Job, seed: int) -> None:
-        self.side = float(np.ptp(job.part.outline_mm[:, 0]))
-
-    def squeeze(self, pose_hand):
-        return (pose_hand[0], 0.0, 0.0), self.side, "grasped"
-
-
-def test_a_world_from_elsewhere_is_made_once_for_each_part(job, plan, monkeypatch):
-    monkeypatch.setitem(sys.modules, "elsewhere", sys.modules[__name__])
-    world: World = load_world("elsewhere:Lonely", job, 3)
-    assert isinstance(world, Assorted)
-    assert [each.side for each in world.worlds] == [20.0, 34.0]
-    result = evaluate(plan.table, job, world, 200, 3)
-    assert result.success.mean() > 0.98
 
 
 def simulated(table, folder, *more):
@@ -228,14 +201,24 @@ def test_a_run_names_the_part_and_its_truth(ran):
     assert [row["hypothesis"] for row in rows(recorded)] == names  # one squeeze each
 
 
-@pytest.mark.parametrize("more", [["--deliver", "50,0,0"], ["--audit", "python3 judge.py"]])
-def test_what_is_for_one_part_is_refused_before_anything_moves(plan, tmp_path, more, capsys):
-    tree = tmp_path / "squares.msgpack"
-    dump(plan.table, tree)
-    assert cli.main(["--tree", str(tree), "--port", "sim", *more]) != 0
+@pytest.mark.parametrize(
+    ("program", "words", "message"),
+    [
+        (cli, "--tree TREE --port sim --deliver 50,0,0", "which part it is"),
+        (cli, "--tree TREE --port sim --audit judge.py", "which part it is"),
+        (report, "TREE -o page.html --bound", "--bound is for one part"),
+        (evaluate_command, "TREE --foreign-parts --sweep", "leave out --ppm and --sweep"),
+    ],
+)
+def test_what_is_for_one_part_is_refused_in_one_line(
+    program, words, message, plan, tmp_path, capsys
+):
+    dump(plan.table, tmp_path / "TREE")
+    places = {"TREE": str(tmp_path / "TREE"), "page.html": str(tmp_path / "page.html")}
+    assert program.main([places.get(word, word) for word in words.split()]) != 0
     error = capsys.readouterr().err
-    assert "which part it is" in error
-    assert len(error.splitlines()) == 1
+    assert message in error
+    assert error.count("\n") == 1
 
 
 EVIL = "large <i>&"
@@ -326,24 +309,6 @@ def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
     assert np.ptp(sides["part-1"]) == pytest.approx(34.0, abs=0.02)
 
 
-def test_a_report_says_by_which_widths_a_foreign_part_is_taken_for_ours(plan):
-    more = "".join(
-        SQUARE.format(name=side, share=1, side=side)
-        .replace("share = 1\n", "")
-        .replace("hypothesis", "stranger")
-        for side in (20.2, 50)
-    )
-    job = job_file.parse(COMMON + squares(20, 34) + more)
-    text = dossier.page(
-        plan.table, job, dossier.Source("squares.msgpack", dumps(plan.table)), 400, 3
-    )
-    assert Page(text).open == []
-    body = text.split('<table id="foreign-parts">')[1].split("<tbody>")[1].split("</tbody>")[0]
-    alike, answer, other = re.findall(r"<tr>(.*?)</tr>", body)
-    assert (">20.2<" in alike, ">50<" in other, "<td>small</td>" in answer) == (True, True, True)
-    assert float(re.findall(r"<td>([\d.]+)</td>$", answer)[0]) < 0.2 * 2**0.5 + COUNT_MM
-
-
 def polygons(page):
     """The outlines that panels use, each with its first coordinates [mm]."""
     return [
@@ -353,27 +318,15 @@ def polygons(page):
     ]
 
 
-def test_a_report_of_parts_that_are_sorted_shows_names_and_no_poses(plan, tmp_path):
-    text, _, _ = report_of(plan.table, tmp_path)
-    assert "x [mm]" not in text.split("<script")[0]
-    assert "where the part lies is not asked for" in text.lower()
-    assert np.trace(np.array(named_in(text))) > 0.97 * 400
-
-
-def test_names_of_a_journal_stand_in_the_report(plan, ran, tmp_path):
+def test_a_report_of_parts_that_are_sorted_shows_their_names_and_those_of_a_journal(
+    plan, ran, tmp_path
+):
     parts, journal = ran
     lines = [part["hypothesis"] for part in parts]
     text, _, data = report_of(plan.table, tmp_path, "--journal", str(journal))
+    assert "x [mm]" not in text.split("<script")[0]
+    assert "where the part lies is not asked for" in text.lower()
+    assert np.trace(np.array(named_in(text))) > 0.97 * 400
     assert [entry["name"] for entry in data["parts"]] == lines
     assert all(f"{lines.count(name)} {name}" in text for name in set(lines))
     assert "4 of 4 parts named" in text
-
-
-def test_a_bound_on_several_parts_is_refused_in_one_line(plan, tmp_path, capsys):
-    dump(plan.table, tmp_path / "t.msgpack")
-    assert (
-        report.main([str(tmp_path / "t.msgpack"), "-o", str(tmp_path / "p.html"), "--bound"]) == 2
-    )
-    error = capsys.readouterr().err
-    assert "--bound is for one part" in error
-    assert error.count("\n") == 1

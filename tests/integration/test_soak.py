@@ -8,9 +8,9 @@ from collections import Counter
 from soaking import SCRIPT, small_setting, small_soak, soak_run
 
 from drivers.robotiq.gripper import Gripper
-from drivers.sim.faults import KINDS, Fault, Listed, Seeded
+from drivers.sim.faults import KINDS, Seeded
 from drivers.sim.virtual.cell import VirtualCell
-from runtime.execution import executor, safety
+from runtime.execution import executor
 from runtime.table import REJECT
 
 WORLD = ("--world", "runtime.devices.rehearsal:make")
@@ -64,12 +64,6 @@ def test_a_driver_that_moves_without_looking_is_found(monkeypatch):
     assert "without a look" in runs()
 
 
-def test_a_driver_that_commands_an_unready_gripper_is_found(monkeypatch):
-    monkeypatch.setattr(Gripper, "_require_ready", lambda *_: None)
-    monkeypatch.setattr(safety, "ready_gripper", lambda gripper, _asked=None: gripper.state())
-    assert "not ready" in runs(60)
-
-
 def test_a_leaf_that_the_records_do_not_lead_to_is_found(monkeypatch):
     sound = executor.decide
 
@@ -79,16 +73,6 @@ def test_a_leaf_that_the_records_do_not_lead_to_is_found(monkeypatch):
 
     monkeypatch.setattr(executor, "decide", careless)
     assert "the table says" in runs(20)
-
-
-def test_a_part_that_takes_too_long_is_found(monkeypatch):
-    monkeypatch.setattr(soak_run, "SQUEEZE_S", -1000.0)
-    assert "allowed were" in runs(2)
-
-
-def test_a_fault_without_faults_is_found(monkeypatch):
-    counts = soak_run.run(small_soak(), 1, Listed([Fault("gflt_0e", 1, 3)]))
-    assert counts.findings == ["without faults: 1 faults, 0 crashes"]
 
 
 def test_random_schedules_depend_on_seed_and_part_alone_and_reach_every_class():

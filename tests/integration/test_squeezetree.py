@@ -151,48 +151,30 @@ def test_a_part_that_no_gripper_takes_is_an_answer_too(
     assert "Can it be located by squeezing? No:" in capsys.readouterr().out
 
 
+LARGER = "with a robotiq-2f-140"
+
+
 @pytest.mark.parametrize(
-    ("size", "height", "gripper", "restrictions"),
+    ("length", "width", "restrictions"),
     [
-        ((30, 20), None, "robotiq-2f-85", []),
-        ((60, 20), None, "robotiq-2f-85", ["within 8 mm of the expected place"]),
-        ((80, 60), None, "robotiq-2f-140", ["with a robotiq-2f-140"]),
-        (
-            (110, 60),
-            None,
-            "robotiq-2f-140",
-            ["with a robotiq-2f-140", "within 5 mm of the expected place"],
-        ),
-        (
-            (140, 110),
-            None,
-            "robotiq-2f-140",
-            ["with a robotiq-2f-140", "within 1 mm of the expected place"],
-        ),
+        (30, 20, []),
+        (60, 20, ["within 8 mm of the expected place"]),
+        (80, 60, [LARGER]),
+        (110, 60, [LARGER, "within 5 mm of the expected place"]),
+        (140, 110, [LARGER, "within 1 mm of the expected place"]),
     ],
 )
 def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
-    size: tuple[float, float],
-    height: float | None,
-    gripper: str,
-    restrictions: list[str],
-    tmp_path: Path,
+    length: int, width: int, restrictions: list[str], tmp_path: Path
 ) -> None:
-    length, width = size
     path = tmp_path / "plate.csv"
     path.write_text(f"0,0\n{length},0\n{length},{width}\n0,{width}\n")
     arguments = first_look.parser().parse_args([str(path), "--units", "mm"])
     setting = first_plan.setting_of(arguments, first_plan.imported_of(arguments)[0])
-    assert setting.answers.gripper == gripper
+    assert setting.answers.gripper == f"robotiq-2f-{140 if LARGER in restrictions else 85}"
     assert setting.restrictions == restrictions
-    figures = {
-        "trials": 4000,
-        "crashes": 0,
-        "success_rate": 0.995,
-        "wrong_rate": 0.001,
-        "unresolved_rate": 0.004,
-        "reject_rate": 0.0,
-    }
+    rates = {"success_rate": 0.995, "wrong_rate": 0.001, "unresolved_rate": 0.004}
+    figures = {"trials": 4000, "crashes": 0, "reject_rate": 0.0, **rates}
     result = Verdict("fair", "", "", ["friction stays below 1.35"], [])
     answer = Answer("fair", result, figures, 4, None, [], setting.restrictions, 0.99)
     limits = "".join(f"{', ' if not k else ' and '}{text}" for k, text in enumerate(restrictions))

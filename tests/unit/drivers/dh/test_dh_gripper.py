@@ -117,17 +117,6 @@ def test_line_that_fails_for_good_is_a_timeout_and_for_a_moment_is_nothing(kind,
         gripper.state()
 
 
-@pytest.mark.parametrize("after", range(0, 12, 3))
-@pytest.mark.parametrize("kind", ["request_lost", "reply_lost", "reply_late"])
-def test_line_that_loses_two_frames_anywhere_in_a_squeeze_changes_no_width(kind, after):
-    device = VirtualDh(contact_mm=PART_MM)
-    gripper = device.ready()
-    device.fault(kind, after=after, length=2, value=0.8)
-    close(gripper)
-    settled = gripper.wait()
-    assert (settled.width_um, settled.object) == (38_000, ObjectState.CLOSING)
-
-
 @pytest.mark.parametrize(("kind", "value"), [("noise", 9), ("echo", 0), ("reply_twice", 0)])
 def test_line_with_bytes_too_many_changes_nothing(kind, value):
     device = VirtualDh(contact_mm=PART_MM)

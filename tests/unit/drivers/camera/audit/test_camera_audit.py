@@ -232,12 +232,6 @@ def test_hidden_reference_tags_do_not_judge_but_one_is_enough():
     assert audit(one).verdict == PASS
 
 
-def test_camera_without_reference_tags_judges():
-    alone = render(BELOW, RIG.cards(POSE)[-1:], Flaws(), np.random.default_rng(1))
-    answer = audit(alone, calibration=true_calibration(BELOW, references=False))
-    assert (answer.verdict, answer.moved_mm) == (PASS, 0.0)
-
-
 # -- the picture ----------------------------------------------------------------------------------
 
 

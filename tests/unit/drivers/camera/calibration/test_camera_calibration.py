@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 import pytest
 from boards import ON_TABLE, OPTICS, VIEW, cards, corners_on_board, held, places, seen
-from cameras import SIZE, angle_between, camera, part_tag, true_calibration, true_view
+from cameras import SIZE, camera, part_tag, true_calibration, true_view
 
 from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration import lens_fit, table_fit
 from drivers.camera.calibration.fit import load_picture
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.board import parse
-from drivers.planar import compose, relative
+from drivers.planar import relative
 from drivers.sim.camera.cards import board_cells, lying
 from runtime.shell.errors import InputError
 from runtime.shell.files import OutputError
@@ -79,20 +79,6 @@ def test_camera_above_finds_itself_above():
     assert (
         np.abs(stands.moved(relative(ON_TABLE, (0.0, 0.0, 0.0))).eye - optics.eye_mm).max() < 0.01
     )
-
-
-def test_glued_tag_is_found_from_known_poses():
-    rng = np.random.default_rng(2)
-    on_part = (4.0, -3.0, 3.1)
-    parts = [(10.0, 20.0, 0.3), (-40.0, 5.0, 2.0), (30.0, -30.0, -3.0), (0.0, 0.0, 1.0)]
-    tags = [
-        tuple(np.add(compose(part, on_part), rng.normal(0, (0.02, 0.02, 1e-3)))) for part in parts
-    ]
-    result, sigma_mm, sigma_rad = table_fit.part_offset(parts, tags)
-    assert np.hypot(result[0] - 4.0, result[1] + 3.0) < 4 * sigma_mm + 0.02
-    assert abs(angle_between(result[2], 3.1)) < 0.005
-    assert 0.0 < sigma_mm < 0.05
-    assert 0.0 < sigma_rad < 0.01
 
 
 # -- what is refused ------------------------------------------------------------------------------
