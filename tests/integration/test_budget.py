@@ -17,7 +17,7 @@ from planner.work.limit import Limit
 from runtime.table import dumps, load, loads
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
-SEARCH = "\n[search]\nparticles = 1500\n"
+SEARCH = "\n[search]\nparticles = 500\n"
 WAITING = """
 import sys, time
 from planner.cli import compile

@@ -172,7 +172,7 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
 def small_job(path: Path, *changes: tuple[str, str]) -> Path:
     """A job that is planned in seconds."""
     text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
-    text += "\n[search]\nparticles = 400\nmax_depth = 3\n"
+    text += "\n[search]\nparticles = 200\nmax_depth = 3\n"
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)

@@ -12,13 +12,11 @@ from pathlib import Path
 
 import logged_work
 import pytest
-import rolling
-from planner.learned.store import Store
 from waiting import until
 
 from planner.cli import compile as plan_compile
 from planner.work.cluster import AHEAD
-from planner.work.scheduler import Cluster, Threads, scheduler_of
+from planner.work.scheduler import Cluster, scheduler_of
 from runtime.shell.errors import InputError, UnreachableError, UsageError
 
 ROOT = Path(__file__).parents[2]
@@ -28,7 +26,7 @@ ENVIRONMENT = os.environ | {
 }
 ITEMS = 60
 RECTANGLE = (ROOT / "trees" / "rectangle" / "job.toml").read_text(encoding="utf-8")
-QUICK = RECTANGLE + "\n[search]\nparticles = 600\n"
+QUICK = RECTANGLE + "\n[search]\nparticles = 300\nmax_depth = 3\n"
 
 
 @contextmanager
@@ -98,21 +96,6 @@ def machines(tmp_path_factory):
         yield Machines(tmp_path_factory.mktemp("machines"), stack)
 
 
-def test_roll_outs_on_a_cluster_are_the_same_bytes_made_or_stored(machines, tmp_path):
-    direct = rolling.roll_outs(rolling.PART, rolling.RADIUS_MM, rolling.COUNT, None, Threads(1))
-    with scheduler_of(machines.with_workers(2).address) as cluster:
-        until(lambda: cluster.workers == 2)
-        store = Store(tmp_path)
-        for _ in range(2):
-            lines: list[tuple[str, int, int]] = []
-            result = rolling.roll_outs(
-                *(rolling.PART, rolling.RADIUS_MM, rolling.COUNT, store, cluster),
-                lambda *now, seen=lines: seen.append(now),
-            )
-            assert all(x.tobytes() == y.tobytes() for x, y in zip(result, direct, strict=True))
-            assert lines[-1][1] == lines[-1][2]
-
-
 def test_results_come_in_order_and_errors_arrive_as_they_are(machines, tmp_path):
     with Cluster(machines.with_workers(2).address) as cluster:
         work = partial(logged_work.logged, str(tmp_path / "log"), 0.0)
@@ -123,13 +106,13 @@ def test_results_come_in_order_and_errors_arrive_as_they_are(machines, tmp_path)
         assert caught.value.section == "goal"
 
 
-def test_tables_of_a_sweep_with_roll_outs_are_the_same_on_a_cluster(machines, tmp_path, capsys):
-    """Two jobs and one that is bad; and one job alone, whose roll-outs are what the cluster shares."""
+def test_tables_of_a_sweep_are_the_same_on_a_cluster(machines, tmp_path):
+    """Two jobs and one that is bad; and one job alone."""
     job = tmp_path / "job.toml"
-    job.write_text(QUICK + 'model = "kcde"\nrollouts = 1000\n')
+    job.write_text(QUICK)
     address = ["--scheduler", machines.with_workers(2).address]
     words = [str(job), "--trials", "100", "--no-advice"]
-    vary = ["--vary", "uncertainty.radius_mm=4,-1,6", "--no-cache"]
+    vary = ["--vary", "uncertainty.radius_mm=4,-1,6"]
     folders = tmp_path / "here", tmp_path / "there"
     for folder, more in zip(folders, ([], address), strict=True):
         assert plan_compile.main([*words, *vary, "-o", str(folder), *more]) == 3
@@ -138,21 +121,8 @@ def test_tables_of_a_sweep_with_roll_outs_are_the_same_on_a_cluster(machines, tm
     assert here == there
     alone = tmp_path / "alone.msgpack"
     job.write_text(job.read_text().replace("radius_mm = 12.75", "radius_mm = 4"))
-    more = [*address, "--cache-dir", str(tmp_path / "cache"), "-o", str(alone)]
-    assert plan_compile.main([*words, *more]) == 0
-    assert list((tmp_path / "cache" / "rollouts").glob("??/*"))
+    assert plan_compile.main([*words, *address, "-o", str(alone)]) == 0
     assert alone.read_bytes() == here["uncertainty.radius_mm=4.msgpack"]
-
-
-def test_one_job_on_a_cluster_is_the_same_table(local_cluster, tmp_path):
-    job = tmp_path / "job.toml"
-    job.write_text(QUICK)
-    words = [str(job), "--trials", "300"]
-    here, there = tmp_path / "here.msgpack", tmp_path / "there.msgpack"
-    address = ["--scheduler", local_cluster.scheduler_address]
-    assert plan_compile.main([*words, "-o", str(there), *address]) == 0
-    assert plan_compile.main([*words, "-o", str(here)]) == 0
-    assert here.read_bytes() == there.read_bytes()
 
 
 def test_work_that_nobody_takes_is_dropped(machines, tmp_path):

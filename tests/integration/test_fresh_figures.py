@@ -19,7 +19,7 @@ from planner.world import ContactWorlds
 from runtime.table import PPM, dumps, load
 
 TREES = Path(__file__).parents[2] / "trees"
-QUICK = {"particles": 1000}
+QUICK = {"particles": 500}
 TRIALS = 1000
 
 
@@ -82,13 +82,13 @@ def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(see
 def test_the_command_names_the_seed_and_the_evaluation_repeats_the_figures(tmp_path, capsys):
     text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
     path, output = tmp_path / "job.toml", tmp_path / "table.msgpack"
-    path.write_text(text + "\n[search]\nparticles = 1000\n", encoding="utf-8")
-    words = [str(path), "-o", str(output), "--trials", "1500", "--json", "--no-advice"]
+    path.write_text(text + "\n[search]\nparticles = 300\n", encoding="utf-8")
+    words = [str(path), "-o", str(output), "--trials", "500", "--json", "--no-advice"]
     assert compile_.main(words) == 0
     said = json.loads(capsys.readouterr().out)
     assert (
         evaluate_.main(
-            [str(output), "--trials", "1500", "--seed", str(said["trials_seed"]), "--json"]
+            [str(output), "--trials", "500", "--seed", str(said["trials_seed"]), "--json"]
         )
         == 0
     )

@@ -145,7 +145,7 @@ def test_a_gripper_that_lost_its_power_with_a_part_in_it_is_not_activated(statio
     assert code in (0, 10), (out, err)
 
 
-def test_jaws_stopped_on_their_way_may_hold_something(station, output) -> None:
+def test_jaws_stopped_on_their_way_may_hold_something(station) -> None:
     def on_their_way() -> bool:
         gripper = station.gripper
         return (
@@ -155,7 +155,7 @@ def test_jaws_stopped_on_their_way_may_hold_something(station, output) -> None:
     assert station.strike(signal.SIGINT, on_their_way, "--activate")[0] == 40
     if station.grips():
         pytest.skip("the stop came when the part was met")
-    assert "may hold something: they were stopped on their way" in is_refused(station, output, 20)
+    assert "may hold something: they were stopped on their way" in is_refused(station, 20)
 
 
 def open_fully(station: Station) -> None:

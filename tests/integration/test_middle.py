@@ -35,7 +35,7 @@ CERTAIN = {
     "friction": {"doubt": 0.0},
     "doubt": {"chance": 0.0},
     "part": {"tolerance_mm": 0.0},
-    "search": {"particles": 1500},
+    "search": {"particles": 800},
 }
 
 

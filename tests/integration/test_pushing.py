@@ -25,9 +25,11 @@ from runtime.table import Schedule, Squeezed, Table, dump, job_of
 ROOT = Path(__file__).parents[2]
 CHANGES = {
     "gripper": {"opening_mm": 50.0},
-    "uncertainty": {"radius_mm": 12.0},
+    "uncertainty": {"radius_mm": 12.0, "orientation_halfwidth_deg": 20.0},
+    "doubt": {"chance": 0.0},
+    "friction": {"doubt": 0.0},
     "actions": {"proposals": "belief", "pushes": "belief"},
-    "search": {"particles": 1000, "max_depth": 4},
+    "search": {"particles": 300, "max_depth": 2},
 }
 
 

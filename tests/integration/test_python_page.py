@@ -18,7 +18,7 @@ from planner.api import ContactWorld, Job, Limit
 from runtime.shell.errors import UsageError
 
 NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
-QUICK = {"search": {"particles": 500}}
+QUICK = {"search": {"particles": 200}}
 PAGE = (DOCS / "python.md").read_text()
 CALLS = {
     "Belief.of": "poses, reading, traits",

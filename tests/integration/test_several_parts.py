@@ -56,7 +56,7 @@ kind = "identity"
 distance_mm = 3.0
 confidence = 0.99
 [search]
-particles = 600
+particles = 400
 """
 
 

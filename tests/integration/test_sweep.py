@@ -11,7 +11,7 @@ from planner.cli.sweep import Order, orders_of
 from runtime.shell.errors import UsageError
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
-QUICK = "\n[search]\nparticles = 600\n"
+QUICK = "\n[search]\nparticles = 200\nmax_depth = 3\n"
 RADII = "uncertainty.radius_mm=4,6"
 
 
