@@ -8,7 +8,7 @@ from planner.belief.observation import Encoder, Partition, encoder_of, resolutio
 from planner.belief.particles import Belief, initial
 from planner.belief.partition import Rule
 from planner.belief.stopping import StoppingRule
-from planner.belief.transition import Outcomes, Simulation, squeezed_by
+from planner.belief.transition import Outcomes, Simulation
 from planner.mechanics.simulator import RollOut
 from planner.mechanics.traits import FRESH, as_planned
 
@@ -48,11 +48,14 @@ def test_an_empty_hand_is_an_outcome_of_its_own_whatever_it_reads():
     encoder = Encoder(85.0, 117, 0.01)
     width = np.repeat([0.0, 2.0], 50)
 
-    def roll_out(poses, case, traits):
-        return RollOut(poses, width, np.zeros(100, np.int64), np.zeros(100, np.int64))
+    class Emptied:
+        """Half of the parts slip out of the jaws."""
+
+        def squeeze(self, poses, rng, traits):
+            return RollOut(poses, width, np.zeros(100, np.int64), np.zeros(100, np.int64))
 
     case = (Belief.of(np.zeros((100, 3))), np.zeros(3))
-    (squeezed,) = squeezed_by([case], roll_out, encoder, np.random.default_rng(0))
+    (squeezed,) = Simulation(Emptied(), encoder).squeeze([case], np.random.default_rng(0))
     rule = Rule(Metric(1.0, 5.0, 1), StoppingRule(0.99), resolution_of(encoder))
     outcomes = Outcomes.of(squeezed, rule)
     assert outcomes.clusters.size.tolist() == [50, 50]

@@ -66,7 +66,9 @@ ADDED = PACK[:-SIGNATURE_BYTES] + b"x" + PACK[-SIGNATURE_BYTES:]
 
 
 @pytest.mark.parametrize(
-    "data", [*(PACK[:cut] for cut in CUTS), PACK + b"\0", b"\0" + PACK, PACK + PACK, ADDED]
+    "data",
+    [*(PACK[:cut] for cut in CUTS), PACK + b"\0", b"\0" + PACK, PACK + PACK, ADDED],
+    ids=[*(f"cut at {cut}" for cut in CUTS), "zero after", "zero before", "twice", "byte inside"],
 )
 def test_pack_cut_short_or_with_bytes_added_is_refused(data):
     with pytest.raises(PackError):
