@@ -65,7 +65,7 @@ class Workcell(Surroundings):
     def closing(self) -> float | None:
         """The jaws start to close: the width [mm] that will stop them, given where the arm really is."""
         hand, height_mm = self._hand()
-        if hand is None or height_mm > self.table.geometry.closing_mm:
+        if hand is None or height_mm > self.table.geometry.reach_mm:
             return None
         return self.table.squeeze(hand)
 

@@ -74,10 +74,11 @@ class Hand:
         self._clock = clock
         self._handling = handling
         schedule = Schedule.of(table, job_of(table))
-        self.timing, self._half_turn = schedule.timing, pi if schedule.alike else tau
+        check_arc(handling.arc, table.limits, self.calibration)
+        self.timing = handling.lifted(schedule.timing, self.calibration)
+        self._half_turn = pi if schedule.alike else tau
         self._may_turn = may_turn(table, job_of(table), self.middle_mm)
         self._jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
-        check_arc(handling.arc, table.limits, self.calibration)
         # where the arm should stand, None where nobody knows
         self._sent_to: PoseOfHand | None = None
 

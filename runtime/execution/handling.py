@@ -1,11 +1,11 @@
 """How a hand is used in a cell: its calibration, the arc of its tips, and how it grips."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from runtime.errors import TableError
 from runtime.execution.reading import CURRENT_MA
 from runtime.execution.tips import TipArc
-from runtime.table import CLEAR_MM, Calibration, Limits, Table
+from runtime.table import CLEAR_MM, Calibration, Limits, Table, Timing
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +28,13 @@ class Handling:
     def widths(self, table: Table) -> Calibration:
         """Nominal to true widths: as measured, else the same."""
         return self.calibration or Calibration(table.gripper.profile)
+
+    def lifted(self, timing: Timing, calibration: Calibration) -> Timing:
+        """The timing with the arm as much higher between two squeezes as tips on an arc may hang lower."""
+        if self.arc is None:
+            return timing
+        lower_mm = max(self.arc.most_mm(0.0, calibration.widest_um / 1000), 0.0)
+        return replace(timing, regrasp_mm=min(timing.regrasp_mm + lower_mm, timing.retreat_mm))
 
 
 def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> None:

@@ -64,12 +64,19 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
 
 
 def check_opened(settled: Settled, requested_um: int, calibration: Calibration) -> None:
-    """Check that the jaws opened as far as requested; the check for collisions of the descent counts on it.
+    """Check that the jaws stand as wide as requested; the check for collisions of the descent counts on it.
 
     Raises:
-        GripperStateError: the reading is stale, or the jaws are blocked.
+        GripperStateError: the reading is stale, the jaws are blocked, or they met something as they were
+            set to a smaller opening.
     """
     check_fresh(settled, requested_um)
+    if settled.object is ObjectState.CLOSING:
+        asked_um, stopped_um = map(calibration.width_um, (requested_um, settled.width_um))
+        raise GripperStateError(
+            f"the jaws met something at {stopped_um / 1000:.2f} mm on their way to {asked_um / 1000:.2f} mm, "
+            "above the part; look for what is between them"
+        )
     if not is_open(settled.width_um, requested_um, calibration):
         asked_um, stopped_um = map(calibration.width_um, (requested_um, settled.width_um))
         raise GripperStateError(

@@ -8,7 +8,7 @@ import pytest
 from counting import width_um
 from fake_cell import fake_cell
 from refusals import refusal
-from sample_tables import LIMITS, small_table
+from sample_tables import LIMITS, small_table, with_job
 from squeezes import ARC, AT_21, AT_36, AT_60, CLOSED, jaw_moves, meeting, run
 
 from runtime.errors import TableError
@@ -55,6 +55,20 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated, arc, sto
     assert all(math.dist(before[:3], after[:3]) > 0.05 for before, after in pairwise(targets))
     assert tips
     assert low_mm - 0.1 <= min(tips) <= max(tips) <= low_mm + arc.level_mm + 0.15
+
+
+def test_tips_on_an_arc_pass_above_a_part_of_known_height_however_far_the_jaws_are_open():
+    rig, table = fake_cell([]), small_table()
+    table = with_job(table, '{"part":{"height_mm":16.0}}')
+    table = replace(table, limits=replace(LIMITS, retreat_height_um=60_000))
+    straight, arced = (
+        Hand(rig.gripper, rig.arm, rig.cell.clock, table, Handling(arc=arc)).timing.regrasp_mm
+        for arc in (None, ARC)
+    )
+    assert straight == 20.0
+    assert arced <= table.limits.retreat_height_um / 1000
+    for width_mm in range(86):
+        assert arced - ARC.advance_mm(width_mm) >= straight
 
 
 @pytest.mark.parametrize(

@@ -90,6 +90,8 @@ def test_jaws_that_opened_too_little_are_blocked():
         check_opened(settled(101, 1, 0, 98), width_um(98), CALIBRATION)
     with pytest.raises(GripperStateError, match="stale"):
         check_opened(settled(98, 3, 0, 97), width_um(98), CALIBRATION)
+    with pytest.raises(GripperStateError, match="met something at 48"):
+        check_opened(settled(101, 2, 0, 125), width_um(125), CALIBRATION)
 
 
 @pytest.mark.parametrize(
