@@ -31,7 +31,7 @@ from planner.search.handling import Handling, Opening, handling_of
 from planner.search.proposals import placed, varied
 from planner.search.pushes import Pusher, pusher_of
 from planner.search.ranking import Asked, Ranking
-from planner.search.tree import Action, Node, Origin, Squeeze, breadth_first, leaves
+from planner.search.tree import Action, Node, Origin, Squeeze, breadth_first, dilute, leaves
 from runtime.table import MAX_BRANCHES
 
 PROBABLE = (
@@ -241,6 +241,10 @@ class Search:
                         home=children[0].home,
                     )
                 )
+        before = node.best.children
+        added = sum(child.share for child in children[len(before) :])
+        for child in before:
+            dilute(child, 1.0 - added / node.share)
         children.sort(key=lambda child: -float(child.belief.reading.mean()))
         _partition(node.best, children)
 

@@ -126,6 +126,14 @@ class Node:
         return self.best.children if self.best else ()
 
 
+def dilute(node: Node, factor: float) -> None:
+    """Scales the probability of getting to a node, and to all below it."""
+    node.share *= factor
+    for action in node.actions or ():
+        for child in action.children:
+            dilute(child, factor)
+
+
 def breadth_first(root: Node) -> list[Node]:
     """All nodes of the plan, the root first: the order in which a table numbers them."""
     order, waiting = list[Node](), deque([root])

@@ -59,7 +59,7 @@ def plan(job):
 def test_bytes_of_a_table_depend_on_the_seed_and_not_on_the_workers(job, pushes):
     """The rectangle; it lies wider about than half-open jaws reach where it has to be pushed."""
     where = {"radius_mm": 12.0, "orientation_halfwidth_deg": 8.0}
-    few = {"particles": 200, "search_particles": 20, "max_depth": 2}
+    few = {"particles": 200, "max_depth": 2}
     quick = job.replaced(search=few, uncertainty=where, friction={"doubt": 0.0})
     if pushes == "belief":
         actions = {"pushes": pushes, "proposals": pushes}
@@ -217,7 +217,7 @@ def test_a_goal_of_two_poses_is_met_where_one_cannot_be():
     ("kind", "tolerance"), [("orientation", (0, 0, 87266)), ("tolerances", (2500, 2500, 87266))]
 )
 def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, tolerance):
-    wanted = job.replaced(goal={"kind": kind}, search={"particles": 1000, "search_particles": 80})
+    wanted = job.replaced(goal={"kind": kind}, search={"particles": 1000})
     plan = compile_job(wanted, workers=2, trials=1000)
     assert (plan.table.goal.kind, plan.table.goal.tolerance) == (kind, tolerance)
     assert plan.evaluation.summary()["success_rate"] >= 0.98

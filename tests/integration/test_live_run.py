@@ -56,7 +56,7 @@ def run(words: list[str]) -> subprocess.CompletedProcess[str]:
 
 def test_a_run_that_nobody_watches_and_a_pipe_load_no_view(words: list[str]) -> None:
     assert run([*words[:-1], "max"]).stderr.splitlines()[-1] == "[]"
-    done = run([*words, "--watch"])
+    done = run(words)
     assert done.stderr.splitlines()[-1] == "[]"
     assert "part 1: " in done.stdout
     assert "\x1b" not in done.stdout

@@ -87,7 +87,7 @@ def test_a_world_that_cannot_push_is_refused_by_evaluation_and_cell(
     setting = scene.load(path, None, "planner.world:make")
     assert setting.pushing
     still = setting._replace(factory=lambda job, seed: Still())
-    with pytest.raises(UsageError, match=r"has no push\(\), and the table pushes parts"):
+    with pytest.raises(UsageError, match=r"has no push\(\) and the table pushes"):
         still.make_worlds(1)
 
 

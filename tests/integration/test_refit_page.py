@@ -9,12 +9,8 @@ import pytest
 from documents import DOCS, ROOT, Block, blocks, changed, run, stated
 
 # What a page says of hundreds of parts, as a test tries it.
-FEWER = {
-    "--count 100 --seed 7": "--count 75 --seed 7",
-    "--count 100 --seed 8": "--count 40 --seed 8",
-}
-FEWER |= {"--trials 2000": "--trials 300", "--count 20 --seed 9": "--count 8 --seed 9"}
-FEWER |= {"--trials 4000": "--trials 500", "plan-refit": "plan-refit --seed 1"}
+REJECT, ALARM = 10, 11  # exit codes of runs and reports that the page shows
+FEWER = {"--trials 2000": "--trials 300", "--trials 4000": "--trials 500"}
 
 
 @pytest.mark.slow
@@ -28,14 +24,15 @@ def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
     result = "plan-init lever.dxf --units mm -o cell.toml --radius 10 --turn 20 --fingers rubber"
     result += " --gripper robotiq-2f-85"
     friction = {"finger_part_min": 0.4, "finger_part_max": 0.6}
-    known = stated("cell.toml", **friction, particles=1000)
+    known = stated("cell.toml", **friction)
     begin = Block([result, known, "plan-compile cell.toml -o cell.msgpack --trials 300"], [])
     results = []
     for block in blocks(page):
         fewer = changed(block, FEWER)
-        results.append(
-            fewer._replace(commands=[f"{line} || test $? -eq 11" for line in fewer.commands])
-        )
+        lines = [
+            f"{line} || case $? in {REJECT}|{ALARM}) ;; *) exit 1;; esac" for line in fewer.commands
+        ]
+        results.append(fewer._replace(commands=lines))
     printed = run([begin, *results], work, environment | {"PYTHONPATH": f"{ROOT}:{work}"})
     assert any(line.startswith("advice    a refit would pay") for line in printed[1])
     assert any(line.startswith("  widths read +0.") for line in printed[3])

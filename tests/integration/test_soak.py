@@ -4,14 +4,14 @@ import json
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 
 from soaking import SCRIPT, small_setting, small_soak, soak_run
 
 from drivers.robotiq.gripper import Gripper
 from drivers.sim.faults import KINDS, Seeded
 from drivers.sim.virtual.cell import VirtualCell
-from runtime.execution import executor
-from runtime.table import REJECT
+from runtime.traversal.results import PartResult
 
 WORLD = ("--world", "runtime.devices.rehearsal:make")
 
@@ -65,14 +65,14 @@ def test_a_driver_that_moves_without_looking_is_found(monkeypatch):
 
 
 def test_a_leaf_that_the_records_do_not_lead_to_is_found(monkeypatch):
-    sound = executor.decide
+    sound = PartResult.of
 
-    def careless(node, outcomes, count, object_flag):
-        decision = sound(node, outcomes, count, object_flag)
-        return decision._replace(branch=0) if decision.branch != REJECT else decision
+    def careless(part, outcome, *more, **fields):
+        result = sound(part, outcome, *more, **fields)
+        return replace(result, leaf=1 - result.leaf) if result.leaf in (0, 1) else result
 
-    monkeypatch.setattr(executor, "decide", careless)
-    assert "the table says" in runs(20)
+    monkeypatch.setattr(PartResult, "of", careless)
+    assert "the path leads to" in runs(20)
 
 
 def test_random_schedules_depend_on_seed_and_part_alone_and_reach_every_class():

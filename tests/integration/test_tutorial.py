@@ -15,7 +15,7 @@ def test_the_tutorial_runs_as_written(work, environment):
     result = blocks(DOCS / "tutorial.md")
     assert len(result) >= 7
     shutil.copy(DOCS / "lever.dxf", work)
-    result[1].commands.append(stated("lever.toml", particles=600, search_particles=50))
+    result[1].commands.append(stated("lever.toml", particles=600))
     for block, lines in zip(result, run(result, work, environment), strict=False):
         assert matches(block.printed, lines)
     assert (work / "lever.html").stat().st_size < 3_000_000

@@ -92,8 +92,8 @@ def test_ranks_of_the_truth_are_uniform(monkeypatch):
 
 
 def test_every_cell_drawn_is_possible_and_others_are_not(job):
-    doubted = job.replaced(doubt={"encoder_gain": [0.0, 0.01]})
-    space = Space.of(doubted, 4)
+    uncertain = job.replaced(doubt={"encoder_gain": [0.0, 0.01]})
+    space = Space.of(uncertain, 4)
     points = space.draw(2000, np.random.default_rng(1))
     assert (space.density(points) > 0.0).all()
     assert set(points[:, -1]) == {0.0, 1.0, 2.0, 3.0}

@@ -43,7 +43,7 @@ class Toy:
                 np.linalg.norm(belief.poses[:, None, :2] - PLACES[:, :2], axis=2), axis=1
             )
             angle = int(np.argmin(np.abs(ANGLES - grasp[2])))
-            squeezed.append(Squeezed(replace(belief, reading=self.counts[angle][place]), 0.0, 40.0))
+            squeezed.append(Squeezed(replace(belief, reading=self.counts[angle][place]), 40.0))
         return squeezed
 
 

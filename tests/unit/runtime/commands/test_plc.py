@@ -56,7 +56,7 @@ def _patient(monkeypatch):
         ("--plc opc.tcp://127.0.0.1:0 --plc-insecure --plc-trusted f", "uses no certificates"),
         *((more, "leave it out") for more in ("--serve tcp://127.0.0.1:0", "--check", "--dry-run")),
         *((more, "leave it out") for more in ("--put-down", "--after-crash resume")),
-        *((f"--tree u {more}", "leave it out") for more in ("--http 0", "--watch", "--audit see")),
+        *((f"--tree u {more}", "leave it out") for more in ("--http 0", "--audit see")),
     ],
 )
 def test_command_line_that_leaves_the_plc_nothing_to_do_is_refused(words, said):

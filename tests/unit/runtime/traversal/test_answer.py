@@ -31,7 +31,7 @@ def test_the_answer_of_a_turned_plan_is_where_the_part_lies() -> None:
 
 def test_each_part_is_reported_in_its_own_frames():
     table = with_parts(several_table())
-    one, other = (fields(table, leaf, frames_of(table)) for leaf in (0, 1))
+    one, other = (fields(table, at(leaf), frames_of(table)) for leaf in (0, 1))
     assert (one["hypothesis"], other["hypothesis"]) == ("left hand", "right hand")
     assert one["datum"] == {
         "x_mm": 1.0,
@@ -49,7 +49,7 @@ def test_each_part_is_reported_in_its_own_frames():
 
 def test_the_answer_of_one_part_has_no_name():
     table = small_table()
-    assert "hypothesis" not in fields(table, 0, frames_of(table))
+    assert "hypothesis" not in fields(table, at(0), frames_of(table))
 
 
 @pytest.mark.parametrize("job", [None, "{}", "[", '{"hypothesis": [{}, 3]}', '{"hypothesis": 7}'])
