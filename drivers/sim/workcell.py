@@ -40,6 +40,9 @@ class Workcell(Surroundings):
         self._middle: Pose2 = (0.0, setting.middle_mm, 0.0)
         self.profile = geometry.gripper
         self._low, self._stood = False, (0.0, 0.0, 0.0)  # where the hand was last
+        self._height_mm = math.inf
+        # Whether the jaws let go since the hand came down, and whether it rose afterwards.
+        self._let_go, self._risen = False, False
         self._moves = 0
         self._noise = random.Random(f"{seed}/line")
         self._faulty = faults is not None
@@ -65,7 +68,7 @@ class Workcell(Surroundings):
     def closing(self) -> float | None:
         """The jaws start to close: the width [mm] that will stop them, given where the arm really is."""
         hand, height_mm = self._hand()
-        if hand is None or height_mm > self.table.geometry.reach_mm:
+        if hand is None or height_mm > self.table.geometry.closing_mm or self._risen:
             return None
         return self.table.squeeze(hand)
 
@@ -75,6 +78,7 @@ class Workcell(Surroundings):
 
     def released(self) -> None:
         """They let go of it."""
+        self._let_go = True
         self.table.released()
 
     # -- the arm ----------------------------------------------------------------------------------
@@ -87,6 +91,11 @@ class Workcell(Surroundings):
         now_s = self.now()
         opening_mm = self.gripper.opening_mm(now_s)  # whatever the jaws did on the way is over now
         hand, height_mm = self._hand()
+        if height_mm < self._height_mm:
+            self._let_go = False
+        if height_mm != self._height_mm:
+            self._risen = self._let_go
+        self._height_mm = height_mm
         low = height_mm <= self.table.geometry.reach_mm
         was_low, self._low = self._low, low
         if hand is None:

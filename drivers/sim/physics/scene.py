@@ -46,12 +46,15 @@ class Geometry(NamedTuple):
 
     @property
     def reach_mm(self) -> float:
-        """Hand height at and below which fingers meet the part: its own, else half way to the retreat.
+        """Hand height at and below which open fingers meet the part: its own, else as for closing ones."""
+        return self.closing_mm if self.height_mm is None else self.height_mm
+
+    @property
+    def closing_mm(self) -> float:
+        """Hand height at and below which fingers that came down meet the part: half way to the retreat.
 
         That is above the part: a hand whose tips move on an arc rises as they close, and these are straight.
         """
-        if self.height_mm is not None:
-            return self.height_mm
         return (self.squeeze_height_mm + self.retreat_height_mm) / 2.0
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 from direct_gripper import Counted
-from fake_scene import GEOMETRY, FakeWorld, setting
+from fake_scene import FakeWorld, setting
 
 from drivers.errors import ArmError, GripperFault, LinkError, PortError
 from drivers.sim.faults import Fault, Listed
@@ -18,8 +18,8 @@ CONTACT, ARRIVED = 2, 3  # object flags
 class Hands:
     """A cell with its drivers, ready; part 1 lies there."""
 
-    def __init__(self, *faults, world=None, geometry=GEOMETRY):
-        self.cell = VirtualCell(setting(world)._replace(geometry=geometry), 3, Listed(faults))
+    def __init__(self, *faults, world=None):
+        self.cell = VirtualCell(setting(world), 3, Listed(faults))
         self.gripper, self.arm = Counted(self.cell.gripper()), self.cell.arm()
         self.gripper.activate()
         self.cell.scene.next_part()
@@ -55,15 +55,16 @@ def test_a_held_part_moves_and_turns_with_the_hand():
     assert hands.pose()[2] == pytest.approx(turn + math.pi / 2, abs=1e-3)
 
 
-def test_jaws_that_close_above_a_part_of_known_height_meet_nothing():
-    hands = Hands(geometry=GEOMETRY._replace(height_mm=16.0))
-    hands.go(0.0, 0.0, HIGH)
-    hands.go(0.0, 0.0, 20.0)
+def test_jaws_that_close_after_they_let_go_and_rose_meet_nothing():
+    hands = Hands()
+    hands.grip()
     before = hands.pose()
-    assert hands.jaws(255).object_flag == ARRIVED
+    hands.jaws(100)
+    hands.go(0.0, 0.0, LOW + 12.0)
+    assert hands.jaws(150).object_flag == ARRIVED
     assert hands.pose() == before
     hands.jaws(0)
-    hands.go(0.0, 0.0, 15.0)
+    hands.go(0.0, 0.0, LOW + 5.0)
     assert hands.jaws(255).object_flag == CONTACT
 
 

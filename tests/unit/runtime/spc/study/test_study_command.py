@@ -15,6 +15,7 @@ from sample_tables import several_table
 
 from drivers.camera.commands import audit
 from runtime.spc.history import Part, Squeezed
+from runtime.table import dump, load
 
 
 def main(*words):
@@ -205,7 +206,10 @@ def test_plan_says_how_many_parts_before_they_are_run(tmp_path, capsys):
     result = output(capsys)
     assert 0 < result["parts_least"] <= result["parts_likely"] < 2000
     assert result["parts_type1"] > 25
-    assert main("--plan", TREE, "--required", "0.99999") == 11
+    table = load(TREE).table
+    worse = replace(table, predicted=table.predicted._replace(success_ppm=980_000))
+    dump(worse, tmp_path / "worse.msgpack")
+    assert main("--plan", tmp_path / "worse.msgpack") == 11
     assert "no number of parts" in capsys.readouterr().out
 
 
