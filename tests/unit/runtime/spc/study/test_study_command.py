@@ -207,7 +207,7 @@ def test_plan_says_how_many_parts_before_they_are_run(tmp_path, capsys):
     assert 0 < result["parts_least"] <= result["parts_likely"] < 2000
     assert result["parts_type1"] > 25
     table = load(TREE).table
-    worse = replace(table, predicted=table.predicted._replace(success_ppm=980_000))
+    worse = replace(table, predicted=replace(table.predicted, success_ppm=980_000))
     dump(worse, tmp_path / "worse.msgpack")
     assert main("--plan", tmp_path / "worse.msgpack") == 11
     assert "no number of parts" in capsys.readouterr().out
