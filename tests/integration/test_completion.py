@@ -53,8 +53,9 @@ class Bash:
         # The line is echoed and gone on with; a mark typed behind it shows where that ends.
         self._say(line.encode() + b"\t#END")
         echo = self._until(b"#END")
-        self._say(b"\x15\n")  # forget the line
-        self._until(PROMPT)
+        # Forget the line. A prompt may be drawn twice meanwhile, what a command prints comes once.
+        self._say(b"\x15echo '#NE''XT'\n")
+        self._until(b"#NEXT\r\n" + PROMPT)
         return echo.removesuffix(b"#END").rpartition(PROMPT)[2].replace(b"\x07", b"").decode()
 
     def close(self) -> None:
