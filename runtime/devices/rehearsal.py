@@ -4,7 +4,7 @@ It shows that runtime, gripper and arm play together; about the part it knows no
 a success here says nothing about the plan. Where the planner is installed, its contact world stands here.
 """
 
-from math import dist, remainder, tau
+from math import dist, pi, remainder, tau
 from random import Random
 
 from runtime.shell.errors import UsageError
@@ -41,7 +41,7 @@ class Rehearsal:
         self._table = table
         self._random = Random(seed)
         self._next: list[int] = []  # nodes that may come next, the drawn one first
-        self._lies: Pose2 | None = None
+        self._lies: list[Pose2] = []
         self._last, self._width_mm, self._status = 0, 0.0, "untouched"
 
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
@@ -58,7 +58,7 @@ class Rehearsal:
         branch = self._random.choices(
             node.branches, weights=[branch.probability_ppm for branch in node.branches]
         )[0]
-        self._lies = compose(placement(node.squeeze), pose_hand)
+        self._lies = self._poses(index, pose_hand)
         self._next = sorted(
             (other.target for other in node.branches if other.target >= 0),
             key=lambda target: target != branch.target,
@@ -69,13 +69,16 @@ class Rehearsal:
 
     def _node_of(self, pose_hand: Pose2) -> int | None:
         """The node executed: None for the last one again, its child if the part lies there, else the root."""
-        if self._lies is None:
-            return 0
         for index in (*self._next, self._last):
-            seen = compose(placement(self._table.nodes[index].squeeze), pose_hand)
-            if _same(seen, self._lies):
+            seen = self._poses(index, pose_hand)
+            if any(_same(one, other) for one in seen for other in self._lies):
                 return index if index in self._next else None
         return 0
+
+    def _poses(self, index: int, pose_hand: Pose2) -> list[Pose2]:
+        """Where the part lies if the hand is as the node wants it, or half a turn round."""
+        x_mm, y_mm, angle_rad = placement(self._table.nodes[index].squeeze)
+        return [compose((x_mm, y_mm, angle), pose_hand) for angle in (angle_rad, angle_rad + pi)]
 
     def _width_um(self, node: Node, branch: Branch) -> float:
         """A width that reads as this branch, with room for the encoder's noise where the interval has it."""

@@ -1,7 +1,7 @@
 """The rehearsal world: branches by their probability, widths that read as their branch, part after part."""
 
 from collections import Counter
-from math import cos, sin, sqrt
+from math import cos, pi, sin, sqrt
 from random import Random
 
 import pytest
@@ -14,6 +14,9 @@ from runtime.table import REJECT, Pose2, Table, decide, decision_map
 from runtime.traversal.geometry import compose, placement
 
 
+ROUND = (0.0, pi)
+
+
 def relative(frame: Pose2, pose: Pose2) -> Pose2:
     """The inverse of `compose`: a pose seen from `frame`."""
     dx, dy = pose[0] - frame[0], pose[1] - frame[1]
@@ -22,13 +25,17 @@ def relative(frame: Pose2, pose: Pose2) -> Pose2:
 
 
 def play(table: Table, world: Rehearsal, random: Random) -> tuple[int, ...]:
-    """One part as a cell without encoder noise would play it: the nodes visited, then the target."""
+    """One part as a cell without encoder noise would play it: the nodes visited, then the target.
+
+    The hand stands as the node wants it, or half a turn round.
+    """
     pose = (random.uniform(-10, 10), random.uniform(-10, 10), random.uniform(-3, 3))
     path, target = [], 0
     while target >= 0:
         path.append(target)
         node = table.nodes[target]
-        frame = placement(node.squeeze)
+        x_mm, y_mm, angle_rad = placement(node.squeeze)
+        frame = x_mm, y_mm, angle_rad + random.choice(ROUND)
         final, width_mm, status = world.squeeze(relative(frame, pose))
         pose = compose(frame, final)
         read_um = width_um(count_of(round(width_mm * 1000)))
