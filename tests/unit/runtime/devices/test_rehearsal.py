@@ -13,7 +13,6 @@ from runtime.shell.errors import UsageError
 from runtime.table import REJECT, Pose2, Table, decide, decision_map
 from runtime.traversal.geometry import compose, placement
 
-
 ROUND = (0.0, pi)
 
 
