@@ -319,6 +319,7 @@ class Search:
         plain = np.array([a.squeeze.placement for a in actions if not a.squeeze.pushes]).reshape(
             -1, 3
         )
+        plain = self.problem.costs.short_way(node.hand, plain)
         again = [_Candidate(grasp, node.belief) for grasp in self.ranking.unlike(plain, most)]
         for squeeze in [a.squeeze for a in actions if a.squeeze.pushes][:1]:
             assert self.pusher is not None
@@ -356,7 +357,7 @@ class Search:
                 relative = np.concatenate([about, *self.remembered[-REMEMBERED:]])
                 grasps = ranking.actions.within(placed(relative, mode.pose))
                 groups.append(ranking.free(belief, grasps))
-        grasps = np.concatenate(groups)
+        grasps = self.problem.costs.short_way(hand, np.concatenate(groups))
         if not len(grasps):
             return grasps
         options = ranking.rank([Asked(thin, grasps, hand)], self.rng)[0]

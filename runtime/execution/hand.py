@@ -36,6 +36,7 @@ from runtime.table import (
     Squeeze,
     Stand,
     Table,
+    close_alike,
     job_of,
     may_turn,
 )
@@ -76,7 +77,7 @@ class Hand:
         schedule = Schedule.of(table, job_of(table))
         check_arc(handling.arc, table.limits, self.calibration)
         self.timing = handling.lifted(schedule.timing, self.calibration)
-        self._half_turn = pi if schedule.alike else tau
+        self._half_turn = pi if close_alike(job_of(table)) else tau
         self._may_turn = may_turn(table, job_of(table), self.middle_mm)
         self._jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
         # where the arm should stand, None where nobody knows
@@ -120,10 +121,9 @@ class Hand:
         self.arm_known = False  # until it answers
         low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
         self.arm_known = True
-        if high_rad - low_rad < tau + self._half_turn:
+        if high_rad - low_rad < tau + pi:
             return 0.0
-        alike = self._half_turn == pi
-        return Stand(x_mm, y_mm, angle_rad).turn_from(Stand.at(first), alike=alike)
+        return Stand(x_mm, y_mm, angle_rad).turn_from(Stand.at(first))
 
     def retreat(self) -> None:
         """Go straight up, from wherever the arm stands; nothing to do if it is up already."""
@@ -140,11 +140,14 @@ class Hand:
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float) -> float:
-        """The angle, or where the fingers close alike one half a turn off, to which the hand turns least.
+        """The angle as the wrist is to count it, so that the hand turns least.
 
-        Of those that the wrist can go to at a place; the angle itself where it can go to none.
+        Half a turn off it where the wrist reaches no other and both fingers are to close alike: in a cell in
+        which they do not, parts end elsewhere than planned. The angle itself where it reaches neither.
         """
-        turns = self._turns(x_mm, y_mm, angle_rad, self._half_turn)
+        turns = self._turns(x_mm, y_mm, angle_rad, tau) or self._turns(
+            x_mm, y_mm, angle_rad, self._half_turn
+        )
         return turns[0] if turns else angle_rad
 
     def _turns(self, x_mm: float, y_mm: float, angle_rad: float, step_rad: float) -> list[float]:

@@ -10,6 +10,7 @@ import pytest
 
 from planner.belief.particles import Belief
 from planner.belief.transition import Squeezed
+from planner.frames import wrap
 from planner.job import model as job_file
 from planner.mechanics.mixture import Mixture
 from planner.problem import Problem
@@ -42,7 +43,7 @@ class Toy:
             place = np.argmin(
                 np.linalg.norm(belief.poses[:, None, :2] - PLACES[:, :2], axis=2), axis=1
             )
-            angle = int(np.argmin(np.abs(ANGLES - grasp[2])))
+            angle = int(np.argmin(np.abs(wrap(ANGLES - grasp[2], 2))))
             squeezed.append(Squeezed(replace(belief, reading=self.counts[angle][place]), 40.0))
         return squeezed
 
@@ -112,6 +113,15 @@ def test_grow_places_that_read_alike_ends_with_a_leaf_that_does_not_know():
     known = [leaf for leaf in leaves(root) if problem.stopping.reached(leaf.mode.ratio)]
     assert sum(leaf.share for leaf in known) == pytest.approx(0.25)
     assert max(node.depth for node in breadth_first(root)) == 2
+
+
+def test_grow_real_squeezes_turns_the_hand_by_a_quarter_turn_at_most(tree):
+    _, root = tree
+    for node in breadth_first(root):
+        for action in node.actions or ():
+            if node.hand is not None:
+                turn = action.squeeze.placement[2] - node.hand.placement[2]
+                assert abs(turn) <= np.pi / 2 + 1e-9
 
 
 def test_grow_real_squeezes_conserves_probability_and_particles(tree):
