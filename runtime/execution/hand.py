@@ -142,9 +142,9 @@ class Hand:
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float) -> float:
         """The angle as the wrist is to count it, so that the hand turns least.
 
-        Half a turn off it where the wrist's range leaves no other but the long way round, if both fingers are to
-        close alike: in a cell in which they do not, such a part ends elsewhere than planned. The angle itself
-        where the wrist reaches neither.
+        Half a turn off it where the wrist's range leaves no other but the long way round, if both fingers are
+        to close alike: in a cell in which they do not, such a part ends elsewhere than planned. The angle
+        itself where the wrist reaches neither.
         """
         turns = self._turns(x_mm, y_mm, angle_rad, tau)
         if not turns or abs(turns[0] - self._place()[3]) > pi:
