@@ -272,6 +272,9 @@ class Search:
             return
         node.actions = actions
         self.back_up(node)
+        # Of squeezes that gain nothing one is followed: all of them would make the tree exponential.
+        vain = [action for action in actions if action.children[0].stalled]
+        node.actions = [action for action in actions if action not in vain[1:]]
         if node.best is None:
             return
         if node.depth and node.previous is None:
