@@ -45,7 +45,8 @@ from planner.part.pressure import Pressure, support  # noqa: E402
 RESULTS = Path(__file__).parent / "results" / "fingers.json"
 THREE = "three_fingers.csv"
 NEAR_MM, NEAR_DEG = 0.3, 1.0  # of squeezes
-STEP_MM, MARGIN_MM = 0.001, 0.1  # Euler steps so short that no event need end one
+MARGIN_MM = 0.1
+STEPS_MM = (0.05, 0.01, 0.01, 0.001)  # with so many contacts near: so short that no event need end one
 TRIANGLE_A = [
     [1.06868, 0.01242, -0.16074],
     [0.01242, 1.06166, -0.01284],
@@ -115,7 +116,7 @@ def close(body: Body, tips: Tips, q: Array, scratch: Scratch) -> float:
         place(body.outline, q, scratch.points)
         find_contacts(q, MARGIN_MM, scratch)
         directions(C, I, work.contacts, body.rho, Drive(0.0, 0.0, 0.0, 0.0, 0.0))
-        size = min(STEP_MM if work.contacts else 0.5 * MARGIN_MM, away - tips.ends_mm[1])
+        size = min(STEPS_MM[min(work.contacts, 3)], away - tips.ends_mm[1])
         for k in range(work.contacts):
             x, y = -size * at[I[k, SIDE], 0] / away, -size * at[I[k, SIDE], 1] / away
             C[k, UN], C[k, UT] = x * C[k, NX] + y * C[k, NY], y * C[k, NX] - x * C[k, NY]
