@@ -64,7 +64,7 @@ UNIFORM = Pressure("uniform", 20)
 
 RUN_MM, RUN_DEG = 3.0, 3.0  # of the ends of pushes by a robot
 TIP_MM, APART_MM = 2.5, 24.0
-FRICTIONS = (0.2, 0.5, 0.95)  # The last is what this group took for such fingers
+FRICTIONS = (0.2, 0.3, 0.5, 0.7, 0.95)  # The last is what this group took for such fingers
 JUMP_MM, PAUSE_S = 10.0, 0.6  # between two readings: the hand went through the air
 LEAST_READINGS = 30  # of a push
 STILL_MM = 2.0  # Before the hand has gone so far, the part lies as at the start
@@ -225,7 +225,7 @@ def pushes(folder: Path) -> Iterator[Push]:
             if len(hand) < LEAST_READINGS or not seen.any():
                 continue
             still = seen & (np.hypot(*(hand[:, :2] - hand[0, :2]).T) < STILL_MM)
-            start = part[np.flatnonzero(still)[-1] if still.any() else np.flatnonzero(seen)[0]]
+            start = np.median(part[still if still.any() else np.argmax(seen)].reshape(-1, 3), axis=0)
             start_of_run = path.name.split("__")[1]
             name, hand[:, 2] = f"{start_of_run} {number}", np.unwrap(hand[:, 2])
             yield Push(name, name.partition("_")[0], hand, start, part[seen][-1])
@@ -234,9 +234,8 @@ def pushes(folder: Path) -> Iterator[Push]:
 def pushed(push: Push, part: Simulator, mu: float) -> Array:
     """Where the part ends (3,): pushed from each recorded pose of the hand to the next."""
     q, across = push.start.copy(), 0.5 * APART_MM * np.array([[0.0, 1.0], [0.0, -1.0]])
-    for number, (before, after) in enumerate(pairwise(push.hand)):
-        if (before == after).all():
-            continue
+    hand = push.hand[np.append(True, np.diff(push.hand, axis=0).any(axis=1))]
+    for number, (before, after) in enumerate(pairwise(hand)):
         into = turn(q[2])  # rows of coordinates into the part's frame
         centre, shift = (before[:2] - q[:2]) @ into, (after[:2] - before[:2]) @ into
         points = centre + across @ turn(q[2] - before[2])

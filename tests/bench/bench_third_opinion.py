@@ -38,13 +38,11 @@ RESULTS = second.RESULTS.with_name("third_opinion.json")
 PARTS = ("kite", "ratchet", "hook-jaw")
 TIMESTEP_S = 2.5e-4
 CREEP_MM_S = 1.0  # A foot that is slower has less friction, in proportion
-REACH_MM = 8.0  # of the poses' x and y
+REACH = np.array([20.0, 8.0, math.pi])  # of the poses [mm, mm, rad]: at the fingers' ends, too
 HIGH_MM, ROUND_MM, PLATE_MM = 5.0, 0.02, 0.2  # half the height; corners; faces, as in MuJoCo
 LEAD_MM, CLOSED_MM = 0.5, 0.05
-WINDOW, STALLED = (
-    160,
-    0.01,
-)  # steps in which jaws that stand still make less than this share of their way
+WINDOW = 160  # steps between two looks at the jaws
+STALLED = 0.05  # Jaws that make less of their way stand still: DART's friction creeps at 1 to 2 % of it
 SLOWEST_S = 5.0
 
 
@@ -191,7 +189,7 @@ def bench(part: str, squeezes: int) -> dict[str, Any]:
     poses = np.empty((squeezes, 3))
     for row in range(squeezes):
         while True:
-            poses[row] = rng.uniform(-1.0, 1.0, 3) * [REACH_MM, REACH_MM, math.pi]
+            poses[row] = rng.uniform(-1.0, 1.0, 3) * REACH
             if not rigid.collides(tuple(poses[row]), job.gripper.opening_mm):
                 break
     theirs, dart = np.empty((2, squeezes, 4))
