@@ -46,7 +46,8 @@ RESULTS = Path(__file__).parent / "results" / "fingers.json"
 THREE = "three_fingers.csv"
 NEAR_MM, NEAR_DEG = 0.3, 1.0  # of squeezes
 MARGIN_MM = 0.1
-STEPS_MM = (0.05, 0.01, 0.01, 0.001)  # with so many contacts near: so short that no event need end one
+# By how many contacts are near: so short that no event need end a step.
+STEPS_MM = (0.05, 0.01, 0.01, 0.001)
 TRIANGLE_A = [
     [1.06868, 0.01242, -0.16074],
     [0.01242, 1.06166, -0.01284],
@@ -64,7 +65,7 @@ UNIFORM = Pressure("uniform", 20)
 
 RUN_MM, RUN_DEG = 3.0, 3.0  # of the ends of pushes by a robot
 TIP_MM, APART_MM = 2.5, 24.0
-FRICTIONS = (0.2, 0.3, 0.5, 0.7, 0.95)  # The last is what this group took for such fingers
+FRICTIONS = (0.2, 0.5, 0.95)  # The last is what this group took for such fingers
 JUMP_MM, PAUSE_S = 10.0, 0.6  # between two readings: the hand went through the air
 LEAST_READINGS = 30  # of a push
 STILL_MM = 2.0  # Before the hand has gone so far, the part lies as at the start
@@ -225,7 +226,9 @@ def pushes(folder: Path) -> Iterator[Push]:
             if len(hand) < LEAST_READINGS or not seen.any():
                 continue
             still = seen & (np.hypot(*(hand[:, :2] - hand[0, :2]).T) < STILL_MM)
-            start = np.median(part[still if still.any() else np.argmax(seen)].reshape(-1, 3), axis=0)
+            start = np.median(
+                part[still if still.any() else np.argmax(seen)].reshape(-1, 3), axis=0
+            )
             start_of_run = path.name.split("__")[1]
             name, hand[:, 2] = f"{start_of_run} {number}", np.unwrap(hand[:, 2])
             yield Push(name, name.partition("_")[0], hand, start, part[seen][-1])

@@ -42,7 +42,9 @@ REACH = np.array([20.0, 8.0, math.pi])  # of the poses [mm, mm, rad]: at the fin
 HIGH_MM, ROUND_MM, PLATE_MM = 5.0, 0.02, 0.2  # half the height; corners; faces, as in MuJoCo
 LEAD_MM, CLOSED_MM = 0.5, 0.05
 WINDOW = 160  # steps between two looks at the jaws
-STALLED = 0.05  # Jaws that make less of their way stand still: DART's friction creeps at 1 to 2 % of it
+STALLED = (
+    0.05  # share of their way below which jaws stand still: DART's friction creeps at 1 to 2 %
+)
 SLOWEST_S = 5.0
 
 
