@@ -33,10 +33,13 @@ from planner.identification.pushes import Pairs  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
 from planner.job.drafts import FINGERS, Answers, draft  # noqa: E402
 from planner.job.model import Job  # noqa: E402
+from planner.mechanics import limit_surface  # noqa: E402
 from planner.mechanics.push import Paths  # noqa: E402
 from planner.mechanics.simulator import Simulator  # noqa: E402
+from planner.mechanics.surface import MIDDLE  # noqa: E402
 from planner.part.importers.file import Imported  # noqa: E402
 from planner.part.outline import canonical, radius_of_gyration  # noqa: E402
+from planner.part.pressure import Pressure, support  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "contact.json"
 FILES = ("outlines.csv", "pushes.csv", "wrench_twist.csv")
@@ -188,8 +191,8 @@ def predicted(pushes: Recorded, part: Simulator, mu: float) -> Errors:
     return errors(pushed.moved, pushes)
 
 
-def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
-    """The simulator with a quartic identified from the pairs of the same shape and surface."""
+def pairs_of(folder: Path, pushes: Recorded, rho: float) -> identify.Normalised:
+    """The pairs of the same shape and surface, about its centroid and normalised by `rho` [mm]."""
     rows = [
         [float(row[name]) for name in ("fx", "fy", "tau_rho", "vx", "vy", "om_rho")]
         for row in read(folder / "wrench_twist.csv")
@@ -197,17 +200,42 @@ def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
     ]
     F, V = np.split(np.array(rows), 2, axis=1)
     drawn = pushes.outline - pushes.origin  # about the origin of the poses
-    ours, rho = np.hypot(*(drawn - drawn.mean(axis=0)).T).mean(), radius_of_gyration(pushes.outline)
+    ours = np.hypot(*(drawn - drawn.mean(axis=0)).T).mean()
     x, y = -pushes.origin  # of the centroid
     torque = F[:, 2] * ours - (x * F[:, 1] - y * F[:, 0])
     turn = V[:, 2] / ours
     wrenches = np.column_stack([F[:, :2], torque / rho])
     twists = np.column_stack([V[:, 0] - turn * y, V[:, 1] + turn * x, turn * rho])
-    data = identify.directions(Pairs(wrenches, twists, np.ones(len(F))))
+    return identify.directions(Pairs(wrenches, twists, np.ones(len(F))))
+
+
+def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
+    """The simulator with a quartic identified from the pairs of the same shape and surface."""
+    rho = radius_of_gyration(pushes.outline)
+    data = pairs_of(folder, pushes, rho)
     surface = identify.fit(data, rho, "quartic", np.random.default_rng(0)).surface
     return Simulator(
         part.outline, surface, part.jaws, part.friction, part.wishart_dof, workers=part.workers
     )
+
+
+def turning(folder: Path, pushes: Recorded) -> dict[str, float]:
+    """How much a part turns for a torque, beside what it moves for a force: of loads, and of its pairs."""
+    rho = radius_of_gyration(pushes.outline)
+    area, weights = support(Pressure("uniform", DRAWS), pushes.outline)
+    loads = {
+        "rim": support(Pressure("boundary", DRAWS), pushes.outline),
+        "area": (area, weights),
+        "middle": (MIDDLE * area, weights),
+    }
+    data = pairs_of(folder, pushes, rho)
+    rng = np.random.default_rng(0)
+    surfaces = {name: limit_surface.fit_ellipsoid(*load, rho) for name, load in loads.items()}
+    surfaces["pairs"] = identify.fit(data, rho, "ellipsoid", rng).surface  # type: ignore[assignment]
+    return {
+        name: round(float(2.0 * surface.A[2, 2] / (surface.A[0, 0] + surface.A[1, 1])), 3)
+        for name, surface in surfaces.items()
+    }
 
 
 def leave_one_out(result: dict[tuple[str, str], dict[float, Errors]], shape: str) -> float:
@@ -289,6 +317,10 @@ def measured(folder: Path) -> dict[str, Any]:
                 f"without {s}": start_mm([sets[key] for key in sets if key[0] != s]) for s in shapes
             },
         },
+        "turning": [
+            {"shape": shape, "surface": surface, **turning(folder, pushes)}
+            for (shape, surface), pushes in sets.items()
+        ],
         "groups": groups,
     }
 

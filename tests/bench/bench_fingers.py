@@ -1,0 +1,323 @@
+"""Squeezes by three round fingers, and pushes of a robot with two, by the solver of squeezes and pushes.
+
+    python tests/bench/bench_fingers.py --data FOLDER
+
+FOLDER holds `three_fingers.csv`, squeezes as the paper's authors simulate them, and `robot_runs/*.csv`, what
+a real robot did (condensed from their public toolbox). Their hexagon's quartic, fitted to a random sample of
+pressure, is not recorded: it is identified from one squeeze in six and judged by the others, beside that of
+a uniform pressure. Not part of the gate. Prints figures and writes `results/fingers.json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+
+from planner.arrays import Array  # noqa: E402
+from planner.cli import tips  # noqa: E402
+from planner.kernel import inner_kernel  # noqa: E402
+from planner.mechanics import limit_surface, quartic_fit  # noqa: E402
+from planner.mechanics.boundary import Drive, directions  # noqa: E402
+from planner.mechanics.contacts import NX, NY, SIDE, UN, UT, place  # noqa: E402
+from planner.mechanics.lcp import SOLVED  # noqa: E402
+from planner.mechanics.push import Paths  # noqa: E402
+from planner.mechanics.quartic import QuarticSurface  # noqa: E402
+from planner.mechanics.simulator import Simulator  # noqa: E402
+from planner.mechanics.stepping import Body, Scratch, find_contacts, scratch_of  # noqa: E402
+from planner.mechanics.surface_step import solve_surface  # noqa: E402
+from planner.part.outline import radius_of_gyration  # noqa: E402
+from planner.part.pressure import Pressure, support  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "fingers.json"
+THREE = "three_fingers.csv"
+NEAR_MM, NEAR_DEG = 0.3, 1.0  # of squeezes
+MARGIN_MM = 0.1
+# By how many contacts are near: so short that no event need end a step.
+STEPS_MM = (0.05, 0.01, 0.01, 0.001)
+TRIANGLE_A = [
+    [1.06868, 0.01242, -0.16074],
+    [0.01242, 1.06166, -0.01284],
+    [-0.16074, -0.01284, 4.58574],
+]
+FIT_EVERY = 6  # squeezes are one to fit to
+SCALE_MM, MOST_MM, FIRST_STEP, LOOKS = (
+    0.1,
+    3.0,
+    0.02,
+    14,
+)  # of the fit: its loss, its differences, its length
+
+UNIFORM = Pressure("uniform", 20)
+
+RUN_MM, RUN_DEG = 3.0, 3.0  # of the ends of pushes by a robot
+TIP_MM, APART_MM = 2.5, 24.0
+FRICTIONS = (0.2, 0.5, 0.95)  # The last is what this group took for such fingers
+JUMP_MM, PAUSE_S = 10.0, 0.6  # between two readings: the hand went through the air
+LEAST_READINGS = 30  # of a push
+STILL_MM = 2.0  # Before the hand has gone so far, the part lies as at the start
+OUTLINES = {
+    "bigrect": np.array([[-25.5, -18.0], [25.5, -18.0], [25.5, 18.0], [-25.5, 18.0]]),
+    # No outline is recorded: legs of 60 and 29 mm leave the fingers where they stand at the ends of pushes.
+    "tri": np.array([[20.0, -29.0 / 3.0], [20.0, 58.0 / 3.0], [-40.0, -29.0 / 3.0]]),
+}
+
+
+class Tips(NamedTuple):
+    """Three round tips that close in on the origin."""
+
+    angle: float  # of the first one's place; the others follow at 120 and 240 degrees [rad]
+    radius_mm: float
+    mu: float
+    ends_mm: tuple[float, float]  # how far from the origin they begin, and end
+
+
+class Part(NamedTuple):
+    """A part and how it slides."""
+
+    outline: Array  # (N, 2)
+    rho_mm: float
+    surface: Array  # as `planner.mechanics.surface.nominal`
+
+
+class Push(NamedTuple):
+    """One push of a robot's run."""
+
+    group: str  # pushes that ought to be alike
+    outline: str
+    hand: Array  # (k, 3) poses on its way [mm, mm, rad]
+    start: Array  # (3,) of the part
+    end: Array
+
+
+@inner_kernel
+def close(body: Body, tips: Tips, q: Array, scratch: Scratch) -> float:
+    """Closes the tips on one part at q (3,), modified, until it is held; returns their distance [mm]."""
+    work, boundary, away = scratch.work, scratch.work.boundary, tips.ends_mm[0]
+    boundary.fingers, boundary.points, boundary.radius = 0, 3, tips.radius_mm
+    work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
+    C, I, V, at = work.step.C, work.step.I, work.step.V, boundary.pusher
+    while away > tips.ends_mm[1]:
+        for k in range(3):
+            angle = tips.angle + k * 2.0 * np.pi / 3.0
+            at[k, 0], at[k, 1] = away * np.cos(angle), away * np.sin(angle)
+        place(body.outline, q, scratch.points)
+        find_contacts(q, MARGIN_MM, scratch)
+        directions(C, I, work.contacts, body.rho, Drive(0.0, 0.0, 0.0, 0.0, 0.0))
+        size = min(STEPS_MM[min(work.contacts, 3)], away - tips.ends_mm[1])
+        for k in range(work.contacts):
+            x, y = -size * at[I[k, SIDE], 0] / away, -size * at[I[k, SIDE], 1] / away
+            C[k, UN], C[k, UT] = x * C[k, NX] + y * C[k, NY], y * C[k, NX] - x * C[k, NY]
+        c, s = np.cos(q[2]), np.sin(q[2])
+        if solve_surface(body.surface, c, s, tips.mu, tips.mu, work.contacts, work.step) != SOLVED:
+            break
+        q[0], q[1], q[2], away = q[0] + V[0], q[1] + V[1], q[2] + V[2] / body.rho, away - size
+    return away
+
+
+def squeezed(part: Part, tips: Tips, poses: Array) -> Array:
+    """Where parts at poses (n, 3) end."""
+    reach = float(np.hypot(*part.outline.T).max())
+    body = Body(np.ascontiguousarray(part.outline.T), reach, part.surface, part.rho_mm)
+    ends, scratch = np.array(poses), scratch_of(part.outline)
+    for q in ends:
+        close(body, tips, q, scratch)
+    return ends
+
+
+def off(ends: Array, measured: Array) -> tuple[Array, Array]:
+    """How far (n,) poses (n, 3) lie from others [mm], and are turned [degrees]."""
+    apart = ends - measured
+    turn = np.abs(np.remainder(apart[:, 2] + np.pi, 2.0 * np.pi) - np.pi)
+    return np.hypot(apart[:, 0], apart[:, 1]), np.degrees(turn)
+
+
+def figures(ends: Array, measured: Array) -> dict[str, Any]:
+    """What is kept of some squeezes."""
+    mm, deg = off(ends, measured)
+    return {
+        "squeezes": len(mm),
+        "near": round(float(np.mean((mm < NEAR_MM) & (deg < NEAR_DEG))), 4),
+        "p50_p90_p99_mm": np.quantile(mm, [0.5, 0.9, 0.99]).round(3).tolist(),
+        "p50_p90_p99_deg": np.quantile(deg, [0.5, 0.9, 0.99]).round(2).tolist(),
+    }
+
+
+def three(folder: Path) -> dict[str, Any]:
+    """The authors' squeezes by three fingers."""
+    rows = np.genfromtxt(folder / THREE, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    poses = {
+        part: [
+            np.column_stack([1e3 * ours[f"x{k}"], 1e3 * ours[f"y{k}"], ours[f"th{k}"]])
+            for k in (0, 1)
+        ]
+        for part in ("triangle", "hexagon")
+        for ours in [rows[rows["part"] == part]]
+    }
+    corners = np.array([[0.0, 11.547], [-10.0, -5.7735], [10.0, -5.7735]])
+    tips = Tips(math.pi / 2 + math.pi / 3, 2.0, 0.1, (27.094, 7.0))
+    triangle = squeezed(Part(corners, 11.547, np.array(TRIANGLE_A)), tips, poses["triangle"][0])
+    tips, angles = Tips(math.pi / 2, 2.0, 0.2, (47.0, 19.3)), np.arange(0.5, 6.5) * math.pi / 3
+    part = Part(20.0 * np.column_stack([np.cos(angles), np.sin(angles)]), 20.0, np.zeros((6, 6)))
+    start, end = poses["hexagon"]
+    spread = quartic_fit.fit_pressure(*support(UNIFORM, part.outline), part.rho_mm)
+    uniform = squeezed(part._replace(surface=spread.hessian_table()), tips, start)
+    known = np.arange(len(start)) % FIT_EVERY == 0
+    fitted = identified(part, spread, tips, start[known], end[known])
+    own = squeezed(part._replace(surface=fitted.hessian_table()), tips, start[~known])
+    return {
+        "triangle, ellipsoid": figures(triangle, poses["triangle"][1]),
+        "hexagon, quartic of uniform pressure": figures(uniform, end),
+        "hexagon, quartic identified, others": figures(own, end[~known]),
+    }
+
+
+def identified(
+    part: Part, first: QuarticSurface, tips: Tips, start: Array, end: Array
+) -> QuarticSurface:
+    """The quartic whose squeezes from poses (n, 3) end nearest to others, robustly (soft L1)."""
+    scale = 0.05 * np.abs(first.coefficients).max()
+
+    def surface(unknown: Array) -> QuarticSurface:
+        return replace(first, coefficients=first.coefficients + scale * (unknown - 1.0))
+
+    def residuals(unknown: Array) -> Array:
+        ends = squeezed(part._replace(surface=surface(unknown).hessian_table()), tips, start)
+        apart = ends - end
+        apart[:, 2] = part.rho_mm * (np.remainder(apart[:, 2] + np.pi, 2.0 * np.pi) - np.pi)
+        # The scale of all coefficients changes nothing.
+        return np.append(np.clip(apart, -MOST_MM, MOST_MM).ravel(), 0.01 * (unknown - 1.0))
+
+    # As in `planner.identification.motions`, unknowns are shifted by 1.
+    return surface(
+        least_squares(
+            residuals,
+            np.ones(15),
+            diff_step=FIRST_STEP,
+            loss="soft_l1",
+            f_scale=SCALE_MM,
+            max_nfev=LOOKS,
+        ).x
+    )
+
+
+def pushes(folder: Path) -> Iterator[Push]:
+    """The pushes of all runs: an action's readings, once the hand has come to where it begins."""
+    for path in sorted((folder / "robot_runs").glob("*.csv")):
+        rows = np.loadtxt(path, delimiter=",")
+        cuts = np.flatnonzero((np.diff(rows[:, 7]) != 0.0) | (np.diff(rows[:, 0]) > PAUSE_S)) + 1
+        for number, action in enumerate(np.split(rows, cuts)):
+            jumps = np.flatnonzero(np.hypot(*np.diff(action[:, 4:6], axis=0).T) > JUMP_MM)
+            part, hand = np.split(action[np.append(-1, jumps)[-1] + 1 :, 1:7], 2, axis=1)
+            seen = part.any(axis=1)  # by the cameras
+            if len(hand) < LEAST_READINGS or not seen.any():
+                continue
+            still = seen & (np.hypot(*(hand[:, :2] - hand[0, :2]).T) < STILL_MM)
+            start = np.median(
+                part[still if still.any() else np.argmax(seen)].reshape(-1, 3), axis=0
+            )
+            start_of_run = path.name.split("__")[1]
+            name, hand[:, 2] = f"{start_of_run} {number}", np.unwrap(hand[:, 2])
+            yield Push(name, name.partition("_")[0], hand, start, part[seen][-1])
+
+
+def pushed(push: Push, part: Simulator, mu: float) -> Array:
+    """Where the part ends (3,): pushed from each recorded pose of the hand to the next."""
+    q, across = push.start.copy(), 0.5 * APART_MM * np.array([[0.0, 1.0], [0.0, -1.0]])
+    hand = push.hand[np.append(True, np.diff(push.hand, axis=0).any(axis=1))]
+    for number, (before, after) in enumerate(pairwise(hand)):
+        into = turn(q[2])  # rows of coordinates into the part's frame
+        centre, shift = (before[:2] - q[:2]) @ into, (after[:2] - before[:2]) @ into
+        points = centre + across @ turn(q[2] - before[2])
+        path = Paths(points[None], centre[None], np.array([after[2] - before[2]]), shift[None])
+        if number == 0:  # The cameras may see the part in the fingers' way; the hand is where it is
+            beside = tips.beside(path, TIP_MM, part.outline, Path(push.group)).paths
+            q[:2] -= into @ (beside.centres[0] - centre)
+            path = beside
+        moved = part.push(path, part.nominal(1, mu), TIP_MM).moved[0]
+        q += [*(into @ moved[:2]), moved[2]]
+    return q
+
+
+def turn(angle: float) -> Array:
+    """What turns rows of coordinates back by an angle [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def runs(folder: Path) -> dict[str, Any]:
+    """The robot's pushes: how many end near, or within the spread of their group."""
+    groups: defaultdict[str, list[Push]] = defaultdict(list)
+    for push in pushes(folder):
+        groups[push.group].append(push)
+    parts = {name: simulator(outline) for name, outline in OUTLINES.items()}
+    count = sum(map(len, groups.values()))
+    result: dict[str, Any] = {"pushes": count}
+    for mu in FRICTIONS:
+        rows: list[dict[str, Any]] = []
+        for name, group in sorted(groups.items()):
+            ends = np.array([pushed(push, parts[push.outline], mu) for push in group])
+            measured = np.array([push.end for push in group])
+            mm, deg = off(ends, measured)
+            near = (mm < RUN_MM) & (deg < RUN_DEG)
+            spread_mm, spread_deg = (
+                column.max() for column in off(measured, measured.mean(axis=0, keepdims=True))
+            )
+            mm_off, deg_off = off(ends, measured.mean(axis=0, keepdims=True))
+            inside = near | ((mm_off <= spread_mm) & (deg_off <= spread_deg))
+            rows.append(
+                {
+                    "group": name,
+                    "pushes": len(group),
+                    "near": int(near.sum()),
+                    "near or within spread": int(inside.sum()),
+                    "median_mm": round(float(np.median(mm)), 2),
+                    "median_deg": round(float(np.median(deg)), 2),
+                }
+            )
+        shares = {
+            key: round(sum(row[key] for row in rows) / count, 4)
+            for key in ("near", "near or within spread")
+        }
+        result[f"friction {mu}"] = shares | {"groups": rows}
+    return result
+
+
+def simulator(outline: Array) -> Simulator:
+    """A part on a uniform pressure, for pushes alone."""
+    rho = radius_of_gyration(outline)
+    surface = limit_surface.fit_ellipsoid(*support(UNIFORM, outline), rho)
+    return Simulator(outline, surface, np.array([1e3, 20.0, 10.0, 0.5]), (0.1, 0.3), 20, workers=1)
+
+
+def main() -> int:
+    """Measures and keeps the figures."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument(
+        "--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings"
+    )
+    options = parser.parse_args()
+    if not (options.data / THREE).is_file():
+        print(f"bench_fingers: {options.data} has no {THREE}; see --help", file=sys.stderr)
+        return 3
+    result = {"three": three(options.data), "two": runs(options.data)}
+    print(json.dumps(result, indent=1))
+    RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
