@@ -19,9 +19,8 @@ MAX_MAGNITUDE = 1e5  # nothing an arm is told is larger; keeps lines short
 PING, MOVE_LINEAR, READ_POSE, READ_JOINTS = 0, 1, 3, 4
 SET_TOOL, SET_WORK_OBJECT, SET_SPEED, SET_ZONE = 6, 7, 8, 9
 CLOSE = 99  # answered by silence
-HARMLESS = frozenset(
-    {PING, READ_POSE, READ_JOINTS, CLOSE}
-)  # neither move anything nor change a setting
+# neither move anything nor change a setting
+HARMLESS = frozenset({PING, READ_POSE, READ_JOINTS, CLOSE})
 
 # Code -> how many fields its reply carries. 98 answers free text and is left out.
 REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0)

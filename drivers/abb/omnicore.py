@@ -50,9 +50,8 @@ class Arm(UprightArm):
         self._rws = rws
         self._pace = pace
         self._speed_mm_s = self._turn_rad_s = math.nan
-        self._table = compose(
-            invert(setup.base or IDENTITY), setup.work_object
-        )  # in the base frame
+        # in the base frame
+        self._table = compose(invert(setup.base or IDENTITY), setup.work_object)
         self._moves = secrets.randbelow(MOST_NUMBER)  # no number of an earlier client
         try:
             version = self._symbol("sq_version")
@@ -133,9 +132,8 @@ class Arm(UprightArm):
         line = next(
             (state for state in self._states(POINTER) if state.get("_title") == "progpointer"), {}
         )
-        return line.get("modulemame") or line.get("modulename"), line.get(
-            "routinename"
-        )  # RWS spells it so
+        # RWS spells it so
+        return line.get("modulemame") or line.get("modulename"), line.get("routinename")
 
     def _runs(self) -> bool:
         return self._look("/rw/rapid/execution").get("ctrlexecstate") == "running"

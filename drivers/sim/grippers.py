@@ -81,9 +81,8 @@ class Ports(NamedTuple):
 class Simulator:
     """How the grippers of one make are simulated."""
 
-    model: Callable[
-        ..., Any
-    ]  # of a SimulatedGripper: its draws, what its fingers may meet, its profile
+    # of a SimulatedGripper: its draws, what its fingers may meet, its profile
+    model: Callable[..., Any]
     faulty: Callable[..., Any]  # the same, and what says when it fails
     registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, at its time
     unit: int  # on the serial line

@@ -15,9 +15,8 @@ from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.tabletop import Look, TableTop, Vice
 from drivers.sim.wire.line import CleanLine, FaultyLine
 
-ARM_BASE = Pose(
-    -300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)
-)  # in the world: the table's middle is in reach
+# in the world: the table's middle is in reach
+ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
 class Workcell(Surroundings):

@@ -58,16 +58,13 @@ class RunOptions:
     policy: Policy = field(default_factory=Policy)
     handling: Handling = field(default_factory=Handling)
     delivery: Delivery | Sorting | None = None
-    patience: float = (
-        1.0  # how much longer than by arm and gripper a squeeze may take: for a person
-    )
+    # how much longer than by arm and gripper a squeeze may take: for a person
+    patience: float = 1.0
     takt_s: float | None = None  # within which parts should be done; only told
-    turns: bool = (
-        True  # whether a part's plan may be turned to where the hand stands: not for a person
-    )
-    timed: bool = (
-        True  # whether the clock's seconds are the cell's, which runs no faster than its programs
-    )
+    # whether a part's plan may be turned to where the hand stands: not for a person
+    turns: bool = True
+    # whether the clock's seconds are the cell's, which runs no faster than its programs
+    timed: bool = True
 
 
 PLAIN = RunOptions()

@@ -377,10 +377,8 @@ class Hand:
 
     def _move_arm(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         self.where()
-        self.arm_known, self._sent_to = (
-            False,
-            None,
-        )  # until it is acknowledged; an interrupt leaves it so
+        # until it is acknowledged; an interrupt leaves it so
+        self.arm_known, self._sent_to = False, None
         beside = _beside(target, self.middle_mm)
         speed_mm_s = (speed_um_s or self.limits.arm_speed_um_s) / 1000
         radius_mm = TURN_RADIUS_MM if self._jaws.holds else self.timing.turn_radius_mm

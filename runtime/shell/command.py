@@ -323,8 +323,7 @@ def _open_streams() -> bool:
     sys.stderr = sys.stderr or open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # names of files may hold any bytes
-        if (
-            not sys.stdout.isatty()
-        ):  # with PYTHONUNBUFFERED, too, an answer is lost at the end, not half-way
+        # with PYTHONUNBUFFERED, too, an answer is lost at the end, not half-way
+        if not sys.stdout.isatty():
             sys.stdout.reconfigure(write_through=False)
     return 1 in closed

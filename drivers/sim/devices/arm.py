@@ -189,9 +189,8 @@ class ArmModel:
                 self._speed = (values[0], values[1])
             case 9:
                 self._zone_mm = 0.0 if values[0] == 1.0 else values[1]
-            case 30 if (
-                len(self._buffer) < MAX_BUFFER
-            ):  # the 513th is dropped and acknowledged all the same
+            # the 513th is dropped and acknowledged all the same
+            case 30 if len(self._buffer) < MAX_BUFFER:
                 self._buffer.append((_pose(values), self._speed))
             case 31:
                 self._buffer.clear()

@@ -119,9 +119,8 @@ def _pose(answer: Mapping[str, Any]) -> tuple[str, str]:
     shown = answer["datum"] or answer
     which = f"{answer['hypothesis']}, " if "hypothesis" in answer else ""
     datum = " (datum)" if answer["datum"] else ""
-    x_mm, y_mm, angle = (
-        round(shown[name], 2) + 0.0 for name in ("x_mm", "y_mm", "angle_deg")
-    )  # no shift is 0.00, not -0.00
+    # no shift is 0.00, not -0.00
+    x_mm, y_mm, angle = (round(shown[name], 2) + 0.0 for name in ("x_mm", "y_mm", "angle_deg"))
     return f"{x_mm:.2f}, {y_mm:.2f} mm", f"{which}{angle:.1f}°{datum}"
 
 
