@@ -14,7 +14,6 @@ from typing import Any, TextIO
 
 from drivers.ports import Drivers, Gripper
 from runtime.commands import calibrate_middle
-from runtime.commands.arguments import address
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.execution import calibration, held
@@ -22,7 +21,7 @@ from runtime.execution.calibration import LEAST_BLOCKS, GripperCalibration
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.shell import interrupts
-from runtime.shell.command import Parser, say
+from runtime.shell.command import Parser, add_command, say
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable
@@ -62,18 +61,14 @@ def parser() -> Parser:
     subcommands = built.add_subparsers(
         required=True, dest="what", metavar="width | middle | camera | tag | pictures"
     )
-    width = subcommands.add_parser(
-        "width",
-        help="what the gripper's widths truly are, with gauge blocks",
-        description="Measure what the widths that the gripper reads truly are, with gauge blocks.",
-        epilog=f"example:\n  {EXAMPLE}\n\n{EXIT_CODES}",
-    )
+    purpose = "what the gripper's widths truly are, with gauge blocks"
+    width = add_command(subcommands, "width", purpose, EXAMPLE, EXIT_CODES)
     calibrate_middle.add_to(subcommands, EXIT_CODES)
     # Those of the audit have a parser of their own, which is asked before this one.
     for name, help_text in OF_THE_AUDIT.items():
         subcommands.add_parser(name, help=help_text, add_help=False)
+    calibrate_middle.add_shared(width)
     add = width.add_argument
-    add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
     add(
         "--gripper",
         required=True,
@@ -104,16 +99,6 @@ def parser() -> Parser:
         "--current",
         metavar="LEAST,MOST",
         help="motor current at rest on a part in mA, kept in the file",
-    )
-    add(
-        "--activate",
-        action="store_true",
-        help="activate the gripper if need be: the fingers sweep fully",
-    )
-    add(
-        "--json",
-        action="store_true",
-        help="print one JSON object instead of text; ask on standard error",
     )
     return built
 

@@ -25,7 +25,7 @@ from runtime.execution.middle import Middle
 from runtime.execution.reading import CURRENT_MA
 from runtime.execution.safe_state import fingers_stop, reach_safe_state
 from runtime.shell import interrupts
-from runtime.shell.command import number, say
+from runtime.shell.command import Parser, number, say
 from runtime.shell.errors import UsageError
 from runtime.shell.files import OutputError, usable
 from runtime.table import Pose2, Table, load
@@ -50,7 +50,7 @@ def add_to(subcommands: Any, codes: str) -> None:
         epilog=f"example:\n  {EXAMPLE}\n\n{codes}",
     )
     add = parser.add_argument
-    add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
+    add_shared(parser)
     add("--arm", type=address, required=True, metavar="URL", help="the arm, as for grasp-runtime")
     add(
         "--tree",
@@ -85,16 +85,16 @@ def add_to(subcommands: Any, codes: str) -> None:
     )
     add("-o", "--output", type=Path, required=True, metavar="F2", help="F with the measured middle")
     add("--tips", metavar="straight|arc|LINK,OFFSET", help="as for grasp-runtime")
-    add(
-        "--activate",
-        action="store_true",
-        help="activate the gripper if need be: the fingers sweep fully",
-    )
-    add(
-        "--json",
-        action="store_true",
-        help="print one JSON object instead of text; ask on standard error",
-    )
+
+
+def add_shared(parser: Parser) -> None:
+    """The arguments of whatever moves the fingers to measure."""
+    add = parser.add_argument
+    add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
+    activate = "activate the gripper if need be: the fingers sweep fully"
+    add("--activate", action="store_true", help=activate)
+    printed = "print one JSON object instead of text; ask on standard error"
+    add("--json", action="store_true", help=printed)
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
@@ -145,7 +145,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
                     arm,
                     table.limits,
                     arm_known=hand.arm_known,
-                    may_hold_fixed=hand.may_hold,
+                    may_hold_fixed=hand.jaws.may_hold,
                 ):
                     error.add_note(note)
                 raise

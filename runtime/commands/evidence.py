@@ -13,7 +13,7 @@ from runtime import VERSION
 from runtime.devices.clock import SystemClock
 from runtime.errors import PackError
 from runtime.execution import calibration
-from runtime.shell.command import Parser, run, say, tell
+from runtime.shell.command import Parser, add_command, run, say, tell
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import OutputError, usable, writing
 from runtime.shell.plain_text import is_plain
@@ -99,12 +99,8 @@ def _subcommand(
     body: Callable[[argparse.Namespace], int],
     purpose: str,
 ) -> Parser:
-    subcommand = subcommands.add_parser(
-        name,
-        help=purpose,
-        description=f"{purpose[0].upper()}{purpose[1:]}.",
-        epilog=f"example:\n  {NAME} {name} {EXAMPLES[name]}\n\n{EXIT_CODES}",
-    )
+    example = f"{NAME} {name} {EXAMPLES[name]}"
+    subcommand = add_command(subcommands, name, purpose, example, EXIT_CODES)
     subcommand.add_common()
     subcommand.set_defaults(run=body)
     return subcommand

@@ -180,11 +180,11 @@ def _look(hand: Hand, node: Node, block_mm: float, about: Pose2) -> float:
 def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
     place = compose(about, (0.0, off_mm, 0.0))
     hand.retreat()
-    hand.open(node.squeeze)
+    hand.jaws.open(node.squeeze)
     hand.travel(*place)
     hand.descend(*place)
     reading = hand.close(node)
-    width_mm = hand.width_mm(reading.width_um)
+    width_mm = hand.jaws.width_mm(reading.width_um)
     hand.release(node.squeeze)
     hand.retreat()
     if reading.object is not ObjectState.CLOSING:

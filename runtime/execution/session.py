@@ -134,7 +134,7 @@ def put_down(
                 cell.arm,
                 table.limits,
                 arm_known=hand.arm_known,
-                may_hold_fixed=hand.may_hold,
+                may_hold_fixed=hand.jaws.may_hold,
             ):
                 console.note(sentence)
             raise

@@ -60,6 +60,22 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--debug", action="store_true", help="print the traceback of an error")
 
 
+def add_command(
+    commands: "argparse._SubParsersAction[Parser]",
+    name: str,
+    purpose: str,
+    example: str,
+    codes: str,
+) -> Parser:
+    """Add a subcommand, whose --help has its purpose, an example and the exit codes."""
+    return commands.add_parser(
+        name,
+        help=purpose,
+        description=f"{purpose[0].upper()}{purpose[1:]}.",
+        epilog=f"example:\n  {example}\n\n{codes}",
+    )
+
+
 class _PrintCompletion(argparse.Action):
     """Prints the completion script of a command, which shtab writes, and exits."""
 

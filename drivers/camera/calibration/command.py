@@ -20,7 +20,7 @@ from drivers.camera.vision.board import parse
 from drivers.camera.vision.sources import open_source
 from drivers.camera.vision.tag_file import PartTag
 from drivers.planar import Pose2
-from runtime.shell.command import Parser, run
+from runtime.shell.command import Parser, add_command, run
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import folder, usable, writing
@@ -53,12 +53,7 @@ def parser() -> Parser:
     built.add_debug()
     commands = built.add_subparsers(required=True, metavar=" | ".join(COMMANDS), dest="command")
     for name, (runs, what, example, flags) in COMMANDS.items():
-        command = commands.add_parser(
-            name,
-            help=what,
-            description=f"{what[0].upper()}{what[1:]}.",
-            epilog=f"example:\n  grasp-calibrate {name} {example}\n\n{EXIT_CODES}",
-        )
+        command = add_command(commands, name, what, f"grasp-calibrate {name} {example}", EXIT_CODES)
         text = "print one JSON object instead of text"
         command.add_argument("--json", action="store_true", help=text)
         command.set_defaults(run=runs)
