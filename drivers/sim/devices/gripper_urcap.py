@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack
 from drivers.robotiq.urcap import READ
-from drivers.sim.wire.modbus import Device
+from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.wire.serving import Lock, TcpServer
 
 FLAGS = {"ACT": "rACT", "GTO": "rGTO", "ATR": "rATR", "ADR": "rARD"}
@@ -21,7 +21,7 @@ MAX_LINE = 256
 class Urcap:
     """What the URCap answers to a line."""
 
-    device: Device
+    device: GripperModel
     now: Callable[[], float]  # simulated seconds
     # What follows the answer to a question; an acknowledgement stands alone.
     line_end: bytes = b"\n"
