@@ -100,6 +100,11 @@ def pose_numbers(pose: Pose) -> tuple[str, ...]:
     return (*position, *(number(part, 7) for part in pose.rotation))
 
 
+def speed_numbers(speed_mm_s: float, turn_rad_s: float) -> tuple[str, str]:
+    """Two numbers of a speed: mm/s and deg/s to 0.001; errors as of `number`."""
+    return number(speed_mm_s, 3), number(math.degrees(turn_rad_s), 3)
+
+
 def hand_rotation(angle_rad: float) -> Quaternion:
     """Rotation of a hand that points down, turned by `angle_rad`: (0, cos a/2, sin a/2, 0)."""
     return (0.0, math.cos(angle_rad / 2.0), math.sin(angle_rad / 2.0), 0.0)
