@@ -1,7 +1,6 @@
 """The command `grasp-calibrate`: measures the gripper, and the audit's camera."""
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
@@ -21,7 +20,7 @@ from runtime.execution.calibration import LEAST_BLOCKS, GripperCalibration
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.shell import interrupts
-from runtime.shell.command import Parser, add_command, say
+from runtime.shell.command import Parser, add_command, say, say_result
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable
@@ -145,12 +144,9 @@ def run(
     fitted = replace(fitted, tips_mm=tips, current_ma=current)
     interrupts.conclude()  # measured: a stop request would stop nothing
     calibration.save(fitted, arguments.output)
-    if arguments.json:
-        say(json.dumps({"output": str(arguments.output), **figures(fitted)}))
-        return 0
-    for line in report(figures(fitted)):
-        say(line)
-    say(f"written to {arguments.output}")
+    seen = figures(fitted)
+    lines = (*report(seen), f"written to {arguments.output}")
+    say_result(arguments.json, {"output": str(arguments.output), **seen}, lines)
     return 0
 
 

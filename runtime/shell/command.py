@@ -6,11 +6,12 @@ A command is a parser and a body: `return run(parser(), argv, body)`.
 import argparse
 import contextlib
 import errno
+import json
 import math
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
@@ -181,6 +182,12 @@ def say_lines(text: str, file: TextIO | None = None) -> None:
     """Print each line of a text, as `say`."""
     for line in text.removesuffix("\n").split("\n"):
         say(line, file)
+
+
+def say_result(as_json: bool, fields: Mapping[str, object], lines: Iterable[str]) -> None:
+    """Print what a command came to: as one JSON object, or as lines for people."""
+    for line in [json.dumps(fields)] if as_json else lines:
+        say(line)
 
 
 def tell(name: str, words: object) -> None:
