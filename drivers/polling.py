@@ -149,10 +149,6 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         """Whether the device has taken the request."""
         return self._target(seen) == move.target
 
-    def _moving(self, seen: Seen) -> bool:
-        """Whether the fingers are on their way; asked only within `stale_s`."""
-        raise NotImplementedError
-
     def _require_obeyed(self, seen: Seen, doing: str) -> None:
         """Raise a GripperFault where the request that was received is not obeyed."""
         self._require_ready(seen, doing)
@@ -215,7 +211,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
     def _past_stale(self, seen: Seen) -> Seen:
         """Read on until a reading tells of the last request, and of no earlier one."""
-        while self._asked_at is not None and not self._moving(seen):
+        while self._asked_at is not None and not self._state(seen, self._target(seen)).moving:
             until = self._asked_at + self.stale_s / self._pace.time_scale
             if self._pace.now() >= until:
                 break

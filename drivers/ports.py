@@ -21,9 +21,8 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-PoseOfHand = tuple[
-    float, float, float, float
-]  # x mm, y mm, z mm, angle rad, of the point between the tips
+# x mm, y mm, z mm, angle rad, of the point between the tips
+PoseOfHand = tuple[float, float, float, float]
 MOST_COUNT = 255  # of a device that tells its widths as counts
 # How far a hand, whose gripper nobody named, and what it holds reach from its axis.
 TURN_RADIUS_MM = 160.0

@@ -20,9 +20,8 @@ from runtime.shell.host_names import addresses_of
 CONNECT_S = 5.0  # wall; to find a host's address and to be accepted there
 SEND_S = 0.5  # wall; a request has some hundred bytes at most, which a line takes in milliseconds
 CHUNK = 4096
-PSEUDO_TERMINALS = range(
-    136, 144
-)  # major numbers (Linux, devices.txt): they refuse to have a parity
+# major numbers (Linux, devices.txt): they refuse to have a parity
+PSEUDO_TERMINALS = range(136, 144)
 
 
 class StalledError(TimeoutError):

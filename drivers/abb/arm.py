@@ -11,7 +11,7 @@ from collections.abc import Callable
 from drivers.abb import codec
 from drivers.abb.codec import Pose, ProtocolError, Reply
 from drivers.abb.reach import Setup, setup_of
-from drivers.abb.upright import ArmPose, UprightArm
+from drivers.abb.upright import Motion, UprightArm
 from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM
@@ -74,8 +74,9 @@ class Arm(UprightArm):
     def _read_last_axis(self) -> float:
         return math.radians(codec.parse_numbers(self._ask(codec.READ_JOINTS))[5])
 
-    def _drive(self, target: ArmPose, budget_s: float) -> None:
-        self._ask(codec.MOVE_LINEAR, codec.pose_numbers(target.frame), budget_s)
+    def _drive(self, motion: Motion) -> None:
+        self._set_speed(motion.speed_mm_s, motion.turn_rad_s)
+        self._ask(codec.MOVE_LINEAR, codec.pose_numbers(motion.target.frame), motion.budget_s)
 
     def close(self) -> None:
         """Hang up; the arm does not move. A silent one is left without a word."""
@@ -88,12 +89,8 @@ class Arm(UprightArm):
     def _set_speed(self, speed_mm_s: float, turn_rad_s: float) -> None:
         if (speed_mm_s, turn_rad_s) == self._speeds:
             return
-        try:
-            numbers = (codec.number(speed_mm_s, 3), codec.number(math.degrees(turn_rad_s), 3))
-        except ProtocolError as error:
-            raise ArmError(f"arm speed: {error}") from error
         self._speeds = None  # until it is acknowledged
-        self._ask(codec.SET_SPEED, numbers)
+        self._ask(codec.SET_SPEED, codec.speed_numbers(speed_mm_s, turn_rad_s))
         self._speeds = speed_mm_s, turn_rad_s
 
     def _drain(self) -> None:

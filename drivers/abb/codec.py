@@ -19,9 +19,8 @@ MAX_MAGNITUDE = 1e5  # nothing an arm is told is larger; keeps lines short
 PING, MOVE_LINEAR, READ_POSE, READ_JOINTS = 0, 1, 3, 4
 SET_TOOL, SET_WORK_OBJECT, SET_SPEED, SET_ZONE = 6, 7, 8, 9
 CLOSE = 99  # answered by silence
-HARMLESS = frozenset(
-    {PING, READ_POSE, READ_JOINTS, CLOSE}
-)  # neither move anything nor change a setting
+# neither move anything nor change a setting
+HARMLESS = frozenset({PING, READ_POSE, READ_JOINTS, CLOSE})
 
 # Code -> how many fields its reply carries. 98 answers free text and is left out.
 REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0)
@@ -99,6 +98,11 @@ def pose_numbers(pose: Pose) -> tuple[str, ...]:
         raise ProtocolError(f"quaternion {pose.rotation} has length {length}; normalise it")
     position = (number(value, 3) for value in (pose.x_mm, pose.y_mm, pose.z_mm))
     return (*position, *(number(part, 7) for part in pose.rotation))
+
+
+def speed_numbers(speed_mm_s: float, turn_rad_s: float) -> tuple[str, str]:
+    """Two numbers of a speed: mm/s and deg/s to 0.001; errors as of `number`."""
+    return number(speed_mm_s, 3), number(math.degrees(turn_rad_s), 3)
 
 
 def hand_rotation(angle_rad: float) -> Quaternion:

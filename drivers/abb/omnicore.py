@@ -13,9 +13,9 @@ from drivers.abb.codec import IDENTITY, Pose, ProtocolError
 from drivers.abb.kinematics import compose, invert
 from drivers.abb.reach import Setup, setup_of, within_sphere
 from drivers.abb.rws import Rws, RwsError, State
-from drivers.abb.upright import ArmPose, UprightArm
+from drivers.abb.upright import Motion, UprightArm
 from drivers.clock import Pace
-from drivers.errors import ArmError, ReadOnlyError, shown
+from drivers.errors import ArmError, shown
 from drivers.stream import open_tcp, tcp_address
 
 TASK, MODULE, ROUTINE, UNIT = "T_ROB1", "SqueezeTree", "SqueezeTreeMain", "ROB_1"
@@ -49,10 +49,8 @@ class Arm(UprightArm):
         super().__init__(endpoint, setup, within_sphere(setup))
         self._rws = rws
         self._pace = pace
-        self._speed_mm_s = self._turn_rad_s = math.nan
-        self._table = compose(
-            invert(setup.base or IDENTITY), setup.work_object
-        )  # in the base frame
+        # in the base frame
+        self._table = compose(invert(setup.base or IDENTITY), setup.work_object)
         self._moves = secrets.randbelow(MOST_NUMBER)  # no number of an earlier client
         try:
             version = self._symbol("sq_version")
@@ -84,17 +82,7 @@ class Arm(UprightArm):
         seen = self._look(f"{MECHANICS}/jointtarget")
         return math.radians(_numbers(seen, "rax_6")[0])
 
-    def _set_speed(self, speed_mm_s: float, turn_rad_s: float) -> None:
-        try:
-            codec.number(speed_mm_s, 3)
-            codec.number(math.degrees(turn_rad_s), 3)
-        except ProtocolError as error:
-            raise ArmError(f"arm speed: {error}") from error
-        if self._setup.read_only:
-            raise ReadOnlyError(f"a dry run was about to move the arm at {self.endpoint}")
-        self._speed_mm_s, self._turn_rad_s = speed_mm_s, turn_rad_s
-
-    def _drive(self, target: ArmPose, budget_s: float) -> None:
+    def _drive(self, motion: Motion) -> None:
         if reason := self._objection():
             raise ArmError(f"arm at {self.endpoint} not moved: {reason}")
         try:
@@ -102,12 +90,13 @@ class Arm(UprightArm):
                 self._start()
             self._write("sq_tframe", _rapid(self._setup.tool))
             self._write("sq_oframe", _rapid(self._setup.work_object))
-            self._write("sq_target", _rapid(target.frame))
-            self._write("sq_speed", codec.number(self._speed_mm_s, 3))
-            self._write("sq_turn", codec.number(math.degrees(self._turn_rad_s), 3))
+            self._write("sq_target", _rapid(motion.target.frame))
+            speeds = codec.speed_numbers(motion.speed_mm_s, motion.turn_rad_s)
+            for name, value in zip(("sq_speed", "sq_turn"), speeds, strict=True):
+                self._write(name, value)
             self._next()
             self._await("sq_started", START_S, "it did not begin a motion; see which program runs")
-            self._await("sq_done", budget_s, f"not there after {budget_s:.1f} s")
+            self._await("sq_done", motion.budget_s, f"not there after {motion.budget_s:.1f} s")
         except BaseException as error:  # Ctrl-C, too
             with contextlib.suppress(OSError):
                 self._rws.post("/rw/rapid/execution/stop", {"stopmode": "stop", "usetsp": "normal"})
@@ -133,9 +122,8 @@ class Arm(UprightArm):
         line = next(
             (state for state in self._states(POINTER) if state.get("_title") == "progpointer"), {}
         )
-        return line.get("modulemame") or line.get("modulename"), line.get(
-            "routinename"
-        )  # RWS spells it so
+        # RWS spells it so
+        return line.get("modulemame") or line.get("modulename"), line.get("routinename")
 
     def _runs(self) -> bool:
         return self._look("/rw/rapid/execution").get("ctrlexecstate") == "running"

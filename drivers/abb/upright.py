@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 from drivers.abb import codec
 from drivers.abb.codec import Pose, ProtocolError
 from drivers.abb.reach import Setup, Wrist, obstacle, within_irb_120
-from drivers.errors import ArmError
+from drivers.errors import ArmError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM, PoseOfHand
 
 MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
@@ -35,8 +35,18 @@ class ArmPose(NamedTuple):
         return Pose(self.x_mm, self.y_mm, self.z_mm, codec.hand_rotation(self.angle_rad))
 
 
+class Motion(NamedTuple):
+    """A straight motion that may be asked for."""
+
+    start: ArmPose
+    target: ArmPose
+    speed_mm_s: float  # greatest of the hand's middle
+    turn_rad_s: float  # greatest of its turn
+    budget_s: float  # device seconds by which it is over
+
+
 class UprightArm(ABC):
-    """What the makes share; a make reads, sets its speed and drives.
+    """What the makes share; a make reads and drives.
 
     Args:
         endpoint: its address as the user named it.
@@ -74,19 +84,11 @@ class UprightArm(ABC):
         """The last joint in rad, as far round as it has turned; errors as above."""
 
     @abstractmethod
-    def _set_speed(self, speed_mm_s: float, turn_rad_s: float) -> None:
-        """Take the greatest speeds of the next motion, of the hand's middle and of its turn.
-
-        Raises:
-            ArmError: it cannot be told to the arm.
-        """
-
-    @abstractmethod
-    def _drive(self, target: ArmPose, budget_s: float) -> None:
+    def _drive(self, motion: Motion) -> None:
         """Move straight, and return when it stands there.
 
         Raises:
-            ArmError: it did not arrive within so many device seconds; its state is unknown.
+            ArmError: it did not arrive in time; its state is unknown.
         """
 
     def pose(self) -> ArmPose:
@@ -153,11 +155,18 @@ class UprightArm(ABC):
             raise ArmError(
                 f"arm speed {speed_mm_s} mm/s at {radius_mm} mm; give a positive one, and radius"
             )
-        self._set_speed(speed_mm_s, speed_mm_s / radius_mm)
+        turn_rad_s = speed_mm_s / radius_mm
+        try:
+            codec.speed_numbers(speed_mm_s, turn_rad_s)
+        except ProtocolError as error:
+            raise ArmError(f"arm speed: {error}") from error
+        if self._setup.read_only:
+            raise ReadOnlyError(f"a dry run was about to move the arm at {self.endpoint}")
         self._at, self._wrist_is_fresh = None, False
         turn_rad = abs(target.angle_rad - start.angle_rad)
         travel_s = max(math.dist(start[:3], target[:3]), radius_mm * turn_rad) / speed_mm_s
-        self._drive(target, travel_s * 1.5 + MOVE_MARGIN_S)
+        budget_s = travel_s * 1.5 + MOVE_MARGIN_S
+        self._drive(Motion(start, target, speed_mm_s, turn_rad_s, budget_s))
         self._at, self._angle_rad = target, target.angle_rad
 
     def _overturn(self, start: ArmPose, target: ArmPose) -> str:

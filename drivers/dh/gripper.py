@@ -142,9 +142,6 @@ class Gripper(PolledGripper[Reading, int]):
             current_ma=0,
         )
 
-    def _moving(self, seen: Reading) -> bool:
-        return seen.moving
-
     def _rest(self, seen: Reading, move: Move[Reading, int]) -> int | None:
         return seen.position if self._fits(seen, move) else None
 

@@ -171,9 +171,8 @@ def _network(port: str, where: CanMap, *, read_only: bool) -> "canopen.Network":
         import canopen
     except ImportError as error:
         raise PortError(f"port {port}: {error}; install squeezetree[can]") from error
-    logging.getLogger("canopen").setLevel(
-        logging.CRITICAL + 1
-    )  # its failures reach the caller as ours
+    # its failures reach the caller as ours
+    logging.getLogger("canopen").setLevel(logging.CRITICAL + 1)
     network = canopen.Network()
     network.NOTIFIER_CYCLE = HEAR_S
     options = {"bitrate": where.bitrate} if where.bitrate else {}

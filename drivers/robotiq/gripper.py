@@ -99,9 +99,6 @@ class Gripper(PolledGripper[Reading, int]):
             current_ma=seen.current_ma,
         )
 
-    def _moving(self, seen: Reading) -> bool:
-        return seen.moving
-
     def _rest(self, seen: Reading, move: Move[Reading, int]) -> int | None:
         return seen.position_counts if self._fits(seen, move) else None
 

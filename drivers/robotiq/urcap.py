@@ -29,9 +29,8 @@ READ = {
     "OBJ": "gOBJ",
     "POS": "gPO",
 }
-DIGITS = dict.fromkeys(
-    ("ACT", "GTO", "STA", "OBJ"), 1
-)  # answers whole after so many; others after a pause
+# answers whole after so many; others after a pause
+DIGITS = dict.fromkeys(("ACT", "GTO", "STA", "OBJ"), 1)
 MOST_DIGITS = 3
 FENCES = ("SPE", "FOR")  # asked only to find the step again
 QUIET_S = 0.003  # wall: an answer without a line end is whole when nothing follows for so long

@@ -4,7 +4,7 @@ import random
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from drivers.clock import Pace
 from drivers.dh import registers as dh
@@ -19,36 +19,20 @@ from drivers.schunk.gripper import Gripper as SchunkGripper
 from drivers.schunk.link import SchunkLink
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.faulty import FaultyDhModel, FaultyGripper, FaultySchunkModel
-from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
-from drivers.sim.devices.jaws import Surroundings
+from drivers.sim.devices.jaws import Fingers, Surroundings
 from drivers.sim.devices.schunk import SchunkModel
 from drivers.sim.devices.schunk_registers import SchunkRegisters
 from drivers.sim.faults import Desk
 from drivers.sim.wire.line import CleanLine
-from drivers.sim.wire.modbus import GripperRegisters, Registers
+from drivers.sim.wire.modbus import Registers
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import Lock, Server, SimulatedTime
 from drivers.stream import Stream
 from runtime.shell.errors import UsageError
 from runtime.table import same_model
-
-
-class SimulatedGripper(Protocol):
-    """A gripper's device, as a workcell drives it. Times are simulated seconds and never go back."""
-
-    def opening_mm(self, now_s: float) -> float:
-        """True distance between the fingers."""
-
-    def advance(self, now_s: float) -> None:
-        """Let time pass."""
-
-    def next_change(self) -> float:
-        """When the next reading will differ from the last, but for a moving width; infinity: never."""
-
-    def lose_object(self, now_s: float) -> None:
-        """What the fingers hold slips out."""
 
 
 class Mount(NamedTuple):
@@ -81,18 +65,17 @@ class Ports(NamedTuple):
 class Simulator:
     """How the grippers of one make are simulated."""
 
-    model: Callable[
-        ..., Any
-    ]  # of a SimulatedGripper: its draws, what its fingers may meet, its profile
-    faulty: Callable[..., Any]  # the same, and what says when it fails
+    # of the device: its draws, what its fingers may meet, its profile
+    model: Callable[..., Fingers]
+    faulty: Callable[..., Fingers]  # the same, and what says when it fails
     registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, at its time
     unit: int  # on the serial line
     scheme: str  # what stands before the serial port's path
     link: Callable[[Stream, Pace, Report], Any]  # of the driver, on that line
     gripper: Callable[[Any, Pace, Report, GripperProfile], Gripper]  # the driver, over it
 
-    def device(self, mount: Mount) -> Any:
-        """A SimulatedGripper."""
+    def device(self, mount: Mount) -> Fingers:
+        """The device."""
         parts = (mount.rng, mount.surroundings, mount.profile)
         return self.model(*parts) if mount.desk is None else self.faulty(*parts, mount.desk)
 

@@ -10,14 +10,13 @@ from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.faulty import FaultyArm
 from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.faults import Desk, Listed
-from drivers.sim.grippers import Mount, SimulatedGripper, simulator
+from drivers.sim.grippers import Mount, simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.tabletop import Look, TableTop, Vice
 from drivers.sim.wire.line import CleanLine, FaultyLine
 
-ARM_BASE = Pose(
-    -300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)
-)  # in the world: the table's middle is in reach
+# in the world: the table's middle is in reach
+ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
 class Workcell(Surroundings):
@@ -52,7 +51,7 @@ class Workcell(Surroundings):
         lags = random.Random(f"{seed}/gripper")
         mount = Mount(self.profile, lags, self, self.desk if self._faulty else None)
         self.simulator = simulator(self.profile.model)
-        self.gripper: SimulatedGripper = self.simulator.device(mount)
+        self.gripper = self.simulator.device(mount)
         self.arm: ArmModel
         if self._faulty:
             self.arm = FaultyArm(random.Random(f"{seed}/arm"), ARM_BASE, self.desk, ramps)

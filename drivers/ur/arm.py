@@ -12,9 +12,9 @@ from collections.abc import Callable
 from drivers.abb.codec import IDENTITY, Pose
 from drivers.abb.kinematics import compose, invert
 from drivers.abb.reach import Setup, setup_of, within_sphere
-from drivers.abb.upright import ArmPose, UprightArm
+from drivers.abb.upright import Motion, UprightArm
 from drivers.clock import Pace
-from drivers.errors import ArmError, PortError, ReadOnlyError
+from drivers.errors import ArmError, PortError
 from drivers.stream import Stream, open_tcp, tcp_address
 from drivers.ur import script
 from drivers.ur.rtde import ANSWER_S, PORT, Reading, Rtde
@@ -67,9 +67,7 @@ class Arm(UprightArm):
         self._open_script = open_script
         self._pace = pace
         self._displaced = False  # whether somebody's program took the place of ours
-        self._speed_mm_s = self._turn_rad_s = math.nan
         self._fraction = 1.0  # where the speed slider stood when the last motion began
-        self._start: ArmPose | None = None
         self._moves = secrets.randbelow(1 << 30)  # no number of an earlier client
         # The table in the base frame.
         self._table = compose(invert(setup.base or IDENTITY), setup.work_object)
@@ -92,23 +90,16 @@ class Arm(UprightArm):
     def _read_last_axis(self) -> float:
         return self._read().joints[5]
 
-    def _set_speed(self, speed_mm_s: float, turn_rad_s: float) -> None:
-        if not math.isfinite(speed_mm_s):
-            raise ArmError(f"arm speed {speed_mm_s} mm/s; give a finite one")
-        if self._setup.read_only:
-            raise ReadOnlyError(f"a dry run was about to move the arm at {self.endpoint}")
-        self._speed_mm_s, self._turn_rad_s, self._start = speed_mm_s, turn_rad_s, self._at
-
-    def _drive(self, target: ArmPose, budget_s: float) -> None:
+    def _drive(self, motion: Motion) -> None:
         seen = self._read()
         if reason := _objection(seen):
             raise ArmError(f"arm at {self.endpoint} not moved: {reason}")
-        pacing, seconds = self._pacing(target)
+        pacing, seconds = _pacing(motion)
         # A program waits at the pendant's slider.
         self._fraction = seen.speed_fraction
-        budget_s = max(budget_s, seconds + ANSWER_S) / seen.speed_fraction
+        budget_s = max(motion.budget_s, seconds + ANSWER_S) / seen.speed_fraction
         self._moves = self._moves % (1 << 30) + 1
-        place = compose(self._table, target.frame)
+        place = compose(self._table, motion.target.frame)
         program = script.move(self._moves, self._setup.tool, place, pacing)
         try:
             opened = self._open_script()
@@ -127,19 +118,6 @@ class Arm(UprightArm):
                     raise self._lose(str(error)) from error
                 self._unknown = self._unknown or "a motion was interrupted"
                 raise
-
-    def _pacing(self, target: ArmPose) -> tuple[str, float]:
-        """Arguments of `movel`, and the seconds that the motion takes at most, but for its ramps.
-
-        Its speed is that of the tool's point; a motion that mostly turns is given by its time instead.
-        """
-        assert self._start is not None  # `move_linear` knows where it stands
-        path_s = math.dist(self._start[:3], target[:3]) / self._speed_mm_s
-        turn_s = abs(target.angle_rad - self._start.angle_rad) / self._turn_rad_s
-        if path_s >= turn_s:
-            return f"v={self._speed_mm_s / 1000.0:.6f}", path_s
-        seconds = WHOLE_TURN_MARGIN * turn_s
-        return f"t={max(seconds, 0.1):.4f}", seconds
 
     def _await_start(self) -> None:
         until = self._pace.deadline(ANSWER_S)
@@ -181,6 +159,19 @@ class Arm(UprightArm):
             return self._rtde.read()
         except OSError as error:
             raise self._lose(str(error)) from error
+
+
+def _pacing(motion: Motion) -> tuple[str, float]:
+    """Arguments of `movel`, and the seconds that the motion takes at most, but for its ramps.
+
+    Its speed is that of the tool's point; a motion that mostly turns is given by its time instead.
+    """
+    path_s = math.dist(motion.start[:3], motion.target[:3]) / motion.speed_mm_s
+    turn_s = abs(motion.target.angle_rad - motion.start.angle_rad) / motion.turn_rad_s
+    if path_s >= turn_s:
+        return f"v={motion.speed_mm_s / 1000.0:.6f}", path_s
+    seconds = WHOLE_TURN_MARGIN * turn_s
+    return f"t={max(seconds, 0.1):.4f}", seconds
 
 
 def _objection(seen: Reading) -> str:

@@ -54,9 +54,8 @@ class Reading(NamedTuple):
     status_bits: int  # bit 0 powered, 1 a program runs
     safety_bits: int  # bit 0 normal, 1 reduced, others: some stop
     speed_fraction: float  # of the pendant's slider
-    runtime_state: (
-        int  # of the program: 0 stopping, 1 stopped, 2 playing, 3 pausing, 4 paused, 5 resuming
-    )
+    # of the program: 0 stopping, 1 stopped, 2 playing, 3 pausing, 4 paused, 5 resuming
+    runtime_state: int
     started: int  # number of our move that began last
     done: int  # number of our move that ended last
 

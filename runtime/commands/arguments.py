@@ -20,7 +20,7 @@ SIMULATED_CAMERA = "{camera}"  # in --audit: the address of the simulated cell's
 SERVED = {
     "serve",
     "network",
-    "tree",
+    "trees",
     "count",
     "journal",
     "json",
@@ -71,22 +71,6 @@ def address(text: str) -> str:
     return text
 
 
-class Trees(argparse.Action):
-    """Takes an option that may stand several times: `tree` is the first value, `trees` are all."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: Any,
-        option: Any = None,
-    ) -> None:
-        """Add a value."""
-        del parser, option
-        namespace.trees = (*namespace.trees, values)
-        namespace.tree = namespace.trees[0]
-
-
 class PrintedMap(argparse.Action):
     """Prints the registers of `--plc` and ends, as --help does."""
 
@@ -117,11 +101,11 @@ def parser() -> Parser:
         "--tree",
         type=Path,
         required=True,
-        action=Trees,
+        action="append",
+        dest="trees",
         metavar="T",
         help="the table, as plan-compile wrote it; with --plc several, each with its --tree",
     )
-    built.set_defaults(trees=())
     add(
         "--port",
         type=address,

@@ -1,7 +1,6 @@
 """The command `grasp-calibrate`: measures the gripper, and the audit's camera."""
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
@@ -14,7 +13,6 @@ from typing import Any, TextIO
 
 from drivers.ports import Drivers, Gripper
 from runtime.commands import calibrate_middle
-from runtime.commands.arguments import address
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.execution import calibration, held
@@ -22,7 +20,7 @@ from runtime.execution.calibration import LEAST_BLOCKS, GripperCalibration
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.shell import interrupts
-from runtime.shell.command import Parser, say
+from runtime.shell.command import Parser, add_command, say, say_result
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable
@@ -62,18 +60,14 @@ def parser() -> Parser:
     subcommands = built.add_subparsers(
         required=True, dest="what", metavar="width | middle | camera | tag | pictures"
     )
-    width = subcommands.add_parser(
-        "width",
-        help="what the gripper's widths truly are, with gauge blocks",
-        description="Measure what the widths that the gripper reads truly are, with gauge blocks.",
-        epilog=f"example:\n  {EXAMPLE}\n\n{EXIT_CODES}",
-    )
+    purpose = "what the gripper's widths truly are, with gauge blocks"
+    width = add_command(subcommands, "width", purpose, EXAMPLE, EXIT_CODES)
     calibrate_middle.add_to(subcommands, EXIT_CODES)
     # Those of the audit have a parser of their own, which is asked before this one.
     for name, help_text in OF_THE_AUDIT.items():
         subcommands.add_parser(name, help=help_text, add_help=False)
+    calibrate_middle.add_shared(width)
     add = width.add_argument
-    add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
     add(
         "--gripper",
         required=True,
@@ -104,16 +98,6 @@ def parser() -> Parser:
         "--current",
         metavar="LEAST,MOST",
         help="motor current at rest on a part in mA, kept in the file",
-    )
-    add(
-        "--activate",
-        action="store_true",
-        help="activate the gripper if need be: the fingers sweep fully",
-    )
-    add(
-        "--json",
-        action="store_true",
-        help="print one JSON object instead of text; ask on standard error",
     )
     return built
 
@@ -160,12 +144,9 @@ def run(
     fitted = replace(fitted, tips_mm=tips, current_ma=current)
     interrupts.conclude()  # measured: a stop request would stop nothing
     calibration.save(fitted, arguments.output)
-    if arguments.json:
-        say(json.dumps({"output": str(arguments.output), **figures(fitted)}))
-        return 0
-    for line in report(figures(fitted)):
-        say(line)
-    say(f"written to {arguments.output}")
+    seen = figures(fitted)
+    lines = (*report(seen), f"written to {arguments.output}")
+    say_result(arguments.json, {"output": str(arguments.output), **seen}, lines)
     return 0
 
 

@@ -1,7 +1,6 @@
 """`grasp-calibrate middle`: measures where the fingers meet, with a block held fast on the table."""
 
 import argparse
-import json
 import sys
 from collections.abc import Callable
 from contextlib import closing
@@ -25,7 +24,7 @@ from runtime.execution.middle import Middle
 from runtime.execution.reading import CURRENT_MA
 from runtime.execution.safe_state import fingers_stop, reach_safe_state
 from runtime.shell import interrupts
-from runtime.shell.command import number, say
+from runtime.shell.command import Parser, number, say, say_result
 from runtime.shell.errors import UsageError
 from runtime.shell.files import OutputError, usable
 from runtime.table import Pose2, Table, load
@@ -50,7 +49,7 @@ def add_to(subcommands: Any, codes: str) -> None:
         epilog=f"example:\n  {EXAMPLE}\n\n{codes}",
     )
     add = parser.add_argument
-    add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
+    add_shared(parser)
     add("--arm", type=address, required=True, metavar="URL", help="the arm, as for grasp-runtime")
     add(
         "--tree",
@@ -85,16 +84,16 @@ def add_to(subcommands: Any, codes: str) -> None:
     )
     add("-o", "--output", type=Path, required=True, metavar="F2", help="F with the measured middle")
     add("--tips", metavar="straight|arc|LINK,OFFSET", help="as for grasp-runtime")
-    add(
-        "--activate",
-        action="store_true",
-        help="activate the gripper if need be: the fingers sweep fully",
-    )
-    add(
-        "--json",
-        action="store_true",
-        help="print one JSON object instead of text; ask on standard error",
-    )
+
+
+def add_shared(parser: Parser) -> None:
+    """The arguments of whatever moves the fingers to measure."""
+    add = parser.add_argument
+    add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
+    activate = "activate the gripper if need be: the fingers sweep fully"
+    add("--activate", action="store_true", help=activate)
+    printed = "print one JSON object instead of text; ask on standard error"
+    add("--json", action="store_true", help=printed)
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
@@ -145,7 +144,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
                     arm,
                     table.limits,
                     arm_known=hand.arm_known,
-                    may_hold_fixed=hand.may_hold,
+                    may_hold_fixed=hand.jaws.may_hold,
                 ):
                     error.add_note(note)
                 raise
@@ -169,23 +168,18 @@ def _warning(arguments: argparse.Namespace, at: Pose2, table: Table) -> str:
 def _print(arguments: argparse.Namespace, known: Middle, table: Table) -> None:
     width_mm, leaves = middle.narrowest_mm(table), middle.left(known, table)
     beside = middle.off_mm(known, table)
-    if arguments.json:
-        record = {"output": str(arguments.output), **known._asdict(), "narrowest_mm": width_mm}
-        say(json.dumps({**record, "beside_mm": beside, "doubt": leaves}))
-        return
-    say(
-        f"the fingers meet {known.across_mm:+.2f} +- {known.across_error_mm:.2f} mm off the hand's middle at "
-        f"{known.block_mm:g} mm, along the hand's y"
+    record = {"output": str(arguments.output), **known._asdict(), "narrowest_mm": width_mm}
+    meet = f"{known.across_mm:+.2f} +- {known.across_error_mm:.2f} mm off the hand's middle"
+    lines = (
+        f"the fingers meet {meet} at {known.block_mm:g} mm, along the hand's y",
+        f"the finger at +y makes {100 * known.share:.1f} +- {100 * known.share_error:.1f} % of the closing",
+        f"on this table's part, {width_mm:.1f} mm, its places are corrected by {-beside:+.2f} mm",
+        "what is left to doubt, for the job:",
+        "[doubt]",
+        *(f"{key} = [{low:g}, {high:g}]" for key, (low, high) in leaves.items()),
+        f"written to {arguments.output}",
     )
-    say(
-        f"the finger at +y makes {100 * known.share:.1f} +- {100 * known.share_error:.1f} % of the closing"
-    )
-    say(f"on this table's part, {width_mm:.1f} mm, its places are corrected by {-beside:+.2f} mm")
-    say("what is left to doubt, for the job:")
-    say("[doubt]")
-    for key, (low, high) in leaves.items():
-        say(f"{key} = [{low:g}, {high:g}]")
-    say(f"written to {arguments.output}")
+    say_result(arguments.json, {**record, "beside_mm": beside, "doubt": leaves}, lines)
 
 
 def _checked(arguments: argparse.Namespace) -> tuple[Pose2, GripperCalibration]:

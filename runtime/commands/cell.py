@@ -48,7 +48,7 @@ def connect(
         if arguments.time_scale == inf:
             return _virtual(arguments, table, console, drivers, report)
         process = CellProcess(
-            arguments.tree,
+            arguments.trees[0],
             world=arguments.world or _default_world(table, console),
             seed=arguments.seed,
             time_scale=arguments.time_scale,
@@ -82,7 +82,7 @@ def _virtual(
 ) -> Devices:
     """A cell in this process, in virtual time."""
     world = arguments.world or _default_world(table, console)
-    cell = drivers.virtual(arguments.tree, world=world, seed=arguments.seed, report=report)
+    cell = drivers.virtual(arguments.trees[0], world=world, seed=arguments.seed, report=report)
     console.note(f"simulated cell ({world}), in virtual time")
     return Devices(cell.gripper, cell.arm, cell.scene, clock=cast(SystemClock, cell.clock))
 

@@ -1,7 +1,6 @@
 """The command `grasp-evidence`: signs what is installed in a cell, and checks it."""
 
 import argparse
-import json
 import socket
 import sys
 from collections.abc import Callable, Sequence
@@ -13,7 +12,7 @@ from runtime import VERSION
 from runtime.devices.clock import SystemClock
 from runtime.errors import PackError
 from runtime.execution import calibration
-from runtime.shell.command import Parser, run, say, tell
+from runtime.shell.command import Parser, add_command, run, say_result, tell
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import OutputError, usable, writing
 from runtime.shell.plain_text import is_plain
@@ -99,12 +98,8 @@ def _subcommand(
     body: Callable[[argparse.Namespace], int],
     purpose: str,
 ) -> Parser:
-    subcommand = subcommands.add_parser(
-        name,
-        help=purpose,
-        description=f"{purpose[0].upper()}{purpose[1:]}.",
-        epilog=f"example:\n  {NAME} {name} {EXAMPLES[name]}\n\n{EXIT_CODES}",
-    )
+    example = f"{NAME} {name} {EXAMPLES[name]}"
+    subcommand = add_command(subcommands, name, purpose, example, EXIT_CODES)
     subcommand.add_common()
     subcommand.set_defaults(run=body)
     return subcommand
@@ -118,12 +113,12 @@ def _key(arguments: argparse.Namespace) -> int:
         "public": str(keys.public_of(path)),
         "fingerprint": key.public.fingerprint,
     }
-    if arguments.json:
-        say(json.dumps(fields))
-    else:
-        say(f"{path}: private key, keep it where the signer alone can read it")
-        say(f"{keys.public_of(path)}: public key, for verify and --require-signed")
-        say(f"fingerprint {key.public.fingerprint}")
+    lines = (
+        f"{path}: private key, keep it where the signer alone can read it",
+        f"{keys.public_of(path)}: public key, for verify and --require-signed",
+        f"fingerprint {key.public.fingerprint}",
+    )
+    say_result(arguments.json, fields, lines)
     return 0
 
 
@@ -145,11 +140,11 @@ def _pack(arguments: argparse.Namespace) -> int:
     pack = verified(data, key.public)
     with writing(output) as draft:
         draft.write_bytes(data)
-    if arguments.json:
-        say(json.dumps({"pack": str(output), **pack.fields()}))
-    else:
-        say(f"{output}: {', '.join(pack.members)}")
-        say(f"signed by {pack.manifest['signer']}, fingerprint {pack.key.fingerprint}")
+    lines = (
+        f"{output}: {', '.join(pack.members)}",
+        f"signed by {pack.manifest['signer']}, fingerprint {pack.key.fingerprint}",
+    )
+    say_result(arguments.json, {"pack": str(output), **pack.fields()}, lines)
     return 0
 
 
@@ -159,12 +154,9 @@ def _verify(arguments: argparse.Namespace) -> int:
         pack = verified(read(arguments.pack), trusted)
     except PackError as error:
         raise PackError(f"pack {arguments.pack}: {error}") from error
-    if arguments.json:
-        checked = None if arguments.key is None else str(arguments.key)
-        say(json.dumps({"pack": str(arguments.pack), "checked_against": checked, **pack.fields()}))
-    else:
-        for line in _lines(arguments, pack):
-            say(line)
+    checked = None if arguments.key is None else str(arguments.key)
+    fields = {"pack": str(arguments.pack), "checked_against": checked, **pack.fields()}
+    say_result(arguments.json, fields, _lines(arguments, pack))
     return 0
 
 

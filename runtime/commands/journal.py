@@ -14,7 +14,7 @@ from runtime.journal.chain import records, verify
 from runtime.journal.lines import RESERVED, UPTIME, Entry, begins_run
 from runtime.journal.replay import Replay
 from runtime.journal.times import times_of
-from runtime.shell.command import Parser, natural, run, seconds
+from runtime.shell.command import Parser, add_command, natural, run, seconds
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, words_of
@@ -87,13 +87,8 @@ def parser() -> Parser:
 def _subcommand(
     subcommands: "argparse._SubParsersAction[Parser]", name: str, body: object, help_text: str
 ) -> Parser:
-    example = f"example:\n  grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
-    command = subcommands.add_parser(
-        name,
-        help=help_text,
-        description=f"{help_text[0].upper()}{help_text[1:]}.",
-        epilog=f"{example}\n\n{EXIT_CODES}",
-    )
+    example = f"grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
+    command = add_command(subcommands, name, help_text, example, EXIT_CODES)
     command.add_argument(
         "journal", type=Path, help="the journal; its sealed segments are read with it"
     )

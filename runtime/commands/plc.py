@@ -145,9 +145,8 @@ class PlcRun:
                 with interrupts.stoppable():
                     stack.enter_context(self._server)
                 self.monitor.note(f"a PLC may connect at {self._url}")
-                while (
-                    not self._exchange.glance.enabled
-                ):  # the fingers may sweep before the first part
+                # the fingers may sweep before the first part
+                while not self._exchange.glance.enabled:
                     if not self._ended_withdrawn():
                         self._wait()
                 while True:

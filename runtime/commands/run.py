@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
         Exception: any error of ours or of a device; each carries its `exit_code`.
     """
     check_usage(arguments)
-    recipe = prepare(arguments, arguments.tree)
+    recipe = prepare(arguments, arguments.trees[0])
     goal = recipe.loaded.table.goal
     if arguments.tips not in (None, "straight") and recipe.options.handling.arc is None:
         recipe.console.note(
@@ -81,7 +81,7 @@ class _Asked:
         plc = None if arguments.plc is None else self._plc()
         # First of all, since it may be refused; what runs below closes before it, and is watched until then.
         monitor = self.stack.enter_context(
-            Monitor(self.recipe.console, self.recipe.loaded, arguments.tree, views(arguments))
+            Monitor(self.recipe.console, self.recipe.loaded, arguments.trees[0], views(arguments))
             if plc is None
             else plc.monitor
         )
@@ -144,7 +144,7 @@ class _Asked:
         check_asked(table)
         address = serve.check(arguments)
         monitor = self.stack.enter_context(
-            Monitor(self.recipe.console, self.recipe.loaded, arguments.tree, views(arguments))
+            Monitor(self.recipe.console, self.recipe.loaded, arguments.trees[0], views(arguments))
         )
         listener = self.stack.enter_context(listening(address, "--serve"))
         journal, _ = self._look_back(clock, header)

@@ -35,7 +35,7 @@ def check(arguments: argparse.Namespace) -> server.Address:
     """
     defaults = parser()
     for name, given in vars(arguments).items():
-        if name not in SERVED | {"trees"} and given != defaults.get_default(name):
+        if name not in SERVED and given != defaults.get_default(name):
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"--serve answers a robot that moves itself; leave out {option}")
     return server.served(

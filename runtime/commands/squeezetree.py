@@ -162,9 +162,8 @@ def _overview(_: argparse.Namespace) -> int:
 
 def _call(program: Program, rest: list[str]) -> int:
     """Run a program as if it had been called by its name."""
-    asks = bool(
-        {"-h", "--help"} & set(rest)
-    )  # an option of the program would take --help for its value
+    # an option of the program would take --help for its value
+    asks = bool({"-h", "--help"} & set(rest))
     before = [word for word in program.before if not (asks and word.startswith("-"))]
     sys.argv = [program.name, *before, *rest]
     (entry,) = metadata.distribution(NAME).entry_points.select(

@@ -99,9 +99,8 @@ class Lap:
 
     def __init__(self, clock: SystemClock) -> None:
         self._clock, self._since = clock, clock.now()
-        self._scale = getattr(
-            clock, "time_scale", 1.0
-        )  # only a clock of the machine's own time has one
+        # only a clock of the machine's own time has one
+        self._scale = getattr(clock, "time_scale", 1.0)
 
     def lap(self) -> float:
         """Seconds since the last lap, or since it was made."""

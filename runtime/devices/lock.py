@@ -28,9 +28,8 @@ USUAL = {"ur": 30004, "urcap": 63352, "omnicore": 443, "tcp": 502}
 # Ports of a host at which one and the same device is moved.
 ONE_DEVICE = (
     frozenset({30001, 30002, 30003, 30004}),  # a UR arm: its interfaces
-    frozenset(
-        {63352, 54321}
-    ),  # the gripper at its tool connector: Robotiq's URCap, and the forwarder
+    # the gripper at its tool connector: Robotiq's URCap, and the forwarder
+    frozenset({63352, 54321}),
     frozenset({443, 5000}),  # an ABB arm: Robot Web Services, and open_abb
 )
 SCRIPT_PORT_BELOW = 2  # below its RTDE, wherever that is, a UR arm takes its programs

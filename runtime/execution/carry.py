@@ -121,11 +121,11 @@ def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | N
     except MotionRefusedError as error:
         return f"the part was not taken: {error}"
     node = _grasp_node(table)
-    hand.open(node.squeeze)
+    hand.jaws.open(node.squeeze)
     hand.travel_as_counted(*taken)
     hand.descend(*taken)
     reading = hand.close(node)
-    width_mm = hand.width_mm(reading.width_um)
+    width_mm = hand.jaws.width_mm(reading.width_um)
     low_mm, high_mm = delivery.width_mm
     if reading.object is ObjectState.AT_TARGET or not low_mm <= width_mm <= high_mm:
         hand.release(node.squeeze)

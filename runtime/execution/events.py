@@ -30,9 +30,8 @@ class Sighting:
     """Where a simulated part really lies, and how far the prediction is off."""
 
     true: Pose2 | None  # mm, mm, rad; None in a rehearsal, whose part has no pose
-    error_mm: (
-        float | None
-    )  # by the goal's metric; None without a prediction, or where the goal has none
+    # by the goal's metric; None without a prediction, or where the goal has none
+    error_mm: float | None
     within: bool | None  # whether the prediction meets the goal, None without one
     crashes: int  # times open fingers were placed onto this part
     hypothesis: str | None = None  # which part it really is, where the table leaves that open
@@ -52,9 +51,8 @@ class Tally:
     # parts whose leaf met the goal, None where no truth is known or they are gone
     within: int | None = None
     crashes: int | None = None  # times open fingers were placed onto a part, None on a real cell
-    seconds: Counter[float] = field(
-        default_factory=Counter
-    )  # of parts with an outcome, to hundredths
+    # of parts with an outcome, to hundredths
+    seconds: Counter[float] = field(default_factory=Counter)
 
     def add(self, result: PartResult, seen: Sighting | None) -> None:
         """One more part."""

@@ -58,16 +58,13 @@ class RunOptions:
     policy: Policy = field(default_factory=Policy)
     handling: Handling = field(default_factory=Handling)
     delivery: Delivery | Sorting | None = None
-    patience: float = (
-        1.0  # how much longer than by arm and gripper a squeeze may take: for a person
-    )
+    # how much longer than by arm and gripper a squeeze may take: for a person
+    patience: float = 1.0
     takt_s: float | None = None  # within which parts should be done; only told
-    turns: bool = (
-        True  # whether a part's plan may be turned to where the hand stands: not for a person
-    )
-    timed: bool = (
-        True  # whether the clock's seconds are the cell's, which runs no faster than its programs
-    )
+    # whether a part's plan may be turned to where the hand stands: not for a person
+    turns: bool = True
+    # whether the clock's seconds are the cell's, which runs no faster than its programs
+    timed: bool = True
 
 
 PLAIN = RunOptions()
@@ -200,7 +197,7 @@ class Executor:
         release_s = lap.lap()
         if after.outcome is not None or (following.pushes and not after.again):
             self._hand.retreat()
-            self._hand.open(following.squeeze)
+            self._hand.jaws.open(following.squeeze)
         else:
             self._hand.rise()
         self._phases.append(Phases(push_s, travel_s, lower_s, close_s, release_s, lap.lap()))
@@ -211,7 +208,7 @@ class Executor:
         for push in node.pushes:
             self._console.phase(part, Phase.PUSH, index)
             self._hand.retreat()
-            self._hand.set_jaws(push, node.squeeze)
+            self._hand.jaws.set_to(push, node.squeeze)
             self._hand.travel(*placement(push))
             # From here on the part may have been moved: who resumes this run has to start it over.
             document = {"part": part, "number": approach.number, "node": index}
@@ -219,7 +216,7 @@ class Executor:
             self._hand.push(push)
         if node.pushes:
             self._hand.retreat()
-            self._hand.open(node.squeeze)
+            self._hand.jaws.open(node.squeeze)
 
     def _travel(self, part: int, index: int, squeeze: Squeeze, *, first: bool) -> float:
         """Go above a squeeze's place, the jaws on their way to its opening; the angle of the hand there."""
@@ -228,11 +225,11 @@ class Executor:
             self._hand.retreat()
         else:
             self._hand.rise()
-        self._hand.set_out(squeeze)
+        self._hand.jaws.set_out(squeeze, fast=True)
         x_mm, y_mm, angle_rad = placement(squeeze)
         angle_rad = self._hand.turn_to(x_mm, y_mm, angle_rad)
         self._hand.travel(x_mm, y_mm, angle_rad, to_squeeze=True)
-        self._hand.open(squeeze)
+        self._hand.jaws.open(squeeze)
         return angle_rad
 
     def _drag(self, point: Place | None) -> None:

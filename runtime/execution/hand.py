@@ -54,9 +54,8 @@ class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
     Its `calibration` is that of nominal to true widths. `arm_known` tells whether the arm stands where its
-    last acknowledged motion left it, or, before its first one, where it was read first; `may_hold` whether
-    the fingers may hold something: they have not opened since they closed, or since the hand was made. All
-    its places are those where the fingers meet: the arm is sent beside them where that is off its own middle.
+    last acknowledged motion left it, or, before its first one, where it was read first. All its places are
+    those where the fingers meet: the arm is sent beside them where that is off its own middle.
 
     Raises:
         TableError: the limits leave no room for the tips' arc.
@@ -79,7 +78,7 @@ class Hand:
         self.timing = handling.lifted(schedule.timing, self.calibration)
         self._half_turn = pi if close_alike(job_of(table)) else tau
         self._may_turn = may_turn(table, job_of(table), self.middle_mm)
-        self._jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
+        self.jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
         # where the arm should stand, None where nobody knows
         self._sent_to: PoseOfHand | None = None
 
@@ -92,7 +91,7 @@ class Hand:
         until = self._clock.now() + STILL_S
         while self.gripper.state().moving and self._clock.now() < until:
             self._clock.sleep(LOOK_S)
-        self._jaws.ready()
+        self.jaws.ready()
 
     def where(self) -> PoseOfHand:
         """Read where the arm stands.
@@ -136,7 +135,7 @@ class Hand:
     def _rise(self, height_mm: float) -> None:
         x_mm, y_mm, z_mm, angle_rad = self._place()
         if z_mm < height_mm - LEVEL_MM:
-            self._jaws.ready()
+            self.jaws.ready()
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float) -> float:
@@ -196,7 +195,7 @@ class Hand:
 
     def descend(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
         """Come straight down with the jaws open, the tips to the squeeze height."""
-        self.lower(x_mm, y_mm, angle_rad, self._jaws.open_mm)
+        self.lower(x_mm, y_mm, angle_rad, self.jaws.open_mm)
 
     def lower(self, x_mm: float, y_mm: float, angle_rad: float, width_mm: float) -> None:
         """Come straight down with a part of that width in the fingers."""
@@ -233,31 +232,10 @@ class Hand:
         finally:
             self.limits = before
 
-    @property
-    def may_hold(self) -> bool:
-        """Whether the fingers may hold something."""
-        return self._jaws.may_hold
-
-    def width_mm(self, reading_um: int) -> float:
-        """The opening at a reading."""
-        return self._jaws.width_mm(reading_um)
-
-    def open(self, squeeze: Squeeze) -> None:
-        """Have the jaws open as wide as the squeeze wants them, as `Jaws.open`."""
-        self._jaws.open(squeeze)
-
-    def set_out(self, squeeze: Squeeze) -> None:
-        """Ask jaws that hold nothing to open so wide, as fast as they can, and return at once."""
-        self._jaws.set_out(squeeze, fast=True)
-
-    def set_jaws(self, push: Push, squeeze: Squeeze) -> None:
-        """Bring the jaws, with nothing between them, to the opening of a push before a squeeze."""
-        self._jaws.set_to(push, squeeze)
-
     def release(self, squeeze: Squeeze) -> None:
         """Open the jaws at the part as wide as a squeeze wants them, and wait until they are."""
         self.let_go(squeeze, squeeze)
-        self._jaws.wait()
+        self.jaws.wait()
 
     def let_go(self, squeeze: Squeeze, following: Squeeze) -> None:
         """Open the jaws until they are free of the part, and on, as wide as the squeeze that follows wants.
@@ -265,24 +243,24 @@ class Hand:
         The tips stay level until they are clear of the part's sides; `open` waits for the rest.
         """
         self.where()  # a part that was displaced with the hand is not let go
-        held_mm = self.width_mm(self._jaws.ready().width_um)
+        held_mm = self.jaws.width_mm(self.jaws.ready().width_um)
         wide = max(squeeze, following, key=lambda each: each.opening_um)
         free_mm = min(held_mm + CLEAR_MM, wide.opening_um / 1000)
         arc = self._handling.arc
         if arc is not None:
             for width_mm in [*arc.stages(free_mm, held_mm)[-2::-1], free_mm]:
-                self._jaws.open_to(squeeze, width_mm)
-                self._level(arc.advance_mm(self._jaws.open_mm))
+                self.jaws.open_to(squeeze, width_mm)
+                self._level(arc.advance_mm(self.jaws.open_mm))
         elif following.opening_um / 1000 < free_mm:
-            self._jaws.open_to(squeeze, free_mm)
+            self.jaws.open_to(squeeze, free_mm)
         else:
-            self._jaws.set_free(squeeze, following, free_mm)
+            self.jaws.set_free(squeeze, following, free_mm)
             return
         if self.calibration.opening_um(following.opening_um) < self.calibration.nearest_um(
-            round(1000 * self._jaws.open_mm)
+            round(1000 * self.jaws.open_mm)
         ):
             return  # narrower: the jaws are set once the hand is up
-        self._jaws.set_out(squeeze._replace(opening_um=following.opening_um), fast=True)
+        self.jaws.set_out(squeeze._replace(opening_um=following.opening_um), fast=True)
 
     def close(self, node: Node) -> Settled:
         """Close the jaws at a node, and hold what they met with its force.
@@ -306,18 +284,18 @@ class Hand:
             node if handling.approaches else node._replace(contact_um=None),
             self.calibration,
             handling.arc,
-            self._jaws.open_mm,
+            self.jaws.open_mm,
             self.timing,
             regulated=self._is_regulated(node),
         )
         for stroke, following in pairwise(plan):
             self._level(stroke.advance_mm)
             through = profile.streams and stroke.advance_mm == following.advance_mm
-            if not (self._jaws.passes(stroke) if through else self._jaws.arrives(stroke)):
+            if not (self.jaws.passes(stroke) if through else self.jaws.arrives(stroke)):
                 break
         else:
             self._level(plan[-1].advance_mm)
-        return self._checked(self._jaws.stroke(plan[-1]))
+        return self._checked(self.jaws.stroke(plan[-1]))
 
     def tighten(self, node: Node, reading: Settled) -> Settled:
         """Raise the force on what a regulated squeeze met to the node's; the reading after that."""
@@ -327,7 +305,7 @@ class Hand:
         for force in strokes.raising(node.squeeze, self._profile):
             if limit_ma is not None and reading.current_ma >= limit_ma:
                 break
-            reading = self._jaws.stroke(Stroke(CLOSED_UM, speed, force, 0.0))
+            reading = self.jaws.stroke(Stroke(CLOSED_UM, speed, force, 0.0))
             check_fresh(reading, CLOSED_UM)
             if reading.object is ObjectState.AT_TARGET:  # it slipped out: the width tells
                 break
@@ -370,9 +348,9 @@ class Hand:
             x, y, z, angle = (
                 a + (b - a) * number / motions for a, b in zip(start, target, strict=True)
             )
-            self._jaws.ready()
+            self.jaws.ready()
             self._move_arm((x, y, z, angle), speed_um_s)
-        self._jaws.ready()
+        self.jaws.ready()
         self._move_arm(target, speed_um_s)
 
     def _place(self) -> PoseOfHand:
@@ -381,13 +359,11 @@ class Hand:
 
     def _move_arm(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         self.where()
-        self.arm_known, self._sent_to = (
-            False,
-            None,
-        )  # until it is acknowledged; an interrupt leaves it so
+        # until it is acknowledged; an interrupt leaves it so
+        self.arm_known, self._sent_to = False, None
         beside = _beside(target, self.middle_mm)
         speed_mm_s = (speed_um_s or self.limits.arm_speed_um_s) / 1000
-        radius_mm = TURN_RADIUS_MM if self._jaws.holds else self.timing.turn_radius_mm
+        radius_mm = TURN_RADIUS_MM if self.jaws.holds else self.timing.turn_radius_mm
         self.arm.move_linear(*beside, speed_mm_s, radius_mm)
         safety.check_placed(self.arm, beside)
         self.arm_known, self._sent_to = True, beside

@@ -80,7 +80,7 @@ def put_down(
         GripperStateError: the gripper is not ready, or the jaws do not open.
     """
     pose, reading_um = hand.where(), hand.gripper.state().width_um
-    width_mm = hand.width_mm(reading_um)
+    width_mm = hand.jaws.width_mm(reading_um)
     wide_um = min(round(1000 * (width_mm + CLEAR_MM)), table.gripper.opening_um)
     limits = hand.limits
     inside = limits.work_area_um.contains(pose[0], pose[1])

@@ -25,14 +25,8 @@ from runtime.traversal.geometry import compose
 ROOM_MM = 15.0  # between a block in the middle and each open finger
 COARSE_MM = 6.0  # beside its stated place where the block is looked for
 NEAR_MM = 4.0  # as far off it may be found
-FINE_MM = (
-    1.5,
-    2.5,
-    3.7,
-    5.0,
-    6.4,
-    8.0,
-)  # beside where it was found, on either side; rounding averages out
+# beside where it was found, on either side; rounding averages out
+FINE_MM = (1.5, 2.5, 3.7, 5.0, 6.4, 8.0)
 ROUGH_MM = 0.4  # how well the readings must fit a block held fast, standard deviation
 MOST_MM = 10.0  # fingers that meet farther off are a fault of the tool frame
 EVEN = 0.5
@@ -186,11 +180,11 @@ def _look(hand: Hand, node: Node, block_mm: float, about: Pose2) -> float:
 def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
     place = compose(about, (0.0, off_mm, 0.0))
     hand.retreat()
-    hand.open(node.squeeze)
+    hand.jaws.open(node.squeeze)
     hand.travel(*place)
     hand.descend(*place)
     reading = hand.close(node)
-    width_mm = hand.width_mm(reading.width_um)
+    width_mm = hand.jaws.width_mm(reading.width_um)
     hand.release(node.squeeze)
     hand.retreat()
     if reading.object is not ObjectState.CLOSING:

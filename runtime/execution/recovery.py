@@ -6,7 +6,7 @@ open and closed at that node's place; after `squeeze` they hold the part, drag i
 on their way; after `freed`, and before the first, they touch nothing. A squeeze cut short is repeated.
 """
 
-from math import dist, pi, remainder, tau
+from math import pi, remainder, tau
 
 from drivers.ports import ObjectState, PoseOfHand
 from runtime.errors import BrokenRunError
@@ -14,11 +14,10 @@ from runtime.execution.hand import LEVEL_MM, Hand
 from runtime.execution.reading import room_um
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
 from runtime.journal.replay import Last, Replay
-from runtime.table import REJECT, Node, Pose2, Table, close_alike, job_of
+from runtime.table import REJECT, Node, Pose2, Table, close_alike, from_segment, job_of
 from runtime.traversal.decision import release_point
 from runtime.traversal.geometry import placement
 
-Place = tuple[float, float]
 ABORT_REMEDY = "clear the cell, then start with --after-crash abort"
 
 
@@ -83,19 +82,9 @@ def _between(pose: PoseOfHand, start: Pose2, end: Pose2, alike: bool) -> bool:
     Hands whose fingers close alike may be half a turn round.
     """
     turn = pi if alike else tau
-    off_mm = _distance(pose[:2], start[:2], end[:2])
+    off_mm = from_segment(pose[:2], start[:2], end[:2])
     whole, done, left = (
         abs(remainder(a - b, turn))
         for a, b in ((end[2], start[2]), (pose[3], start[2]), (end[2], pose[3]))
     )
     return off_mm <= PLACED_MM and done + left <= whole + 2 * PLACED_RAD
-
-
-def _distance(point: Place, start: Place, end: Place) -> float:
-    """Distance of a point from a segment."""
-    along, across = end[0] - start[0], end[1] - start[1]
-    share = 0.0
-    if (length2 := along**2 + across**2) > 0.0:
-        share = ((point[0] - start[0]) * along + (point[1] - start[1]) * across) / length2
-        share = min(max(share, 0.0), 1.0)
-    return dist(point, (start[0] + share * along, start[1] + share * across))

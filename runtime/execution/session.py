@@ -69,9 +69,8 @@ def run_journalled(
 class Batch(NamedTuple):
     """Parts that are run one after the other."""
 
-    numbers: Iterable[
-        int
-    ]  # of the parts; the next one is asked for once the one before has its outcome
+    # of the parts; the next one is asked for once the one before has its outcome
+    numbers: Iterable[int]
     activate: bool  # whether a gripper that is inactive or in fault may be activated
     broken: Replay | None = None  # a run that broke off and is gone on with
 
@@ -135,7 +134,7 @@ def put_down(
                 cell.arm,
                 table.limits,
                 arm_known=hand.arm_known,
-                may_hold_fixed=hand.may_hold,
+                may_hold_fixed=hand.jaws.may_hold,
             ):
                 console.note(sentence)
             raise

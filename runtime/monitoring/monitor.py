@@ -4,7 +4,6 @@ import os
 import socket
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -13,9 +12,7 @@ from runtime.execution.events import Console, Phase, Sighting, Tally
 from runtime.monitoring.shift import CHANGES, Shift
 from runtime.monitoring.status import Status
 from runtime.shell.command import sentence_of
-from runtime.spc.drift import Drift
 from runtime.table import TableFile
-from runtime.traversal import answer
 from runtime.traversal.results import Outcome, PartResult, Step
 
 FAREWELL_S = 1.0  # for a page that follows the run to ask once more, and learn how it ended
@@ -45,14 +42,7 @@ class Monitor(Console):
         shift = Shift(self._views.shifts, self._views.takt_s)
         if self._views.http is not None and self._views.journal is not None:
             shift.recall(self._views.journal, loaded.digest)
-        self._status = Status(
-            self._name,
-            loaded.digest,
-            self._table.predicted.success_ppm,
-            partial(answer.fields, self._table, frames=answer.frames_of(self._table)),
-            Drift(self._table),
-            shift,
-        )
+        self._status = Status(self._name, loaded, shift)
         self._stack = ExitStack()
 
     def ready(self) -> None:

@@ -2,40 +2,30 @@
 
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from runtime.execution.events import Phase
-from runtime.monitoring.shift import CHANGES, Shift
+from runtime.monitoring.shift import Shift
 from runtime.spc.drift import Drift
-from runtime.table import PPM
+from runtime.table import PPM, TableFile
+from runtime.traversal import answer
 from runtime.traversal.results import Outcome, PartResult, Step
 
 RECENT = 10  # parts that a snapshot remembers one by one
 
 
 class Status:
-    """The snapshot of a table, by its name and digest, fed by the loop and read by any thread."""
+    """The snapshot of a run of a table, by its name, fed by the loop and read by any thread."""
 
-    def __init__(
-        self,
-        table: str,
-        table_sha256: str,
-        predicted_ppm: int,
-        answer: Callable[[PartResult], dict[str, object]] | None = None,
-        drift: Drift | None = None,
-        shift: Shift | None = None,
-    ) -> None:
-        """Begin without a part.
-
-        `answer` tells what a part at a leaf came to, in words of `runtime.traversal.answer`.
-        """
-        self._answer, self._drift, self._refit = answer, drift, False
-        self._shift = shift or Shift(CHANGES, None)
+    def __init__(self, name: str, loaded: TableFile, shift: Shift) -> None:
+        self._name, self._loaded, self._shift = name, loaded, shift
+        self._frames = answer.frames_of(loaded.table)
+        self._drift, self._refit = Drift(loaded.table), False
+        self._predicted = loaded.table.predicted.success_ppm / PPM
         self._end: dict[str, str] | None = None
         self.watched = threading.Event()  # set whenever a page was given the snapshot
         self._lock = threading.Lock()
-        self._table, self._sha256, self._predicted_ppm = table, table_sha256, predicted_ppm
         self._phase, self._part, self._node = Phase.IDLE, 0, -1
         self._squeezes, self._width_um = 0, -1
         self._outcomes: Counter[Outcome] = Counter()
@@ -63,15 +53,11 @@ class Status:
         """A part's end."""
         with self._lock:
             self._outcomes[result.outcome] += 1
-            answer = None
-            if (
-                self._answer is not None
-                and result.leaf is not None
-                and result.outcome is Outcome.LEAF
-            ):
-                answer = self._answer(result)
-            self._recent.append({**result.fields(), "answer": answer})
-            self._refit = self._drift is not None and self._drift.add(result)
+            said = None
+            if result.leaf is not None and result.outcome is Outcome.LEAF:
+                said = answer.fields(self._loaded.table, result, self._frames)
+            self._recent.append({**result.fields(), "answer": said})
+            self._refit = self._drift.add(result)
             self._shift.add(result)
             if result.leaf is not None:
                 self._leaves[result.leaf] += 1
@@ -93,9 +79,9 @@ class Status:
         """
         with self._lock:
             return {
-                "table": self._table,
-                "table_sha256": self._sha256,
-                "predicted_success": self._predicted_ppm / PPM,
+                "table": self._name,
+                "table_sha256": self._loaded.digest,
+                "predicted_success": self._predicted,
                 "phase": self._phase.value,
                 "part": self._part,
                 "node": None if self._node < 0 else self._node,
@@ -106,7 +92,7 @@ class Status:
                 "audits": dict(self._audits),
                 "refit_pays": self._refit,
                 "shift": self._shift.as_object(),
-                "charts": None if self._drift is None else self._drift.as_object(),
+                "charts": self._drift.as_object(),
                 "end": self._end,
                 "last_part": self._recent[-1] if self._recent else None,
                 "recent_parts": list(self._recent),
@@ -118,7 +104,7 @@ class Status:
             outcomes = {outcome.value: self._outcomes[outcome] for outcome in Outcome}
             phases = {phase.value: int(phase is self._phase) for phase in Phase}
             leaves, audits = dict(sorted(self._leaves.items())), dict(sorted(self._audits.items()))
-            share = {"": self._predicted_ppm / PPM}
+            share = {"": self._predicted}
             metrics = (
                 ("squeezes_total", "counter", "Squeezes so far.", {"": self._squeezes}),
                 ("part", "gauge", "Number of the part under way.", {"": self._part}),

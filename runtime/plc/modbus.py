@@ -20,9 +20,8 @@ from runtime.plc.exchange import Exchange
 from runtime.plc.server import PlcServer
 from runtime.plc.station import Refusal
 
-HEADER = struct.Struct(
-    ">HHH"
-)  # transaction, protocol, length of what follows (Modbus TCP guide 3.1.3)
+# transaction, protocol, length of what follows (Modbus TCP guide 3.1.3)
+HEADER = struct.Struct(">HHH")
 LONGEST = 254  # of that length: a unit and a PDU of 253 bytes
 PATIENCE_S = 5.0  # for the rest of a frame
 PANEL_S = 10.0  # a first client that has only read for so long lets another one write

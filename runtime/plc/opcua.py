@@ -120,9 +120,8 @@ class OpcUaServer(PlcServer):
         host, port = self._listener.getsockname()[:2]
         server.set_endpoint(f"opc.tcp://{f'[{host}]' if ':' in host else host}:{port}/")
         await server.set_application_uri(BARE_URI if security is None else security.identity.uri)
-        server.set_identity_tokens(
-            [ua.AnonymousIdentityToken]
-        )  # the channel's certificate says who it is
+        # the channel's certificate says who it is
+        server.set_identity_tokens([ua.AnonymousIdentityToken])
         server.limits.max_message_size = MOST_MESSAGE_BYTES
         policy = ua.SecurityPolicyType.NoSecurity
         if security is not None:

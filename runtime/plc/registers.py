@@ -5,6 +5,7 @@ The PLC writes the block from `WRITTEN_AT` on; the runtime writes the block from
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 from runtime.plc.handshake import Error
@@ -20,12 +21,12 @@ class Register(NamedTuple):
     """One value of the map; its value in `unit` is the integer times `scale`."""
 
     name: str
-    address: int
-    kind: str  # "holding": written by the PLC; "input": written by the runtime
     type: str  # "bool", "uint16", "uint32" or "int32"
-    scale: float
-    unit: str
     meaning: str
+    scale: float = 1
+    unit: str = ""
+    address: int = 0
+    kind: str = ""  # "holding": written by the PLC; "input": written by the runtime
 
     @property
     def words(self) -> int:
@@ -38,83 +39,73 @@ class Register(NamedTuple):
         return 1 if self.type == "bool" else 0xFFFF
 
 
-class Value(NamedTuple):
-    """What a register holds, without its place in a block."""
-
-    name: str
-    type: str
-    meaning: str
-    scale: float = 1
-    unit: str = ""
-
-
-def _block(start: int, kind: str, *values: Value) -> tuple[Register, ...]:
-    """Values as registers, one after the other from an address on."""
-    registers: list[Register] = []
-    for value in values:
-        address = registers[-1].address + registers[-1].words if registers else start
-        registers.append(Register(address=address, kind=kind, **value._asdict()))
-    return tuple(registers)
+def _block(address: int, kind: str, *registers: Register) -> tuple[Register, ...]:
+    """Registers one after the other from an address on."""
+    ends = accumulate((register.words for register in registers), initial=address)
+    pairs = zip(registers, ends, strict=False)
+    return tuple(register._replace(address=at, kind=kind) for register, at in pairs)
 
 
 WRITTEN = _block(
     WRITTEN_AT,
     "holding",
-    Value(
+    Register(
         "enable",
         "bool",
         "triggers count; off and on clears error_id; reads 0 once enabling has ended",
     ),
-    Value("trigger", "bool", "a rise begins a part"),
-    Value("trigger_id", "uint16", "of the part that the next trigger begins"),
-    Value("result_acknowledge", "bool", "a rise takes the result that waits"),
-    Value("heartbeat_in", "uint16", "a counter or a toggle that changes at least once a second"),
-    Value(
+    Register("trigger", "bool", "a rise begins a part"),
+    Register("trigger_id", "uint16", "of the part that the next trigger begins"),
+    Register("result_acknowledge", "bool", "a rise takes the result that waits"),
+    Register("heartbeat_in", "uint16", "a counter or a toggle that changes at least once a second"),
+    Register(
         "table", "uint16", "the table that the next trigger uses: its number among --tree, from 0"
     ),
 )
 READ = _block(
     READ_AT,
     "input",
-    Value("acknowledge", "bool", "the trigger is accepted; falls with it"),
-    Value("busy", "bool", "a part is under way"),
-    Value("result_valid", "bool", "a result waits"),
-    Value("result_id", "uint16", "trigger_id of the result"),
-    Value("outcome", "uint16", ", ".join(f"{code} {name}" for code, name in enumerate(OUTCOMES))),
-    Value(
+    Register("acknowledge", "bool", "the trigger is accepted; falls with it"),
+    Register("busy", "bool", "a part is under way"),
+    Register("result_valid", "bool", "a result waits"),
+    Register("result_id", "uint16", "trigger_id of the result"),
+    Register(
+        "outcome", "uint16", ", ".join(f"{code} {name}" for code, name in enumerate(OUTCOMES))
+    ),
+    Register(
         "error_id", "uint16", "why a trigger was refused or enabling ended, or the code of a fault"
     ),
-    Value("heartbeat_out", "uint16", "a counter that changes four times a second"),
-    Value("table_in_use", "uint16", "number of the table of the last accepted trigger"),
-    Value("table_digest", "uint32", "first four bytes of the SHA-256 of that table's file"),
-    Value(
+    Register("heartbeat_out", "uint16", "a counter that changes four times a second"),
+    Register("table_in_use", "uint16", "number of the table of the last accepted trigger"),
+    Register("table_digest", "uint32", "first four bytes of the SHA-256 of that table's file"),
+    Register(
         "x", "int32", "pose of the part in the world; 0 unless the outcome is located", 0.001, "mm"
     ),
-    Value("y", "int32", "the same", 0.001, "mm"),
-    Value("angle", "int32", "the same, counter-clockwise", 0.0001, "deg"),
-    Value("part", "uint16", "which part it is, from 0 in the job's order"),
-    Value("face", "uint16", "0 as drawn, 1 turned over"),
-    Value(
+    Register("y", "int32", "the same", 0.001, "mm"),
+    Register("angle", "int32", "the same, counter-clockwise", 0.0001, "deg"),
+    Register("part", "uint16", "which part it is, from 0 in the job's order"),
+    Register("face", "uint16", "0 as drawn, 1 turned over"),
+    Register(
         "expected_error",
         "uint16",
         "median error of the trials at this leaf; 65535 not known",
         0.001,
         "mm",
     ),
-    Value("expected_error_p95", "uint16", "its 95th percentile; 65535 not known", 0.001, "mm"),
-    Value("exit_code", "uint16", "of the part, as in runtime/OUTCOMES.md"),
-    Value("parts_located", "uint32", "results of this outcome since the start, of all tables"),
-    Value("parts_rejected", "uint32", "the same"),
-    Value("parts_unresolved", "uint32", "the same"),
-    Value("parts_fault", "uint32", "the same"),
-    Value(
+    Register("expected_error_p95", "uint16", "its 95th percentile; 65535 not known", 0.001, "mm"),
+    Register("exit_code", "uint16", "of the part, as in runtime/OUTCOMES.md"),
+    Register("parts_located", "uint32", "results of this outcome since the start, of all tables"),
+    Register("parts_rejected", "uint32", "the same"),
+    Register("parts_unresolved", "uint32", "the same"),
+    Register("parts_fault", "uint32", "the same"),
+    Register(
         "seconds_last",
         "uint16",
         "of the last part, from its first motion to its outcome; 65535 not known",
         0.01,
         "s",
     ),
-    Value(
+    Register(
         "takt_share",
         "uint16",
         "parts done within --takt, of those with seconds; 65535 not known, or without --takt",

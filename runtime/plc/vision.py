@@ -59,6 +59,11 @@ class Row(NamedTuple):
     holds: Callable[[Glance], bool]
 
 
+def waits(seen: Glance) -> bool:
+    """Whether a result waits to be taken."""
+    return SIGNALS[seen.state].result_valid
+
+
 VIEW: tuple[Row, ...] = (
     Row(
         VisionState.ERROR,
@@ -72,18 +77,8 @@ VIEW: tuple[Row, ...] = (
         "a part is under way",
         lambda seen: SIGNALS[seen.state].busy,
     ),
-    Row(
-        VisionState.SINGLE_EXECUTION,
-        PackMLState.COMPLETE,
-        "another result waits",
-        lambda seen: waits(seen),
-    ),
-    Row(
-        VisionState.HALTED,
-        PackMLState.STOPPED,
-        "the run has ended",
-        lambda seen: seen.ended,
-    ),
+    Row(VisionState.SINGLE_EXECUTION, PackMLState.COMPLETE, "another result waits", waits),
+    Row(VisionState.HALTED, PackMLState.STOPPED, "the run has ended", lambda seen: seen.ended),
     Row(
         VisionState.PREOPERATIONAL,
         PackMLState.STOPPED,
@@ -96,19 +91,9 @@ VIEW: tuple[Row, ...] = (
         "no recipe is prepared",
         lambda seen: seen.table is None,
     ),
-    Row(
-        VisionState.READY,
-        PackMLState.IDLE,
-        "StartSingleJob is accepted",
-        lambda _: True,
-    ),
+    Row(VisionState.READY, PackMLState.IDLE, "StartSingleJob is accepted", lambda _: True),
 )
 """Which state is shown: that of the first row that holds."""
-
-
-def waits(seen: Glance) -> bool:
-    """Whether a result waits to be taken."""
-    return SIGNALS[seen.state].result_valid
 
 
 def view(seen: Glance) -> Row:

@@ -6,11 +6,12 @@ A command is a parser and a body: `return run(parser(), argv, body)`.
 import argparse
 import contextlib
 import errno
+import json
 import math
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
@@ -58,6 +59,22 @@ class Parser(argparse.ArgumentParser):
     def add_debug(self) -> None:
         """Add --debug alone."""
         self.add_argument("--debug", action="store_true", help="print the traceback of an error")
+
+
+def add_command(
+    commands: "argparse._SubParsersAction[Parser]",
+    name: str,
+    purpose: str,
+    example: str,
+    codes: str,
+) -> Parser:
+    """Add a subcommand, whose --help has its purpose, an example and the exit codes."""
+    return commands.add_parser(
+        name,
+        help=purpose,
+        description=f"{purpose[0].upper()}{purpose[1:]}.",
+        epilog=f"example:\n  {example}\n\n{codes}",
+    )
 
 
 class _PrintCompletion(argparse.Action):
@@ -165,6 +182,12 @@ def say_lines(text: str, file: TextIO | None = None) -> None:
     """Print each line of a text, as `say`."""
     for line in text.removesuffix("\n").split("\n"):
         say(line, file)
+
+
+def say_result(as_json: bool, fields: Mapping[str, object], lines: Iterable[str]) -> None:
+    """Print what a command came to: as one JSON object, or as lines for people."""
+    for line in [json.dumps(fields)] if as_json else lines:
+        say(line)
 
 
 def tell(name: str, words: object) -> None:
@@ -323,8 +346,7 @@ def _open_streams() -> bool:
     sys.stderr = sys.stderr or open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # names of files may hold any bytes
-        if (
-            not sys.stdout.isatty()
-        ):  # with PYTHONUNBUFFERED, too, an answer is lost at the end, not half-way
+        # with PYTHONUNBUFFERED, too, an answer is lost at the end, not half-way
+        if not sys.stdout.isatty():
             sys.stdout.reconfigure(write_through=False)
     return 1 in closed

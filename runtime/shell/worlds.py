@@ -25,9 +25,8 @@ def find_factory(name: str) -> Factory:
     if not (module_name and attribute.isidentifier()):
         raise WorldError(f"write it as module:factory, such as {DEFAULT_WORLD}")
     try:
-        if (
-            find_spec(module_name.partition(".")[0]) is None
-        ):  # what is installed goes before a local folder
+        # what is installed goes before a local folder
+        if find_spec(module_name.partition(".")[0]) is None:
             sys.path.append(str(Path.cwd()))
         factory = getattr(import_module(module_name), attribute, None)
     except Exception as error:  # importing runs what somebody else wrote

@@ -14,11 +14,8 @@ from runtime.errors import PackError
 
 SIGNATURE_BYTES = 64
 _LOCAL, _CENTRAL, _END = b"PK\x03\x04", b"PK\x01\x02", b"PK\x05\x06"
-_NEEDED, _STORED, _DATE = (
-    20,
-    0,
-    0x21,
-)  # version 2.0, no compression, the first day that zip can tell
+# version 2.0, no compression, the first day that zip can tell
+_NEEDED, _STORED, _DATE = 20, 0, 0x21
 _MADE_BY, _MODE = 3 << 8 | _NEEDED, 0o100644 << 16  # on Unix
 _LOCAL_BYTES = 30
 _LONGEST_SHOWN = 200  # of a name that should not be there
@@ -69,9 +66,8 @@ def members_of(data: bytes, names: Collection[str]) -> dict[str, bytes]:
 def _name_at(data: bytes, at: int, names: Collection[str]) -> str | None:
     """The name of the member whose header begins there; None where none does."""
     start = at + _LOCAL_BYTES
-    if not data.startswith(
-        _LOCAL, at
-    ):  # of a member whose first bytes were changed the name still tells
+    # of a member whose first bytes were changed the name still tells
+    if not data.startswith(_LOCAL, at):
         return next((name for name in names if data.startswith(name.encode("ascii"), start)), None)
     length = int.from_bytes(data[start - 4 : start - 2], "little")
     stated = data[start : start + min(length, _LONGEST_SHOWN)].decode("ascii", "backslashreplace")

@@ -10,10 +10,8 @@ from dataclasses import dataclass, field
 from math import erfc, exp, lgamma, log, log1p, sqrt
 
 WINDOW = 50  # parts that shares are taken over
-WINDOWS = (
-    50,
-    200,
-)  # parts of frequencies: the short one finds large changes soon, the long one small ones
+# parts of frequencies: the short one finds large changes soon, the long one small ones
+WINDOWS = (50, 200)
 RARE = 1e-5  # false-alarm probability of a window
 UNLIKELY = 2e-5  # the same for frequencies: chi-square is not exact farther out in its tail
 LEAST_EXPECTED = 3.0  # of a chi-square's cell; smaller ones are taken together

@@ -37,9 +37,8 @@ class Part:
     # measured less predicted pose (mm, mm, rad) as its plan sees it, None where it was not measured.
     residual: tuple[float, float, float] | None = None
     time: str = ""  # of its end, ISO 8601
-    true: Pose2 | None = (
-        None  # pose of a simulated part as its plan sees it, where that is on record
-    )
+    # pose of a simulated part as its plan sees it, where that is on record
+    true: Pose2 | None = None
     within: bool | None = None  # whether that is within the goal of its leaf, None without a leaf
     turn_rad: float = 0.0  # of its plan, about the origin
 

@@ -1,6 +1,6 @@
 """The decision table: records, look-up, goal, bytes, validation, fit. `TABLE.md` is its specification.
 
-The one package of the runtime that planner and camera need, and may import.
+The one package of the runtime that planner and camera need, and may import; its names are all those below.
 
 ```
 dump(table, path)             # validates it, writes it whole or not at all
@@ -32,8 +32,8 @@ from runtime.table.goal import (
     residual,
     threshold,
 )
-from runtime.table.grip import not_held
-from runtime.table.grippers import PROFILES, doubt_um, known, profile_of, same_model
+from runtime.table.grip import from_segment, not_held
+from runtime.table.grippers import PROFILES, doubt_um, profile_of, same_model
 from runtime.table.lookup import (
     REJECT,
     Calibration,
@@ -80,82 +80,6 @@ from runtime.table.timing import (
 )
 from runtime.table.turning import may_turn, turned, turned_leaf, turned_pose
 from runtime.table.validation import validate
-
-__all__ = [
-    "ABOVE_MM",
-    "CLEAR_MM",
-    "HELD_UM",
-    "KINDS",
-    "LEAD_MM",
-    "MAX_BRANCHES",
-    "PPM",
-    "PROFILES",
-    "REJECT",
-    "Area",
-    "Branch",
-    "Calibration",
-    "Covariance",
-    "DecisionMap",
-    "GoalSpec",
-    "GripperProfile",
-    "GripperSpec",
-    "Hypothesis",
-    "Leaf",
-    "LeafPose",
-    "Limits",
-    "Node",
-    "Phases",
-    "Place",
-    "Pose2",
-    "Prediction",
-    "Push",
-    "Schedule",
-    "Segments",
-    "Squeeze",
-    "Squeezed",
-    "Stand",
-    "Table",
-    "TableError",
-    "TableFile",
-    "Timing",
-    "Tolerance",
-    "Visit",
-    "close_alike",
-    "decide",
-    "decision_map",
-    "distance",
-    "doubt_um",
-    "dump",
-    "dumps",
-    "error_mm",
-    "hypotheses_of",
-    "job_of",
-    "known",
-    "load",
-    "loads",
-    "may_turn",
-    "meets",
-    "misfits",
-    "names_table",
-    "not_held",
-    "phases_of",
-    "poses_of",
-    "predicted_pose",
-    "profile_of",
-    "refuted",
-    "residual",
-    "same_model",
-    "successes_of",
-    "takt_figures",
-    "takt_text",
-    "threshold",
-    "time_of",
-    "trapezoid_s",
-    "turned",
-    "turned_leaf",
-    "turned_pose",
-    "wilson_interval",
-]
 
 
 class TableFile(NamedTuple):

@@ -216,7 +216,7 @@ def _shape(outline: Outline) -> Shape:
     for k, start in enumerate(kept):
         end = kept[(k + 1) % len(kept)]
         left_out = outline[k * step + 1 : (k + 1) * step]
-        coarse = max([coarse, *(_beside(point, start, end) for point in left_out)])
+        coarse = max([coarse, *(from_segment(point, start, end) for point in left_out)])
     turns = [pi * k / DIRECTIONS for k in range(DIRECTIONS)]
     across = [[cos(turn) * x + sin(turn) * y for x, y in kept] for turn in turns]
     narrowest = min(max(row) - min(row) for row in across)
@@ -225,7 +225,7 @@ def _shape(outline: Outline) -> Shape:
     )
 
 
-def _beside(
+def from_segment(
     point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]
 ) -> float:
     """The distance of a point from a segment."""

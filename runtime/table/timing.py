@@ -95,9 +95,8 @@ class Visit(NamedTuple):
     way_mm: float  # of the hand, from where it stood before
     turn_rad: float  # of the hand, either way
     opening_mm: float  # the jaws before it
-    contact_mm: (
-        float | None
-    )  # greatest width at which they may meet the part; None: it is not known
+    # greatest width at which they may meet the part; None: it is not known
+    contact_mm: float | None
     width_mm: float  # where they stop
     speed_mm_s: float  # at which they close where they may meet the part
     next_mm: float  # the opening that is wanted next
@@ -113,13 +112,11 @@ class Timing:
 
     arm_speed_mm_s: float
     arm_acceleration_mm_s2: float
-    arm_answer_s: (
-        float  # of a motion of the arm: asked for, begun, and its end believed, beside the motion
-    )
+    # of a motion of the arm: asked for, begun, and its end believed, beside the motion
+    arm_answer_s: float
     jaw_answer_s: float  # of a stroke of the jaws, likewise: settled is three equal readings
-    poll_s: (
-        float  # of a look at jaws on their way or at rest, and of asking them for something else
-    )
+    # of a look at jaws on their way or at rest, and of asking them for something else
+    poll_s: float
     turn_radius_mm: float  # a turn takes as long as a straight way of this radius times its angle
     fastest_mm_s: float  # of the jaws, where they touch nothing
     streams: bool  # whether the jaws take another stroke while they move

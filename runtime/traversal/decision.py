@@ -79,12 +79,10 @@ ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 class Policy:
     """The recovery actions in order: each is tried once a part, the last one is an end."""
 
-    on_reject: tuple[RecoveryAction, ...] = (
-        RecoveryAction.NEXT,
-    )  # after a squeeze that no branch explains
-    on_unresolved: tuple[RecoveryAction, ...] = (
-        RecoveryAction.NEXT,
-    )  # after a leaf that is not resolved
+    # after a squeeze that no branch explains
+    on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
+    # after a leaf that is not resolved
+    on_unresolved: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
 
     @classmethod
     def of(cls, on_reject: str, on_unresolved: str) -> Self:

@@ -71,12 +71,10 @@ class PartResult:
     safe_state: tuple[str, ...] = ()
     audit: str | None = None  # the auditor's verdict, "pass", "fail" or "unknown"; None without one
     delivery: str | None = None  # "done" or "missed", None where no delivery was asked for
-    seconds: float | None = (
-        None  # from the part's first motion to its outcome; None where none was reached
-    )
-    phases: tuple[
-        Phases, ...
-    ] = ()  # of each squeeze; of those after a crash where the part was resumed
+    # from the part's first motion to its outcome; None where none was reached
+    seconds: float | None = None
+    # of each squeeze; of those after a crash where the part was resumed
+    phases: tuple[Phases, ...] = ()
     turn_urad: int = 0  # by which its plan was turned about the origin
 
     @classmethod

@@ -37,7 +37,7 @@ def _sequential(hand: Hand, squeeze, following) -> None:
     """Open as far as the squeeze to come wants, at the squeeze's speed, and wait."""
     hand.where()
     wide = max(squeeze, following, key=lambda ours: ours.opening_um)
-    hand._jaws.open_to(squeeze, wide.opening_um / 1000)
+    hand.jaws.open_to(squeeze, wide.opening_um / 1000)
 
 
 def _tightened(original: Callable) -> Callable:

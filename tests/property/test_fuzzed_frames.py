@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from drivers.modbus.framing import RtuFraming
 from drivers.robotiq.frames import RTU, read_request
-from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_tcp import MbapSlave
-from drivers.sim.wire.modbus import GripperRegisters, crc16
+from drivers.sim.wire.modbus import crc16
 
 CASES = settings(max_examples=100, deadline=None, derandomize=True)
 listeners, cuts = st.integers(0, 2), st.integers(0, 31)

@@ -9,8 +9,7 @@ import pytest
 
 from drivers.clock import Clock, Pace
 from drivers.robotiq.modbus import rtu_link
-from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.wire.modbus import GripperRegisters
+from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.wire.rtu import RtuSlave
 
 RESET = "09 10 03E8 0003 06 0000 0000 0000 7330"

@@ -125,7 +125,7 @@ def test_an_interrupted_motion_is_stopped(rig):
 
 def test_a_motion_that_does_not_arrive_is_stopped_at_its_deadline(rig, monkeypatch):
     with rig.open() as arm:
-        monkeypatch.setattr(arm, "_pacing", lambda target: ("v=0.0001", 0.1))
+        monkeypatch.setattr("drivers.ur.arm._pacing", lambda motion: ("v=0.0001", 0.1))
         with pytest.raises(ArmError, match="not there after"):
             arm.move_linear(*TARGET, 500.0)
     time.sleep(0.1)

@@ -56,7 +56,7 @@ class SimulatedRobot:
             speed_um_s=round(1000 * speed), force_mn=round(1000 * force)
         )
         self._hand.retreat()
-        self._hand.open(self._plan)
+        self._hand.jaws.open(self._plan)
         self._hand.travel(*self._at)
         self._hand.descend(*self._at)
         reading = self._hand.close(

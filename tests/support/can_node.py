@@ -11,7 +11,7 @@ from canopen import objectdictionary
 
 from drivers.robotiq.canopen import HEAR_S, CanMap
 from drivers.robotiq.registers import BLOCK_BYTES
-from drivers.sim.wire.modbus import Device
+from drivers.sim.devices.gripper import GripperModel
 
 
 class CanNode:
@@ -26,7 +26,7 @@ class CanNode:
 
     def __init__(
         self,
-        device: Device,
+        device: GripperModel,
         lock: "threading.RLock | threading.Lock",
         now: Callable[[], float],
         where: CanMap,

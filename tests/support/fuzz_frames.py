@@ -14,8 +14,8 @@ from drivers.errors import LinkError
 from drivers.modbus.framing import Framing, RtuFraming, TcpFraming
 from drivers.robotiq.frames import RTU, TCP, Wiring
 from drivers.robotiq.modbus import ModbusLink
-from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.wire.modbus import GripperRegisters, crc16, frame_length
+from drivers.sim.devices.gripper import GripperModel, GripperRegisters
+from drivers.sim.wire.modbus import crc16, frame_length
 from drivers.sim.wire.rtu import RtuSlave
 
 READ = bytes.fromhex("09 03 07D0 0003 040E")

@@ -15,10 +15,9 @@ from drivers.dh import registers as dh
 from drivers.robotiq.canopen import CanMap
 from drivers.robotiq.frames import TCP
 from drivers.sim.devices.dh import DhModel, DhRegisters
-from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
-from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import SimulatedTime
 from runtime.table import profile_of

@@ -14,7 +14,7 @@ from drivers.camera.calibration import drift
 from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.sources import open_source
-from runtime.shell.command import Parser, positive, run
+from runtime.shell.command import Parser, add_command, positive, run
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import folder
 from runtime.table import TableError, load
@@ -44,14 +44,9 @@ def parser() -> Parser:
         prog="grasp-audit", description="Was the answer right, in millimetres?", epilog=EPILOG
     )
     commands = built.add_subparsers(required=True, metavar="judge | report | study", dest="command")
-    message = "answer questions about parts, one a line"
+    purpose = "answer questions about parts, one a line: JSON in, JSON out"
     example = "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
-    command = commands.add_parser(
-        "judge",
-        help=message,
-        description=f"{message[0].upper()}{message[1:]}: JSON in, JSON out.",
-        epilog=f"example:\n  {example}\n\n{EXIT_CODES}",
-    )
+    command = add_command(commands, "judge", purpose, example, EXIT_CODES)
     add = command.add_argument
     goal, cameras = "the table: its goal and its part", "/dev/video0, rtsp://, http:// or a folder"
     add("--tree", type=Path, required=True, metavar="T.msgpack", help=goal)

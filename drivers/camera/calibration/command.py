@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -20,7 +20,7 @@ from drivers.camera.vision.board import parse
 from drivers.camera.vision.sources import open_source
 from drivers.camera.vision.tag_file import PartTag
 from drivers.planar import Pose2
-from runtime.shell.command import Parser, run
+from runtime.shell.command import Parser, add_command, run
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import folder, usable, writing
@@ -29,6 +29,11 @@ PICTURE_S = 10.0
 Lines = Generator[str, None, dict[str, object]]
 """Lines for people as the work goes on; at its end the same for machines."""
 Run = Callable[[argparse.Namespace], Lines]
+FILE: dict[str, Any] = {"type": Path, "metavar": "F"}
+DIR: dict[str, Any] = {"type": Path, "metavar": "DIR"}
+CSV: dict[str, Any] = {"type": Path, "metavar": "CSV"}
+ID: dict[str, Any] = {"type": int, "metavar": "ID"}
+MM: dict[str, Any] = {"type": float, "metavar": "MM"}
 EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.DEVICE, ExitCode.UNREACHABLE)
 EPILOG = f"""\
 example:
@@ -51,20 +56,57 @@ def parser() -> Parser:
         epilog=EPILOG,
     )
     built.add_debug()
-    commands = built.add_subparsers(required=True, metavar=" | ".join(COMMANDS), dest="command")
-    for name, (runs, what, example, flags) in COMMANDS.items():
-        command = commands.add_parser(
-            name,
-            help=what,
-            description=f"{what[0].upper()}{what[1:]}.",
-            epilog=f"example:\n  grasp-calibrate {name} {example}\n\n{EXIT_CODES}",
-        )
+    commands = built.add_subparsers(
+        required=True, metavar="camera | tag | pictures", dest="command"
+    )
+
+    def add_to(name: str, runs: Run, purpose: str, example: str) -> Callable[..., object]:
+        example = f"grasp-calibrate {name} {example}"
+        command = add_command(commands, name, purpose, example, EXIT_CODES)
         text = "print one JSON object instead of text"
         command.add_argument("--json", action="store_true", help=text)
         command.set_defaults(run=runs)
-        for flag, (use, options) in flags.items():
-            short = ("-o",) if flag == "--output" else ()
-            command.add_argument(*short, flag, help=use, **options)
+        return command.add_argument
+
+    example = "--name S-1 --board chessboard:12x9:30 --views views --table t.png -o c.json"
+    purpose = "lens and place of a camera, from pictures of a board"
+    add = add_to("camera", run_camera, purpose, example)
+    text = "name or serial number of the camera: the file is for this one alone"
+    add("--name", required=True, help=text)
+    text = "charuco:12x9:30:22.5 or chessboard:12x9:30"
+    add("--board", required=True, metavar="B", help=text)
+    add("--views", required=True, **DIR, help="pictures of the board, held and tilted")
+    text = "pictures of it lying on the table"
+    add("--table", required=True, **FILE, nargs="+", help=text)
+    text = "the camera looks down, and the board lies face up"
+    add("--above", action="store_true", help=text)
+    add("--board-height", **MM, default=0.0, help="its face above the table (default: 0)")
+    add("--touched", **CSV, help="places of a tag that the arm knows, with pictures")
+    add("--number", **ID, default=0, help="id of that tag, and of the part's")
+    add("--references", **FILE, help="a picture of the tags that stay where they are")
+    add("-o", "--output", required=True, **FILE, help="the calibration; a picture beside it")
+
+    example = "--part bracket --number 7 --side 22 --at 0,0,0 -o tag.json"
+    add = add_to("tag", run_tag, "where a tag is on its part", example)
+    add("--part", required=True, help="name of the part")
+    add("--number", required=True, **ID, help="id of its tag, family 36h11")
+    add("--side", required=True, **MM, help="edge of the tag's black border")
+    add("--height", **MM, default=0.0, help="its face above the table (default: 0)")
+    text = "where it is on the part, if that is known"
+    add("--at", type=_pose, metavar="X,Y,THETA", help=text)
+    add("--calibration", **FILE, help="of the camera that sees it")
+    add("--poses", **CSV, help="poses of the part that the arm knows, with pictures")
+    add("-o", "--output", required=True, **FILE, help="the tag file")
+
+    purpose = "take pictures, one at each Enter"
+    add = add_to("pictures", run_pictures, purpose, "--camera /dev/video0 -o views")
+    text = "/dev/video0, rtsp:// or http://"
+    add("--camera", required=True, metavar="ADDRESS", help=text)
+    text = "of a device (default: 1920x1080)"
+    add("--size", type=_size, default=(1920, 1080), metavar="WxH", help=text)
+    add("--count", type=int, default=20, metavar="N", help="how many (default: 20)")
+    add("--stem", default="view", help="what their names begin with (default: view)")
+    add("-o", "--output", required=True, **DIR, help="the folder")
     return built
 
 
@@ -207,84 +249,6 @@ def _pose(text: str) -> Pose2:
 def _size(text: str) -> tuple[int, int]:
     width, height = map(int, text.split("x"))
     return (width, height)
-
-
-class Command(NamedTuple):
-    """A subcommand: what runs it, what it does, its arguments, and its flags."""
-
-    run: Run
-    help: str
-    example: str
-    flags: dict[str, tuple[str, dict[str, Any]]]  # help and settings of `add_argument`
-
-
-FILE: dict[str, Any] = {"type": Path, "metavar": "F"}
-CSV: dict[str, Any] = {"type": Path, "metavar": "CSV"}
-NEEDED: dict[str, Any] = {"required": True}
-ID: dict[str, Any] = {"type": int, "metavar": "ID"}
-MM: dict[str, Any] = {"type": float, "metavar": "MM"}
-HEIGHT: dict[str, Any] = {**MM, "default": 0.0}
-BOARD: dict[str, Any] = {"metavar": "B"}
-DIR: dict[str, Any] = {"type": Path, "metavar": "DIR"}
-ABOVE: dict[str, Any] = {"action": "store_true"}
-COMMANDS = {
-    "camera": Command(
-        run_camera,
-        "lens and place of a camera, from pictures of a board",
-        "--name S-1 --board chessboard:12x9:30 --views views --table t.png -o c.json",
-        {
-            "--name": (
-                "name or serial number of the camera: the file is for this one alone",
-                NEEDED,
-            ),
-            "--board": ("charuco:12x9:30:22.5 or chessboard:12x9:30", NEEDED | BOARD),
-            "--views": ("pictures of the board, held and tilted", NEEDED | DIR),
-            "--table": ("pictures of it lying on the table", NEEDED | FILE | {"nargs": "+"}),
-            "--above": ("the camera looks down, and the board lies face up", ABOVE),
-            "--board-height": ("its face above the table (default: 0)", HEIGHT),
-            "--touched": ("places of a tag that the arm knows, with pictures", CSV),
-            "--number": ("id of that tag, and of the part's", ID | {"default": 0}),
-            "--references": ("a picture of the tags that stay where they are", FILE),
-            "--output": ("the calibration; a picture beside it", NEEDED | FILE),
-        },
-    ),
-    "tag": Command(
-        run_tag,
-        "where a tag is on its part",
-        "--part bracket --number 7 --side 22 --at 0,0,0 -o tag.json",
-        {
-            "--part": ("name of the part", NEEDED),
-            "--number": ("id of its tag, family 36h11", NEEDED | ID),
-            "--side": ("edge of the tag's black border", NEEDED | MM),
-            "--height": ("its face above the table (default: 0)", HEIGHT),
-            "--at": (
-                "where it is on the part, if that is known",
-                {"type": _pose, "metavar": "X,Y,THETA"},
-            ),
-            "--calibration": ("of the camera that sees it", FILE),
-            "--poses": ("poses of the part that the arm knows, with pictures", CSV),
-            "--output": ("the tag file", NEEDED | FILE),
-        },
-    ),
-    "pictures": Command(
-        run_pictures,
-        "take pictures, one at each Enter",
-        "--camera /dev/video0 -o views",
-        {
-            "--camera": ("/dev/video0, rtsp:// or http://", NEEDED | {"metavar": "ADDRESS"}),
-            "--size": (
-                "of a device (default: 1920x1080)",
-                {"type": _size, "default": (1920, 1080), "metavar": "WxH"},
-            ),
-            "--count": (
-                "how many (default: 20)",
-                {"type": int, "default": 20, "metavar": "N"},
-            ),
-            "--stem": ("what their names begin with (default: view)", {"default": "view"}),
-            "--output": ("the folder", NEEDED | DIR),
-        },
-    ),
-}
 
 
 if __name__ == "__main__":

@@ -19,9 +19,8 @@ class BoardView(NamedTuple):
     """A board in a picture."""
 
     name: str  # of the picture
-    points: (
-        Array  # (n, 2) corners on the board, mm from its middle, x right and y down as one reads it
-    )
+    # (n, 2) corners on the board, mm from its middle, x right and y down as one reads it
+    points: Array
     pixels: Array  # (n, 2) where they are seen
 
 

@@ -23,10 +23,11 @@ TILTED = (
     *((corner, tilt) for corner in CORNERS for tilt in ((0.5, 0.0), (0.0, 0.5))),
     *(((0.5, 0.5), tilt) for tilt in ((0.55, 0.2), (-0.5, -0.3), (0.1, -0.6), (-0.1, 0.6))),
 )
+# poses on the table, x and y in shares of the camera's distance
 SPREAD: tuple[Pose2, ...] = (
     (0.0, 0.0, 0.0),
     *((-0.43, -0.2, 0.05), (0.43, 0.2, -0.1), (-0.43, 0.2, 1.6), (0.43, -0.2, 3.0)),
-)  # poses on the table, x and y in shares of the camera's distance
+)
 
 
 def _field_mm(optics: Optics) -> float:

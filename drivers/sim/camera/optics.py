@@ -24,9 +24,8 @@ class Optics:
     height: int  # of the picture, pixels
     focal: float  # pixels, the same both ways
     centre: tuple[float, float]  # principal point, pixels; the centre of the first pixel is (0, 0)
-    distortion: tuple[
-        float, float, float, float, float
-    ]  # k1, k2, p1, p2, k3 as OpenCV numbers them
+    # k1, k2, p1, p2, k3 as OpenCV numbers them
+    distortion: tuple[float, float, float, float, float]
     rotation: Array  # (3, 3) of the world as the camera sees it
     eye_mm: Array  # (3,) where the camera is; z < 0 below the table
 

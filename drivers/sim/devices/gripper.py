@@ -5,11 +5,13 @@ Behaviour from the 2F-85 manual ([M18] p54-62) and Robotiq's SDK as far as publi
 
 import math
 import random
+from collections.abc import Callable
 from functools import lru_cache
 
 from drivers.ports import GripperProfile
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.faults import MAJOR, fault_text
+from drivers.robotiq.frames import RTU, TCP, Wiring
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_mm_s_of, unpack
 from drivers.sim.devices.jaws import Fingers, Jaws, Surroundings
 
@@ -23,6 +25,10 @@ CURRENT_HOLD, CURRENT_DECAY_S = 0.3, 0.15  # the screw drive holds with less tha
 
 FAULT_DELAYED, FAULT_INACTIVE, FAULT_SILENCE = 0x05, 0x07, 0x09
 FAULT_RELEASING, FAULT_BLOCKED_SWEEP, FAULT_RELEASED = 0x0B, 0x0D, 0x0F
+
+BLOCK_WORDS = 8
+# Over Modbus TCP no others are promised ([M200] p66).
+FUNCTIONS = {RTU: frozenset({3, 4, 6, 16, 23}), TCP: frozenset({4, 16})}
 
 
 @lru_cache(4096)
@@ -206,3 +212,47 @@ class GripperModel(Fingers):
         peak = CURRENT_CONTACT + CURRENT_PER_FORCE * self._request["rFR"]
         since = self._now - self._stroke.end_s
         return peak * (CURRENT_HOLD + (1.0 - CURRENT_HOLD) * math.exp(-since / CURRENT_DECAY_S))
+
+
+class GripperRegisters:
+    """A Robotiq gripper's two blocks at their wire addresses.
+
+    Args:
+        device: the gripper.
+        now: simulated seconds.
+        wiring: the kind of link.
+    """
+
+    def __init__(
+        self, device: GripperModel, now: Callable[[], float], wiring: Wiring = RTU
+    ) -> None:
+        self._device = device
+        self._now = now
+        self._output = wiring.output
+        self._input = wiring.input
+        self._functions = FUNCTIONS[wiring]
+
+    def serves(self, function: int, address: int, count: int) -> bool:
+        """Whether `function` is spoken here and all registers lie in one of the blocks."""
+        return function in self._functions and (
+            _inside(address, count, self._input) or _inside(address, count, self._output)
+        )
+
+    def read(self, address: int, count: int) -> bytes:
+        """Registers of the input block, or of the output block as last written."""
+        if _inside(address, count, self._input):
+            block, base = self._device.read_input(self._now()), self._input
+        else:
+            block, base = self._device.read_output(), self._output
+        return block[2 * (address - base) : 2 * (address - base + count)]
+
+    def write(self, function: int, address: int, data: bytes) -> bool:
+        """Write to the output block; the input block cannot be written."""
+        if function not in self._functions or not _inside(address, len(data) // 2, self._output):
+            return False
+        self._device.write_output(2 * (address - self._output), data, self._now())
+        return True
+
+
+def _inside(address: int, count: int, base: int) -> bool:
+    return count > 0 and base <= address and address + count <= base + BLOCK_WORDS

@@ -8,8 +8,9 @@ import threading
 from collections.abc import Callable
 
 from drivers.robotiq.frames import TCP
+from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.wire.line import UnpluggedError
-from drivers.sim.wire.modbus import Device, answer
+from drivers.sim.wire.modbus import answer
 from drivers.sim.wire.rtu import Slave, exchange
 from drivers.sim.wire.serving import Lock, SimulatedTime, TcpServer
 
@@ -41,7 +42,7 @@ class MbapSlave(Slave):
         return HEADER - 1 + int.from_bytes(self._buffer[4:6], "big")
 
 
-def stop_jaws(device: Device, now: Callable[[], float]) -> None:
+def stop_jaws(device: GripperModel, now: Callable[[], float]) -> None:
     """What the closing of a Modbus TCP connection does: rGTO falls to 0."""
     action = device.read_output()[0] & ~0x08
     device.write_output(0, bytes((action,)), now())

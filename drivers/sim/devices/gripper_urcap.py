@@ -1,15 +1,15 @@
 """The simulated gripper behind Robotiq's URCap: `GET` and `SET` lines on a TCP port, many clients at once."""
 
 import contextlib
-import socket
+import socketserver
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack
 from drivers.robotiq.urcap import READ
-from drivers.sim.wire.modbus import Device
-from drivers.sim.wire.serving import Lock, TcpServer
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.wire.serving import LibraryServer, Lock, ThreadForEach
 
 FLAGS = {"ACT": "rACT", "GTO": "rGTO", "ATR": "rATR", "ADR": "rARD"}
 OUTPUTS = {**FLAGS, "POS": "rPR", "SPE": "rSP", "FOR": "rFR"}
@@ -21,7 +21,7 @@ MAX_LINE = 256
 class Urcap:
     """What the URCap answers to a line."""
 
-    device: Device
+    device: GripperModel
     now: Callable[[], float]  # simulated seconds
     # What follows the answer to a question; an acknowledgement stands alone.
     line_end: bytes = b"\n"
@@ -50,8 +50,8 @@ class Urcap:
         return True
 
 
-class UrcapPort(TcpServer):
-    """The URCap on a TCP port.
+class UrcapPort(LibraryServer):
+    """The URCap on a TCP port, a thread for each client.
 
     Args:
         urcap: answers lines.
@@ -59,35 +59,19 @@ class UrcapPort(TcpServer):
     """
 
     def __init__(self, urcap: Urcap, lock: Lock) -> None:
-        super().__init__("urcap", threading.Event())
+        class Client(socketserver.StreamRequestHandler):
+            """Answers one client's lines."""
+
+            disable_nagle_algorithm = True
+
+            def handle(self) -> None:
+                with contextlib.suppress(OSError):
+                    while (line := self.rfile.readline(MAX_LINE)).endswith(b"\n"):
+                        with lock:
+                            said = urcap.answer(line)
+                        self.wfile.write(said or b"")
+
+        server = ThreadForEach(("127.0.0.1", 0), Client)
+        super().__init__("urcap", threading.Event(), server)
         self.urcap = urcap
-        self._lock = lock
-        self.url = f"urcap://127.0.0.1:{self.port}"
-
-    def _run(self) -> None:
-        served: list[threading.Thread] = []
-        while not self._stopped.is_set():
-            if self._readable([self._listener]):
-                client, _ = self._listener.accept()
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                served.append(threading.Thread(target=self._talk, args=(client,), daemon=True))
-                served[-1].start()
-        self._listener.close()
-        for thread in served:
-            thread.join()
-
-    def _talk(self, client: socket.socket) -> None:
-        with client, contextlib.suppress(OSError):
-            self._serve(client)
-
-    def _serve(self, client: socket.socket) -> None:
-        text = b""
-        for data in self._received(client, MAX_LINE):
-            if len(text) > MAX_LINE:
-                return
-            *lines, text = (text + data).split(b"\n")
-            for line in lines:
-                with self._lock:
-                    said = self.urcap.answer(line)
-                if said is not None:
-                    client.sendall(said)
+        self.url = f"urcap://127.0.0.1:{server.server_address[1]}"

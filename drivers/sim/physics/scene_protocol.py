@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 
 from drivers.errors import LinkError, shown
 from drivers.ports import Truth
-from drivers.sim.wire.serving import LibraryServer
+from drivers.sim.wire.serving import LibraryServer, ThreadForEach
 from drivers.stream import open_tcp
 from runtime.shell import strict_json
 
@@ -92,15 +92,6 @@ class Scene(Feeder):
         return line
 
 
-class _ThreadForEach(socketserver.ThreadingTCPServer):
-    daemon_threads = True
-    block_on_close = False
-
-    def handle_error(self, *_: object) -> None:
-        """Let the world's failure reach the thread's end, where the cell hears of it."""
-        raise
-
-
 class SceneServer(LibraryServer):
     """Answers scene requests of any number of clients, a thread each; `stopped` tells that the cell stops."""
 
@@ -118,7 +109,7 @@ class SceneServer(LibraryServer):
                         if "quit" in said:
                             stopped.set()
 
-        server = _ThreadForEach(("127.0.0.1", 0), Client)
+        server = ThreadForEach(("127.0.0.1", 0), Client)
         super().__init__("scene", stopped, server)
         self.url = f"tcp://127.0.0.1:{server.server_address[1]}"
 

@@ -4,31 +4,12 @@ A gripper never sends exception frames: what it cannot serve meets silence ([M16
 """
 
 import struct
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Protocol
 
 from pymodbus.framer import FramerRTU
 
-from drivers.robotiq.frames import RTU, TCP, Wiring
-
 MAX_REGISTERS = 125  # Modbus application protocol 1.1b3, 6.3
-BLOCK_WORDS = 8
-# Over Modbus TCP no others are promised ([M200] p66).
-FUNCTIONS = {RTU: frozenset({3, 4, 6, 16, 23}), TCP: frozenset({4, 16})}
-
-
-class Device(Protocol):
-    """The two register blocks of a simulated gripper, as `GripperModel` has them."""
-
-    def read_input(self, now_s: float) -> bytes:
-        """The 16 input bytes."""
-
-    def read_output(self) -> bytes:
-        """The 16 output bytes as last written."""
-
-    def write_output(self, offset: int, data: bytes, now_s: float) -> None:
-        """Write bytes of the output block and obey."""
 
 
 class Registers(Protocol):
@@ -42,48 +23,6 @@ class Registers(Protocol):
 
     def write(self, function: int, address: int, data: bytes) -> bool:
         """Write registers; False where that is refused."""
-
-
-class GripperRegisters:
-    """A Robotiq gripper's two blocks at their wire addresses.
-
-    Args:
-        device: the gripper.
-        now: simulated seconds.
-        wiring: the kind of link.
-    """
-
-    def __init__(self, device: Device, now: Callable[[], float], wiring: Wiring = RTU) -> None:
-        self._device = device
-        self._now = now
-        self._output = wiring.output
-        self._input = wiring.input
-        self._functions = FUNCTIONS[wiring]
-
-    def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` is spoken here and all registers lie in one of the blocks."""
-        return function in self._functions and (
-            _inside(address, count, self._input) or _inside(address, count, self._output)
-        )
-
-    def read(self, address: int, count: int) -> bytes:
-        """Registers of the input block, or of the output block as last written."""
-        if _inside(address, count, self._input):
-            block, base = self._device.read_input(self._now()), self._input
-        else:
-            block, base = self._device.read_output(), self._output
-        return block[2 * (address - base) : 2 * (address - base + count)]
-
-    def write(self, function: int, address: int, data: bytes) -> bool:
-        """Write to the output block; the input block cannot be written."""
-        if function not in self._functions or not _inside(address, len(data) // 2, self._output):
-            return False
-        self._device.write_output(2 * (address - self._output), data, self._now())
-        return True
-
-
-def _inside(address: int, count: int, base: int) -> bool:
-    return count > 0 and base <= address and address + count <= base + BLOCK_WORDS
 
 
 def answer(pdu: bytes, registers: Registers) -> bytes | None:

@@ -63,8 +63,19 @@ class Server:
         raise NotImplementedError
 
 
+class ThreadForEach(socketserver.ThreadingTCPServer):
+    """A server of the standard library with a thread for each client, which is not waited for."""
+
+    daemon_threads = True
+    block_on_close = False
+
+    def handle_error(self, *_: object) -> None:
+        """Let a failure reach the thread's end, where the cell hears of it."""
+        raise
+
+
 class LibraryServer(Server):
-    """A server of the standard library, which has a thread for each client."""
+    """A server of the standard library."""
 
     def __init__(self, name: str, stopped: threading.Event, server: socketserver.TCPServer) -> None:
         super().__init__(name, stopped)

@@ -80,15 +80,10 @@ def screen(loaded: Table, outline: Outline, seen: Mapping[str, Any]) -> str:
 
 def _signs(seen: Mapping[str, Any]) -> Iterator[str]:
     """What somebody should look at: alarms of the charts, and whether the cell is another than planned."""
-    for alarm in _alarms(seen["charts"]).values():
+    for alarm in seen["charts"]["alarms"]:
         yield verdict("fair", f"{_capital(alarm['sentence'])} (part {alarm['number']}).")
     if seen["refit_pays"]:
         yield verdict("fair", f"{_capital(REFIT)}.")
-
-
-def _alarms(charts: Mapping[str, Any] | None) -> dict[str, Mapping[str, Any]]:
-    """The latest alarm of each chart, by its name."""
-    return {} if charts is None else {alarm["chart"]: alarm for alarm in charts["alarms"]}
 
 
 def _capital(sentence: str) -> str:
@@ -119,9 +114,8 @@ def _pose(answer: Mapping[str, Any]) -> tuple[str, str]:
     shown = answer["datum"] or answer
     which = f"{answer['hypothesis']}, " if "hypothesis" in answer else ""
     datum = " (datum)" if answer["datum"] else ""
-    x_mm, y_mm, angle = (
-        round(shown[name], 2) + 0.0 for name in ("x_mm", "y_mm", "angle_deg")
-    )  # no shift is 0.00, not -0.00
+    # no shift is 0.00, not -0.00
+    x_mm, y_mm, angle = (round(shown[name], 2) + 0.0 for name in ("x_mm", "y_mm", "angle_deg"))
     return f"{x_mm:.2f}, {y_mm:.2f} mm", f"{which}{angle:.1f}°{datum}"
 
 
@@ -204,11 +198,11 @@ def _usual(loaded: Table, node: int, width_mm: float | None) -> int:
     return ~target
 
 
-def _widths(charts: Mapping[str, Any] | None) -> Iterator[str]:
-    if charts is None or not charts["wider"]:
+def _widths(charts: Mapping[str, Any]) -> Iterator[str]:
+    if not charts["wider"]:
         yield '<p class="note">Nothing was squeezed yet.</p>'
         return
-    drift = "widths" in _alarms(charts)
+    drift = any(alarm["chart"] == "widths" for alarm in charts["alarms"])
     yield (
         verdict("fair", _capital(MEANING["widths"]) + ".")
         if drift

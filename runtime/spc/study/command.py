@@ -2,11 +2,10 @@
 
 import argparse
 import csv
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from runtime.shell.command import Parser, number, positive_int, run, say
+from runtime.shell.command import Parser, number, positive_int, run, say_result
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, write
@@ -123,11 +122,8 @@ def _of_journals(options: argparse.Namespace) -> int:
     study = studied(history, _limit(options, history.table.goal.confidence_ppm), others)
     if options.output is not None:
         write(options.output, page(study, [path.name for path in options.journals]))
-    if options.json:
-        say(json.dumps(study.fields()))
-    else:
-        for line in (verdict_words(study), *gauge_words(study), *crossed_words(study.crossed)):
-            say(line)
+    lines = (verdict_words(study), *gauge_words(study), *crossed_words(study.crossed))
+    say_result(options.json, study.fields(), lines)
     return {
         Verdict.ACCEPTED: 0,
         Verdict.REFUSED: ExitCode.CHECK_FAILED,
@@ -140,13 +136,17 @@ def _plan(options: argparse.Namespace) -> int:
     limit = _limit(options, table.goal.confidence_ppm)
     expected, leaves = expected_failures(table), parts_of_leaves(table)
     count = planned(limit, expected)
-    if options.json:
-        plan = {"required": 1.0 - limit, "expected_failures": expected, "confidence": 1.0 - ERROR}
-        plan |= {"parts_least": count.least, "parts_likely": count.likely, "parts_type1": leaves}
-        say(json.dumps({**plan, "readings_type1": LEAST_READINGS, "crossed": CROSSED}))
-    else:
-        for line in _planned_lines(limit, expected, leaves, count):
-            say(line)
+    plan = {
+        "required": 1.0 - limit,
+        "expected_failures": expected,
+        "confidence": 1.0 - ERROR,
+        "parts_least": count.least,
+        "parts_likely": count.likely,
+        "parts_type1": leaves,
+        "readings_type1": LEAST_READINGS,
+        "crossed": CROSSED,
+    }
+    say_result(options.json, plan, _planned_lines(limit, expected, leaves, count))
     return ExitCode.CHECK_FAILED if expected is not None and expected >= limit else 0
 
 
@@ -186,11 +186,8 @@ def _of_measurements(options: argparse.Namespace) -> int:
 
 def _say_crossed(options: argparse.Namespace, studies: Mapping[str, Crossed]) -> int:
     """Print crossed studies alone; the exit code is that of the worst that is known."""
-    if options.json:
-        say(json.dumps({"crossed": {name: study.fields() for name, study in studies.items()}}))
-    else:
-        for line in crossed_words(studies):
-            say(line)
+    fields = {"crossed": {name: study.fields() for name, study in studies.items()}}
+    say_result(options.json, fields, crossed_words(studies))
     known = [study.percent for study in studies.values() if study.percent is not None]
     return (
         ExitCode.UNDECIDED if not known else ExitCode.CHECK_FAILED if max(known) > ACCEPTABLE else 0

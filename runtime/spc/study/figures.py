@@ -48,9 +48,8 @@ class Study:
 
     history: History
     acceptance: Acceptance
-    curve: tuple[
-        Acceptance, ...
-    ]  # looks evenly spread over the run, that of the verdict, and the last
+    # looks evenly spread over the run, that of the verdict, and the last
+    curve: tuple[Acceptance, ...]
     table: GaugeRow
     leaves: tuple[GaugeRow, ...]
     crossed: Mapping[str, Crossed]  # by quantity; empty where none was asked for

@@ -121,9 +121,8 @@ class Crossed:
     parts: int
     appraisers: int
     trials: int
-    interaction_p: (
-        float | None
-    )  # probability of such an interaction by chance; None where nothing repeats
+    # probability of such an interaction by chance; None where nothing repeats
+    interaction_p: float | None
     anova: Spread
     ranges: Spread | None  # average and range; None where there are no constants for so many
 

@@ -5,8 +5,8 @@ import random
 import pytest
 from pymodbus.framer.rtu import FramerRTU
 
-from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.wire.modbus import GripperRegisters, crc16
+from drivers.sim.devices.gripper import GripperModel, GripperRegisters
+from drivers.sim.wire.modbus import crc16
 from drivers.sim.wire.rtu import RtuSlave
 
 READ = bytes.fromhex("09 03 07D0 0003 040E")

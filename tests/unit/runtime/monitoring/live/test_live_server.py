@@ -15,7 +15,9 @@ from runtime.monitoring import http_server
 from runtime.monitoring.http_server import MOST_CLIENTS
 from runtime.monitoring.live import page
 from runtime.monitoring.live.server import Address, PageServer
+from runtime.monitoring.shift import CHANGES, Shift
 from runtime.monitoring.status import Status
+from runtime.table import TableFile
 
 FREE = Address("127.0.0.1", 0)
 LARGE = b"x" * 16_000_000
@@ -24,7 +26,9 @@ WAIT_S = 20
 
 @pytest.fixture
 def serving():
-    result = page.pages(small_table(), "small.msgpack", Status("small.msgpack", "ab" * 32, 958_000))
+    loaded = TableFile(small_table(), b"", "ab" * 32)
+    status = Status("small.msgpack", loaded, Shift(CHANGES, None))
+    result = page.pages(loaded.table, "small.msgpack", status)
     with PageServer(FREE, {**result, "/large": ("text/plain", lambda: LARGE)}) as running:
         yield running
 

@@ -14,8 +14,7 @@ from runtime.monitoring.monitor import Monitor, Views, ended
 from runtime.monitoring.shift import CHANGES, Shift
 from runtime.monitoring.status import Status
 from runtime.pages import frame
-from runtime.spc.drift import Drift
-from runtime.table import dump, load
+from runtime.table import TableFile, dump, load
 from runtime.traversal.results import Outcome, PartResult, Step
 
 TABLE = small_table()
@@ -25,7 +24,7 @@ EVIL = '<img src=x onerror="alert(1)">Prüfling\'s "Ä" & more'
 
 
 def status():
-    return Status(EVIL, "ab" * 32, 958_000, None, Drift(TABLE), Shift(CHANGES, 6.0))
+    return Status(EVIL, TableFile(TABLE, b"", "ab" * 32), Shift(CHANGES, 6.0))
 
 
 def shown(status):
