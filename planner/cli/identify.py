@@ -1,4 +1,4 @@
-"""plan-identify: measured pushes in, limit surface out, with the error on pushes it has not seen."""
+"""plan-identify: fits a limit surface to measured pushes and states its error on unseen pushes."""
 
 import argparse
 import math
@@ -96,7 +96,7 @@ def _identify(arguments: argparse.Namespace) -> None:
     if arguments.output is not None:
         write(arguments.output, surface_text(best, data, arguments))
     if arguments.figure is not None:
-        from planner.report import canvas, identification  # matplotlib takes a second
+        from planner.report import canvas, identification  # importing matplotlib takes a second
 
         title = f"{', '.join(path.stem for path in sources)}: {len(data.F)} pushes"
         canvas.save(arguments.figure, lambda: identification.figure(data, outcome, title))
@@ -192,7 +192,7 @@ def parser() -> Parser:
         "--kind",
         choices=(*KINDS, "both"),
         default="both",
-        help="with both, the one that predicts better is written (default: %(default)s)",
+        help="kind of limit surface; both: the better predictor is written (default: %(default)s)",
     )
     add(
         "--rho-mm",
@@ -222,7 +222,7 @@ def parser() -> Parser:
 
 
 def surface_text(result: Identified, data: Normalised, arguments: argparse.Namespace) -> str:
-    """The surface file for one result."""
+    """The surface file of one result."""
     surface = result.fit.surface
     values: dict[str, Any] = {"rho_mm": surface.rho_mm}
     if isinstance(surface, LimitSurface):

@@ -1,4 +1,4 @@
-"""plan-report: a table as one page of HTML that needs no network."""
+"""plan-report: a table as one self-contained HTML page."""
 
 import argparse
 from pathlib import Path

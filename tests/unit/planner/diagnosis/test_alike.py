@@ -75,7 +75,7 @@ def test_goal_or_uncertainty_that_leaves_no_question_is_not_refused(changes):
 def test_difference_below_a_count_is_reported_and_searched_all_the_same():
     (result,) = alike(job_of(chamfered(0.2), "auto"))
     assert (result.degrees, result.hopeless) == (pytest.approx(180.0), False)
-    assert "the gripper tells 0.37 mm apart" in result.line()
+    assert "the gripper resolves 0.37 mm" in result.line()
     assert alike(job_of(chamfered(1.0), "auto")) == []
 
 
