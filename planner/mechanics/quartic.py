@@ -111,7 +111,7 @@ def _factor(surface: QuarticSurface) -> Array:
 
 
 def lifted(S: Array) -> Array:
-    """Transforms by S (n, 3, 3) of the six products of two coordinates, in the order of `PAIRS`: (n, 6, 6)."""
+    """Transforms (n, 6, 6) by S (n, 3, 3) of the six products of two coordinates, ordered as `PAIRS`."""
     (i, j), (k, m) = PAIRS.T[:, :, None], PAIRS.T[:, None, :]
     other = np.where(k == m, 0.0, 1.0)
     return np.asarray(S[:, i, k] * S[:, j, m] + other * S[:, i, m] * S[:, j, k])

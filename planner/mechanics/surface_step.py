@@ -40,7 +40,7 @@ def local_matrix(table: Array, F: Array, out: Array) -> None:
 
 @inner_kernel
 def _wrench(C: Array, count: int, c: float, s: float, F: Array) -> float:
-    """Writes the unit wrench of all contact forces, part's frame, into `F` (3,); returns its former length."""
+    """Writes the unit wrench of all contact forces in the part's frame into `F` (3,); returns its length."""
     f0, f1, f2 = 0.0, 0.0, 0.0
     for k in range(count):
         fn, ft = C[k, FN], C[k, FT]
