@@ -298,7 +298,7 @@ def _add_policy(group: argparse._ArgumentGroup) -> None:
         "--after-crash",
         choices=("abort", "resume", "restart"),
         default="abort",
-        help="if the journal's last run broke off: give it up and exit 25, continue with its part, or restart "
+        help="if the journal's last run broke off: give it up and exit 25, continue its part, or restart "
         "that part (default: abort)",
     )
     add(

@@ -1,4 +1,4 @@
-"""What a run tells while it runs: one snapshot, as a JSON object or as Prometheus text."""
+"""Status of a run: one snapshot, as a JSON object or as Prometheus text."""
 
 import threading
 from collections import Counter, deque
@@ -11,7 +11,7 @@ from runtime.spc.drift import Drift
 from runtime.table import PPM
 from runtime.traversal.results import Outcome, PartResult, Step
 
-RECENT = 10  # parts that a snapshot remembers one by one
+RECENT = 10  # parts listed in a snapshot
 
 
 class Status:
@@ -26,14 +26,14 @@ class Status:
         drift: Drift | None = None,
         shift: Shift | None = None,
     ) -> None:
-        """Begin without a part.
+        """Starts without a part.
 
-        `answer` tells what a part at a leaf came to, in words of `runtime.traversal.answer`.
+        `answer` gives the result of a part at a leaf, in words of `runtime.traversal.answer`.
         """
         self._answer, self._drift, self._refit = answer, drift, False
         self._shift = shift or Shift(CHANGES, None)
         self._end: dict[str, str] | None = None
-        self.watched = threading.Event()  # set whenever a page was given the snapshot
+        self.watched = threading.Event()  # set whenever a page received the snapshot
         self._lock = threading.Lock()
         self._table, self._sha256, self._predicted_ppm = table, table_sha256, predicted_ppm
         self._phase, self._part, self._node = Phase.IDLE, 0, -1
@@ -45,14 +45,14 @@ class Status:
         self._recent: deque[dict[str, object]] = deque(maxlen=RECENT)
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """The loop's watcher."""
+        """The phase changed."""
         with self._lock:
             if part != self._part:
                 self._steps = []
             self._part, self._phase, self._node = part, phase, -1 if node is None else node
 
     def step(self, step: Step) -> None:
-        """One squeeze."""
+        """A squeeze ended."""
         with self._lock:
             self._squeezes += 1
             self._width_um = step.width_um
@@ -60,7 +60,7 @@ class Status:
             self._steps.append({"node": step.node, "width_mm": width_mm, "target": step.target})
 
     def part(self, result: PartResult) -> None:
-        """A part's end."""
+        """A part ended."""
         with self._lock:
             self._outcomes[result.outcome] += 1
             answer = None
@@ -79,17 +79,17 @@ class Status:
                 self._audits[result.audit] += 1
 
     def end(self, grade: str, sentence: str) -> None:
-        """The run's end: "good" where nobody has to do anything, "fair" or "poor", and how it came."""
+        """The run ended: "good" where nobody has to do anything, else "fair" or "poor", with a sentence."""
         with self._lock:
             self._end = {"grade": grade, "sentence": sentence}
 
     def as_object(self) -> dict[str, Any]:
         """The snapshot for machines.
 
-        `steps` are the squeezes of the part under way, or of the last one until the next begins; a target
-        >= 0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest; the `answer`
-        of a located part is its pose. `shift` is what `Shift` counts, `charts` those of `Drift`; `end` is
-        null while the run goes on.
+        `steps` are the squeezes of the current part, or of the last one until the next begins; a target >=
+        0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest; the `answer`
+        of a located part is its pose. `shift` holds the counts of `Shift`, `charts` those of `Drift`; `end`
+        is null during the run.
         """
         with self._lock:
             return {
