@@ -53,11 +53,14 @@ def compile_job(
 ) -> Plan:
     """Plans, lowers the tree to a table, and evaluates the table.
 
-    Args: job: the checked job. workers: threads; all cores if None. The result does not depend on it.
-        trials: parts squeezed in the evaluation. report: progress. limit: when to stop with the best tree
-        so far, evaluated: complete and valid, but possibly with unresolved leaves. Without a time budget
-        the same seed gives the same bytes. scheduler: who runs the trials of the evaluation; as many
-        threads as `workers` if None.
+    Args:
+        job: the checked job.
+        workers: threads; all cores if None. The result does not depend on it.
+        trials: parts squeezed in the evaluation.
+        report: progress.
+        limit: when to stop with the best tree so far, evaluated: complete and valid, but possibly with
+            unresolved leaves. Without a time budget the same seed gives the same bytes.
+        scheduler: who runs the trials of the evaluation; as many threads as `workers` if None.
 
     Raises:
         UnreachableError: the connection to the cluster was lost.

@@ -72,8 +72,9 @@ class ContactWorld:
 
         The cell is as the job states it: doubts are at the middle of their intervals.
 
-        Returns: The final pose in the hand frame, the width [mm] that an encoder like the job's measures,
-            the status.
+        Returns:
+            The final pose in the hand frame, the width [mm] that an encoder like the job's measures, the
+            status.
 
         Raises:
             ValueError: the pose is not three finite numbers.

@@ -102,8 +102,9 @@ def _localise(
         local: receives the poses (n, 3).
         column: (n,) work space.
 
-    Returns: Whether the window holds at least `least` poses. If so, every prediction that matters shares
-        poses with it, and its angle lies within two goals of the middle.
+    Returns:
+        Whether the window holds at least `least` poses. If so, every prediction that matters shares poses
+        with it, and its angle lies within two goals of the middle.
     """
     n = poses.shape[0]
     turn = weights[3] * period

@@ -63,8 +63,9 @@ def alike(job: Job) -> list[Alike]:
 def refuse_alike(job: Job) -> None:
     """Refuses a job for which no search can find a plan.
 
-    Raises: NoPlanError: every part has a second pose that reads alike in all squeezes, and the goal
-        distinguishes the two.
+    Raises:
+        NoPlanError: every part has a second pose that reads alike in all squeezes, and the goal
+            distinguishes the two.
     """
     result = alike(job)
     if len(result) == len(job.alone) and all(each.hopeless for each in result):

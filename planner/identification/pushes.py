@@ -62,8 +62,9 @@ class Push(NamedTuple):
 def parse(text: str, where: str = "push log") -> list[Push]:
     """Reads a push log.
 
-    Raises: InputError: the log is truncated, continues after its last push, holds no push, or has an entry
-        that is not a number; names the line.
+    Raises:
+        InputError: the log is truncated, continues after its last push, holds no push, or has an entry that
+            is not a number; names the line.
     """
     reader = _Reader(text, where)
     pushes = []

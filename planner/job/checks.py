@@ -39,8 +39,9 @@ def place_outline(points: Array, drawn: bool) -> outline.Canonical:
 def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shift: Array) -> None:
     """Moves the support points with the outline; completes and normalises their weights (in place).
 
-    Raises: InputError: points off the part or all in one place, a different number of weights and points,
-        or a stated ellipsoid that is not symmetric positive definite.
+    Raises:
+        InputError: points off the part or all in one place, a different number of weights and points, or a
+            stated ellipsoid that is not symmetric positive definite.
     """
     if pressure["kind"] == "stated":
         check_ellipsoid(pressure["ellipsoid"], "pressure")
@@ -128,8 +129,9 @@ def check_conflicts(values: Values) -> None:
 def check_parts(job: Any, names: list[str]) -> None:
     """Refuses values that conflict with the parts that may lie there.
 
-    Raises: InputError: a goal without choice for a single part, two parts of one name, or a section that
-        does not apply to several parts.
+    Raises:
+        InputError: a goal without choice for a single part, two parts of one name, or a section that does
+            not apply to several parts.
     """
     if len(names) == 1 and job.goal.kind == "identity":
         problem = (

@@ -122,8 +122,9 @@ def _push(body: Body, way: float, q: Array, scratch: Scratch) -> tuple[bool, boo
 
     Both are in the pusher's frame at the start.
 
-    Returns: Whether the pusher touches the part at the end, and whether the stepping failed, so that the
-        part moved along with the pusher from there.
+    Returns:
+        Whether the pusher touches the part at the end, and whether the stepping failed, so that the part
+        moved along with the pusher from there.
     """
     work, step = scratch.work, scratch.work.boundary.step
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0

@@ -116,7 +116,8 @@ def sample_each(
 ) -> tuple[Array, BoolArray | None]:
     """`sample` for each of n parts, about the surface that `which` (n,) numbers, with dof (n,).
 
-    Returns: (n, 3, 3) ellipsoids or (n, 6, 6) quartics, and None. If both forms occur: (n, 6, 6), where an
+    Returns:
+        (n, 3, 3) ellipsoids or (n, 6, 6) quartics, and None. If both forms occur: (n, 6, 6), where an
         ellipsoid fills the (3, 3) corner, and a mask (n,) of the ellipsoids.
     """
     rows = [

@@ -49,10 +49,14 @@ class Pushed(NamedTuple):
 class Pusher:
     """Proposes pushes and chooses among them.
 
-    Attributes: model: pushes beliefs. costs: of a push. jaws: (4,) as in `Simulator`. area: ((x_min,
-        y_min), (x_max, y_max)) that the hand may be placed in. turnable: whether a turn of a whole plan
-        about the origin changes nothing, so that one direction of the first push suffices. least_share:
-        probability of a node from which pushes are tried.
+    Attributes:
+        model: pushes beliefs.
+        costs: of a push.
+        jaws: (4,) as in `Simulator`.
+        area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
+        turnable: whether a turn of a whole plan about the origin changes nothing, so that one direction of
+            the first push suffices.
+        least_share: probability of a node from which pushes are tried.
     """
 
     model: Simulation

@@ -53,8 +53,9 @@ OF_ONE_TABLE = ("http", "audit")
 def check(arguments: argparse.Namespace) -> Address:
     """Checks the options that `--plc` requires or excludes; returns the address to listen at.
 
-    Raises: UsageError: the address is invalid, or reachable from other machines without permission; or an
-        option conflicts with several tables or with triggers.
+    Raises:
+        UsageError: the address is invalid, or reachable from other machines without permission; or an
+            option conflicts with several tables or with triggers.
     """
     defaults = parser()
     several = OF_ONE_TABLE if len(arguments.trees) > 1 else ()

@@ -30,8 +30,9 @@ KEEPALIVE = {socket.TCP_KEEPIDLE: 5, socket.TCP_KEEPINTVL: 3, socket.TCP_KEEPCNT
 def check(arguments: argparse.Namespace) -> server.Address:
     """Checks the options that `--serve` requires or excludes; returns the address to listen at.
 
-    Raises: UsageError: the address is invalid, or reachable from other machines without permission; or an
-        option is about devices, which the robot moves itself.
+    Raises:
+        UsageError: the address is invalid, or reachable from other machines without permission; or an
+            option is about devices, which the robot moves itself.
     """
     defaults = parser()
     for name, given in vars(arguments).items():

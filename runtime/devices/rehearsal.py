@@ -48,8 +48,9 @@ class Rehearsal:
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
         """Squeezes a part at a pose in the hand frame [mm, mm, rad].
 
-        Returns: The same pose, the width in mm without encoder noise, and "grasped", or "untouched" where
-            the drawn branch holds nothing.
+        Returns:
+            The same pose, the width in mm without encoder noise, and "grasped", or "untouched" where the
+            drawn branch holds nothing.
         """
         index = self._node_of(pose_hand)
         if index is None:

@@ -108,8 +108,9 @@ def choose(
 def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | None:
     """Grasps the part of a leaf with the root's speed and force, carries it and puts it down.
 
-    Returns: None if the part was put down, else why it was left: no path exists, or the fingers read
-        another width.
+    Returns:
+        None if the part was put down, else why it was left: no path exists, or the fingers read another
+        width.
 
     Raises:
         GripperStateError: the part slipped out while it was carried, or the gripper is not ready.

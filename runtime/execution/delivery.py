@@ -94,8 +94,9 @@ def from_text(text: str) -> Delivery:
 def by_name(words: Sequence[str], table: Table) -> Sorting:
     """The deliveries of words `NAME=x,y,angle` or `NAME=FILE`, for a table of several parts.
 
-    Raises: UsageError: a name is missing, unknown or repeated; a place is invalid; or leaves do not state
-        both part and pose.
+    Raises:
+        UsageError: a name is missing, unknown or repeated; a place is invalid; or leaves do not state both
+            part and pose.
     """
     goal, numbers = table.goal, dict(enumerate(hypothesis.name for hypothesis in table.hypotheses))
     if goal.kind == "identity" or not goal.identify:

@@ -41,8 +41,9 @@ def check_fresh(settled: Settled, requested_um: int) -> None:
 def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[int, int]) -> None:
     """Checks that a settled closing motion's flag and current agree with its width.
 
-    Raises: GripperStateError: the flag reports nothing although the fingers are apart, or an opening
-        motion; or the current is impossible for a gripper at rest on a part.
+    Raises:
+        GripperStateError: the flag reports nothing although the fingers are apart, or an opening motion; or
+            the current is impossible for a gripper at rest on a part.
     """
     width_um = calibration.width_um(settled.width_um)
     if settled.object is ObjectState.OPENING:
@@ -65,8 +66,9 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
 def check_opened(settled: Settled, requested_um: int, calibration: Calibration) -> None:
     """Checks that the jaws are open as requested; collision checks of the descent rely on it.
 
-    Raises: GripperStateError: the reading is stale, the jaws are blocked, or met something while closing to
-        a smaller opening.
+    Raises:
+        GripperStateError: the reading is stale, the jaws are blocked, or met something while closing to a
+            smaller opening.
     """
     check_fresh(settled, requested_um)
     if settled.object is ObjectState.CLOSING:

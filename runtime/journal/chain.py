@@ -132,8 +132,10 @@ class Journal:
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
         """Appends one record and writes it to the disk.
 
-        Raises: JournalError: it cannot be written: full disk, lost mount, closed journal, a file moved or
-            truncated. ValueError: a field has a reserved name or is not a number JSON can hold.
+        Raises:
+            JournalError: it cannot be written: full disk, lost mount, closed journal, a file moved or
+                truncated.
+            ValueError: a field has a reserved name or is not a number JSON can hold.
         """
         if clash := RESERVED & fields.keys():
             raise ValueError(f"reserved field names: {sorted(clash)}")

@@ -87,8 +87,10 @@ def start_of(path: Path) -> Verified:
 def claim(path: Path) -> int:
     """A locked descriptor of a journal's own file, created if need be, and never reached through a link.
 
-    Raises: JournalError: it is not a regular file, it is a segment, another process writes it, or it is
-        missing although its segments exist. OSError: it cannot be opened.
+    Raises:
+        JournalError: it is not a regular file, it is a segment, another process writes it, or it is missing
+            although its segments exist.
+        OSError: it cannot be opened.
     """
     check_whole(path)
     if path.suffix[1:].isdecimal() and path in sealed_segments(path.with_suffix("")):

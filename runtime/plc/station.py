@@ -148,7 +148,7 @@ class Station:
             self._disable(Error.HEARTBEAT)
 
     def disconnect(self) -> None:
-        """The connection with write access is lost: ends enabling, but keeps levels, lest a false edge occur."""
+        """The connection with write access is lost: ends enabling, keeps levels, lest a false edge occur."""
         if self.enabled:
             self._disable(Error.CONNECTION_LOST)
 

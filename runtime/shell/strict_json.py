@@ -45,8 +45,9 @@ def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST
         refused: builds the error from a sentence that continues after the file's name.
         most_bytes: size above which it is not read.
 
-    Raises: Exception: from `refused`, where the file cannot be read, is too large, is not such JSON, or
-        holds unprintable text.
+    Raises:
+        Exception: from `refused`, where the file cannot be read, is too large, is not such JSON, or holds
+            unprintable text.
     """
     try:
         with path.open("rb") as file:

@@ -96,8 +96,10 @@ def read(path: Path) -> bytes:
 def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:
     """Checks every byte of a pack.
 
-    Args: data: of the file. trusted: the key that must have signed it; None takes the pack's own, which
-        proves that nothing was changed, but not who signed it.
+    Args:
+        data: of the file.
+        trusted: the key that must have signed it; None takes the pack's own, which proves that nothing was
+            changed, but not who signed it.
 
     Raises:
         PackError: it was changed, or signed by another key; the message says which.

@@ -59,10 +59,12 @@ class Face(NamedTuple):
 def read_outline(path: Path, options: Options) -> Imported:
     """Reads an outline from a file that ends in one of `SUFFIXES`.
 
-    Raises: UsageError: neither file nor options state the unit or the contour; the height is outside the
-        solid; the suffix is unknown, or trimesh is not installed. InputError: the file is missing, too
-        large, or of another format than its suffix. InputError: it holds no closed contour, one that
-        crosses itself, or too many shapes. InputError: a line of a CSV file is not two numbers.
+    Raises:
+        UsageError: neither file nor options state the unit or the contour; the height is outside the solid;
+            the suffix is unknown, or trimesh is not installed.
+        InputError: the file is missing, too large, or of another format than its suffix.
+        InputError: it holds no closed contour, one that crosses itself, or too many shapes.
+        InputError: a line of a CSV file is not two numbers.
     """
     where = str(path)
     with _pieces(path, options) as pieces, _noted(pieces):
