@@ -14,11 +14,11 @@ from drivers.sim.wire.serving import Lock, SimulatedTime, TcpServer
 
 ACCEPT_S = 0.5  # simulated: WaitTime after SocketAccept in ServerCreateAndConnect
 LOGGER_WAIT_S = 0.1  # loggerWaitTime as shipped
-MAX_STRING = 80  # SocketReceive \Str takes so much at once
+MAX_STRING = 80  # SocketReceive \Str accepts so much at once
 
 
 class ArmServer(TcpServer):
-    """Serves an arm model as SERVER.mod does.
+    """Serves an arm model like SERVER.mod.
 
     Args:
         model: the arm.
@@ -43,14 +43,14 @@ class ArmServer(TcpServer):
         self._waiting: list[socket.socket] = []
 
     def close(self) -> None:
-        """Stop serving; clients that wait are reset."""
+        """Stops serving; waiting clients are reset."""
         super().close()
         self._left()
 
     def _serve(self, client: socket.socket) -> None:
         self._time.sleep(ACCEPT_S)
         if self._stale is not None:
-            # The instruction that failed was the send of an acknowledgement: RAPID retries it first.
+            # The failed instruction was the send of an acknowledgement: RAPID retries it first.
             client.sendall(self._stale.encode("latin-1"))
             self._stale = None
         while not self._stopped.is_set():
@@ -70,16 +70,16 @@ class ArmServer(TcpServer):
                 return
 
     def _left(self) -> None:
-        """SERVER.mod makes its sockets anew after each client: who queued meanwhile is reset, unserved."""
+        """SERVER.mod recreates its sockets after each client: queued clients are reset, unserved."""
         for waiting in self._waiting:
             waiting.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             waiting.close()
         self._waiting.clear()
 
     def _deliver(self, client: socket.socket, answer: Answer) -> bool:
-        """Send the acknowledgement when the instruction is over; False ends this client."""
+        """Sends the acknowledgement at the end of the instruction; False ends this client."""
         if math.isinf(answer.ready_s):
-            self._stopped.wait()  # RAPID execution stopped: connection open, nobody at home
+            self._stopped.wait()  # RAPID execution stopped: the connection stays open without answers
             return False
         if answer.broken:
             client.shutdown(socket.SHUT_RDWR)
@@ -100,7 +100,7 @@ class ArmServer(TcpServer):
 
 
 def _gone(client: socket.socket) -> bool:
-    """Whether the client has hung up and everything it sent was read."""
+    """Whether the client has disconnected and all its data was read."""
     if not select.select([client], [], [], 0.0)[0]:
         return False
     try:
@@ -113,7 +113,7 @@ class ArmLogger(TcpServer):
     """Sends poses and joints in turn, without terminators (`RAPID/LOGGER.mod`).
 
     Args:
-        look: the hand's pose and the joints in degrees, now.
+        look: returns the hand's current pose and the joints in degrees.
         time: simulated time.
     """
 
@@ -123,7 +123,8 @@ class ArmLogger(TcpServer):
         super().__init__("logger", time.stopped)
         self._look = look
         self._time = time
-        # CDate and CTime are read once, when the program starts; nothing else here depends on the machine.
+        # CDate and CTime are read once, when the program starts; nothing else depends on the
+        # machine.
         self._stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M:%S")
 
     def _serve(self, client: socket.socket) -> None:

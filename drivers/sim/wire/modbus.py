@@ -1,6 +1,6 @@
-"""Modbus as a slave speaks it: the requests a gripper knows. Pure functions on bytes.
+"""Modbus slave: the requests that a gripper knows. Pure functions on bytes.
 
-A gripper never sends exception frames: what it cannot serve meets silence ([M16] p55, [ME] p53).
+A gripper never sends exception frames: unsupported requests get no answer ([M16] p55, [ME] p53).
 """
 
 import struct
@@ -14,12 +14,12 @@ from drivers.robotiq.frames import RTU, TCP, Wiring
 
 MAX_REGISTERS = 125  # Modbus application protocol 1.1b3, 6.3
 BLOCK_WORDS = 8
-# Over Modbus TCP no others are promised ([M200] p66).
+# Over Modbus TCP only these are documented ([M200] p66).
 FUNCTIONS = {RTU: frozenset({3, 4, 6, 16, 23}), TCP: frozenset({4, 16})}
 
 
 class Device(Protocol):
-    """The two register blocks of a simulated gripper, as `GripperModel` has them."""
+    """The two register blocks of a simulated gripper, as in `GripperModel`."""
 
     def read_input(self, now_s: float) -> bytes:
         """The 16 input bytes."""
@@ -28,20 +28,20 @@ class Device(Protocol):
         """The 16 output bytes as last written."""
 
     def write_output(self, offset: int, data: bytes, now_s: float) -> None:
-        """Write bytes of the output block and obey."""
+        """Writes bytes of the output block and obeys."""
 
 
 class Registers(Protocol):
-    """What a slave serves."""
+    """The registers of a slave."""
 
     def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` is spoken here and there are so many registers."""
+        """Whether `function` is supported and these registers exist."""
 
     def read(self, address: int, count: int) -> bytes:
-        """So many registers."""
+        """Reads `count` registers."""
 
     def write(self, function: int, address: int, data: bytes) -> bool:
-        """Write registers; False where that is refused."""
+        """Writes registers; returns False where that is refused."""
 
 
 class GripperRegisters:
@@ -61,13 +61,13 @@ class GripperRegisters:
         self._functions = FUNCTIONS[wiring]
 
     def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` is spoken here and all registers lie in one of the blocks."""
+        """Whether `function` is supported and all registers lie in one of the blocks."""
         return function in self._functions and (
             _inside(address, count, self._input) or _inside(address, count, self._output)
         )
 
     def read(self, address: int, count: int) -> bytes:
-        """Registers of the input block, or of the output block as last written."""
+        """Reads registers of the input block, or of the output block as last written."""
         if _inside(address, count, self._input):
             block, base = self._device.read_input(self._now()), self._input
         else:
@@ -75,7 +75,7 @@ class GripperRegisters:
         return block[2 * (address - base) : 2 * (address - base + count)]
 
     def write(self, function: int, address: int, data: bytes) -> bool:
-        """Write to the output block; the input block cannot be written."""
+        """Writes to the output block; the input block cannot be written."""
         if function not in self._functions or not _inside(address, len(data) // 2, self._output):
             return False
         self._device.write_output(2 * (address - self._output), data, self._now())
@@ -96,7 +96,7 @@ def answer(pdu: bytes, registers: Registers) -> bytes | None:
         case b"\x10" if _counted(pdu[3:]):
             return pdu[:5] if registers.write(16, _word(pdu, 1), pdu[6:]) else None
         case b"\x17" if _counted(pdu[7:]) and registers.serves(23, _word(pdu, 1), _word(pdu, 3)):
-            # The write takes effect first, the reading shows it ([M18] p54).
+            # The write takes effect first, and the reading shows it ([M18] p54).
             written = registers.write(23, _word(pdu, 5), pdu[10:])
             return _read(23, pdu[1:5], registers) if written else None
     return None
@@ -110,7 +110,7 @@ def _read(function: int, span: bytes, registers: Registers) -> bytes | None:
 
 
 def _counted(tail: bytes) -> bool:
-    """Whether a request's end is a count of registers, a count of bytes, and as many bytes."""
+    """Whether a request ends with a count of registers, a count of bytes, and that many bytes."""
     return len(tail) > 3 and tail[2] == len(tail) - 3 == 2 * _word(tail, 0)
 
 
@@ -118,14 +118,14 @@ def _word(pdu: bytes, at: int) -> int:
     return int.from_bytes(pdu[at : at + 2], "big")
 
 
-@lru_cache(4096)  # a cell says the same few things over and over
+@lru_cache(4096)  # a cell repeats the same few frames
 def crc16(data: bytes) -> bytes:
     """Modbus CRC of a frame, low byte first (Modbus over serial line 1.02, 6.2.2)."""
     return FramerRTU.compute_CRC(data).to_bytes(2, "big")
 
 
 def frame_length(head: bytes | bytearray) -> int | None:
-    """Bytes of the RTU request that starts with `head`; 0: cannot be told yet, None: unknown function."""
+    """Length of the RTU request that starts with `head`; 0: not known yet, None: unknown function."""
     if len(head) < 2:
         return 0
     function = head[1]
