@@ -49,7 +49,7 @@ def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline
         compile_job(job)
     assert time.process_time() - spent < 2.0
     message = str(error.value)
-    assert "no squeeze tells" in message
+    assert "no squeeze distinguishes" in message
     assert f"which is {order}" in message
     result = alike(job)[0]
     assert order * result.degrees % 360.0 == pytest.approx(
