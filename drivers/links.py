@@ -53,9 +53,9 @@ class StreamLink(ReportingLink):
         self._lost = self._lost or "it was closed"
 
     def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
-        """Data received until an answer is due, or already there: this process may have been stopped.
+        """Yields data until the deadline, and once more after it, since this process may have been stopped.
 
-        The device may take `seconds` of device time longer than a transaction.
+        The deadline is that of a transaction plus `seconds` of device time.
         """
         left = LINK_TIMEOUT_S + seconds / self._pace.time_scale
         deadline = self._pace.now() + left

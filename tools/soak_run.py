@@ -237,7 +237,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Soak:
-    """Common data of all runs; `handled` in turn, by the seed."""
+    """Common data of all runs; each run draws its options from `handled`."""
 
     setting: Setting
     table: Table

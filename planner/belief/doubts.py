@@ -27,9 +27,9 @@ def believed(job: Job, n: int, rng: np.random.Generator, draw: Draw = initial) -
 
 
 def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
-    """Draws the traits (n,) of parts; with the job's chance one of the doubts is off, chosen at random.
+    """Draws the traits (n,) of parts; with probability `doubt.chance` one doubt, picked at random, is off.
 
-    Friction is drawn apart from that: it is off for a share of the parts (`friction.doubt`).
+    Friction is drawn separately: it is outside its bounds for a share of the parts (`friction.doubt`).
     """
     return _of_each(job, hypotheses_of(job, n, rng), partial(_traits_of, rng=rng))
 

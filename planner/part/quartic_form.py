@@ -25,7 +25,7 @@ _MONOMIAL = {tuple(powers): k for k, powers in enumerate(EXPONENTS.tolist())}
 
 
 def _tensor_index() -> Array:
-    """(15, 9, 9): which coefficient each entry of the symmetric 4-tensor T_aibj belongs to, 0 or 1."""
+    """(15, 9, 9): 1 where an entry of the symmetric 4-tensor T_aibj belongs to the coefficient, else 0."""
     index = np.zeros((15, 3, 3, 3, 3))
     for axes in itertools.product(range(3), repeat=4):
         count = Counter(axes)

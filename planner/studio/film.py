@@ -19,7 +19,7 @@ class Filmed(ContactWorld):
     """The contact world of a job, which prints each squeeze: poses in the hand frame, width."""
 
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
-        """See the contact world."""
+        """Squeezes as the contact world, and prints the squeeze."""
         final, width_mm, status = super().squeeze(pose_hand)
         before, after = _pose(*pose_hand), _pose(*final)
         say(json.dumps({"squeezed": {"before": before, "after": after, "width_mm": width_mm}}))

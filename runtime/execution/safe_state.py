@@ -30,8 +30,8 @@ def reach_safe_state(
     """Brings the cell into the declared safe state as far as its devices respond; raises no error.
 
     Args:
-        gripper: stops its fingers.
-        arm: goes up.
+        gripper: whose fingers are stopped.
+        arm: which is raised.
         limits: of the table, including the retreat height.
         arm_known: whether it is known where the arm stands: its last motion was acknowledged.
         may_hold_fixed: whether the fingers may hold something that may be fixed to the table.
