@@ -70,7 +70,7 @@ def _noise_lines(gains: Sequence[Gain]) -> list[str]:
         return []
     single = [gain for gain in gains if gain.source != EVERYTHING]
     lines = [
-        f"{gain.source} limits it: {gain.gain:.2%} more, give or take {gain.error:.2%}, if it did not scatter"
+        f"{gain.source} limits it: without its scatter {gain.gain:.2%} +- {gain.error:.2%} more"
         for gain in single
         if gain.certain
     ]
@@ -80,7 +80,7 @@ def _noise_lines(gains: Sequence[Gain]) -> list[str]:
     missing = 1.0 - gains[-1].success_rate
     return [
         *lines,
-        f"{missing:.2%} would not be located without any noise: that is up to the action set",
+        f"{missing:.2%} would not be located without any noise either: extend the action set",
     ]
 
 

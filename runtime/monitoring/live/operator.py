@@ -218,8 +218,8 @@ def _widths(charts: Mapping[str, Any] | None) -> Iterator[str]:
     limit = charts["limit"]
     yield trend("Widths against the plan", lines, (-limit, limit), "squeeze")
     yield (
-        '<p class="note">How much speaks for fingers that stop wider or narrower than planned. At a dashed '
-        "line the gripper should be looked at; the line then begins again at 0.</p>"
+        '<p class="note">Evidence for fingers that stop wider or narrower than planned. At a dashed line, '
+        "check the gripper; the line then restarts at 0.</p>"
     )
 
 
