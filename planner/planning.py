@@ -33,7 +33,7 @@ from runtime.table import Table
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 ATTEMPTS = 6  # most rounds of fresh trials that reopen leaves
-FRESH = 2.0  # fresh trials of a round, for each particle of the search
+FRESH = 2.0  # fresh trials of the first round, for each particle of the search; half of them in later ones
 LEAST_SHORT = 0.0005  # least probability of failing leaves for which they are searched further
 TIMED_TRIALS = 500  # parts squeezed to estimate the duration of an evaluation
 LEAST_TRIALS = 1000  # parts of an evaluation when a budget has no time for more
@@ -78,7 +78,7 @@ class Planned:
 class Rounds(NamedTuple):
     """Numbers of parts squeezed in trials of a plan."""
 
-    fresh: int  # in each round, before leaves are searched further
+    fresh: int  # in the first round, before leaves are searched further; half as many in later ones
     figures: int  # in the evaluation of the finished table
 
     @classmethod
@@ -156,7 +156,8 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
     search.stage, settled = LEAVES, False
     for attempt in range(ATTEMPTS + 1):
         table = lower(root, job)
-        run = judged(job, rounds.fresh, problem.mixture.workers, table, attempt)
+        fresh = rounds.fresh if attempt == 0 else -(-rounds.fresh // 2)
+        run = judged(job, fresh, problem.mixture.workers, table, attempt)
         if settled or attempt == ATTEMPTS or limit.over():
             whole &= settled or attempt == ATTEMPTS
             break

@@ -49,7 +49,8 @@ class Costs:
         typical_s: seconds of a typical squeeze.
         opening_mm: between the open jaws.
         speed_mm_s: rate at which the opening closes.
-        turn: turn of the hand [rad] that leaves a squeeze the same: half a turn where the fingers move alike.
+        turn: turn of the hand [rad] that leaves a squeeze the same: half a turn where both fingers are to move
+            alike, though not in a cell where they do not.
     """
 
     timing: Timing | None
@@ -79,6 +80,18 @@ class Costs:
             speed_mm_s=speed_mm_s,
             turn=math.pi if gripper.upper_finger_share == 0.5 else 2.0 * math.pi,
         )
+
+    def short_way(self, hand: Hand | None, placements: Array) -> Array:
+        """Grasp poses (k, 3) with those of their angles, all alike to the job, to which the hand turns least.
+
+        The cell goes to these and no others, so that each finger stays on the side on which a belief has it,
+        however unevenly the two close.
+        """
+        if hand is None:
+            return placements
+        turns = placements[:, 2] - hand.placement[2]
+        nearest = placements[:, 2] - self.turn * np.round(turns / self.turn)
+        return np.column_stack([placements[:, :2], nearest])
 
     def squeeze(self, hand: Hand | None, placement: Array, jaws: Closing) -> float:
         """The cost of a squeeze.
@@ -142,7 +155,7 @@ class Costs:
     def _way(self, before: Array, placement: Array) -> tuple[float, float]:
         """Distance [mm] and turn [rad] from one placement of the hand to another."""
         x, y, turn = (placement - before).tolist()
-        return math.hypot(x, y), math.remainder(turn, self.turn)
+        return math.hypot(x, y), math.remainder(turn, math.tau)
 
     def _opening_s(self, width_mm: float, opening_mm: float) -> float:
         """Seconds that the jaws still open after the hand has risen from its last squeeze."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from planner.evaluation.cases import Case
 from planner.evaluation.disturbance import NONE, Disturbance
+from planner.evaluation.judge import claimed, judge
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.times import seconds_of
 from planner.evaluation.trials import Program, run
@@ -91,7 +92,9 @@ def untimed(
     for part in results:
         done.append(part)
         report("evaluate", len(done), len(chunks))
-    return Evaluation.joined(done)
+    whole = Evaluation.joined(done)
+    error_mm, within = judge(table, whole.leaf, whole.states)
+    return replace(whole, error_mm=error_mm, within=within, resolved=claimed(table, whole.leaf))
 
 
 class Line(NamedTuple):

@@ -1,5 +1,6 @@
 """Baseline: Goldberg's sensorless squeeze plan, evaluated in the same worlds as the planner's."""
 
+import math
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -114,11 +115,13 @@ def seconds_of(job: Job, angles: Array, widths: Array) -> float:
     opening_um, speed_um_s = (
         round(1e3 * value) for value in (job.gripper.opening_mm, job.gripper.speed_mm_s)
     )
+    alike = job.gripper.upper_finger_share == 0.5
+    turns = np.unwrap(angles, period=math.pi if alike else math.tau)
     nodes = [
         Node(Squeeze(0, 0, round(1e6 * float(angle)), opening_um, speed_um_s, 0, 0), ())
-        for angle in angles
+        for angle in turns
     ]
-    schedule = Schedule(nodes, timing_of(job), job.gripper.upper_finger_share == 0.5)
+    schedule = Schedule(nodes, timing_of(job))
     before = Stand.at(nodes[-1].squeeze)
     rows, parts = np.unique(widths.round(WIDTH_DIGITS), axis=0, return_counts=True)
     taken = [

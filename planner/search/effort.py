@@ -28,7 +28,7 @@ PASSES = (
     Pass(1 / 8, 0, 0, 0.0005, 2.0, work=0.1, frugal=True),
     Pass(1 / 8, 1, 16, 0.002, 0.5, work=0.25),
     Pass(1 / 4, 8, 8, 0.002, 0.1, work=0.25),
-    Pass(1 / 2, 6, 2, 0.002, 0.1, work=0.25),
+    Pass(1 / 2, 6, 0, 0.002, 0.1, work=0.25),
     Pass(1, 4, 0, 0.002, 0.1, work=0.15),
 )
 LEAVES = PASSES[-1]._replace(kept=1, least=0.0)  # after fresh trials of the leaves of the last pass

@@ -32,6 +32,7 @@ from planner.search.proposals import placed, varied
 from planner.search.pushes import Pusher, pusher_of
 from planner.search.ranking import Asked, Ranking
 from planner.search.tree import Action, Node, Origin, Squeeze, breadth_first, dilute, leaves
+from planner.work.scheduler import Threads
 from runtime.table import MAX_BRANCHES
 
 PROBABLE = 0.01  # nodes of smaller probability try only one action of the previous pass
@@ -250,22 +251,32 @@ class Search:
             if len(clear):
                 cases.append((replenish(clear, LEAST_PARTICLES), candidate.placement))
                 tried.append((candidate, 1.0 - len(clear) / len(candidate.lying)))
-        actions = list[Action]()
-        for (candidate, crashes), (before, _), squeezed in zip(
-            tried, cases, self.problem.model.squeeze(cases, self.rng), strict=True
-        ):
-            jaws = self._jaws(candidate)
-            for rule, outcomes in self._partitions(node, squeezed):
-                origin = Origin(before, squeezed, rule)
-                action = self._action(node, candidate, jaws, origin, outcomes, crashes)
-                if action.children[0].stalled < MOST_STALLED:
-                    actions.append(action)
+        squeezed = self.problem.model.squeeze(cases, self.rng)
+
+        def actions_at(number: int) -> list[Action]:
+            (candidate, crashes), after = tried[number], squeezed[number]
+            jaws, before = self._jaws(candidate), cases[number][0]
+            return [
+                self._action(node, candidate, jaws, Origin(before, after, rule), outcomes, crashes)
+                for rule, outcomes in self._partitions(node, after)
+            ]
+
+        threads = Threads(self.problem.mixture.workers)
+        actions = [
+            action
+            for some in threads.map(actions_at, range(len(cases)))
+            for action in some
+            if action.children[0].stalled < MOST_STALLED
+        ]
         if not actions and node.previous is not None:
             node.previous = None  # the old actions gain nothing here: rank new candidates
             self._expand(node)
             return
         node.actions = actions
         self.back_up(node)
+        # Of squeezes that gain nothing one is followed: all of them would make the tree exponential.
+        stalled = [action for action in actions if action.children[0].stalled]
+        node.actions = [action for action in actions if action not in stalled[1:]]
         if node.best is None:
             return
         if node.depth and node.previous is None:
@@ -313,6 +324,7 @@ class Search:
         plain = np.array([a.squeeze.placement for a in actions if not a.squeeze.pushes]).reshape(
             -1, 3
         )
+        plain = self.problem.costs.short_way(node.hand, plain)
         again = [_Candidate(grasp, node.belief) for grasp in self.ranking.unlike(plain, most)]
         for squeeze in [a.squeeze for a in actions if a.squeeze.pushes][:1]:
             assert self.pusher is not None
@@ -350,7 +362,7 @@ class Search:
                 relative = np.concatenate([about, *self.remembered[-REMEMBERED:]])
                 grasps = ranking.actions.within(placed(relative, mode.pose))
                 groups.append(ranking.free(belief, grasps))
-        grasps = np.concatenate(groups)
+        grasps = self.problem.costs.short_way(hand, np.concatenate(groups))
         if not len(grasps):
             return grasps
         options = ranking.rank([Asked(thin, grasps, hand)], self.rng)[0]

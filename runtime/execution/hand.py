@@ -36,6 +36,7 @@ from runtime.table import (
     Squeeze,
     Stand,
     Table,
+    close_alike,
     job_of,
     may_turn,
 )
@@ -78,7 +79,7 @@ class Hand:
         schedule = Schedule.of(table, job_of(table))
         check_arc(handling.arc, table.limits, self.calibration)
         self.timing = handling.lifted(schedule.timing, self.calibration)
-        self._half_turn = pi if schedule.alike else tau
+        self._half_turn = pi if close_alike(job_of(table)) else tau
         self._may_turn = may_turn(table, job_of(table), self.middle_mm)
         self._jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
         # where the arm should stand, None: unknown
@@ -122,10 +123,9 @@ class Hand:
         self.arm_known = False  # until it answers
         low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
         self.arm_known = True
-        if high_rad - low_rad < tau + self._half_turn:
+        if high_rad - low_rad < tau + pi:
             return 0.0
-        alike = self._half_turn == pi
-        return Stand(x_mm, y_mm, angle_rad).turn_from(Stand.at(first), alike=alike)
+        return Stand(x_mm, y_mm, angle_rad).turn_from(Stand.at(first))
 
     def retreat(self) -> None:
         """Moves straight up from anywhere; does nothing if the arm is up already."""
@@ -142,12 +142,15 @@ class Hand:
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float) -> float:
-        """The nearest angle for the wrist; half a turn off counts as equal where the fingers close alike.
+        """The angle, whole turns counted, to which the hand turns least.
 
-        Considers angles that the wrist can reach at a place; returns the angle itself where it can reach
-        none.
+        It is half a turn off only if the wrist could otherwise just turn the long way round, and both fingers
+        are to close alike: in a cell where they do not, such a part ends elsewhere than planned. It is the
+        angle itself where the wrist reaches neither.
         """
-        turns = self._turns(x_mm, y_mm, angle_rad, self._half_turn)
+        turns = self._turns(x_mm, y_mm, angle_rad, tau)
+        if not turns or abs(turns[0] - self._place()[3]) > pi:
+            turns = self._turns(x_mm, y_mm, angle_rad, self._half_turn)
         return turns[0] if turns else angle_rad
 
     def _turns(self, x_mm: float, y_mm: float, angle_rad: float, step_rad: float) -> list[float]:

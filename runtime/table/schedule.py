@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import cos, dist, hypot, pi, remainder, sin, tau
+from math import cos, hypot, remainder, sin, tau
 from typing import Any, NamedTuple, Self
 
 from runtime.table.embedded import section
@@ -32,14 +32,9 @@ class Stand(NamedTuple):
         )
         return self._replace(x_mm=x_mm, y_mm=y_mm)
 
-    def turn_from(self, place: "Stand", *, alike: bool) -> float:
-        """Angle by which to turn the world about its origin so that a hand at `place` need not turn.
-
-        A hand whose fingers close alike has two such angles; the one with the shorter way is used.
-        """
-        turn = remainder(self.angle_rad - place.angle_rad, pi if alike else tau)
-        turns = (turn, turn + pi) if alike else (turn,)
-        return min(turns, key=lambda each: dist(turned_pose(place, each)[:2], self[:2]))
+    def turn_from(self, place: "Stand") -> float:
+        """Angle by which to turn the world about its origin so that a hand at `place` need not turn."""
+        return remainder(self.angle_rad - place.angle_rad, tau)
 
 
 class Squeezed(NamedTuple):
@@ -56,7 +51,6 @@ class Schedule:
 
     nodes: Sequence[Node]
     timing: Timing
-    alike: bool  # whether a hand half a turn round is equivalent
     turns: bool = False  # whether a part's plan is turned to the hand's angle
 
     @classmethod
@@ -67,7 +61,7 @@ class Schedule:
             TableError: the gripper is unknown, or the job's figures are impossible.
         """
         timing = Timing.of(table.limits, table.gripper, job)
-        return cls(table.nodes, timing, close_alike(job), may_turn(table, job))
+        return cls(table.nodes, timing, may_turn(table, job))
 
     def part(self, squeezes: Sequence[Squeezed], start: Stand | None = None) -> list[Phases]:
         """Phases of each squeeze of a part; the hand starts above `start` or above the part's first place."""
@@ -106,7 +100,7 @@ class Schedule:
         following = self.nodes[0 if after is None else after]
         if first and self.turns and before is not None:
             # In the frame of the plan of the next part, which is turned.
-            turn_rad = before.turn_from(place, alike=self.alike)
+            turn_rad = before.turn_from(place)
             before = Stand(*turned_pose(before, -turn_rad))
         push_s, before = self._push_s(node, before or place)
         let_go = place
@@ -118,7 +112,7 @@ class Schedule:
             let_go = place._replace(x_mm=node.release.x_um / 1e3, y_mm=node.release.y_um / 1e3)
         visit = Visit(
             way_mm=hypot(place.x_mm - before.x_mm, place.y_mm - before.y_mm),
-            turn_rad=remainder(place.angle_rad - before.angle_rad, pi if self.alike else tau),
+            turn_rad=remainder(place.angle_rad - before.angle_rad, tau),
             opening_mm=squeeze.opening_um / 1e3,
             contact_mm=None if node.contact_um is None else node.contact_um / 1e3,
             width_mm=squeezed.width_mm,

@@ -2,10 +2,12 @@
 
     python tests/bench/bench_plc.py [--parts 1000000] [--seeds 20] [--workers 2]
         [--output tests/bench/results/plc.json]
+    python tests/bench/bench_plc.py --modbus 100
     python tests/bench/bench_plc.py --opc-ua 100 [--node-modules FOLDER/node_modules]
 
-In virtual time, on the station that the server serves; or so many parts over OPC UA by asyncua's client, with
-an encrypted channel to the command, or by node-opcua's where its folder of modules is stated
+In virtual time, on the station that the server serves; or so many parts over Modbus TCP to the command by
+pymodbus' client, by libmodbus and by the structured text of the page; or so many over OPC UA by asyncua's
+client, with an encrypted channel to the command, or by node-opcua's where its folder of modules is stated
 (`npm install node-opcua-client` makes it). Ends with 1 where a result is lost, taken twice or another's, or a
 state was not seen.
 """
@@ -18,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -26,7 +29,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
-from plc_programs import PlcServed
+from plc_programs import PlcServed, by_libmodbus, by_pymodbus, in_structured_text
 from plc_study import Study
 from served import ROOT
 from supervisor import Supervisor, passport
@@ -34,8 +37,12 @@ from waiting import until
 
 from runtime.plc.handshake import Error
 from runtime.plc.panel import AUTOMATIC, MACHINE
+from runtime.plc.registers import OUTCOMES
+from runtime.plc.station import Answer
 from runtime.plc.vision import VisionState
+from runtime.traversal.results import Outcome
 
+MODBUS, OPC_UA = "modbus-tcp://127.0.0.1:0", "opc.tcp://127.0.0.1:0"
 EXCHANGES = (
     "dropped",
     "doubled",
@@ -91,12 +98,12 @@ def over_opc_ua(parts: int, modules: Path | None) -> bool:
     """Run parts over OPC UA; whether each result is its part's, once, in order, and all states are seen."""
     client = by_asyncua if modules is None else partial(by_node, modules)
     with tempfile.TemporaryDirectory() as folder:
-        with served(Path(folder) / "parts", "max", parts) as run:
+        with served(Path(folder) / "parts", "max", parts, OPC_UA) as run:
             began_s = time.monotonic()
             results, seen = client(run.port, run.journal.parent, parts)
             took_s = time.monotonic() - began_s
             printed = run.ended()[1]
-        with served(Path(folder) / "aborted", "12", 1) as run:
+        with served(Path(folder) / "aborted", "12", 1, OPC_UA) as run:
             seen |= client(run.port, run.journal.parent, 0)[1]
     outcomes = Counter(result["Outcome"] for result in results)
     print(f"{parts} parts over OPC UA in {took_s:.1f} s: {dict(outcomes)}; states {sorted(seen)}")
@@ -109,13 +116,36 @@ def over_opc_ua(parts: int, modules: Path | None) -> bool:
     )
 
 
-def served(folder: Path, time_scale: str, count: int) -> PlcServed:
-    """A run of the simulated cell that waits for a supervisor."""
+def over_modbus(parts: int, client: Callable[[int, int], list[dict[str, int]]]) -> bool:
+    """Run parts over Modbus TCP; whether each result is its part's, once, in order."""
+    folder = tempfile.TemporaryDirectory()
+    with folder, served(Path(folder.name) / "parts", "max", parts, MODBUS) as run:
+        began_s = time.monotonic()
+        results = client(run.port, parts)
+        took_s = time.monotonic() - began_s
+        printed = run.ended()[1]
+    outcomes = Counter(OUTCOMES[result["outcome"]] for result in results)
+    print(f"{client.__name__}: {parts} parts over Modbus in {took_s:.1f} s: {dict(outcomes)}")
+    return [(result["outcome"], result["x"]) for result in results] == [
+        (answer.outcome, answer.x) for answer in map(registers_of, printed)
+    ]
+
+
+def registers_of(part: dict[str, Any]) -> Answer:
+    """The registers that a printed part should have."""
+    outcome = Outcome(part["outcome"])
+    x_mm = part["predicted_pose"]["x_mm"] if outcome is Outcome.LEAF else 0.0
+    code = [Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED, Outcome.FAULT].index(outcome) + 1
+    return Answer(outcome=code, x=round(1e3 * x_mm))
+
+
+def served(folder: Path, time_scale: str, count: int, plc: str) -> PlcServed:
+    """A run of the simulated cell that waits for a PLC or a supervisor."""
     folder.mkdir()
     tree = folder / "rectangle.msgpack"
     tree.write_bytes((ROOT / "trees" / "rectangle" / "rectangle.msgpack").read_bytes())
     words = ("--time-scale", time_scale, "--world", "runtime.devices.rehearsal:make")
-    return PlcServed(tree, more=words, count=count, plc="opc.tcp://127.0.0.1:0")
+    return PlcServed(tree, more=words, count=count, plc=plc)
 
 
 def main() -> int:
@@ -126,9 +156,13 @@ def main() -> int:
     parser.add_argument(
         "--output", type=Path, default=Path(__file__).parent / "results" / "plc.json"
     )
+    parser.add_argument("--modbus", type=int, metavar="PARTS")
     parser.add_argument("--opc-ua", type=int, metavar="PARTS")
     parser.add_argument("--node-modules", type=Path, metavar="FOLDER")
     given = parser.parse_args()
+    if given.modbus is not None:
+        clients = (by_pymodbus, by_libmodbus, in_structured_text)
+        return int(not all(over_modbus(given.modbus, client) for client in clients))
     if given.opc_ua is not None:
         return int(not over_opc_ua(given.opc_ua, given.node_modules))
     counts: Counter[str] = Counter()

@@ -4,13 +4,22 @@ import json
 import signal
 import socket
 import threading
-import time
 from collections.abc import Callable
 from math import degrees
 from pathlib import Path
 
 import pytest
-from plc_programs import MemoryPlc, PlcServed, TcpPlc, free_port, integer
+from plc_programs import (
+    FLAGS,
+    INPUTS,
+    OUTPUTS,
+    SOURCE,
+    MemoryPlc,
+    PlcServed,
+    by_pymodbus,
+    free_port,
+    in_structured_text,
+)
 from plc_study import Program
 from sample_tables import small_table
 from served import ROOT
@@ -25,66 +34,12 @@ from runtime.table import dump
 
 PARTS = 10
 VIRTUAL = ("--time-scale", "max", "--world", "runtime.devices.rehearsal:make")
-SOURCE = ROOT / "tools" / "docs" / "clients" / "plc.st"
-INPUTS = {
-    "acknowledge": "is_acknowledged",
-    "busy": "is_busy",
-    "result_valid": "is_valid",
-    "result_id": "valid_id",
-    "outcome": "read_outcome",
-    "error_id": "error",
-    "x": "read_x",
-    "y": "read_y",
-    "angle": "read_angle",
-}
-FLAGS = {"acknowledge", "busy", "result_valid"}
-OUTPUTS = ("enable", "trigger", "trigger_id", "result_acknowledge", "heartbeat")
-
-
-class StructuredPlc:
-    """The documented program, with the two exchanges of each of its cycles."""
-
-    def __init__(self, plc: TcpPlc) -> None:
-        self._client, self._block = plc.client, FunctionBlock(SOURCE.read_text())
-        self._count = READ[-1].address + READ[-1].words - READ_AT
-
-    def cycle(self, *, start: bool, number: int) -> dict[str, object]:
-        words = self._client.read_input_registers(READ_AT, count=self._count).registers
-        values: dict[str, object] = {}
-        for register in READ:
-            if register.name in INPUTS:
-                first = register.address - READ_AT
-                value = integer(register, words[first : first + register.words])
-                values[INPUTS[register.name]] = bool(value) if register.name in FLAGS else value
-        result = self._block(start=start, id=number, **values)
-        answer = self._client.write_registers(
-            WRITTEN_AT, [*(int(result[name]) for name in OUTPUTS), 0]
-        )
-        assert not answer.isError()
-        time.sleep(0.003)  # a PLC has a cycle, too
-        return result
-
-    def part(self, number: int) -> dict[str, int]:
-        result = self.cycle(start=True, number=number)
-        while not result["done"]:
-            result = self.cycle(start=bool(result["refused"]), number=number)
-        return {name: result[name] for name in ("outcome", "x", "y", "angle")}
-
-
-def by_client(plc: TcpPlc) -> list[dict[str, int]]:
-    plc.enable()
-    return [plc.part(number) for number in range(1, PARTS + 1)]
-
-
-def in_structured_text(plc: TcpPlc) -> list[dict[str, int]]:
-    program = StructuredPlc(plc)
-    return [program.part(number) for number in range(1, PARTS + 1)]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", [by_client, in_structured_text])
+@pytest.mark.parametrize("program", [by_pymodbus, in_structured_text])
 def test_parts_by_a_plc_have_the_results_that_are_printed_and_journalled(
-    program: Callable[[TcpPlc], list[dict[str, int]]],
+    program: Callable[[int, int], list[dict[str, int]]],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -98,8 +53,7 @@ def test_parts_by_a_plc_have_the_results_that_are_printed_and_journalled(
     lines: list[dict[str, int]] = []
 
     def with_plc() -> None:
-        with TcpPlc(port, unit=17) as plc:
-            lines.extend(program(plc))
+        lines.extend(program(port, PARTS))
 
     thread = threading.Thread(target=with_plc)
     thread.start()

@@ -13,6 +13,13 @@ REJECT, ALARM = 10, 11  # exit codes of runs and reports that the page shows
 FEWER = {"--trials 2000": "--trials 300", "--trials 4000": "--trials 500"}
 
 
+def interval(lines: list[str], quantity: str) -> tuple[float, float]:
+    """Middle and half width of the interval that a line states for a quantity."""
+    (line,) = (line for line in lines if line.startswith(f"  {quantity}"))
+    mean, half = re.findall(r"[-+]?\d+\.\d+", line)[:2]
+    return float(mean), float(half)
+
+
 @pytest.mark.slow
 def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
     """The blind cell of the page: what journals and audits tell is written, and mends nearly all answers."""
@@ -37,6 +44,9 @@ def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
     assert any(line.startswith("advice    a refit would pay") for line in printed[1])
     assert any(line.startswith("  widths read +0.") for line in printed[3])
     assert any(line.startswith("  the fingers meet -") for line in printed[3])
+    for quantity, truth in (("the upper finger makes", 54.0), ("the fingers meet", -2.84)):
+        mean, half = interval(printed[3], quantity)
+        assert abs(mean - truth) < 2.0 * half + 0.05  # of 90 %: further off are 0.1 %
     low, high = tomllib.loads((work / "cell2.toml").read_text())["doubt"]["encoder_mm"]
     assert 0.0 < low < 0.6 < high < 1.2  # the preset's were -1.1 and 1.1
     before, after = (json.loads(line) for line in printed[4] if line.startswith("{"))

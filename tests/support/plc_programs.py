@@ -1,18 +1,36 @@
 """A PLC's side of the handshake for tests: registers by name, in memory or over pymodbus' client."""
 
+import ctypes
 import socket
+import time
 from collections.abc import Callable, Sequence
+from ctypes.util import find_library
 from pathlib import Path
 
 from pymodbus.client import ModbusTcpClient
-from served import ServedRun
+from served import ROOT, ServedRun
+from structured_text import FunctionBlock
 from waiting import WAIT_S, until
 
 from runtime.plc.handshake import Error
-from runtime.plc.registers import MAP, Register, as_json
+from runtime.plc.registers import MAP, READ, READ_AT, WRITTEN_AT, Register, as_json
 from runtime.plc.station import Answer, Refusal, Station
 
 NAMED = {register.name: register for register in MAP}
+SOURCE = ROOT / "tools" / "docs" / "clients" / "plc.st"
+INPUTS = {
+    "acknowledge": "is_acknowledged",
+    "busy": "is_busy",
+    "result_valid": "is_valid",
+    "result_id": "valid_id",
+    "outcome": "read_outcome",
+    "error_id": "error",
+    "x": "read_x",
+    "y": "read_y",
+    "angle": "read_angle",
+}
+FLAGS = {"acknowledge", "busy", "result_valid"}
+OUTPUTS = ("enable", "trigger", "trigger_id", "result_acknowledge", "heartbeat")
 
 
 def free_port() -> int:
@@ -153,6 +171,88 @@ class TcpPlc:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+class LibmodbusPlc(TcpPlc):
+    """The same by libmodbus, where the machine has it."""
+
+    def __init__(self, port: int) -> None:
+        super().__init__(port)
+        self.client.close()
+        self._library = ctypes.CDLL(find_library("modbus"))
+        self._library.modbus_new_tcp.restype = ctypes.c_void_p
+        self._context = ctypes.c_void_p(self._library.modbus_new_tcp(b"127.0.0.1", port))
+        assert self._library.modbus_connect(self._context) == 0
+
+    def code(self, name: str, value: int) -> int:
+        written = self._library.modbus_write_register(self._context, NAMED[name].address, value)
+        return int(written != 1)
+
+    def __getitem__(self, name: str) -> int:
+        register, words = NAMED[name], (ctypes.c_uint16 * 2)()
+        read = {
+            "holding": self._library.modbus_read_registers,
+            "input": self._library.modbus_read_input_registers,
+        }[register.kind]
+        assert read(self._context, register.address, register.words, words) == register.words
+        return integer(register, words[: register.words])
+
+    def close(self) -> None:
+        self._library.modbus_close(self._context)
+        self._library.modbus_free(self._context)
+
+
+class StructuredPlc:
+    """The documented structured text, with the two exchanges of each of its cycles."""
+
+    def __init__(self, plc: TcpPlc) -> None:
+        self._client, self._block = plc.client, FunctionBlock(SOURCE.read_text())
+        self._count = READ[-1].address + READ[-1].words - READ_AT
+
+    def cycle(self, *, start: bool, number: int) -> dict[str, object]:
+        words = self._client.read_input_registers(READ_AT, count=self._count).registers
+        values: dict[str, object] = {}
+        for register in READ:
+            if register.name in INPUTS:
+                first = register.address - READ_AT
+                value = integer(register, words[first : first + register.words])
+                values[INPUTS[register.name]] = bool(value) if register.name in FLAGS else value
+        result = self._block(start=start, id=number, **values)
+        answer = self._client.write_registers(
+            WRITTEN_AT, [*(int(result[name]) for name in OUTPUTS), 0]
+        )
+        assert not answer.isError()
+        time.sleep(0.003)  # a PLC has a cycle, too
+        return result
+
+    def part(self, number: int) -> dict[str, int]:
+        result = self.cycle(start=True, number=number)
+        while not result["done"]:
+            result = self.cycle(start=bool(result["refused"]), number=number)
+        return {name: result[name] for name in ("outcome", "x", "y", "angle")}
+
+
+def by_pymodbus(port: int, parts: int) -> list[dict[str, int]]:
+    """The results of parts 1 to so many, by pymodbus' client."""
+    return _by_client(TcpPlc(port, unit=17), parts)
+
+
+def by_libmodbus(port: int, parts: int) -> list[dict[str, int]]:
+    """The same by libmodbus."""
+    return _by_client(LibmodbusPlc(port), parts)
+
+
+def _by_client(client: TcpPlc, parts: int) -> list[dict[str, int]]:
+    with client as plc:
+        plc.enable()
+        return [plc.part(number) for number in range(1, parts + 1)]
+
+
+def in_structured_text(port: int, parts: int) -> list[dict[str, int]]:
+    """The same by the documented program."""
+    with TcpPlc(port, unit=17) as plc:
+        program = StructuredPlc(plc)
+        return [program.part(number) for number in range(1, parts + 1)]
 
 
 class PlcServed(ServedRun):

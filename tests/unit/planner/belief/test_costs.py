@@ -48,11 +48,14 @@ def test_costs_of_two_squeezes_are_the_schedules_seconds(costs, table):
     assert timed > 3
 
 
-def test_squeeze_half_a_turn_round_costs_the_same_where_fingers_move_alike(costs):
-    hand, there = Hand(np.array([3.0, -2.0, 0.3]), 25.0), np.array([5.0, 1.0, 1.0])
-    round_about = there + np.array([0.0, 0.0, math.pi])
-    price = costs.squeeze(hand, there, Closing(85.0, 60.0, 20.0))
-    assert costs.squeeze(hand, round_about, Closing(85.0, 60.0, 20.0)) == pytest.approx(price)
+def test_short_way_is_a_quarter_turn_at_most_to_the_same_squeezes_of_fingers_that_move_alike(costs):
+    hand = Hand(np.array([3.0, -2.0, 2.9]), 25.0)
+    placements = np.random.default_rng(0).uniform(-7.0, 7.0, (50, 3))
+    nearest = costs.short_way(hand, placements)
+    np.testing.assert_array_equal(nearest[:, :2], placements[:, :2])
+    np.testing.assert_allclose(np.sin(2 * nearest[:, 2]), np.sin(2 * placements[:, 2]), atol=1e-12)
+    assert np.abs(nearest[:, 2] - 2.9).max() <= math.pi / 2 + 1e-12
+    np.testing.assert_array_equal(costs.short_way(None, placements), placements)
 
 
 def test_squeezes_of_many_grasp_poses_cost_what_each_alone_costs(costs):

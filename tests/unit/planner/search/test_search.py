@@ -10,6 +10,7 @@ import pytest
 
 from planner.belief.particles import Belief
 from planner.belief.transition import Squeezed
+from planner.frames import wrap
 from planner.job import model as job_file
 from planner.mechanics.mixture import Mixture
 from planner.problem import Problem
@@ -42,7 +43,7 @@ class Toy:
             place = np.argmin(
                 np.linalg.norm(belief.poses[:, None, :2] - PLACES[:, :2], axis=2), axis=1
             )
-            angle = int(np.argmin(np.abs(ANGLES - grasp[2])))
+            angle = int(np.argmin(np.abs(wrap(ANGLES - grasp[2], 2))))
             squeezed.append(Squeezed(replace(belief, reading=self.counts[angle][place]), 40.0))
         return squeezed
 
@@ -102,16 +103,40 @@ def test_grow_toy_world_reaches_the_optimum_of_exhaustive_search(problem, seed, 
     assert all(problem.stopping.reached(leaf.mode.ratio) for leaf in leaves(root))
 
 
-def test_grow_places_that_read_alike_ends_with_a_leaf_that_does_not_know():
-    problem = Problem.of(JOB.replaced(search={"max_depth": 2}), 1)
+def of_places_that_read_alike(max_depth):
+    """A problem in which all places but the first read alike, and what the search makes of it."""
+    problem = Problem.of(JOB.replaced(search={"max_depth": max_depth}), 1)
     counts = np.full((len(ANGLES), len(PLACES)), 100)
     counts[:, 0] = 180
     toy = Toy(problem.mixture, counts)
     belief = Belief.of(np.repeat(PLACES, EACH, axis=0))
-    _, root = searched(replace(problem, model=toy, ahead=toy), belief)
+    return problem, searched(replace(problem, model=toy, ahead=toy), belief)[1]
+
+
+def test_grow_places_that_read_alike_ends_with_a_leaf_that_does_not_know():
+    problem, root = of_places_that_read_alike(max_depth=2)
     known = [leaf for leaf in leaves(root) if problem.stopping.reached(leaf.mode.ratio)]
     assert sum(leaf.share for leaf in known) == pytest.approx(0.25)
     assert max(node.depth for node in breadth_first(root)) == 2
+
+
+def test_grow_real_squeezes_turns_the_hand_by_a_quarter_turn_at_most(tree):
+    _, root = tree
+    for node in breadth_first(root):
+        for action in node.actions or ():
+            if node.hand is not None:
+                turn = action.squeeze.placement[2] - node.hand.placement[2]
+                assert abs(turn) <= np.pi / 2 + 1e-9
+
+
+def test_grow_places_that_read_alike_follows_one_squeeze_that_gains_nothing():
+    _, root = of_places_that_read_alike(max_depth=8)
+    nodes = [root]
+    for node in nodes:  # grows while it is walked
+        actions = node.actions or []
+        nodes += [child for action in actions for child in action.children]
+        assert sum(action.children[0].stalled > 0 for action in actions) <= 1
+    assert max(node.stalled for node in nodes) > 0
 
 
 def test_grow_real_squeezes_conserves_probability_and_particles(tree):

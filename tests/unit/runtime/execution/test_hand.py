@@ -80,17 +80,23 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
     assert 38_000 <= width_um(after[0]) < 39_000
 
 
-def test_hand_of_alike_fingers_turns_the_short_way():
+@pytest.mark.parametrize(
+    ("angle_rad", "wrist", "expected_rad"),
+    [
+        (3.0, (-10.0, 10.0), 3.0),
+        (3.0, (-2.0, 2.0), 3.0 - math.pi),
+        (2.5, (-4.5, 2.0), 2.5 - math.pi),  # the long way round leads to 2.5 - tau
+    ],
+)
+def test_hand_goes_half_a_turn_off_only_where_the_wrist_must(angle_rad, wrist, expected_rad):
     table = known_table()
-    turned = table.nodes[1]._replace(squeeze=table.nodes[1].squeeze._replace(angle_urad=3_000_000))
+    squeeze = table.nodes[1].squeeze._replace(angle_urad=round(1e6 * angle_rad))
     rig = fake_cell([AT_30, AT_21])
-    assert run(rig, RunOptions(), with_node(table, 1, turned)).leaf == 1
-    angles = [call.arguments[3] for call in rig.log.named("move_linear")]
-    assert angles[-1] == pytest.approx(3.0 - math.pi, abs=1e-6)
-    rig = fake_cell([AT_30, AT_21])
-    rig.arm.turns = (0.0, math.tau)
-    run(rig, RunOptions(), with_node(table, 1, turned))
-    assert rig.log.named("move_linear")[-1].arguments[3] == pytest.approx(3.0)
+    rig.arm.turns = wrist
+    turned = with_node(table, 1, table.nodes[1]._replace(squeeze=squeeze))
+    assert run(rig, RunOptions(), turned).leaf == 1
+    last = rig.log.named("move_linear")[-1]
+    assert last.arguments[3] == pytest.approx(expected_rad, abs=1e-6)
 
 
 def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between():

@@ -4,9 +4,9 @@ import json
 from math import pi
 
 import pytest
-from sample_tables import small_table, with_job, with_node
+from sample_tables import small_table, with_job
 
-from runtime.table import Schedule, Squeezed, Stand, TableError, dumps
+from runtime.table import Schedule, TableError, dumps
 from runtime.table.timing import NEAR_MM, Visit, trapezoid_s
 
 VISIT = Visit(0.0, 0.0, 85.0, None, 25.0, 60.0, 85.0)
@@ -45,21 +45,6 @@ def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_sav
         first._replace(way_mm=2 * NEAR_MM, turn_rad=pi / 2),
     ):
         assert cell.squeeze(visit).lower_s > turned.lower_s
-
-
-def test_schedule_of_alike_fingers_turns_the_short_way():
-    _, second = small_table().nodes
-    turned = second._replace(squeeze=second.squeeze._replace(angle_urad=3_000_000))
-    table = with_node(small_table(), 1, turned)
-    result = [Squeezed(0, 30.0, 1), Squeezed(1, 21.0, 0)]
-    alike, not_alike = (
-        Schedule.of(table, {"gripper": {"upper_finger_share": share}}).part(
-            result, Stand(0.0, 0.0, 0.0)
-        )
-        for share in (0.5, 0.6)
-    )
-    assert alike[0] == not_alike[0]
-    assert alike[1].travel_s < not_alike[1].travel_s
 
 
 @pytest.mark.parametrize(

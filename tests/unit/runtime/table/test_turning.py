@@ -1,7 +1,7 @@
 """Turned plans: there and back is the same plan, distances stay, and what must not turn does not."""
 
 from dataclasses import replace
-from math import hypot, pi
+from math import cos, hypot, pi, sin
 
 import pytest
 from sample_tables import every_field_table, pushing_table, random_table, small_table
@@ -96,12 +96,7 @@ def test_hand_need_not_turn_to_the_first_squeeze_of_a_turned_plan(
     assert parts[1][0].travel_s == Schedule.of(small_table(), job).timing.poll_s
 
 
-@pytest.mark.parametrize("alike", [True, False])
-def test_stand_turned_from_a_place_has_its_angle_and_the_shorter_way(*, alike: bool) -> None:
-    place, stands = Stand(4.0, 1.0, 0.3), Stand(-4.0, -1.0, 0.4)
-    turn_rad = stands.turn_from(place, alike=alike)
-    half = pi if alike else 2 * pi
-    assert (place.angle_rad + turn_rad - stands.angle_rad) / half == pytest.approx(
-        round((place.angle_rad + turn_rad - stands.angle_rad) / half)
-    )
-    assert (abs(turn_rad) > pi / 2) == alike
+def test_stand_turned_from_a_place_has_its_angle_with_each_finger_on_its_side() -> None:
+    place, stands = Stand(4.0, 1.0, 0.3), Stand(-4.0, -1.0, 3.5)
+    assert sin(place.angle_rad + stands.turn_from(place)) == pytest.approx(sin(3.5))
+    assert cos(place.angle_rad + stands.turn_from(place)) == pytest.approx(cos(3.5))
