@@ -49,8 +49,8 @@ class Costs:
         typical_s: seconds of a typical squeeze.
         opening_mm: between the open jaws.
         speed_mm_s: rate at which the opening closes.
-        turn: turn of the hand [rad] that leaves a squeeze the same: half a turn where both fingers are to move
-            alike, though not in a cell where they do not.
+        turn: turn of the hand [rad] that leaves a squeeze the same: half a turn where both fingers are to
+            move alike, though not in a cell where they do not.
     """
 
     timing: Timing | None
