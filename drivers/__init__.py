@@ -1,1 +1,1 @@
-"""The devices of a cell, gripper, arm and their simulators, each a driver; `connect` opens them by name."""
+"""Drivers of a cell's devices (gripper, arm and their simulators); `connect` opens them by name."""

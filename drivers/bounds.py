@@ -1,6 +1,6 @@
-"""An HTTP exchange within bounds: a moment by which it is over, and bytes that its answer may have.
+"""An HTTP exchange within bounds: a deadline, and a limit of bytes for its answer.
 
-The timeout of a socket is one of each piece that comes: an answer that drips, or never ends, keeps within it.
+The timeout of a socket applies to each piece: an answer that drips, or never ends, would stay within it.
 """
 
 import http.client
@@ -12,14 +12,14 @@ from typing import Any, cast
 
 
 class EndlessError(OSError):
-    """The answer is longer than it may be."""
+    """The answer is longer than allowed."""
 
 
 class BoundedSocket:
     """A connected socket as `http.client` uses one; `allow` sets the bounds of the next exchange.
 
     Args:
-        connection: owned from now on; with TLS, if there is any.
+        connection: owned from now on; with TLS, if any.
         now: the clock, wall seconds.
     """
 
@@ -29,21 +29,21 @@ class BoundedSocket:
         self._until, self._left_bytes = now(), 0
 
     def allow(self, until: float, most_bytes: int) -> None:
-        """Let the next exchange last until a moment, and its answer have so many bytes."""
+        """Sets the deadline of the next exchange, and the size limit of its answer."""
         self._until, self._left_bytes = until, most_bytes
 
     def sendall(self, data: bytes) -> None:
-        """Send; TimeoutError where it is not taken in time."""
+        """Sends data; TimeoutError where it is not accepted in time."""
         self._set_timeout()
         self._socket.sendall(data)
 
     def makefile(self, mode: str) -> io.BufferedReader:
-        """The answer; reading raises a TimeoutError or an `EndlessError` at its bounds."""
+        """The answer as a file; reading raises a TimeoutError or an `EndlessError` at its bounds."""
         assert mode == "rb"
         return io.BufferedReader(_Incoming(self))
 
     def close(self) -> None:
-        """Hang up, once the files made of it are closed, too."""
+        """Disconnects, once the files made from it are closed, too."""
         self._socket.close()
 
     def _set_timeout(self) -> None:
@@ -56,7 +56,7 @@ class BoundedSocket:
 def opener(
     until: float, most_bytes: int, now: Callable[[], float]
 ) -> urllib.request.OpenerDirector:
-    """What opens URLs as `urllib.request.urlopen` does, within bounds of each exchange."""
+    """A function that opens URLs like `urllib.request.urlopen`, within bounds for each exchange."""
 
     def bounded(kind: type[http.client.HTTPConnection]) -> type[http.client.HTTPConnection]:
         class Bounded(kind):  # type: ignore[misc, valid-type]
@@ -80,18 +80,18 @@ def opener(
 
 
 class _Incoming(io.RawIOBase):
-    """What comes over a bounded socket."""
+    """The incoming data of a bounded socket."""
 
     def __init__(self, bounded: BoundedSocket) -> None:
         self._bounded = bounded
         self._raw = cast(io.RawIOBase, bounded._socket.makefile("rb", buffering=0))
 
     def readable(self) -> bool:
-        """It is."""
+        """Returns True."""
         return True
 
     def readinto(self, buffer: Any) -> int | None:
-        """The next piece."""
+        """Reads the next piece."""
         self._bounded._set_timeout()
         count = self._raw.readinto(buffer) or 0
         self._bounded._left_bytes -= count
@@ -100,6 +100,6 @@ class _Incoming(io.RawIOBase):
         return count
 
     def close(self) -> None:
-        """Let the socket go."""
+        """Releases the socket."""
         self._raw.close()
         super().close()

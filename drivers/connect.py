@@ -1,16 +1,16 @@
-"""Open a device by its port name: the one module a runtime needs from this package.
+"""Opens a device by its port name: the only module that a runtime needs from this package.
 
 Gripper ports: a tty path (Modbus RTU, 115200 8N1, slave 9), `rtu+tcp://host:port` (RTU frames over a raw TCP
 port), `tcp://host:port` (Modbus TCP; `?unit=9` and others, see `drivers.robotiq.modbus`, name another unit
 than 2), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
 `can:channel` (CANopen, see `drivers.robotiq.canopen`), `dh:///dev/...` (DH-Robotics, drivers/dh/README.md),
-`schunk:///dev/...` (SCHUNK, drivers/schunk/README.md), `manual` (somebody types widths). Arms:
+`schunk:///dev/...` (SCHUNK, drivers/schunk/README.md), `manual` (a person types widths). Arms:
 `tcp://host:port` (open_abb), `ur://host` (UR controller), `omnicore://host` (Robot Web Services 2), with
-frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`; `manual` (somebody moves
+frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`; `manual` (a person moves
 the hand), `manual+tcp://...` (and a simulated one follows). Simulated scenes: `tcp://host:port`.
 
-A device of another make is one more line in `GRIPPERS` or `ARMS`, or a package of its own that names its
-scheme and the function that opens it as an entry point (tools/docs/drivers.md).
+A device of another make is one more line in `GRIPPERS` or `ARMS`, or a separate package with an entry point
+for its scheme and the function that opens it (tools/docs/drivers.md).
 """
 
 from collections.abc import Callable, Iterator
@@ -24,14 +24,14 @@ from drivers.ports import Answered, Arm, Gripper, GripperProfile, Report, Scene,
 from runtime.shell.errors import ExpectedError
 
 TTY = "tty"  # the scheme of a port without one
-MANUAL = "manual"  # of a person, with no host
+MANUAL = "manual"  # of a person, without a host
 
 
 class Makes(NamedTuple):
-    """The makes of one kind of device: where each scheme is opened."""
+    """The makes of one kind of device: the opening function of each scheme."""
 
-    group: str  # of the entry points by which other packages add theirs
-    kind: type  # the Protocol that what is opened satisfies
+    group: str  # group of entry points by which other packages add theirs
+    kind: type  # the Protocol of opened devices
     known: dict[str, str]  # scheme -> module:function, imported when the scheme is first asked for
 
 
@@ -68,10 +68,10 @@ def gripper(
     read_only: bool = False,
     report: Report = no_report,
 ) -> Gripper:
-    """Open a gripper, that of a profile where one is stated; reads its state, writes nothing.
+    """Opens a gripper, with a profile if given; reads its state, writes nothing.
 
-    With `read_only` it has a link that cannot write; `report` is told of every retry and failure on it.
-    PortError where port or driver cannot be opened; LinkError where nothing answers.
+    With `read_only` its link cannot write; `report` receives every retry and failure on it. Raises
+    PortError where port or driver cannot be opened, LinkError where nothing answers.
     """
     opened: Gripper = _opened(
         GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only, profile=profile
@@ -80,7 +80,7 @@ def gripper(
 
 
 def scan(port: str) -> Iterator[Answered]:
-    """Who answers on a serial port, at which baud rate; reads only.
+    """The device that answers on a serial port, and its baud rate; reads only.
 
     Raises:
         PortError: the port cannot be opened.
@@ -91,22 +91,21 @@ def scan(port: str) -> Iterator[Answered]:
 
 
 def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
-    """Connect to an arm; may send its settings, moves nothing.
+    """Connects to an arm; may send its settings, moves nothing.
 
     Frames and limits may follow its address (drivers/abb/README.md). With `read_only` no setting is sent, and
-    every motion refused.
+    every motion is refused.
 
     Raises:
-        PortError: nobody accepts the connection, the address is not understood, or its driver cannot be
-            loaded.
-        ArmError: whoever answers is no such arm.
+        PortError: the connection is refused, the address is invalid, or its driver cannot be loaded.
+        ArmError: the other side is not such an arm.
     """
     opened: Arm = _opened(ARMS, url, Pace(Clock(), time_scale), read_only=read_only)
     return opened
 
 
 def manual_arm(url: str, pace: Pace, *, read_only: bool) -> Arm:
-    """A hand in somebody's hand, and the simulated arm that follows it if there is one."""
+    """A hand moved by a person, and the simulated arm that follows it, if any."""
     from drivers.manual import ManualArm
 
     behind = url.removeprefix(MANUAL).removeprefix("+")
@@ -120,7 +119,7 @@ def scene(url: str) -> Scene:
     """Connect to the scene of a simulated cell: its feeder and the ground truth.
 
     Raises:
-        PortError: nobody accepts the connection.
+        PortError: the connection is refused.
     """
     from drivers.sim.physics import scene_protocol
     from drivers.stream import tcp_address
@@ -129,7 +128,7 @@ def scene(url: str) -> Scene:
 
 
 class VirtualDevices(NamedTuple):
-    """A simulated cell in this process, whose time passes only when somebody waits."""
+    """A simulated cell in this process, whose time advances only when somebody waits."""
 
     gripper: Gripper
     arm: Arm
@@ -141,7 +140,7 @@ def virtual(tree: Path, *, world: str, seed: int, report: Report = no_report) ->
     """The simulated cell of a table, its devices connected.
 
     Raises:
-        UsageError: the world cannot be had, or fails.
+        UsageError: the world cannot be loaded, or fails.
     """
     from drivers.sim.physics.scene import load, warm_up
     from drivers.sim.virtual.cell import VirtualCell
@@ -163,7 +162,7 @@ def _opened(makes: Makes, port: str, *settings: object, **options: object) -> An
 
 
 def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, **options: object) -> Any:
-    """A device of another package's driver; whatever is wrong with that is a PortError that names it."""
+    """A device of another package's driver; any failure is a PortError that names the driver."""
     name, open_device = _plug_in(makes, scheme, port)
     try:
         device = open_device(port, *settings, **options)
@@ -179,7 +178,7 @@ def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, **optio
 
 
 def _plug_in(makes: Makes, scheme: str, port: str) -> tuple[str, Callable[..., Any]]:
-    from importlib.metadata import entry_points  # only for a scheme that is none of ours
+    from importlib.metadata import entry_points  # only for a scheme of other packages
 
     results = [(point.dist and point.dist.name, point) for point in entry_points(group=makes.group)]
     named = [(package, point) for package, point in results if point.name == scheme]

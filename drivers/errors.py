@@ -1,4 +1,4 @@
-"""What can go wrong with a device: any error of a library leaves a driver as one of these.
+"""Errors of devices: every error of a library leaves a driver as one of these.
 
 ::
 
@@ -14,11 +14,11 @@
 
 from runtime.shell.errors import DeviceError, UnreachableError
 
-SHOWN = 60  # characters of what a device sent that a sentence shows
+SHOWN = 60  # characters of a device's message that an error shows
 
 
 def shown(sent: object) -> str:
-    """What a device sent, bytes or text, for a sentence: shortened, and without control characters."""
+    """Data from a device, bytes or text, for a message: shortened, and without control characters."""
     text = sent.decode("latin-1") if isinstance(sent, bytes) else str(sent)
     letters = text[:SHOWN].strip()
     plain = "".join(one if one.isprintable() else ascii(one)[1:-1] for one in letters)
@@ -42,7 +42,7 @@ class ArmError(DeviceError, ConnectionError):
 
 
 class PortError(UnreachableError, OSError):
-    """A port cannot be opened: no such device, no permission, in use, or nobody listening."""
+    """A port cannot be opened: no such device, no permission, in use, or no listener."""
 
 
 class PictureError(DeviceError):
@@ -50,4 +50,4 @@ class PictureError(DeviceError):
 
 
 class ReadOnlyError(RuntimeError):
-    """A device opened for reading was to do something, which is a bug; nothing was sent."""
+    """A device opened for reading was commanded, which is a bug; nothing was sent."""

@@ -45,17 +45,17 @@ class StreamLink(ReportingLink):
         super().__init__(stream.endpoint, report)
         self._stream = stream
         self._pace = pace
-        self._late_s = 0.0  # by how much the last answer was read too late
+        self._late_s = 0.0  # how much too late the last answer was read
 
     def close(self) -> None:
-        """Hang up; moves nothing (over Modbus TCP the device then stops itself, [M200] p66)."""
+        """Disconnects; moves nothing (over Modbus TCP the device then stops itself, [M200] p66)."""
         self._stream.close()
         self._lost = self._lost or "it was closed"
 
     def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
-        """What comes until an answer is due; what is there already then counts: we may have been stopped.
+        """Yields data until the deadline, and once more after it, since this process may have been stopped.
 
-        The device may take so many `seconds` of its own longer than a transaction.
+        The deadline is that of a transaction plus `seconds` of device time.
         """
         left = LINK_TIMEOUT_S + seconds / self._pace.time_scale
         deadline = self._pace.now() + left
@@ -66,7 +66,7 @@ class StreamLink(ReportingLink):
             yield piece
 
     def _check_in_time(self) -> None:
-        """Refuse a reading that tells of a moment too long ago; the answer to a write stays true."""
+        """Refuses a reading of a moment too long ago; the answer to a write stays valid."""
         if self._late_s > 0.0:
             raise LinkTimeout(
                 f"gripper at {self.endpoint} answered, but this process was stopped or starved and read it "
@@ -74,7 +74,7 @@ class StreamLink(ReportingLink):
             )
 
     def _broken(self, error: OSError, suspects: str) -> LinkError:
-        # Never reopened by itself: another device may be there now.
+        # Never reopened automatically: another device may be there now.
         self._lost = "the connection broke"
         self._stream.close()
         self._tell("connection broke", error=str(error))

@@ -1,8 +1,8 @@
-"""A person in place of a device: told what to do on standard error, answering on standard input.
+"""A person in place of a device: gets instructions on standard error, answers on standard input.
 
-`manual` as an arm: somebody holds the hand, or the gripper alone. `manual+ADDRESS`: the same, and a simulated
-arm follows the hand, so that its part is met. `manual` as a gripper: somebody closes calipers and types the
-width.
+`manual` as an arm: a person holds the hand, or only the gripper. `manual+ADDRESS`: the same, and a
+simulated arm follows the hand, so that it meets its part. `manual` as a gripper: a person closes calipers
+and types the width.
 """
 
 import math
@@ -18,27 +18,27 @@ from drivers.errors import ArmError, GripperFault, LinkError, PortError, ReadOnl
 from drivers.ports import TURN_RADIUS_MM, Arm, GripperProfile, GripperState, ObjectState, PoseOfHand
 from runtime.table import PROFILES
 
-ANSWER_S = 600.0  # a person may be called away
-LIFT_S = 60.0  # also asked for in a safe sequence, which is not to wait for long
-SAME_MM, SAME_RAD = 0.1, 0.01  # an arm behind reads itself back with so much room
-# Where a hand is taken to be that was not asked for yet.
+ANSWER_S = 600.0  # a person may be away
+LIFT_S = 60.0  # also used in a safe sequence, which must not wait for long
+SAME_MM, SAME_RAD = 0.1, 0.01  # reading tolerance of an arm behind
+# Assumed pose of a hand before the first request.
 ALOFT: PoseOfHand = (0.0, 0.0, 1000.0, 0.0)
 
 
 class Person:
-    """Who sits at the terminal; one for arm and gripper."""
+    """The person at the terminal; one for arm and gripper."""
 
     def __init__(self) -> None:
         self._read = b""
 
     def ask(self, sentence: str, seconds: float) -> str:
-        """Show a sentence; returns the line that is typed then.
+        """Shows a sentence; returns the line typed after it.
 
         Raises:
-            TimeoutError: nothing was, for so many seconds. EOFError: standard input has ended.
+            TimeoutError: nothing was typed within `seconds`. EOFError: standard input has ended.
         """
         self._forget()
-        # A terminal that is held (Ctrl-S) tells nobody what to do, and printing would wait for it.
+        # A held terminal (Ctrl-S) shows nothing, and printing would wait for it.
         if not select.select([], [sys.stderr.fileno()], [], seconds)[1]:
             raise TimeoutError(f"nobody read the question within {seconds:g} s")
         print(sentence, file=sys.stderr, flush=True)
@@ -54,7 +54,7 @@ class Person:
         return line.decode(errors="replace").strip()
 
     def _forget(self) -> None:
-        """What was typed before the question answers nothing; a pipe holds what is meant to answer."""
+        """Discards lines typed before the question; a pipe keeps its lines, which are meant as answers."""
         with suppress(termios.error, ValueError):
             termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
             self._read = b""
@@ -64,19 +64,19 @@ PERSON = Person()
 
 
 class ManualArm:
-    """A hand in somebody's hand, which a simulated arm may follow (`behind`).
+    """A hand moved by a person, which a simulated arm may follow (`behind`).
 
-    Its pose is where the person was asked to put it and said that it is.
+    Its pose is the last request that the person confirmed.
     """
 
     def __init__(self, behind: Arm | None, *, read_only: bool) -> None:
         self._behind, self._read_only = behind, read_only
-        self._at: PoseOfHand | None = None  # where it was asked for last
+        self._at: PoseOfHand | None = None  # last request
         self._down = False
         self._unknown = ""
 
     def pose(self) -> PoseOfHand:
-        """Where it was put last; `ALOFT` before the first time."""
+        """The last pose; `ALOFT` before the first."""
         self._check_known()
         return (self._at or ALOFT) if self._behind is None else self._behind.pose()
 
@@ -87,7 +87,7 @@ class ManualArm:
         return self._behind.turn_range(x_mm, y_mm)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """Nothing is known against any way of a person."""
+        """No obstacle is known for a person."""
         return "" if self._behind is None else self._behind.obstacle(start, target)
 
     def move_linear(
@@ -99,10 +99,10 @@ class ManualArm:
         speed_mm_s: float,
         radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
-        """Ask for it; a way above the table is only taken down with the next place to come down to.
+        """Requests a motion; a way above the table is only recorded, until the next place to come down to.
 
         Raises:
-            ArmError: no such place, nobody answered, or standard input has ended.
+            ArmError: an invalid place, no answer, or standard input has ended.
         """
         self._check_known()
         target = (x_mm, y_mm, z_mm, angle_rad)
@@ -116,7 +116,7 @@ class ManualArm:
         self._at = target
 
     def close(self) -> None:
-        """Give the arm behind up."""
+        """Closes the arm behind."""
         if self._behind is not None:
             self._behind.close()
 
@@ -142,7 +142,9 @@ class ManualArm:
     def _confirm(self, sentence: str, seconds: float = ANSWER_S) -> None:
         try:
             PERSON.ask(sentence, seconds)
-        except BaseException as error:  # a stop request, too: nobody said where the hand is
+        except (
+            BaseException
+        ) as error:  # a stop request, too: nobody confirmed the place of the hand
             self._unknown = str(error) or "the run was stopped"
             if isinstance(error, EOFError | TimeoutError):
                 raise ArmError(f"arm lost, state unknown since {error}") from error
@@ -154,27 +156,27 @@ class ManualArm:
 
 
 class ManualGripper:
-    """Calipers, or a gripper without a link: somebody opens and closes it, and tells the width."""
+    """Calipers, or a gripper without a link: a person opens and closes it, and types the width."""
 
     def __init__(self, profile: GripperProfile, *, read_only: bool) -> None:
         self.profile = profile
         self._read_only = read_only
         self._seen = _standing(ObjectState.AT_TARGET, profile.stroke_um, profile.stroke_um)
         self._asked: int | None = None
-        self._was_asked = False  # whether anybody ever said how the jaws stand
+        self._was_asked = False  # whether the state of the jaws was ever confirmed
         self._closed = False
 
     def state(self) -> GripperState:
-        """What was told last."""
+        """The last answer."""
         if self._closed:
             raise LinkError("the gripper was closed")
         return self._seen
 
     def activate(self) -> None:
-        """Nothing: a person is ready."""
+        """Does nothing: a person is ready."""
 
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
-        """Remember what `wait` asks for."""
+        """Stores the request for `wait`."""
         del speed_mm_s, force_n
         if self._read_only:
             raise ReadOnlyError("a dry run was about to have the jaws moved")
@@ -182,7 +184,7 @@ class ManualGripper:
         self._asked = width_um
 
     def wait(self) -> ports.Settled:
-        """Ask for the opening to be set, or for the width that is read."""
+        """Asks to set the opening, or for the width that is read."""
         if self._asked is None:
             raise GripperFault("no move to wait for; call move() first")
         asked, self._asked = self._asked, None
@@ -198,11 +200,11 @@ class ManualGripper:
         return ports.Settled(self._seen.width_um, self._seen.object, 0, max(asked, 0), 0.0)
 
     def stop(self) -> None:
-        """The jaws are in somebody's hands."""
+        """Does nothing: a person holds the jaws."""
         self._asked = None
 
     def close(self) -> None:
-        """Nothing is owned."""
+        """Does nothing."""
         self._closed = True
 
     def _saw(self, state: ObjectState, target_um: int, width_um: int) -> None:
@@ -210,7 +212,7 @@ class ManualGripper:
         self._was_asked = True
 
     def _width_mm(self) -> float:
-        """What is typed, once it is a width."""
+        """The typed width, asked for until it is valid."""
         reply = self._ask(
             "Close the jaws on the part: which width do you read, in mm (0 if there is nothing)?"
         )
@@ -241,10 +243,10 @@ def gripper(
     read_only: bool,
     profile: GripperProfile | None = None,
 ) -> ManualGripper:
-    """Open `manual`, which tells widths as a gripper of a profile would, else a 2F-85.
+    """Opens `manual`, which reads widths like a gripper of a profile, by default a 2F-85.
 
     Raises:
-        PortError: it is written otherwise.
+        PortError: the port is not `manual`.
     """
     del pace, report
     if port != "manual":

@@ -1,4 +1,4 @@
-"""What grippers of all makes share that are polled: waits, deadlines, and writes whose answer was lost."""
+"""Common part of polled grippers: waits, deadlines, and writes whose answer was lost."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -9,9 +9,9 @@ from drivers.clock import Pace
 from drivers.errors import GripperFault, LinkTimeout, ReadOnlyError, shown
 from drivers.ports import GripperProfile, GripperState, Report, Settled, no_report
 
-ECHO_S = 1.0  # a request reads back within this ([SDK] gripper.cpp of Robotiq)
+ECHO_S = 1.0  # the request is echoed within this ([SDK] gripper.cpp of Robotiq)
 MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
-READINGS = 3  # in a row before a width is believed
+READINGS = 3  # in a row before a width is accepted
 WRITE_TRIES = 3  # as Robotiq's SDK: the link is down after 3 failures in a row
 Seen = TypeVar("Seen")
 Target = TypeVar("Target")
@@ -19,9 +19,9 @@ Target = TypeVar("Target")
 
 @dataclass(frozen=True, slots=True)
 class Move(Generic[Seen, Target]):
-    """A move that was asked for."""
+    """A requested move."""
 
-    target: Target  # as the device repeats it
+    target: Target  # in the form that the device echoes
     before: Seen  # the reading before it
     written_at: float
     budget_s: float
@@ -36,7 +36,7 @@ class ReadOnlyLink:
         self.read, self.close = link.read, link.close
 
     def write(self, *what: object) -> None:
-        """Refuse, by a ReadOnlyError."""
+        """Refuses, with a ReadOnlyError."""
         words = (word.hex() if isinstance(word, bytes) else shown(word) for word in what)
         raise ReadOnlyError(
             f"a dry run was about to write {' '.join(words)} to the gripper at {self.endpoint}"
@@ -44,19 +44,19 @@ class ReadOnlyLink:
 
 
 class PolledGripper(ABC, Generic[Seen, Target]):
-    """Base of the makes; a make reads, writes, and says what its readings mean.
+    """Base of the makes; a make reads, writes, and interprets its readings.
 
     Every wait has a deadline, and every write whose answer was lost is reported.
 
     Args:
         link: closed with the gripper.
         pace: device time.
-        report: told of every retry and failure.
-        profile: of the gripper that should be there; None: the make's usual one.
+        report: receives every retry and failure.
+        profile: of the expected gripper; None: the make's usual one.
     """
 
-    stale_s = 0.0  # how long a reading may still tell of the previous move
-    spread = 0  # how far positions of fingers at rest may be apart
+    stale_s = 0.0  # time during which a reading may be of the previous move
+    spread = 0  # largest distance between positions of fingers at rest
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         self._pace = pace
         self._report = report
         self._move: Move[Seen, Target] | None = None
-        self._asked_at: float | None = None  # when a move began whose readings may be stale
+        self._asked_at: float | None = None  # start of a move whose readings may be stale
         self.profile = self._begin(profile)
 
     @classmethod
@@ -82,7 +82,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         *,
         read_only: bool,
     ) -> Self:
-        """One on a link that was opened for it, and that is closed again if nobody answers there."""
+        """A gripper on a link, which is closed again if there is no answer."""
         try:
             return cls(ReadOnlyLink(link) if read_only else link, pace, report, profile)
         except BaseException:  # Ctrl-C, too, must not leave the port open
@@ -90,15 +90,15 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             raise
 
     def state(self) -> GripperState:
-        """Read the gripper now."""
+        """Reads the gripper now."""
         seen = self._read()
         return self._state(seen, self._target(seen))
 
     def wait(self) -> Settled:
-        """Wait until the last move has ended and the fingers stand still.
+        """Waits until the last move has ended and the fingers are at rest.
 
-        The request was received; readings no longer tell of the move before; three in a row say that the
-        move has ended, and give one position.
+        That requires: the request was received; readings are no longer of the previous move; three in a row
+        say that the move has ended, and agree in position.
         """
         if self._move is None:
             raise GripperFault("no move to wait for; call move() first")
@@ -112,26 +112,26 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         return Settled(end.width_um, end.object, end.current_ma, end.target_um, seconds)
 
     def close(self) -> None:
-        """Close the link; nothing moves."""
+        """Closes the link; nothing moves."""
         self._link.close()
 
     # -- what a make says -------------------------------------------------------------------------
 
     @abstractmethod
     def _begin(self, profile: GripperProfile | None) -> GripperProfile:
-        """Read once; returns the profile of the gripper that is there."""
+        """Reads once; returns the profile of the connected gripper."""
 
     @abstractmethod
     def _read(self) -> Seen:
-        """One reading."""
+        """Reads the device."""
 
     @abstractmethod
     def _target(self, seen: Seen) -> Target:
-        """What is asked for, as the device repeats it."""
+        """The request, as echoed by the device."""
 
     @abstractmethod
     def _state(self, seen: Seen, target: Target) -> GripperState:
-        """What a reading says."""
+        """The state in a reading."""
 
     @abstractmethod
     def _rest(self, seen: Seen, move: Move[Seen, Target]) -> int | None:
@@ -139,18 +139,18 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
     @abstractmethod
     def _require_ready(self, seen: Seen, doing: str) -> None:
-        """Raise a GripperFault unless it may be moved."""
+        """Raises a GripperFault unless the gripper may be moved."""
 
     @abstractmethod
     def _sketch(self, seen: Seen) -> str:
         """A reading in a message."""
 
     def _received(self, seen: Seen, move: Move[Seen, Target]) -> bool:
-        """Whether the device has taken the request."""
+        """Whether the device has accepted the request."""
         return self._target(seen) == move.target
 
     def _require_obeyed(self, seen: Seen, doing: str) -> None:
-        """Raise a GripperFault where the request that was received is not obeyed."""
+        """Raises a GripperFault if a received request is not executed."""
         self._require_ready(seen, doing)
 
     # -- waiting ----------------------------------------------------------------------------------
@@ -167,7 +167,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         doing: str,
         check: Callable[[Seen, str], None] | None = None,
     ) -> Seen:
-        """Poll until `done`, a reading that `check` refuses, or the deadline."""
+        """Polls until `done`, a reading that `check` refuses, or the deadline."""
         while True:
             late = self._pace.now() > deadline
             seen = self._read()
@@ -182,7 +182,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             self._pace.idle(deadline)
 
     def _settled(self) -> Seen:
-        """The reading at the end of the move under way."""
+        """The reading at the end of the current move."""
         assert self._move is not None
         move, self._move = self._move, None
         until, doing = self._pace.deadline(ECHO_S), "taking the request"
@@ -196,7 +196,8 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             places = [] if place is None else [*places, place][-READINGS:]
             if len(places) == READINGS and max(places) - min(places) <= self.spread:
                 return seen
-            # Fingers that rest are read often enough even if this process was stopped past the deadline.
+            # Fingers at rest are read often enough even if this process was stopped past the
+            # deadline.
             if late > READINGS:
                 raise GripperFault(
                     "gripper not done moving in time, or its reading does not settle; last seen "
@@ -210,7 +211,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             seen = self._read()
 
     def _past_stale(self, seen: Seen) -> Seen:
-        """Read on until a reading tells of the last request, and of no earlier one."""
+        """Reads on until a reading belongs to the last request, and to no earlier one."""
         while self._asked_at is not None and not self._state(seen, self._target(seen)).moving:
             until = self._asked_at + self.stale_s / self._pace.time_scale
             if self._pace.now() >= until:
@@ -221,9 +222,10 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         return seen
 
     def _repeat(self, write: Callable[[], None], arrived: Callable[[], bool]) -> None:
-        """Write again and again until one write is acknowledged; each failure is looked after, and reported.
+        """Repeats a write until it is acknowledged; checks and reports each failure.
 
-        The same once more changes nothing, or `arrived`, which tells what the device repeats, raises.
+        Repeating the write must change nothing; otherwise `arrived`, which checks the echo of the device,
+        raises.
         """
         for left in reversed(range(WRITE_TRIES)):
             try:

@@ -17,7 +17,7 @@ import serial
 from drivers.errors import PortError
 from runtime.shell.host_names import addresses_of
 
-CONNECT_S = 5.0  # wall; to find a host's address and to be accepted there
+CONNECT_S = 5.0  # wall; for name resolution and connection
 SEND_S = 0.5  # wall; a request has some hundred bytes at most, which a line takes in milliseconds
 CHUNK = 4096
 # major numbers (Linux, devices.txt): they refuse to have a parity
@@ -25,7 +25,7 @@ PSEUDO_TERMINALS = range(136, 144)
 
 
 class StalledError(TimeoutError):
-    """A connection takes no bytes: its flow is stopped, or nobody reads at the other end."""
+    """A connection accepts no bytes: its flow is stopped, or nobody reads at the other end."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -34,22 +34,22 @@ class StalledError(TimeoutError):
 
 
 class Stream(Protocol):
-    """An open connection. Both directions fail with an OSError once it is gone."""
+    """An open connection. Both directions raise an OSError once it is gone."""
 
     endpoint: str
 
     def send(self, data: bytes) -> None:
-        """Send in one piece; StalledError where it is not taken within `SEND_S`: part of it may be."""
+        """Sends data in one piece; StalledError where it is not accepted within `SEND_S`, perhaps in part."""
 
     def receive(self, seconds: float) -> bytes:
-        """What has come, waiting at most so many seconds (of the clock) for it; empty: nothing came."""
+        """Data received, waiting at most `seconds` (of the clock) for it; empty if there is none."""
 
     def close(self) -> None:
-        """Give the connection up; closing twice is harmless."""
+        """Closes the connection; idempotent."""
 
 
 class TcpStream:
-    """A TCP connection that sends at once; owns its socket. `endpoint` is the port as the user named it."""
+    """A TCP connection without send delay; owns its socket. `endpoint` is the port as the user named it."""
 
     def __init__(self, connection: socket.socket, endpoint: str) -> None:
         self.endpoint = endpoint
@@ -58,14 +58,14 @@ class TcpStream:
         connection.settimeout(SEND_S)
 
     def send(self, data: bytes) -> None:
-        """Send in one piece."""
+        """Sends data in one piece."""
         try:
             self._socket.sendall(data)
         except TimeoutError as error:
             raise StalledError from error
 
     def receive(self, seconds: float) -> bytes:
-        """What has come by then."""
+        """Data received by then."""
         if not select.select([self._socket], [], [], max(seconds, 0.0))[0]:
             return b""
         if data := self._socket.recv(CHUNK):
@@ -73,7 +73,7 @@ class TcpStream:
         raise ConnectionResetError(errno.ECONNRESET, "closed by the device")
 
     def close(self) -> None:
-        """Hang up."""
+        """Disconnects."""
         self._socket.close()
 
 
@@ -87,12 +87,13 @@ class SerialStream:
     def __init__(self, path: str, baud: int, parity: str = serial.PARITY_NONE) -> None:
         self.endpoint = path
         self._port = _opened(path, baud, parity)
-        # An FTDI adapter keeps what it received for 16 ms otherwise; other ports do not know the request.
+        # An FTDI adapter buffers received data for 16 ms otherwise; other ports do not support the
+        # request.
         with contextlib.suppress(ValueError, OSError):
             self._port.set_low_latency_mode(True)
 
     def send(self, data: bytes) -> None:
-        """Send in one piece; not pyserial's `write`, which waits without an end for a stopped line."""
+        """Sends data in one piece; not by pyserial's `write`, which waits forever for a stopped line."""
         file, until = self._port.fileno(), time.monotonic() + SEND_S
         if self._unsent():  # of an earlier request, which must not be obeyed now
             self._stall()
@@ -103,7 +104,7 @@ class SerialStream:
                 data = data[os.write(file, data) :]
 
     def receive(self, seconds: float) -> bytes:
-        """What has come by then."""
+        """Data received by then."""
         file = self._port.fileno()
         if not select.select([file], [], [], max(seconds, 0.0))[0]:
             return b""
@@ -112,17 +113,17 @@ class SerialStream:
         raise OSError(errno.EIO, "the port is gone")
 
     def set_baud(self, baud: int) -> None:
-        """Change the baud rate."""
+        """Changes the baud rate."""
         self._port.baudrate = baud
 
     def close(self) -> None:
-        """Close the port; what a stopped line still holds is not sent, nor waited for."""
+        """Closes the port; data pending on a stopped line is not sent, nor waited for."""
         if self._port.is_open:
             self._discard()
         self._port.close()
 
     def _unsent(self) -> int:
-        """How many bytes the line still holds; 0 where its driver does not tell."""
+        """Number of bytes pending on the line; 0 where its driver does not report it."""
         try:
             return int(self._port.out_waiting)
         except OSError:
@@ -133,18 +134,18 @@ class SerialStream:
         raise StalledError
 
     def _discard(self) -> None:
-        """Forget what was not sent yet: once the flow goes on it would be obeyed."""
+        """Discards unsent data: it would be obeyed once the flow continues."""
         with contextlib.suppress(OSError, termios.error):
             termios.tcflush(self._port.fileno(), termios.TCOFLUSH)
 
 
 def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
-    """Host and port of `scheme://host:port`; the port may be left out where a usual one is given.
+    """Host and port of `scheme://host:port`; the port may be omitted if a usual one is given.
 
-    Settings after a `?` are the caller's to read and to take off before.
+    The caller removes settings after a `?` before.
 
     Raises:
-        PortError: it is written otherwise.
+        PortError: it has another form.
     """
     try:
         parts = urlsplit(url)
@@ -158,24 +159,25 @@ def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
 
 
 def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:
-    """Connect; `hint` says what to check if nobody accepts.
+    """Connects; `hint` says what to check if the connection is refused.
 
     Raises:
-        PortError: nobody accepts the connection.
+        PortError: the connection is refused.
     """
     try:
         connection = connected(host, port, CONNECT_S)
-    except (OSError, UnicodeError) as error:  # the latter for a name that no host can have
+    except (OSError, UnicodeError) as error:  # the latter for an invalid host name
         reason = getattr(error, "strerror", None) or error
         raise PortError(f"nobody accepts a connection at {endpoint} ({reason}); {hint}") from error
     return TcpStream(connection, endpoint)
 
 
 def connected(host: str, port: int, seconds: float) -> socket.socket:
-    """A TCP connection to the first of a host's addresses that accepts one, within so many wall seconds.
+    """A TCP connection to the first of a host's addresses that accepts one, within `seconds` of wall time.
 
     Raises:
-        OSError: the name is not found, or nobody accepts in time. UnicodeError: no host can have that name.
+        OSError: the name is unknown, or the connection is not accepted in time. UnicodeError: an invalid
+            name.
     """
     until = time.monotonic() + seconds
     failed: OSError = TimeoutError(errno.ETIMEDOUT, "timed out")
@@ -206,7 +208,7 @@ def _opened(path: str, baud: int, parity: str) -> serial.Serial:
 
 
 def port_error(path: str, error: OSError) -> PortError:
-    """Why a port cannot be opened, as a sentence."""
+    """The message for a port that cannot be opened."""
     if error.errno == errno.ENOENT:
         message = (
             f"port {path} does not exist; list ports with `ls /dev/serial/by-id`, or use --port sim"

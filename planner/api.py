@@ -1,8 +1,4 @@
-"""The planner from Python: few names that stay, arrays in, arrays out. tools/docs/python.md shows how.
-
-Everything is imported from here; what lies behind may move. The package's root itself stays empty: commands
-import it where numpy is not installed, and there `planner.compile` is a module.
-"""
+"""The public Python interface of the planner: arrays in, arrays out. See tools/docs/python.md."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +33,7 @@ __all__ += ["compile", "evaluate", "squeeze"]
 
 
 class Next(NamedTuple):
-    """What n readings lead to; where both are -1 the width fits no branch: REJECT."""
+    """Children and leaves that n readings lead to; both are -1 where a width fits no branch (REJECT)."""
 
     nodes: IntArray  # (n,) the next squeeze, or -1
     leaves: IntArray  # (n,) the answer, or -1
@@ -47,7 +43,7 @@ class Next(NamedTuple):
 class Table:
     """A decision table of N nodes and L leaves as arrays; node 0 is the first squeeze."""
 
-    record: tables.Table  # as the runtime has it
+    record: tables.Table  # the runtime's record
     program: Program  # its nodes as arrays
 
     @classmethod
@@ -66,12 +62,12 @@ class Table:
         return cls.of(tables.load(path).table)
 
     def save(self, path: str | Path) -> None:
-        """Writes the table's file, whole or not at all; an `OutputError` tells why it cannot."""
+        """Writes the table's file atomically; raises `OutputError` where it cannot."""
         tables.dump(self.record, path)
 
     @property
     def job(self) -> Job:
-        """The job that it was compiled from; an `InputError` tells that the table was stripped of it."""
+        """The job that the table was compiled from; raises `InputError` if the table was stripped of it."""
         if self.record.job is None:
             raise InputError("the table carries no job; pass the one it was compiled from")
         return from_canonical(self.record.job, "the table's job")
@@ -92,10 +88,10 @@ class Table:
         return claimed(self.record, np.arange(len(self.record.leaves)))
 
     def lookup(self, nodes: IntArray, widths_mm: Array) -> Next:
-        """What widths (n,) read at nodes (n,) lead to, with the object flag that goes with each width.
+        """Looks up widths (n,) read at nodes (n,), each with the object flag that belongs to its width.
 
         Raises:
-            ValueError: a node that the table has not, no width, or not as many of each.
+            ValueError: an unknown node, an invalid width, or arrays of different lengths.
         """
         nodes = arguments.indices(nodes, "nodes", len(self.record.nodes))
         opening_mm = self.record.gripper.opening_um / 1e3
@@ -123,18 +119,18 @@ def evaluate(
 
     Args:
         table: the table.
-        job: what parts and gripper are like in truth; what the table was compiled from if None.
+        job: the true parts and gripper; the job of the table if None.
         world: squeezes the parts; contact mechanics drawn afresh for each squeeze if None.
         trials: number of parts.
-        seed: of all that is random, but for a world of your own.
+        seed: of all random numbers, except those of a `world` that is passed in.
         workers: threads; all cores if None. The result does not depend on it.
-        report: told about progress; what it raises ends the evaluation.
+        report: progress callback; an exception that it raises ends the evaluation.
 
     Returns:
         One row a part; `summary()` has the figures for all.
 
     Raises:
-        ValueError: trials, seed or workers are no such number.
+        ValueError: trials, seed or workers are out of range.
     """
     arguments.count(trials, "trials")
     arguments.count(seed, "seed", 0, 2**63 - 1)
@@ -147,14 +143,14 @@ def evaluate(
 def squeeze(
     job: Job, belief: Belief, placement: Array, rng: np.random.Generator, workers: int | None = None
 ) -> Outcomes:
-    """Squeezes a belief at a placement (3,) of the hand, and cuts it where the widths part.
+    """Squeezes a belief at a placement (3,) of the hand, and partitions it by the widths.
 
     Returns:
         Its `beliefs`, one for each cluster of widths, with their `probability` (k,), in the order of rising
         width.
 
     Raises:
-        ValueError: the belief is empty or not (n, 3), the placement not (3,), or a number is none.
+        ValueError: the belief is empty or not (n, 3), the placement not (3,), or a number is not finite.
     """
     arguments.rows(belief.poses, "poses of the belief", 3)
     arguments.count(len(belief), "size of the belief")

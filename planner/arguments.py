@@ -1,7 +1,7 @@
 """Arguments of the planner's public functions: shape, finiteness and range, checked once before a kernel.
 
-Kernels check nothing: they would read beyond their arrays, or step for ever. What is wrong is a `ValueError`
-that names the argument.
+Kernels do not check: a wrong argument would make them read beyond their arrays, or never end. The
+checks raise a `ValueError` that names the argument.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.arrays import Array, IntArray
 
-FARTHEST = 1e6  # of a coordinate [mm] or an angle [rad], either way
+FARTHEST = 1e6  # of a coordinate [mm] or an angle [rad], in magnitude
 LONGEST_MM = 1e4  # way of a push
 MOST_TURN = 2.0 * np.pi + 1e-9  # of a pusher [rad]
 MOST = 10**9  # of anything counted
@@ -24,7 +24,7 @@ def rows(
     """Finite numbers (n, *shape) from `least` to `most`.
 
     Raises:
-        ValueError: another shape, or a number that is none or out of range.
+        ValueError: wrong shape, or a number that is not finite or out of range.
     """
     array = _array(values, name)
     if array.ndim != 1 + len(shape) or array.shape[1:] != shape:
@@ -49,7 +49,7 @@ def number(value: float, name: str, least: float, most: float) -> float:
     """A finite number from `least` to `most`.
 
     Raises:
-        ValueError: it is none.
+        ValueError: not a finite number in that range.
     """
     array = _array(value, name)
     if array.shape != ():
@@ -58,10 +58,10 @@ def number(value: float, name: str, least: float, most: float) -> float:
 
 
 def indices(values: ArrayLike, name: str, size: int) -> IntArray:
-    """Whole numbers (n,) from 0 to size - 1: none counts from the end.
+    """Whole numbers (n,) from 0 to size - 1; negative indices are refused.
 
     Raises:
-        ValueError: another shape, other numbers, or one out of range.
+        ValueError: wrong shape, not whole numbers, or out of range.
     """
     array = np.asarray(values)
     if array.ndim != 1 or (array.size and not np.issubdtype(array.dtype, np.integer)):
@@ -78,7 +78,7 @@ def count(value: int, name: str, least: int = 1, most: int = MOST) -> int:
     """A whole number from `least` to `most`.
 
     Raises:
-        ValueError: it is none.
+        ValueError: not a whole number in that range.
     """
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not (whole and least <= value <= most):
@@ -87,7 +87,7 @@ def count(value: int, name: str, least: int = 1, most: int = MOST) -> int:
 
 
 def same_length(**arrays: Sequence[Any] | NDArray[Any] | None) -> None:
-    """Check that arrays belong together, row by row; None has no rows of its own.
+    """Checks that arrays have the same number of rows; None is skipped.
 
     Raises:
         ValueError: two of them differ in length.
@@ -110,7 +110,7 @@ def _array(values: ArrayLike, name: str) -> Array:
 def _within(array: Array, name: str, least: float, most: float) -> Array:
     if array.size and not (
         least <= array.min() and array.max() <= most
-    ):  # so that nan is not within
+    ):  # negated, so that nan is refused
         wrong = array[~((array >= least) & (array <= most))].flat[0]
         raise ValueError(f"{name} holds {wrong:g}; pass finite numbers from {least:g} to {most:g}")
     return array

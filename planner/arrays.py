@@ -1,4 +1,4 @@
-"""The array types that annotations use; shapes stand in the docstrings."""
+"""Array types for annotations; shapes are given in docstrings."""
 
 from typing import TypeAlias
 

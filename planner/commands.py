@@ -1,6 +1,6 @@
-"""The entry points of the planner's commands; without the planner extra they say what to install.
+"""Entry points of the planner's commands; without the planner extra they state what to install.
 
-A file that is not there is reported before the planner is loaded, which takes seconds of processor time.
+A missing file is reported before the planner is loaded, which takes seconds.
 """
 
 import sys
@@ -12,17 +12,17 @@ from pathlib import Path
 from runtime.shell.command import entry, tell
 from runtime.shell.exit_codes import ExitCode
 
-# Suffixes of the files that some command reads.
+# Suffixes of input files.
 INPUTS = {".csv", ".dxf", ".jsonl", ".kicad_mod", ".msgpack", ".stl", ".svg", ".toml", ".txt"}
 HELP = {"-h", "--help"}
-# Options after which a file that is read may stand.
+# Options whose value may be an input file.
 READ = {"--debug", "--force", "--journal", "--json", "--poses", "--push"}
 
 
 def missing_input(words: Sequence[str]) -> str | None:
-    """The first of a command's arguments that names an input file and is not there.
+    """The first argument of a command that names an input file which does not exist.
 
-    Arguments that may belong to an option are passed over: the command itself judges them.
+    Arguments that may belong to an option are skipped: the command itself checks them.
     """
     if not HELP.isdisjoint(words):
         return None
@@ -39,7 +39,7 @@ def missing_input(words: Sequence[str]) -> str | None:
 
 
 def _command(name: str, module: str = "") -> Callable[[], int]:
-    """The entry point of `plan-<name>`: `main` of `planner.cli.<module>`, by default of its own name."""
+    """The entry point of `plan-<name>`: `main` of `planner.cli.<module>`; the module defaults to the name."""
 
     def run() -> int:
         missing = missing_input(sys.argv[1:])

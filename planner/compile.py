@@ -1,4 +1,4 @@
-"""From a job to a decision table: the whole planner on one screen."""
+"""Compiles a job to a decision table: the whole planner on one screen."""
 
 from dataclasses import dataclass
 
@@ -36,9 +36,9 @@ class Plan:
 
     table: Table  # the decision table, with the evaluation's figures
     root: Node  # the tree with its beliefs, for reports
-    evaluation: Evaluation  # of the finished table: nothing was decided by it
-    untried: int  # how many branches no trial took, so that their widths are REJECT
-    # Of the evaluation: `plan-evaluate --seed` with as many trials gives the same figures.
+    evaluation: Evaluation  # of the finished table, by trials that decided nothing
+    untried: int  # number of branches that no trial took, whose widths are REJECT
+    # Seed of the evaluation: `plan-evaluate --seed` with as many trials gives the same figures.
     seed: int
     cut: Cut | None = None  # how the search was cut short; None where it was complete
 
@@ -58,15 +58,15 @@ def compile_job(
         workers: threads; all cores if None. The result does not depend on it.
         trials: parts squeezed in the evaluation.
         report: progress.
-        limit: when to end with the best tree so far, evaluated: whole and valid, but maybe with leaves that
-            do not know. Where it has no budget the same seed gives the same bytes.
+        limit: when to stop with the best tree so far, evaluated: complete and valid, but possibly with
+            unresolved leaves. Without a time budget the same seed gives the same bytes.
         scheduler: who runs the trials of the evaluation; as many threads as `workers` if None.
 
     Raises:
-        UnreachableError: the cluster was lost.
-        NoPlanError: no squeeze tells a pose that the goal asks for; or the first squeeze already has no grasp
-            pose free of collision that gains anything; or no leaf of the tree is within the goal.
-        ValueError: workers or trials are no such number.
+        UnreachableError: the connection to the cluster was lost.
+        NoPlanError: no squeeze distinguishes the poses that the goal asks for; or no grasp pose of the first
+    squeeze is both free of collision and useful; or no leaf of the tree is within the goal.
+        ValueError: workers or trials are out of range.
     """
     say = report or silent
     arguments.count(trials, "trials")
@@ -80,7 +80,7 @@ def compile_job(
         return _measured(job, _by_the_paper(job, workers, trials, say), work, say)
     problem = Problem.of(job, workers)
     say("kernels", 0, 1)
-    _load_kernels(problem)  # kernels compile at their first call; no budget pays for that
+    _load_kernels(problem)  # kernels compile at their first call, which no budget should pay for
     limit.start()
     compiled = _measured(job, planned(problem, limit, trials, say), work, say)
     if not compiled.evaluation.success.any():
@@ -89,7 +89,7 @@ def compile_job(
 
 
 def _by_the_paper(job: Job, workers: int | None, trials: int, say: Report) -> Planned:
-    """Plans by the paper's method; nothing is searched further for what trials show."""
+    """Plans by the paper's method, which does not continue the search after trials."""
     root = plan_paper(job, Simulator.of_job(job, workers), say)
     if not root.children:
         raise NoPlanError(
@@ -100,10 +100,10 @@ def _by_the_paper(job: Job, workers: int | None, trials: int, say: Report) -> Pl
 
 
 def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
-    """Puts figures in, of trials that had no part in any decision.
+    """Adds the figures of trials that decided nothing.
 
-    A table must not call a leaf resolved that its own figures refute: it is marked, and its parts count as
-    failures in these very figures. Other trials would be chosen for not refuting it.
+    A leaf that these figures refute is marked unresolved, and its parts count as failures in the same
+    figures: fresh trials for it would be a biased choice.
     """
     seed, table, trials = job.seed + SEED_FIGURES, plan.table, plan.trials
     evaluation = evaluate(
@@ -115,7 +115,7 @@ def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
 
 
 def _load_kernels(problem: Problem) -> None:
-    """Squeezes a small belief of each limit surface, and cuts its readings."""
+    """Compiles the kernels by squeezing a small belief of each limit surface."""
     belief = problem.belief(problem.job.search.particles, np.random.default_rng(0))
     of_each_form = np.unique(belief.traits["surface"], return_index=True)[1]
     few = belief[np.append([0, min(1, len(belief) - 1)], of_each_form)]

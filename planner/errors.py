@@ -1,25 +1,25 @@
-"""Errors of planning, beside those of `runtime.shell.errors`."""
+"""Errors of planning, in addition to those of `runtime.shell.errors`."""
 
 from runtime.shell.errors import ExpectedError, InputError, UsageError
 from runtime.shell.exit_codes import ExitCode
 
 
 class UnitsMissingError(UsageError):
-    """Neither the drawing nor the command line says what one unit of the drawing is."""
+    """Neither the drawing nor the command line states the unit of the drawing."""
 
 
 class KeyNameError(InputError):
-    """A key, section or column is not known here, or one that must be stated is missing."""
+    """A key, section or column is unknown, or a required one is missing."""
 
 
 class FitError(InputError):
-    """The part is wider, even across its narrowest side, than the jaws open."""
+    """The part is wider than the jaws open, even across its narrowest side."""
 
 
 class NoPlanError(ExpectedError):
     """The search ended without a tree that reaches the goal; `success` is the best rate found, 0 to 1.
 
-    `cut_short` tells that it was not done: a longer one may find a plan.
+    `cut_short` states that the search was not finished: a longer one may find a plan.
     """
 
     exit_code = ExitCode.NO_PLAN

@@ -1,4 +1,4 @@
-"""Poses between the hand frame and the world (hand frame: jaws close along y, fingers lie along x)."""
+"""Conversion of poses between hand frame and world (hand frame: jaws close along y, fingers lie along x)."""
 
 import numpy as np
 
@@ -6,14 +6,14 @@ from planner.arrays import Array
 
 
 def to_hand(poses: Array, placement: Array) -> Array:
-    """Poses (..., 3) in the world [mm, mm, rad], seen from a hand placed at `placement` (3,)."""
+    """Converts poses (..., 3) in the world [mm, mm, rad] to the frame of a hand at `placement` (3,)."""
     c, s = np.cos(placement[2]), np.sin(placement[2])
     dx, dy = poses[..., 0] - placement[0], poses[..., 1] - placement[1]
     return np.stack([c * dx + s * dy, c * dy - s * dx, poses[..., 2] - placement[2]], axis=-1)
 
 
 def to_world(poses: Array, placement: Array) -> Array:
-    """Poses (..., 3) in the world, of poses seen from a hand placed at `placement` (3,)."""
+    """Converts poses (..., 3) in the frame of a hand at `placement` (3,) to the world."""
     c, s = np.cos(placement[2]), np.sin(placement[2])
     x, y = poses[..., 0], poses[..., 1]
     return np.stack(
@@ -23,6 +23,6 @@ def to_world(poses: Array, placement: Array) -> Array:
 
 
 def wrap(angle: Array, order: int = 1) -> Array:
-    """Angles reduced to within half a period of zero, for a part of rotational order `order` [rad]."""
+    """Reduces angles to within half a period of zero, for a part of rotational order `order` [rad]."""
     period = 2.0 * np.pi / order
     return np.asarray(angle - period * np.round(angle / period))

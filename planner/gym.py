@@ -1,4 +1,4 @@
-"""Localising a part by squeezing as a Gymnasium environment; `import planner.gym` registers it.
+"""A Gymnasium environment for localising a part by squeezing; `import planner.gym` registers it.
 
     env = gymnasium.make("SqueezeLocalize-v0")                        # the rectangle of the paper's Table I
     env = gymnasium.make("SqueezeLocalize-v0", job="job.toml", actions="box")
@@ -13,7 +13,7 @@ where an open finger comes down on the part, and it is truncated by the squeeze 
 `search.max_depth`. The observation is what the encoder reads, in steps of closing: first 0.
 
 With `render_mode="rgb_array"`, `render()` draws the part, the fingers and what a particle filter of
-`RENDERED` states makes of the readings.
+`RENDERED` states infers from the readings.
 """
 
 from typing import Any, Literal, get_args
@@ -40,7 +40,7 @@ except ImportError as missing:
     ) from missing
 
 NAME = "SqueezeLocalize-v0"
-RENDERED = 2000  # states of the belief that a picture shows
+RENDERED = 2000  # states of the belief in a picture
 RECTANGLE = """
 seed = 1
 part.name = "rectangle"
@@ -53,7 +53,7 @@ uncertainty = {radius_mm = 12.75, orientation = "unknown"}
 actions = {angles_deg = [0, 45, 90, 135], centers_mm = [[0, 0]], proposals = "none"}
 goal = {distance_mm = 3.0, confidence = 0.99}
 doubt = {chance = 0.8, finger_share = [-0.11, 0.11], middle_mm = [-1.4, 1.4], encoder_mm = [-1.1, 1.1]}
-"""  # trees/rectangle/job.toml, which an installation does not have
+"""  # trees/rectangle/job.toml, which an installation does not contain
 
 Kind = Literal["set", "box"]
 Actions = NDArray[Any]
@@ -67,7 +67,7 @@ def problem_of(job: Job | str | None, workers: int = 1) -> Pomdp:
 
 
 class Episodes:
-    """Some episodes of a problem side by side."""
+    """A batch of episodes of one problem."""
 
     def __init__(self, model: Pomdp, number: int, kind: Kind) -> None:
         if kind not in get_args(Kind):
@@ -81,7 +81,7 @@ class Episodes:
 
     @property
     def action_space(self) -> spaces.Discrete | spaces.Box:
-        """Of one of them."""
+        """Action space of one episode."""
         return (
             spaces.Discrete(len(self.model.actions))
             if self.box is None
@@ -89,10 +89,10 @@ class Episodes:
         )
 
     def chosen(self, actions: Actions) -> Array:
-        """The actions (n, 4) of the problem that those of the space, (n,) or (n, 4), stand for.
+        """Converts actions of the space, (n,) or (n, 4), to actions (n, 4) of the problem.
 
         Raises:
-            ValueError: one of them is not in the space.
+            ValueError: an action is not in the space.
         """
         if self.box is None:
             return np.asarray(
@@ -102,7 +102,7 @@ class Episodes:
         return np.asarray(self.box.mean(axis=0) + 0.5 * (self.box[1] - self.box[0]) * actions)
 
     def begin(self, rows: IntArray | BoolArray, rng: np.random.Generator) -> None:
-        """Lays a new part down for these episodes."""
+        """Starts these episodes, each with a new part."""
         self.squeezes[rows] = 0
         self.states[rows] = self.model.initial(len(self.squeezes[rows]), rng)
 
@@ -130,14 +130,14 @@ class Episodes:
 
 
 def _box(job: Job) -> Array:
-    """Where hands are placed and poses declared: the part's reach before the first squeeze, any angle."""
+    """Bounds of hand placements and declared poses: the part's reach before the first squeeze, any angle."""
     span = job.uncertainty.radius_mm + reach(job.part.outline_mm)
     low, high = np.clip(job.cell.work_area_mm, -span, span)
     return np.array([[*low, -np.pi, SQUEEZE], [*high, np.pi, DECLARE]])
 
 
 class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
-    """One part at a time; `info` tells the pose that the agent does not know."""
+    """One part at a time; `info` contains the true pose, which the agent does not know."""
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012
 
@@ -158,18 +158,18 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.int64, dict[str, Any]]:
-        """Lays a part down; `options` are not used."""
+        """Places a new part; `options` are not used."""
         super().reset(seed=seed, options=options)
         self._episodes.begin(np.ones(1, np.bool_), self.np_random)
         if self.render_mode:
-            # A generator of its own: an episode is the same whether it is drawn or not.
+            # A separate generator: an episode is the same with and without pictures.
             self._filter = np.random.default_rng(0)
             self._belief = self.model.initial(RENDERED, self._filter)
             self._last: Array | None = None
         return np.int64(0), self._info()
 
     def step(self, action: Any) -> tuple[np.int64, float, bool, bool, dict[str, Any]]:
-        """Squeezes, or declares."""
+        """Squeezes, or declares a pose."""
         counts, rewards, ended, cut = self._episodes.step(
             np.ones(1, np.bool_), np.asarray(action)[None], self.np_random
         )
@@ -189,7 +189,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
             return
         try:
             self._belief = self.model.updated(self._belief, action, count, self._filter)
-        except ValueError:  # none of the states explains the count: there is no belief to draw
+        except ValueError:  # none of the states explains the reading: no belief to draw
             self._belief = self._belief[:0]
 
     def _info(self) -> dict[str, Any]:
@@ -197,7 +197,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
 
 
 class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
-    """Many parts in one batch; an episode that has ended begins anew at the next step (`NEXT_STEP`)."""
+    """Many parts in one batch; an episode that has ended restarts at the next step (`NEXT_STEP`)."""
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
@@ -220,7 +220,7 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[IntArray, dict[str, Any]]:
-        """Lays all parts down; `options` are not used."""
+        """Places all parts anew; `options` are not used."""
         super().reset(seed=seed, options=options)
         self._over[:] = False
         self._episodes.begin(~self._over, self.np_random)
@@ -229,7 +229,7 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
     def step(
         self, actions: Actions
     ) -> tuple[IntArray, NDArray[np.float64], BoolArray, BoolArray, dict[str, Any]]:
-        """Squeezes or declares in the episodes under way, and begins those anew that were over."""
+        """Acts in the episodes under way, and restarts those that have ended."""
         begun = self._over
         if begun.any():
             self._episodes.begin(begun, self.np_random)

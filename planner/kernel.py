@@ -1,8 +1,8 @@
-"""The one place that compiles kernels: numba, cached on disk.
+"""Compilation of kernels: numba, cached on disk.
 
 Numba does not notice a change in the files of the functions that a cached one calls. So the cache folder is
-named after the content of all kernels and numba's version. Where it cannot be used, numba would fall back to
-`__pycache__`, which has no such name; there kernels are compiled anew in every process instead.
+named after the content of all kernels and numba's version. If the folder is unusable, numba would fall back
+to `__pycache__`, whose name does not change; kernels are then compiled anew in every process instead.
 """
 
 import hashlib
@@ -49,17 +49,17 @@ def kernel(function: F) -> F:
 
 
 def inner_kernel(function: F) -> F:
-    """`kernel` for what allocates nothing: references to arrays are not counted, two fifths of a squeeze."""
+    """`kernel` for functions that allocate nothing: skips counting of array references, 40 % of a squeeze."""
     return _compiled(function, _nrt=False)
 
 
 def inlined_kernel(function: F) -> F:
-    """`inner_kernel` for what is short and often called: handing an array on takes longer than its work."""
+    """`inner_kernel` for short, frequent functions, where passing arrays would dominate."""
     return _compiled(function, _nrt=False, forceinline=True)
 
 
 def merged_kernel(function: F) -> F:
-    """A part of the only kernel that calls it: compiled there, and with it, instead of twice."""
+    """`kernel` for a part of one other kernel: it is compiled only together with its caller."""
     return _compiled(function, _nrt=False, inline="always")
 
 
@@ -67,7 +67,7 @@ def _compiled(function: F, **flags: Any) -> F:
     options: Any = {"nogil": True, "error_model": "numpy", **flags}
     try:
         compiled = numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # numba found no place at all
+    except RuntimeError:  # numba has no cache folder at all
         compiled = None
     if compiled is None or not _is_ours(compiled.stats.cache_path):
         _warn_once()
@@ -76,7 +76,7 @@ def _compiled(function: F, **flags: Any) -> F:
 
 
 def _is_ours(place: str | None) -> bool:
-    """Whether kernels are kept in the folder that is named after their content."""
+    """Whether kernels are cached in the folder named after their content."""
     return place is not None and Path(place).is_relative_to(numba_config.CACHE_DIR)
 
 

@@ -1,4 +1,4 @@
-"""Lowering: the tree of beliefs becomes the integers of the decision table."""
+"""Lowering: converts the tree of beliefs to the integers of a decision table."""
 
 from importlib.metadata import PackageNotFoundError, version
 
@@ -19,7 +19,7 @@ from runtime import table as tables
 
 
 def lower(root: Node, job: Job) -> tables.Table:
-    """Numbers an expanded tree of a job breadth first and writes it down, without evaluation figures yet."""
+    """Converts an expanded tree of a job to a table, numbered breadth first, without evaluation figures."""
     encoder = encoder_of(job)
     nodes = [node for node in breadth_first(root) if node.children]
     leaves = [node for node in breadth_first(root) if not node.children]
@@ -79,10 +79,10 @@ def _push(push: Push, job: Job) -> tables.Push:
 
 
 def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
-    """The readings of each branch: what was read in it and the margin to either side, at most half a gap.
+    """The readings of each branch: those that occurred, and a margin on either side, at most half a gap.
 
-    A thin grip that may read as an empty hand does, to the last reading but that of jaws that met: the object
-    flag tells them apart.
+    A thin grip may read as an empty hand: its branch extends to the last reading before that of closed
+    jaws; the object flag distinguishes the two.
     """
     resolution = resolution_of(encoder)
     free, margin = resolution.free, resolution.margin
@@ -97,7 +97,7 @@ def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
 
 
 def interval_um(low: int, high: int, encoder: Encoder) -> tuple[int, int]:
-    """Widths [um] that the readings from one to another stand for."""
+    """Widths [um] of an interval of readings."""
     least = max(0.0, float(encoder.width_mm(np.asarray(high + 0.5))))
     greatest = min(encoder.opening_mm, float(encoder.width_mm(np.asarray(low - 0.5))))
     return round(1e3 * least), round(1e3 * greatest)
@@ -129,7 +129,7 @@ def pose_of(pose: Array) -> tuple[int, int, int]:
 
 
 def covariance_of(belief: Belief, leaf: tables.Leaf, job: Job) -> tables.Covariance:
-    """Second moments about the leaf's pose, of parts that are as it says, if any are."""
+    """Second moments, about the leaf's pose, of the parts within its goal, if any."""
     named = belief.traits["hypothesis"] == leaf.hypothesis
     offset = belief.poses[named] - tables.predicted_pose(leaf)
     offset[:, 2] = wrap(offset[:, 2], job.alone[leaf.hypothesis].part.symmetry)
@@ -142,7 +142,7 @@ def _goal(job: Job) -> tables.GoalSpec:
     metric = metric_of(job)
     scaled = zip((1e3, 1e3, 1e6), metric.tolerance, strict=True)
     stated = tables.Tolerance(*(round(scale * value) for scale, value in scaled))
-    # Tolerances that the kind of goal does not look at are zero.
+    # Tolerances that the kind of goal ignores are zero.
     tolerance = {
         "tolerances": stated,
         "orientation": stated._replace(x_um=0, y_um=0),

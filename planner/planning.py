@@ -1,4 +1,4 @@
-"""The course of planning: passes of the search, then trials that say which leaves are searched further."""
+"""Planning: passes of the search, then trials that reopen leaves for further search."""
 
 from __future__ import annotations
 
@@ -32,22 +32,20 @@ from runtime.table import Table
 
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
-ATTEMPTS = 6  # fresh trials reopen leaves at most so often
+ATTEMPTS = 6  # most rounds of fresh trials that reopen leaves
 FRESH = 2.0  # fresh trials of the first round, for each particle of the search; half of them in later ones
-LEAST_SHORT = (
-    0.0005  # probability of leaves that miss the goal, from which they are searched further
-)
-TIMED_TRIALS = 500  # parts squeezed to estimate how long an evaluation takes
-LEAST_TRIALS = 1000  # parts of an evaluation where a budget leaves no time for more
-EVALUATING = 0.4  # share of what is left of a budget that evaluations may take
-AFTER_PASSES = 0.5  # share of all the work that follows the passes, for progress
+LEAST_SHORT = 0.0005  # least probability of failing leaves for which they are searched further
+TIMED_TRIALS = 500  # parts squeezed to estimate the duration of an evaluation
+LEAST_TRIALS = 1000  # parts of an evaluation when a budget has no time for more
+EVALUATING = 0.4  # most of the remaining budget that evaluations may take
+AFTER_PASSES = 0.5  # share of the work after the passes, for progress
 
 
 class Cut(NamedTuple):
     """How a search was cut short."""
 
-    asked: bool  # by a request; else by the budget
-    open_share: float = 0.0  # of all parts, those that end in leaves which are not resolved
+    asked: bool  # by a request; otherwise by the budget
+    open_share: float = 0.0  # share of all parts that end in unresolved leaves
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -68,30 +66,28 @@ class Cut(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """What planning came to."""
+    """The result of planning."""
 
     root: Node
-    table: Table  # with the leaves unresolved that trials refute
+    table: Table  # with leaves unresolved that trials refute
     untried: int  # branches that no trial took
-    trials: (
-        int  # parts of an evaluation: fewer than asked for where a budget leaves no time for them
-    )
+    trials: int  # parts of an evaluation: fewer than requested where a budget has no time for them
     cut: Cut | None  # None where the search is complete
 
 
 class Rounds(NamedTuple):
-    """How many parts are squeezed to try a plan."""
+    """Numbers of parts squeezed in trials of a plan."""
 
     fresh: int  # in the first round, before leaves are searched further; half as many in later ones
     figures: int  # in the evaluation of the finished table
 
     @classmethod
     def of(cls, job: Job, trials: int) -> Rounds:
-        """Those of a search without a budget."""
+        """The numbers for a search without a budget."""
         return cls(max(1, round(FRESH * job.search.particles)), trials)
 
     def within(self, limit: Limit, root: Node, job: Job, workers: int) -> Rounds:
-        """At most as many as a budget leaves time for, which is kept for them from now on."""
+        """At most the numbers that a budget has time for; that time is reserved from now on."""
         table = lower(root, job)
         judged(job, 1, workers, table, 0)  # loads its kernels
         began_s = limit.spent_s
@@ -105,13 +101,13 @@ class Rounds(NamedTuple):
 
 
 class Course:
-    """Says how far planning has come: passes double in work, and trials follow."""
+    """Reports the progress of planning: passes double in work, and trials follow."""
 
     def __init__(self, report: Report) -> None:
         self.report, self.done = report, 0.0
 
     def in_pass(self, number: int, open_share: float) -> None:
-        """Reports pass `number` with such a share of the parts not located."""
+        """Reports pass `number`, with `open_share` of the parts not located."""
         before = sum(stage.work for stage in PASSES[:number])
         self._at((1.0 - AFTER_PASSES) * (before + PASSES[number].work * (1.0 - open_share)))
 
@@ -120,22 +116,22 @@ class Course:
         self._at(1.0 - AFTER_PASSES * 0.5 ** (attempt + 1.0 - open_share))
 
     def _at(self, done: float) -> None:
-        """Reports a share of all the work; never less than before."""
+        """Reports a share of all work, never less than before."""
         self.done = max(self.done, min(done, 1.0))
         self.report("search", round(1000 * self.done), 1000)
 
 
 def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent) -> Planned:
-    """Plans by passes, and searches leaves further that fresh trials refute.
+    """Plans by passes, and continues the search at leaves that fresh trials refute.
 
     Args:
-        problem: what to plan.
-        limit: when to end with the best plan so far.
-        trials: parts of the evaluation that follows, for which a budget keeps time.
+        problem: the problem.
+        limit: when to stop with the best plan so far.
+        trials: parts of the evaluation that follows, for which the budget reserves time.
         report: progress.
 
     Raises:
-        NoPlanError: no first squeeze is free of collision and gains anything, or no leaf is within the goal.
+        NoPlanError: no first squeeze is both free of collision and useful, or no leaf is within the goal.
     """
     job, course, rounds = problem.job, Course(report), Rounds.of(problem.job, trials)
     search, root, whole = (
@@ -172,7 +168,7 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
 
 
 def _ended(run: Evaluation) -> dict[int, Belief]:
-    """The parts of an evaluation by the leaf that they came to."""
+    """The parts of an evaluation by the leaf that they reached."""
     parts = _parts(run)
     return {int(leaf): parts[run.leaf == leaf] for leaf in np.unique(run.leaf[run.leaf >= 0])}
 
@@ -195,7 +191,7 @@ def finished(
     """The plan without branches that no trial took: their widths are REJECT.
 
     Raises:
-        NoPlanError: nothing stays.
+        NoPlanError: no branch remains.
     """
     kept = tried(table, run)
     if not kept[0]:
@@ -208,16 +204,16 @@ def finished(
 
 
 def marked(job: Job, table: Table, evaluation: Evaluation) -> Table:
-    """The table with the leaves unresolved that trials refute; its shares stay those of the plan."""
+    """The table with leaves unresolved that trials refute; its shares stay those of the plan."""
     return replace(table, leaves=with_figures(table, evaluation, job)[0].leaves)
 
 
 def judged(
     job: Job, trials: int, workers: int | None, table: Table, attempt: int, report: Report = silent
 ) -> Evaluation:
-    """Squeezes fresh parts as a table says, as coarsely as the tree's own.
+    """Squeezes fresh parts by a table, with the same step as the tree.
 
-    What the job doubts may be off in their cell. The paper's methods doubt nothing.
+    The doubts of the job apply in their cell, except for the paper's methods.
     """
     worlds = ContactWorlds.of_job(job, job.seed + SEED_WORLD + attempt, STEP_MM)
     seed, work = job.seed + SEED_EVALUATION + attempt, Threads(workers) if workers else Threads()
@@ -226,7 +222,7 @@ def judged(
 
 
 def no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:
-    """Why no leaf knows its pose; if the search was complete, also what would tell it apart."""
+    """Why no leaf knows its pose; after a complete search, also what would distinguish the poses."""
     evaluation = replace(evaluation, resolved=claimed(table, evaluation.leaf))
     goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
     if cut is not None:

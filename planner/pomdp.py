@@ -1,10 +1,9 @@
-"""The planner's problem as a generative POMDP on arrays, for solvers from elsewhere.
+"""The planner's problem as a generative POMDP on arrays, for external solvers.
 
-A state is where the part lies and how far the jaws are apart, (4,): x, y [mm] and theta [rad] in the world,
-width [mm]. An action is a pose and what is done with it, (4,): x, y, theta, and 0 to squeeze with the hand
-placed there or 1 to declare that the part lies there. An observation is what the encoder reads, in
-steps of closing. A belief is an
-array of n equally likely states (n, 4).
+A state (4,) is the part's pose and the opening of the jaws: x, y [mm] and theta [rad] in the world, width
+[mm]. An action (4,) is a pose and its use: x, y, theta, and 0 to squeeze with the hand placed there or 1 to
+declare that the part lies there. An observation is a reading of the encoder, in steps of closing. A belief
+is an array of n equally likely states (n, 4).
 
     model = Pomdp.of_job(job)
     belief = model.initial(2000, rng)
@@ -30,19 +29,19 @@ from planner.mechanics.simulator import Simulator
 from planner.mechanics.squeeze import JAMMED
 from planner.search.actions import actions_of
 
-SQUEEZE, DECLARE = 0.0, 1.0  # what an action does with its pose; from midway on it declares
+SQUEEZE, DECLARE = 0.0, 1.0  # use of an action's pose; from midway on it declares
 MOST_CANDIDATES = 64
 TRIED, SQUEEZED = (
     4000,
     3,
-)  # so many parts, each squeezed so often at random, show what the candidates are
+)  # parts, and random squeezes of each, that yield the candidate poses
 SEED_CANDIDATES = 0x43414E44
 
 
 class Sampled(NamedTuple):
-    """What n actions came to."""
+    """Results of n actions."""
 
-    states: Array  # (n, 4) afterwards
+    states: Array  # (n, 4) states afterwards
     observations: IntArray  # (n,) readings
     rewards: Array  # (n,) -1 a squeeze; `Pomdp.success` for a declared pose within the goal, 0 for another
     ended: BoolArray  # (n,) a pose was declared, or an open finger came down on the part
@@ -55,22 +54,22 @@ def declares(actions: Array) -> BoolArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pomdp:
-    """The problem that a job states; every squeeze draws its mechanics afresh (paper IV)."""
+    """The POMDP of a job; every squeeze draws its mechanics afresh (paper IV)."""
 
     job: Job
     simulator: Simulator
     encoder: Encoder
     metric: Metric  # of the goal
     success: float  # reward of a right answer, in squeezes
-    placements: int  # how many of `actions` squeeze; they come first
+    placements: int  # number of `actions` that squeeze; they come first
     actions: Array  # (k, 4) the job's placements of the hand, then declarations of candidate poses
 
     @classmethod
     def of_job(cls, job: Job, workers: int = 1) -> Self:
-        """The problem of a job; its candidate poses take some tenths of a second.
+        """The problem of a job; finding its candidate poses takes some tenths of a second.
 
         Raises:
-            ValueError: one of several parts may lie there.
+            ValueError: the job has several hypotheses.
         """
         if job.hypothesis:
             raise ValueError(f"{job.name}: this problem is of one part; pass one of `job.alone`")
@@ -101,7 +100,7 @@ class Pomdp:
         return np.column_stack([initial(self.job, n, rng), np.full(n, self.encoder.opening_mm)])
 
     def sample(self, s: Array, a: Array, rng: np.random.Generator) -> Sampled:
-        """Draws what becomes of states (n, 4) under one action (4,), or under one of (n, 4) each.
+        """Draws the results of one action (4,), or of (n, 4), on states (n, 4).
 
         Raises:
             ValueError: the shapes do not fit, or a number is not finite.
@@ -123,7 +122,7 @@ class Pomdp:
     def likelihood(self, o: int | IntArray, s: Array, a: Array) -> Array:
         """Probability (n,) of the reading o after action a has led to states s (n, 4).
 
-        The action acts through the width in the state alone.
+        The action matters only through the width in the state.
 
         Raises:
             ValueError: the states are not (n, 4), the action not (4,), or o is no reading.
@@ -138,10 +137,10 @@ class Pomdp:
         return np.asarray(ndtr((wide - s[:, 3]) / noise) - ndtr((narrow - s[:, 3]) / noise))
 
     def updated(self, belief: Array, a: Array, o: int, rng: np.random.Generator) -> Array:
-        """The belief (n, 4) after action a (4,) and reading o: drawn on, weighed, drawn again (n, 4).
+        """The belief (n, 4) after action a (4,) and reading o: propagated, weighted and resampled.
 
         Raises:
-            ValueError: as `sample`, or none of the states explains the reading.
+            ValueError: see `sample`; or none of the states explains the reading.
         """
         o = arguments.count(o, "o", 0, self.encoder.steps)
         states = self.sample(belief, arguments.row(a, "a", 4), rng).states

@@ -1,4 +1,4 @@
-"""The problem that a job states, resolved once: what search, bound and evaluation need of it."""
+"""The problem that a job states, resolved once for search, bound and evaluation."""
 
 from __future__ import annotations
 
@@ -19,22 +19,24 @@ from planner.job.model import Job
 from planner.mechanics.mixture import Mixture
 
 STEP_MM = 0.8
-"""Closing step of the squeezes of the tree, twice that of the trials: all but one in 1000 end within 0.3 mm
-and 1 degree of where steps of 0.05 mm do."""
+"""Closing step of the squeezes of the tree, twice that of the trials.
+
+All but one in 1000 squeezes end within 0.3 mm and 1 degree of where steps of 0.05 mm do.
+"""
 AHEAD_STEP_MM = 1.6
-"""Closing step of squeezes that only rank grasp poses: all but two in 1000 do."""
+"""Closing step of squeezes that only rank grasp poses: all but two in 1000 end as near."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """A job's parts, gripper, goal and prices in the planner's own terms.
+    """A job's parts, gripper, goal and prices as objects of the planner.
 
     Attributes:
         job: the checked job.
         encoder: reads widths.
         rule: how readings are cut, when a belief is located, and the leaf heuristic.
         costs: of squeezes and pushes.
-        model: motion and sensor model of the tree's own beliefs.
+        model: motion and sensor model of the tree's beliefs.
         ahead: the same, coarser, for ranking grasp poses.
     """
 
@@ -47,7 +49,7 @@ class Problem:
 
     @classmethod
     def of(cls, job: Job, workers: int | None = None) -> Self:
-        """Resolves a job; squeezes run on so many threads, all cores if None."""
+        """Resolves a job; squeezes run on `workers` threads, all cores if None."""
         encoder, costs = encoder_of(job), Costs.of(job)
         stopping = StoppingRule(job.goal.confidence)
         rule = Rule(metric_of(job), stopping, resolution_of(encoder))
@@ -62,7 +64,7 @@ class Problem:
 
     @property
     def stopping(self) -> StoppingRule:
-        """When a belief is located."""
+        """The rule by which a belief counts as located."""
         return self.rule.stopping
 
     @property

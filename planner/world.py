@@ -1,4 +1,4 @@
-"""Worlds squeeze parts. The stochastic contact world is the model's own idea of reality; cells use it too.
+"""Worlds, which squeeze parts. The stochastic contact world is the planner's model of reality.
 
 `make` is the default world factory of `plan-evaluate --world` and `grasp-cell --world`.
 """
@@ -27,12 +27,12 @@ SEED_COPY = 0x434F5059
 
 
 class World(Protocol):
-    """What a world offers: `squeeze(pose_hand) -> (final_pose_hand, width_mm, status)`.
+    """Interface of worlds: `squeeze(pose_hand) -> (final_pose_hand, width_mm, status)`.
 
-    Where a world has them, `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)` are used, too;
-    parts that have traits of their own need `squeeze_many(poses, traits (n,))`. Tables that push need
-    `push(pose_hand, opening_mm, way_mm) -> final_pose_hand`, both in the frame that the hand has at the start
-    of its way along its x axis, or `push_many(poses, opening_mm (n,), way_mm (n,), traits (n,))`.
+    Optional methods are `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)`; parts with
+    traits need `squeeze_many(poses, traits (n,))`. Tables that push need `push(pose_hand, opening_mm,
+    way_mm) -> final_pose_hand`, both in the frame that the hand has at the start of its way along its x
+    axis, or `push_many(poses, opening_mm (n,), way_mm (n,), traits (n,))`.
     """
 
     def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:
@@ -40,18 +40,19 @@ class World(Protocol):
 
 
 class Worlds(ABC):
-    """A supply of equal worlds, one for each chunk of trials, so that chunks may run side by side.
+    """A supply of equal worlds, one for each chunk of trials, so that chunks can run in parallel.
 
-    What a chunk comes to depends on its number alone. Instances go to other processes: they must pickle.
+    The result of a chunk depends only on its number. Instances are sent to other processes, so they must
+    pickle.
     """
 
     @abstractmethod
     def world(self, chunk: int) -> World:
-        """The world of a chunk, with randomness of its own."""
+        """The world of a chunk, with its own random stream."""
 
 
 class ContactWorld:
-    """Squeezes with mechanics drawn afresh each time (paper IV: Wishart limit surface, uniform friction)."""
+    """Squeezes with mechanics drawn each time (paper IV: Wishart limit surface, uniform friction)."""
 
     def __init__(self, job: Job, seed: int, workers: int | None = None) -> None:
         self._simulator = Simulator.of_job(job, workers)
@@ -60,7 +61,7 @@ class ContactWorld:
 
     @classmethod
     def of_simulator(cls, simulator: Simulator, seed: Sequence[int]) -> Self:
-        """The world of a simulator that exists already, with a random stream of its own."""
+        """The world of an existing simulator, with its own random stream."""
         world = cls.__new__(cls)
         world._simulator, world._stated = simulator, as_planned(1)
         world._rng = np.random.default_rng([*seed, SEED_WORLD])
@@ -69,10 +70,11 @@ class ContactWorld:
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
         """Closes the fingers on the part at a pose in the hand frame, jaws open [mm, mm, rad].
 
-        The cell is as the job states it: what it doubts is in the middle of its interval.
+        The cell is as the job states it: doubts are at the middle of their intervals.
 
         Returns:
-            The final pose in the hand frame, the width [mm] that an encoder like the job's tells, the status.
+            The final pose in the hand frame, the width [mm] that an encoder like the job's measures, the
+            status.
 
         Raises:
             ValueError: the pose is not three finite numbers.
@@ -80,7 +82,7 @@ class ContactWorld:
         traits = self._stated
         off = np.array([0.0, traits["across_mm"][0], 0.0])
         pose = arguments.row(pose_hand, "pose_hand", 3)[None] - off
-        # As evaluations ask: a world derived from this one may know of no traits.
+        # As in evaluations: a derived world may not support traits.
         rolled = (
             self.squeeze_many(pose) if ordinary(traits).all() else self.squeeze_many(pose, traits)
         )
@@ -89,10 +91,10 @@ class ContactWorld:
         return (float(x), float(y), float(theta)), max(width, 0.0), STATUS_NAMES[rolled.status[0]]
 
     def squeeze_many(self, poses_hand: Array, traits: Traits | None = None) -> RollOut:
-        """Squeezes (n, 3) poses, each with its own mechanics: the same as `squeeze`, in a batch.
+        """Squeezes (n, 3) poses, each with its own mechanics: `squeeze` in a batch.
 
         Raises:
-            ValueError: as `squeeze`, or there are not as many traits as poses.
+            ValueError: see `squeeze`; or the numbers of traits and poses differ.
         """
         return self._simulator.squeeze(poses_hand, self._rng, traits)
 
@@ -103,7 +105,7 @@ class ContactWorld:
             The final pose in the frame that the hand had at the start [mm, mm, rad].
 
         Raises:
-            ValueError: the pose is not three finite numbers, the jaws do not open so far, or the way is none.
+            ValueError: the pose is not three finite numbers, or the opening or the way is out of range.
         """
         traits, off = self._stated, np.array([0.0, self._stated["across_mm"][0], 0.0])
         pose = arguments.row(pose_hand, "pose_hand", 3)[None] - off
@@ -115,10 +117,10 @@ class ContactWorld:
     def push_many(
         self, poses_hand: Array, opening_mm: Array, way_mm: Array, traits: Traits | None = None
     ) -> Array:
-        """Pushes (n, 3) poses, each with its own mechanics: the same as `push`, in a batch.
+        """Pushes (n, 3) poses, each with its own mechanics: `push` in a batch.
 
         Raises:
-            ValueError: as `push`, or there are not as many of each argument.
+            ValueError: see `push`; or arguments differ in length.
         """
         return self._simulator.push_by_hand(poses_hand, opening_mm, way_mm, self._rng, traits)
 
@@ -139,12 +141,12 @@ class Assorted:
         self.worlds = tuple(worlds)
 
     def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:
-        """As the world of the first hypothesis."""
+        """Squeezes in the world of the first hypothesis."""
         return self.worlds[0].squeeze(pose_hand)
 
 
 def world_of(job: Job, seed: int, make: Callable[[Job, int], World]) -> World:
-    """The world that a factory makes of a job; each of several hypotheses has its own, with its own seed."""
+    """Makes the world of a job by a factory; each of several hypotheses has a world and a seed."""
     if not job.hypothesis:
         return make(job, seed)
     return Assorted([make(alone, seed + number) for number, alone in enumerate(job.alone)])
@@ -159,15 +161,15 @@ def of_hypothesis(world: World, hypothesis: int) -> World:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactWorlds(Worlds):
-    """Stochastic contact worlds of one job."""
+    """Supply of stochastic contact worlds of one job."""
 
-    # What they squeeze with, one a hypothesis; of one worker, since the chunks already share the cores.
+    # Simulators, one for each hypothesis, with one worker, since chunks already share the cores.
     simulators: tuple[Simulator, ...]
     seed: int  # of all their randomness
 
     @classmethod
     def of_job(cls, job: Job, seed: int, step_mm: float = DEFAULT_STEP_MM) -> Self:
-        """The worlds of a job, whose fingers close by such steps."""
+        """The worlds of a job, with this closing step of the fingers."""
         return cls(tuple(Simulator.of_job(alone, 1, step_mm) for alone in job.alone), seed)
 
     def world(self, chunk: int) -> World:
@@ -189,10 +191,10 @@ make = ContactWorld  # the world factory: `make(job, seed)`
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedWorlds(Worlds):
-    """Copies of a world by name: the factory is called for every chunk, each time with another seed."""
+    """Supply of copies of a world by name: calls the factory for every chunk with another seed."""
 
     name: str  # "module:factory"
-    job: Job  # handed to the factory
+    job: Job  # passed to the factory
     seed: int  # the chunks' seeds are drawn from it
 
     def world(self, chunk: int) -> World:
@@ -202,13 +204,13 @@ class NamedWorlds(Worlds):
 
 
 def supply(name: str, job: Job, seed: int, copies: bool = False) -> World | Worlds:
-    """What an evaluation squeezes in, by its name "module:factory".
+    """The supply of worlds for an evaluation, by name "module:factory".
 
-    The contact world comes in copies, one for each chunk of trials. A world from elsewhere is made once and
-    runs all trials one after another, unless `copies` says that two of them may run side by side.
+    The contact world comes in copies, one for each chunk of trials. An external world is made once and runs
+    all trials in sequence, unless `copies` allows several to run in parallel.
 
     Raises:
-        UsageError: as `load_world`.
+        UsageError: see `load_world`.
     """
     if name == DEFAULT_WORLD:
         return ContactWorlds.of_job(job, seed)
@@ -219,7 +221,7 @@ def load_world(name: str, job: Job, seed: int) -> World:
     """Makes the world "module:factory" of a job; modules in the current folder are found too.
 
     Raises:
-        UsageError: there is no such module or factory, it fails, or what it returns cannot squeeze.
+        UsageError: the module or factory does not exist or fails, or its result cannot squeeze.
     """
     try:
         factory = find_factory(name)

@@ -1,6 +1,6 @@
 """The commands of the cell, wired to the drivers: `grasp-runtime`, `grasp-doctor` and `grasp-calibrate`.
 
-The one module of the runtime that imports drivers; each command loads its own modules alone.
+The one module of the runtime that imports drivers; each command loads only its modules.
 """
 
 import argparse
@@ -50,13 +50,13 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
 def guarded(
     built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]
 ) -> int:
-    """Run a command of the cell, which stop requests end and no reader delays; returns its exit code."""
+    """Runs a command of the cell, which stop requests end and slow readers do not delay."""
     with StopRequests(last=argv is None), output.unblocked(SystemClock().now):
         return command.run(built, argv, lambda arguments: stopped(body, arguments))
 
 
 def stopped(body: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
-    """Run a command's body.
+    """Runs a command's body.
 
     Raises:
         StoppedError: a stop request ended it.

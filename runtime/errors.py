@@ -1,4 +1,4 @@
-"""Errors of the cell controller, beside those of `runtime.shell.errors`."""
+"""Errors of the cell controller, in addition to those of `runtime.shell.errors`."""
 
 from pathlib import Path
 
@@ -7,11 +7,11 @@ from runtime.shell.exit_codes import ExitCode
 
 
 class TableError(InputError):
-    """A table that must not be executed: missing, damaged, of another format, or not validated."""
+    """A table that must not be executed: missing, damaged, of another format, or invalid."""
 
 
 class JournalError(ExpectedError):
-    """The journal cannot be written, was moved or cut, or its line (from 1) does not verify."""
+    """The journal cannot be written, was moved or truncated, or its line (from 1) does not verify."""
 
     exit_code = ExitCode.JOURNAL
 
@@ -22,11 +22,11 @@ class JournalError(ExpectedError):
 
 
 class TornError(JournalError):
-    """The last line of a journal is not whole: a crash cut it short, and nothing was done upon it."""
+    """The last line of a journal is incomplete: a crash cut it short, and nothing was done because of it."""
 
 
 class BrokenRunError(ExpectedError):
-    """The last run broke off, and the declared policy or the state of the cell forbids resuming it."""
+    """The last run broke off, and the policy or the state of the cell forbids resuming it."""
 
     exit_code = ExitCode.JOURNAL
 
@@ -40,7 +40,7 @@ class MotionRefusedError(DeviceError):
 
 
 class PackError(ExpectedError):
-    """A pack is refused, or none vouches for what a run is about to use."""
+    """A pack is refused, or no pack covers the software of a run."""
 
     exit_code = ExitCode.SIGNATURE
 

@@ -1,6 +1,6 @@
-"""Methods side by side: rows of a job and a world, compiled and judged alike, as JSON and as Markdown.
+"""Comparison of methods: rows of a job and a world, compiled and evaluated alike, as JSON and as Markdown.
 
-The judge is the stochastic contact world of the row, with fresh seeds, whatever the planner believed in.
+All are evaluated in the stochastic contact world of the row, with fresh seeds, whatever the planner assumed.
 """
 
 import tomllib
@@ -28,7 +28,7 @@ Figures = dict[str, Any]
 class Row(NamedTuple):
     """A part in a world."""
 
-    name: str  # what the row is called: an experiment of the paper, or a part
+    name: str  # name of the row: an experiment of the paper, or a part
     part: str  # folder of `trees/`
     materials: str = ""  # of finger and part, for people
     paper: float | None = None  # success rate that the paper reports; None without one
@@ -37,11 +37,11 @@ class Row(NamedTuple):
     ] = ()  # values of the job that differ from the file, each as "section.key=value"
     world: tuple[
         str, ...
-    ] = ()  # values that differ in the world that judges, which the planner is not told
+    ] = ()  # values that differ in the evaluation's world, which the planner does not know
 
 
 class Method(NamedTuple):
-    """A way to plan: a name, and the values of the job that ask for it."""
+    """A way to plan: a name, and the values of the job that select it."""
 
     name: str
     job: tuple[str, ...] = ()
@@ -76,14 +76,14 @@ def table_rows(trees: Path) -> list[Row]:
 
 
 def zoo_rows(trees: Path) -> list[Row]:
-    """A row for each part that Table I does not have, in the world that its job describes."""
+    """A row for each part outside Table I, in the world of its job."""
     taken = {row.part for row in table_rows(trees)}
     folders = sorted(path.parent.name for path in trees.glob("*/job.toml"))
     return [Row(name=folder, part=folder) for folder in folders if folder not in taken]
 
 
 def run(row: Row, method: Method, trees: Path, trials: int, workers: int | None = None) -> Figures:
-    """Compiles a row of the folder `trees` with a method and judges the table with so many trials.
+    """Compiles a row of the folder `trees` with a method and evaluates the table by `trials`.
 
     Returns:
         Figures for JSON. `success_rate` counts parts that the table claims to have located and that lie
@@ -139,7 +139,7 @@ COLUMNS = (
 
 
 def markdown(results: Sequence[Figures]) -> str:
-    """What `run` returned as a Markdown table; columns that are empty in every row are left out."""
+    """The results of `run` as a Markdown table, without empty columns."""
     cells = [[_cell(make, figures) for _, make in COLUMNS] for figures in results]
     shown = [k for k in range(len(COLUMNS)) if any(row[k] for row in cells)]
     lines = [[COLUMNS[k][0] for k in shown], ["---"] * len(shown)]

@@ -1,4 +1,4 @@
-"""What the tools share: the checkout, its environment, and the shape of a command line."""
+"""Common parts of the tools: the checkout, its environment, and the form of a command line."""
 
 import argparse
 import os
@@ -20,7 +20,7 @@ def parser(doc: str | None) -> argparse.ArgumentParser:
 
 
 def enter() -> None:
-    """Run on in the environment that tools/demo or tools/check made, if there is one."""
+    """Re-executes in the environment of tools/demo or tools/check, if there is one."""
     python = ROOT / ".venv" / "bin" / "python"
     if python.exists() and Path(sys.prefix) != python.parents[1]:
         os.execv(python, [str(python), *sys.argv])

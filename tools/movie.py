@@ -1,4 +1,4 @@
-"""One part being squeezed until it is located, as an SVG that moves by itself (SMIL), for a README."""
+"""Movie of one part that is squeezed until it is located, as an animated SVG (SMIL) for a README."""
 
 import math
 from pathlib import Path
@@ -19,12 +19,12 @@ from runtime.table import Table, decide, decision_map, error_mm, poses_of
 MU = 0.5
 OUTLINES = 30  # most outlines of one belief
 ARRIVE_S, CLOSE_S, READ_S, OPEN_S, END_S = 0.5, 1.3, 1.1, 0.4, 2.8
-CLOSING = 14  # moments of a closing that are drawn
-TOUCH = 0.4  # share of it until the part moves
+CLOSING = 14  # drawn moments of a closing
+TOUCH = 0.4  # share of it before the part moves
 
 
 class Squeeze(NamedTuple):
-    """One squeeze of the part that is shown."""
+    """One squeeze of the shown part."""
 
     node: int
     hand: Array  # (3,) in the world
@@ -33,7 +33,7 @@ class Squeeze(NamedTuple):
 
 
 class Story(NamedTuple):
-    """What happens to one part."""
+    """The path of one part."""
 
     squeezes: list[Squeeze]
     leaf: int
@@ -41,10 +41,10 @@ class Story(NamedTuple):
 
 
 def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
-    """The SVG's text: of the parts replayed, the first that needs so many squeezes and is located.
+    """The SVG of the first replayed part that is located by this number of squeezes.
 
     Raises:
-        ValueError: none does.
+        ValueError: there is no such part.
     """
     simulator = Simulator.of_job(job, workers=1)
     for pose in beliefs.visits[0].before:
@@ -55,7 +55,7 @@ def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
 
 
 def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> Story | None:
-    """The way of a part at a pose (3,) in the world, without scatter; None if it is longer or shorter."""
+    """The path of a part at a pose (3,) in the world, without scatter; None if it is longer or shorter."""
     surface = simulator.nominal(1, MU).surfaces[0]
     profile, target, result = table.gripper.profile, 0, list[Squeeze]()
     while target >= 0 and len(result) < squeezes:

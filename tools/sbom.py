@@ -1,7 +1,7 @@
 """A bill of materials (CycloneDX 1.6, JSON) of a folder of wheels: `python tools/sbom.py out/wheels`.
 
-It is written beside the wheels as `sbom.cdx.json`: each wheel with its SHA-256, version, licence and what it
-needs of the others. `tools/wheel` calls it.
+It is written beside the wheels as `sbom.cdx.json`: each wheel with its SHA-256, version, licence and
+dependencies. `tools/wheel` calls it.
 """
 
 import hashlib
@@ -26,14 +26,14 @@ NAME = "sbom.cdx.json"
 
 
 class Wheel(NamedTuple):
-    """A wheel, and what it says of itself."""
+    """A wheel, with its metadata."""
 
     component: Component
     needs: tuple[str, ...]  # canonical names
 
 
 def read(path: Path) -> Wheel:
-    """A wheel's component and needs.
+    """Reads a wheel's component and dependencies.
 
     Raises:
         ValueError: the file is no wheel.
@@ -91,7 +91,7 @@ def bill(wheels: list[Wheel]) -> str:
 
 
 def _needs(requirements: list[str]) -> list[str]:
-    """What is required, with whatever extra: pip left out of the folder what was not asked for."""
+    """Required packages, ignoring extras: pip omitted from the folder what was not requested."""
     names = set()
     for text in requirements:
         try:

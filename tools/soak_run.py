@@ -1,4 +1,4 @@
-"""One run of `tools/soak`: a virtual cell, the runtime on it, and what is checked meanwhile."""
+"""One run of `tools/soak`: a virtual cell, the runtime on it, and the checks during the run."""
 
 import base64
 import hashlib
@@ -30,7 +30,7 @@ from runtime.table import PPM, Table, dumps
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome, PartResult
 
-FRESH_S = 0.5  # a reading older than this says nothing about now
+FRESH_S = 0.5  # age above which a reading says nothing about now
 GOES, RESET_FAULTS = 0x08, 0x0A
 SAME_MM = 0.5
 SUMMED = (
@@ -44,15 +44,16 @@ WATCHDOG_S = 90.0  # tools/systemd/squeezetree@.service
 SQUEEZE_S, PART_S = (
     30.0,
     60.0,
-)  # beyond the executor's own deadline of a squeeze, and for the safe sequence
+)  # beyond the executor's deadline of a squeeze, and for the safe sequence
 
-# What makes a part lie, or be, other than the counts read say: the fingers may then come down on it.
+# Faults by which the pose or the part contradicts the readings, so that fingers may come down on
+# it.
 MOVED = {
     *(kind.name for kind in SCENE_KINDS),
     *("count_frozen", "count_spike", "encoder_offset", "grip_lost", "arm_displaced", "arm_turned"),
 }
 
-# What runs are handled by, one drawn a run: the command's default first.
+# Handling options of runs, one drawn for each: the command's default first.
 REGULATED = Handling(regulated=True)
 HANDLED = (
     RunOptions(handling=REGULATED),
@@ -65,7 +66,7 @@ HANDLED = (
 
 @dataclass
 class Watch:
-    """Sees every command on its way to the devices, and what was known when it was given."""
+    """Observes every command on its way to the devices, with the knowledge at that time."""
 
     cell: VirtualCell | None = None
     read_s: float = -math.inf
@@ -101,18 +102,18 @@ class Watch:
         self.at_mm = target
 
     def look_at_wrist(self) -> None:
-        """How far the last axis has really turned."""
+        """Reads the true turn of the last axis."""
         if self.cell is not None:
             angle = self.cell.works.arm.joints_at(self.cell.clock.now())[5]
             self.wrist_deg = (min(self.wrist_deg[0], angle), max(self.wrist_deg[1], angle))
 
     def _is_retreat(self, target: tuple[float, ...]) -> bool:
-        """Whether it goes straight up: the safe sequence, which does not ask the gripper."""
+        """Whether it goes straight up, as the safe sequence does without asking the gripper."""
         return math.dist(target[:2], self.at_mm[:2]) <= SAME_MM and target[2] >= self.at_mm[2]
 
 
 class Pulse(Console):
-    """The longest that the loop went without telling the service manager that it is alive."""
+    """The longest time that the loop did not notify the service manager."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
@@ -135,7 +136,7 @@ class WatchedLink:
 
 
 class WatchedRobotiq(WatchedLink):
-    """That of a Robotiq gripper."""
+    """Watched link of a Robotiq gripper."""
 
     def read(self) -> bytes:
         self.transactions += 1
@@ -152,7 +153,7 @@ class WatchedRobotiq(WatchedLink):
 
 
 class WatchedDh(WatchedLink):
-    """That of a DH gripper."""
+    """Watched link of a DH gripper."""
 
     def read(self) -> Mapping[int, int]:
         self.transactions += 1
@@ -168,7 +169,7 @@ class WatchedDh(WatchedLink):
 
 
 class WatchedSchunk(WatchedLink):
-    """That of a SCHUNK gripper."""
+    """Watched link of a SCHUNK gripper."""
 
     def read(self, name: str) -> tuple[float, ...]:
         self.transactions += 1
@@ -221,12 +222,12 @@ class Records:
 
 @dataclass
 class Counts:
-    """What one run or many of them counted."""
+    """Counts of one run or many."""
 
     seed: int
-    sums: Counter[str] = field(default_factory=Counter)  # of what `SUMMED` names
+    sums: Counter[str] = field(default_factory=Counter)  # those of `SUMMED`
     wrist_deg: tuple[float, float] = (math.inf, -math.inf)
-    silent_s: float = 0.0  # the longest that the watchdog was not fed
+    silent_s: float = 0.0  # the longest time without notification of the watchdog
     outcomes: Counter[str] = field(default_factory=Counter)
     met: Counter[str] = field(default_factory=Counter)
     findings: list[str] = field(default_factory=list)
@@ -236,7 +237,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Soak:
-    """What every run has in common; `handled` in turn, by the seed."""
+    """Common data of all runs; each run draws its options from `handled`."""
 
     setting: Setting
     table: Table
@@ -245,16 +246,16 @@ class Soak:
     handled: tuple[RunOptions, ...] = HANDLED
 
     def plan(self, seed: int) -> RunOptions:
-        """How one run's parts are handled."""
+        """Handling of one run's parts."""
         return random.Random(f"{seed}/plan").choice(self.handled)
 
     def squeeze_s(self) -> float:
-        """The longest that the executor lets a squeeze take."""
+        """The longest squeeze that the executor allows."""
         return DEADLINE_FACTOR * expected_of(self.table, self.table.nodes[0]).total_s + SQUEEZE_S
 
 
 def run(soak: Soak, seed: int, faults: Listed | None = None) -> Counts:
-    """One cell, until a part ends in a fault or all parts are done; `faults` instead of random ones."""
+    """Runs one cell until a part ends in a fault or all parts are done; `faults` replaces random ones."""
     plan = soak.plan(seed)
     watch, records, counts = Watch(), Records(soak.table, plan), Counts(seed)
     faults = faults or (Seeded(seed) if soak.faults else None)
@@ -293,7 +294,7 @@ def run(soak: Soak, seed: int, faults: Listed | None = None) -> Counts:
 
 
 def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts) -> Outcome:
-    """One part, added up and judged."""
+    """Runs one part, counts and checks it."""
     before = len(cell.works.desk.met)
     part = cell.scene.next_part()
     began = cell.clock.now()
@@ -308,7 +309,7 @@ def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts)
 
 
 def _count(table: Table, cell: VirtualCell, result: PartResult, counts: Counts) -> None:
-    """Add up a part; a leaf whose prediction is off too, and what the table predicts of it."""
+    """Counts a part; for a leaf also its error and the table's prediction."""
     truth = cell.scene.truth()
     counts.sums.update(
         parts=1,

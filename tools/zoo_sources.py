@@ -1,7 +1,7 @@
-"""Outlines of real components, from packages that ship them; nothing of them is kept here.
+"""Outlines of real components, from packages that contain them; none is copied here.
 
 Debian's `kicad-footprints` (CC-BY-SA 4.0): the bodies on the fabrication layer of footprints. PyPI's
-`bd-warehouse` (Apache-2.0): tables of ISO and DIN parts, drawn here as they lie on a table.
+`bd-warehouse` (Apache-2.0): tables of ISO and DIN parts, drawn here at rest on a table.
 """
 
 import csv
@@ -23,8 +23,8 @@ FOOTPRINTS = Path("/usr/share/kicad/footprints")
 HOW = "apt-get install --no-install-recommends kicad-footprints; pip install --no-deps bd-warehouse"
 SMALLEST_MM, LARGEST_MM = 8.0, 80.0
 TOLERANCE_MM = 0.05
-SAME_MM = 0.1  # outlines whose areas overlap but for a rim of this are one
-KEPT_ASIDE = 10  # one outline in so many, by the hash of its name, is looked at only once
+SAME_MM = 0.1  # outlines whose areas differ only by a rim of this are one
+KEPT_ASIDE = 10  # one outline in so many, by the hash of its name, is reserved for a single look
 
 Outlines = dict[str, np.ndarray]
 
@@ -45,12 +45,12 @@ def outlines() -> Outlines:
 
 
 def kept_aside(name: str) -> bool:
-    """Whether an outline is one of those looked at only once."""
+    """Whether an outline is reserved for a single look."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big") % KEPT_ASIDE == 0
 
 
 def trivial(outline: np.ndarray) -> bool:
-    """Whether a rectangle or a circle is the same but for a rim."""
+    """Whether a rectangle or a circle is the same except for a rim."""
     part = shapely.Polygon(outline)
     box, (x, y) = part.minimum_rotated_rectangle, part.centroid.coords[0]
     disc = shapely.Point(x, y).buffer(math.sqrt(part.area / math.pi), quad_segs=64)
@@ -116,7 +116,7 @@ def table(name: str) -> list[dict[str, str]]:
 
 
 def outline_of(shape: shapely.Polygon) -> np.ndarray:
-    """The outer boundary of a drawn part, as jobs take it."""
+    """The outer boundary of a drawn part, in the form of jobs."""
     largest = max(shapely.get_parts(shape), key=shapely.area)
     drawn = canonical(shapely.get_coordinates(largest.exterior)[:-1]).outline_mm
     return canonical(simplified(drawn, TOLERANCE_MM)).outline_mm

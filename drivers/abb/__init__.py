@@ -1,1 +1,1 @@
-"""ABB arms: open_abb on IRC5, a RAPID module of ours on OmniCore; poses, reach, what upright arms share."""
+"""ABB arms: open_abb on IRC5, a RAPID module on OmniCore; poses, reach, common parts of upright arms."""

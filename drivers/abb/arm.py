@@ -1,4 +1,4 @@
-"""An ABB arm behind an open_abb server: straight moves with deadlines, none after a silence.
+"""An ABB arm behind an open_abb server: straight moves with deadlines, and none after a silence.
 
 The server has no stop command and answers nothing while it moves; a motion fault shows as silence. So a
 silence makes the arm's state unknown, and this object refuses everything from then on.
@@ -20,15 +20,15 @@ from drivers.stream import Stream, open_tcp, tcp_address
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
 STALE_S = 0.2  # and a stale acknowledgement follows at once
 ANSWER_S = 2.0  # commands that do not move
-STARVED_S = 2.0  # wall: what a simulated controller may be kept from running for
-QUIET_S = 0.01  # wall: a reply that may go on is whole when nothing follows it for so long
-# Past a deadline, at what is there already: this process may have been stopped meanwhile.
+STARVED_S = 2.0  # wall: longest delay of a simulated controller
+QUIET_S = 0.01  # wall: silence after which a reply is complete
+# Past a deadline, for data that is there already: this process may have been stopped meanwhile.
 LATE_LOOKS = 3
 CONNECT_TRIES = 3
 
 
 class _CutOffError(ArmError):
-    """The server hung up; on a fresh connection that is no news."""
+    """The server disconnected; on a fresh connection that is normal."""
 
 
 class Arm(UprightArm):
@@ -46,22 +46,22 @@ class Arm(UprightArm):
         self._pace = pace
         self._owed: tuple[int, float] | None = None  # code and deadline of a reply still to come
         self._text = ""
-        self._late_s = 0.0  # by how much the last reply was read too late
+        self._late_s = 0.0  # how much too late the last reply was read
         self._speeds: tuple[float, float] | None = None
         self._drain()
         self._ask(codec.PING)
         if setup.read_only:
             return
-        # All settings outlive a client: the server still has those of whoever was here before.
+        # All settings outlive a client: the server still has those of the previous one.
         self._ask(codec.SET_TOOL, codec.pose_numbers(setup.tool))
         self._ask(codec.SET_WORK_OBJECT, codec.pose_numbers(setup.work_object))
         self._set_speed(100.0, 100.0 / TURN_RADIUS_MM)
-        self._ask(codec.SET_ZONE, ("1", "0", "0", "0"))  # fine: acknowledged when it stands
+        self._ask(codec.SET_ZONE, ("1", "0", "0", "0"))  # fine: acknowledged at rest
 
     def _read_hand(self) -> Pose:
-        """Read it as the server tells it (0.01 mm, about 1 mrad)."""
+        """Reads the pose from the server (0.01 mm, about 1 mrad)."""
         reply = self._ask(codec.READ_POSE)
-        if self._late_s > 0.0:  # it tells of a moment that is too long ago
+        if self._late_s > 0.0:  # it is of a moment too long ago
             reply = self._ask(codec.READ_POSE)
         if self._late_s > 0.0:
             raise ArmError(
@@ -79,7 +79,7 @@ class Arm(UprightArm):
         self._ask(codec.MOVE_LINEAR, codec.pose_numbers(motion.target.frame), motion.budget_s)
 
     def close(self) -> None:
-        """Hang up; the arm does not move. A silent one is left without a word."""
+        """Disconnects; the arm does not move. A silent one gets no message."""
         if not self._unknown:
             with contextlib.suppress(OSError):
                 self._stream.send(codec.command(codec.CLOSE))
@@ -94,7 +94,7 @@ class Arm(UprightArm):
         self._speeds = speed_mm_s, turn_rad_s
 
     def _drain(self) -> None:
-        """Wait out the server's start and throw away what it still had to tell its last client."""
+        """Waits for the server's start and discards what it still sends to its last client."""
         until = self._pace.now() + (ACCEPT_S + STALE_S) / self._pace.time_scale
         while (left := until - self._pace.now()) > 0.0:
             try:
@@ -109,7 +109,8 @@ class Arm(UprightArm):
         if self._setup.read_only and code not in codec.HARMLESS:
             raise ReadOnlyError(f"a dry run was about to send {message} to arm {self.endpoint}")
         try:
-            # After an interrupt the server may still be busy with the last command: it cannot listen before.
+            # After an interrupt the server may still be busy with the last command, and not
+            # listening.
             reply = None
             if self._owed is None or self._await_reply(*self._owed) is not None:
                 self._owed = (code, self._pace.deadline(budget_s, STARVED_S))
@@ -141,7 +142,7 @@ class Arm(UprightArm):
         return None
 
     def _more(self, seconds: float, code: int) -> bool:
-        """Whether more of the reply to `code` came within so many seconds."""
+        """Whether more of the reply to `code` arrived within `seconds`."""
         piece = self._stream.receive(seconds).decode("latin-1")
         self._text = codec.drop_stale(self._text + piece, code)
         return bool(piece)
@@ -154,11 +155,11 @@ class Arm(UprightArm):
 
 
 def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
-    """Connect to an open_abb server, drain it and send all settings; nothing moves.
+    """Connects to an open_abb server, drains it and sends all settings; nothing moves.
 
     Raises:
-        PortError: nobody accepts the connection, or the address is not understood.
-        ArmError: whoever answers is no open_abb server, or serves another client.
+        PortError: the connection is refused, or the address is invalid.
+        ArmError: the other side is not an open_abb server, or serves another client.
     """
     setup = setup_of(url, read_only=read_only)
     endpoint = url.partition("?")[0]
@@ -168,9 +169,10 @@ def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
 
 
 def over(open_stream: Callable[[], Stream], pace: Pace, setup: Setup) -> Arm:
-    """The same over connections of any kind.
+    """`connect` over connections of any kind.
 
-    The server makes its sockets anew after each client, and cuts off who connected meanwhile: tried again.
+    The server recreates its sockets after each client, and disconnects those that connected meanwhile:
+    retried.
     """
     tries = CONNECT_TRIES
     while True:

@@ -14,7 +14,7 @@ from drivers.errors import shown
 MAX_LINE = 80  # RAPID string limit of one SocketReceive \\Str
 MAX_REPLY = 200  # seven numbers, of some ten characters each
 MAX_NUMBERS = 10  # params{10} in SERVER.mod
-MAX_MAGNITUDE = 1e5  # nothing an arm is told is larger; keeps lines short
+MAX_MAGNITUDE = 1e5  # larger than any number sent to an arm; keeps lines short
 
 PING, MOVE_LINEAR, READ_POSE, READ_JOINTS = 0, 1, 3, 4
 SET_TOOL, SET_WORK_OBJECT, SET_SPEED, SET_ZONE = 6, 7, 8, 9
@@ -22,10 +22,10 @@ CLOSE = 99  # answered by silence
 # neither move anything nor change a setting
 HARMLESS = frozenset({PING, READ_POSE, READ_JOINTS, CLOSE})
 
-# Code -> how many fields its reply carries. 98 answers free text and is left out.
+# Number of fields in the reply to each code. 98 has free text and is left out.
 REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0)
 REPLY_FIELDS |= {3: 7, 4: 6, 5: 6, 32: 1}
-REPLY_DECIMALS = {READ_POSE: 3, READ_JOINTS: 2}  # of the last number, as NumToStr is asked for
+REPLY_DECIMALS = {READ_POSE: 3, READ_JOINTS: 2}  # of the last number, as set for NumToStr
 
 Quaternion = tuple[float, float, float, float]
 
@@ -51,21 +51,21 @@ class Reply(NamedTuple):
 
     @property
     def ended(self) -> bool:
-        """Whether nothing can follow: its last number has all its decimals, or there is none."""
+        """Whether the reply is complete: its last number has all its decimals, or there is none."""
         if not self.fields:
             return True
         return len(self.fields[-1].partition(".")[2]) == REPLY_DECIMALS.get(self.code)
 
 
 class ProtocolError(ValueError):
-    """Something that must not be sent, or an answer that does not fit the question."""
+    """A message that must not be sent, or an answer that does not fit the question."""
 
 
 def number(value: float, decimals: int) -> str:
     """Format a number for the wire: fixed point, no exponent, no negative zero.
 
     Raises:
-        ProtocolError: it is not finite, or larger than anything an arm is told.
+        ProtocolError: it is not finite, or too large.
     """
     if not math.isfinite(value) or abs(value) >= MAX_MAGNITUDE:
         raise ProtocolError(f"{value} cannot be sent to the arm; stay below {MAX_MAGNITUDE:.0f}")
@@ -74,7 +74,7 @@ def number(value: float, decimals: int) -> str:
 
 
 def command(code: int, *numbers: str) -> bytes:
-    """One command line, to be sent in one piece.
+    """A command line, to be sent in one piece.
 
     Raises:
         ProtocolError: it has more numbers or characters than the server can take.
@@ -125,10 +125,10 @@ def hand_angle(rotation: Sequence[float]) -> float:
 def parse_reply(text: str, code: int) -> Reply | None:
     """The reply to `code` at the start of `text`, or None while it may still be growing.
 
-    Replies have no terminator: one with a payload counts as whole once it has all its fields.
+    Replies have no terminator: one with a payload is complete once it has all its fields.
 
     Raises:
-        ProtocolError: this is no reply to that code.
+        ProtocolError: the text is not a reply to that code.
     """
     head, *payload = text.split(" ")
     if head != str(code)[: len(head)] or (payload and head != str(code)):
@@ -153,7 +153,7 @@ def parse_reply(text: str, code: int) -> Reply | None:
 
 
 def drop_stale(text: str, code: int) -> str:
-    """`text` without whole acknowledgements of other codes at its start.
+    """`text` without complete acknowledgements of other codes at its start.
 
     A server whose client vanished during a move sends that move's acknowledgement to the next client.
     """

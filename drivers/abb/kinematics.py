@@ -13,7 +13,7 @@ FOREARM, WRIST_TO_FLANGE = 302.0, 72.0
 LAST_AXIS_DEG = (-400.0, 400.0)
 LIMITS_DEG = ((-165, 165), (-110, 110), (-110, 70), (-160, 160), (-120, 120), LAST_AXIS_DEG)
 IN_LINE = 1e-5  # sine of axis 5 below which axes 4 and 6 count as one (SingArea \\Wrist)
-STEP_MM, STEP_RAD = 100.0, 1.0  # along a way, so short that no axis can be mistaken by a turn
+STEP_MM, STEP_RAD = 100.0, 1.0  # step along a way in which no axis turns ambiguously
 _REACH = math.hypot(FOREARM, ELBOW_OFFSET)  # elbow to wrist centre
 _LIFT = math.atan2(ELBOW_OFFSET, FOREARM)
 
@@ -53,7 +53,7 @@ def compose(a: Pose, b: Pose) -> Pose:
 
 
 def invert(a: Pose) -> Pose:
-    """The pose that undoes a."""
+    """The inverse of a pose."""
     back = conjugate(a.rotation)
     x, y, z = rotate(back, (-a.x_mm, -a.y_mm, -a.z_mm))
     return Pose(x, y, z, back)
@@ -116,9 +116,9 @@ def inverse(flange: Pose) -> Joints | None:
 def track(
     joints_deg: Joints, start: Pose, target: Pose, share: float = 1.0
 ) -> Iterator[Joints | None]:
-    """The joints along a share of a straight way of the flange: whole turns of the wrist add up.
+    """The joints along a share of a straight way of the flange, whole turns of the wrist counted.
 
-    They are told also where they leave their range; None, and no more, where the way leaves the reach.
+    They are yielded also beyond their range; the last value is None where the way leaves the reach.
     """
     path, turn = math.dist(start[:3], target[:3]), turn_between(start.rotation, target.rotation)
     steps = max(math.ceil(path * share / STEP_MM), math.ceil(turn * share / STEP_RAD), 1)
@@ -133,13 +133,13 @@ def track(
 
 
 def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
-    """The same place by the joints nearest to those before, whole turns counted."""
+    """The equivalent joints nearest to those before, whole turns counted."""
     pairs = zip(joints_deg, before_deg, strict=True)
     return tuple(joint + 360.0 * round((before - joint) / 360.0) for joint, before in pairs)
 
 
 def _solutions(flange: Pose) -> list[Joints]:
-    """Both ways of the wrist, elbow up and facing the target, whatever the ranges; none out of reach."""
+    """Both solutions of the wrist, elbow up and facing the target, ignoring ranges; empty out of reach."""
     rotation = multiply(flange.rotation, conjugate(_FLANGE))
     out = rotate(rotation, (WRIST_TO_FLANGE, 0.0, 0.0))
     x, y, z = flange.x_mm - out[0], flange.y_mm - out[1], flange.z_mm - out[2]
@@ -158,7 +158,7 @@ def _solutions(flange: Pose) -> list[Joints]:
 
 
 def _wrist_angles(wrist: Quaternion) -> list[Vector]:
-    """Both ways to write a rotation as X-Y-X turns, the one with less turn of axis 4 first."""
+    """Both decompositions of a rotation into X-Y-X turns, the one with less turn of axis 4 first."""
     axes: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     along, side, up = (rotate(wrist, axis) for axis in axes)
     bend = math.acos(max(-1.0, min(1.0, along[0])))

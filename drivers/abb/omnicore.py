@@ -1,7 +1,7 @@
-"""An ABB arm on an OmniCore controller: our RAPID program `SqueezeTree.modx`, fed over Robot Web Services 2.
+"""An ABB arm on an OmniCore controller: RAPID program `SqueezeTree.modx`, fed over Robot Web Services 2.
 
-Never tried on a controller. Connecting reads; the program is started with the first motion, and only after
-its pointer was set and read back to be in our module. An interrupted or late motion is stopped.
+Never tried on a controller. Connecting only reads; the program is started with the first motion, and
+only after its pointer was set to this module and read back. An interrupted or late motion is stopped.
 """
 
 import contextlib
@@ -32,9 +32,9 @@ START = {
     "alltaskbytsp": "false",
 }
 PORT = 443
-START_S = 3.0  # from a request, or from the program's start, to its first sign of life
-LOOK_S = 0.1  # between two looks: the controller serves some twenty requests a second
-MOST_NUMBER = 8_000_000  # a RAPID num counts exactly so far
+START_S = 3.0  # from a request, or from the program's start, to its first response
+LOOK_S = 0.1  # between two polls: the controller serves some twenty requests a second
+MOST_NUMBER = 8_000_000  # a RAPID num counts exactly up to here
 HINT = "check the address, and that Robot Web Services are reachable from this network"
 
 
@@ -42,7 +42,7 @@ class Arm(UprightArm):
     """An arm on an open session, which it owns; `connect` opens one.
 
     Raises:
-        ArmError: it does not answer as an OmniCore controller with our module.
+        ArmError: it does not answer as an OmniCore controller with the module.
     """
 
     def __init__(self, rws: Rws, endpoint: str, pace: Pace, setup: Setup) -> None:
@@ -64,7 +64,7 @@ class Arm(UprightArm):
             )
 
     def close(self) -> None:
-        """Hang up; the arm does not move, and the program waits for the next request."""
+        """Disconnects; the arm does not move, and the program waits for the next request."""
         self._unknown = self._unknown or "it was closed"
         self._rws.close()
 
@@ -106,7 +106,7 @@ class Arm(UprightArm):
             raise
 
     def _objection(self) -> str:
-        """Why it may not be moved; empty: it may."""
+        """Why the arm may not be moved; empty: it may."""
         mode = str(self._look("/rw/panel/opmode").get("opmode", "unknown"))
         motors = str(self._look("/rw/panel/ctrl-state").get("ctrlstate", "unknown"))
         if mode.upper() != "AUTO":
@@ -118,7 +118,7 @@ class Arm(UprightArm):
         return ""
 
     def _pointer(self) -> tuple[str | None, str | None]:
-        """Module and routine that the program pointer is in; None: not told."""
+        """Module and routine at the program pointer; None: unknown."""
         line = next(
             (state for state in self._states(POINTER) if state.get("_title") == "progpointer"), {}
         )
@@ -129,7 +129,7 @@ class Arm(UprightArm):
         return self._look("/rw/rapid/execution").get("ctrlexecstate") == "running"
 
     def _start(self) -> None:
-        """Start our program; it moves nothing before a request."""
+        """Starts the program; it moves nothing before a request."""
         self._rws.post("/rw/mastership/edit/request", {})
         try:
             where = {"module": MODULE, "routine": ROUTINE, "userlevel": "FALSE"}
@@ -140,7 +140,7 @@ class Arm(UprightArm):
             raise self._lose(
                 "the program pointer could not be set to our module; start it on the pendant"
             )
-        # What was asked for before it starts it takes for done, and so tells that it has begun.
+        # The program takes an earlier request for done, which signals that it has begun.
         self._next()
         self._rws.post("/rw/rapid/execution/start", START, mastership="implicit")
         until = self._pace.deadline(START_S)
@@ -201,17 +201,17 @@ def _is(text: str, number: int) -> bool:
 
 
 def _rapid(pose: Pose) -> str:
-    """A pose as RAPID writes it."""
+    """A pose in RAPID syntax."""
     x, y, z, *turn = codec.pose_numbers(pose)
     return f"[[{x},{y},{z}],[{','.join(turn)}]]"
 
 
 def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
-    """Connect to a controller; reads, and moves nothing.
+    """Connects to a controller; only reads, and moves nothing.
 
     Raises:
-        PortError: nobody accepts the connection, or the address is not understood.
-        ArmError: whoever answers is no OmniCore controller, or lacks our module.
+        PortError: the connection is refused, or the address is invalid.
+        ArmError: the other side is not an OmniCore controller, or lacks the module.
     """
     setup = setup_of(url, read_only=read_only)
     host, port = tcp_address(url.partition("?")[0], PORT)

@@ -1,4 +1,4 @@
-"""What is refused before it is sent: the controller answers an unreachable target with silence."""
+"""Motions that are refused before they are sent: the controller answers unreachable targets with silence."""
 
 import math
 from collections.abc import Callable
@@ -10,37 +10,38 @@ from drivers.abb.codec import IDENTITY, Pose
 from drivers.abb.kinematics import LAST_AXIS_DEG, compose, invert
 from drivers.errors import PortError
 
-STEP_MM = 50.0  # between the points at which a straight path is looked at
-SPARE_DEG = 10.0  # kept from both ends of the last axis's range
-# Where the base is not known, nor is axis 1, which turns the hand too: by less than this across a work area.
+STEP_MM = 50.0  # between checked points of a straight path
+SPARE_DEG = 10.0  # margin at both ends of the last axis's range
+# Uncertainty of axis 1, which also turns the hand, if the base is unknown: less than this in a work
+# area.
 SPARE_BLIND_DEG = 90.0
 
 Box = tuple[float, float, float, float, float, float]  # mm: x, y, z from, x, y, z to
 
 
 class Setup(NamedTuple):
-    """Where things are, and whether they may be moved."""
+    """Frames and limits of an arm, and whether it may be moved."""
 
     # tool frame in the flange frame: the point midway between the finger tips, z out of the flange
     tool: Pose = IDENTITY
     work_object: Pose = IDENTITY  # the table's frame in the arm's world frame
-    # the arm's base frame in its world frame; None: not known, the reach is then not checked
+    # the arm's base frame in its world frame; None: unknown, the reach is then not checked
     base: Pose | None = None
-    # what the hand may not leave, in the work object frame; None: only the reach limits it
+    # box of the hand in the work object frame; None: only the reach limits it
     area: Box | None = None
     # least and greatest angle of the last axis, deg: the arm's own, or what the cables allow
     wrist: tuple[float, float] = LAST_AXIS_DEG
-    # how far from the base the flange may go, of an arm whose kinematics are not known here; mm
+    # largest distance of the flange from the base, for unknown kinematics; mm
     reach_mm: float = math.inf
-    # send no setting and refuse every command; poses are then in the frames the server has
+    # sends no setting and refuses every command; poses are then in the frames of the server
     read_only: bool = False
 
 
 def setup_of(url: str, *, read_only: bool) -> Setup:
-    """The setup that an address states after its `?`.
+    """The setup in an address after its `?`.
 
     Raises:
-        PortError: a setting is not understood.
+        PortError: a setting is invalid.
     """
     settings: dict[str, Any] = {}
     for name, text in parse_qsl(url.partition("?")[2], keep_blank_values=True):
@@ -70,7 +71,7 @@ def within_irb_120(flange: Pose) -> bool:
 
 
 def within_sphere(setup: Setup) -> Callable[[Pose], bool]:
-    """A stand-in for the kinematics of other arms: the flange within `reach_mm` of the base."""
+    """Approximate kinematics of other arms: the flange within `reach_mm` of the base."""
     return lambda flange: math.dist(flange[:3], (0.0, 0.0, 0.0)) <= setup.reach_mm
 
 
@@ -79,7 +80,7 @@ def obstacle(
 ) -> str:
     """Why the hand cannot go a straight way in the work object frame, or an empty string.
 
-    Where the base frame is known `reaches` says whether the flange can be at a pose there.
+    If the base frame is known, `reaches` says whether the flange can be at a pose in it.
     """
     if setup.area is not None:
         low, high = setup.area[:3], setup.area[3:]
@@ -98,25 +99,25 @@ def obstacle(
 
 
 class Wrist(NamedTuple):
-    """How far round the wrist stood when the joints were last read.
+    """Angle of the wrist when the joints were last read.
 
     The angle of a hand that points down grows with axis 1, which looks up, and falls with the last axis,
-    which looks down: but for axis 1, hand angle and last axis always add up to the same.
+    which looks down: except for axis 1, the sum of hand angle and last axis is constant.
     """
 
-    whole_rad: float  # hand angle and last axis added up, the angle counted on over whole turns
+    whole_rad: float  # sum of hand angle and last axis, whole turns counted
     x_mm: float  # where the hand was, work object frame
     y_mm: float
 
     def moved(self, x_mm: float, y_mm: float, setup: Setup) -> float:
-        """What angle and last axis add up to at another place, rad; as here where the base is not known."""
+        """Sum of angle and last axis at another place, rad; the same as here where the base is unknown."""
         if setup.base is None:
             return self.whole_rad
         turn = _bearing(x_mm, y_mm, setup) - _bearing(self.x_mm, self.y_mm, setup)
         return self.whole_rad + math.remainder(turn, math.tau)
 
     def turn_range(self, x_mm: float, y_mm: float, setup: Setup) -> tuple[float, float]:
-        """Least and greatest angle of the hand there at which the last axis keeps to its range, rad."""
+        """Least and greatest angle of the hand there for which the last axis stays in its range, rad."""
         spare = SPARE_DEG if setup.base is not None else SPARE_BLIND_DEG
         whole = self.moved(x_mm, y_mm, setup)
         low, high = setup.wrist
@@ -124,7 +125,7 @@ class Wrist(NamedTuple):
 
 
 def _bearing(x_mm: float, y_mm: float, setup: Setup) -> float:
-    """Where axis 1 looks when the hand is there, rad; the tool lies on the last axis, which points down."""
+    """Direction of axis 1 for a place of the hand, rad; the tool lies on the last axis, which points down."""
     assert setup.base is not None
     place = Pose(x_mm, y_mm, 0.0, IDENTITY.rotation)
     seen = compose(compose(invert(setup.base), setup.work_object), place)

@@ -1,10 +1,10 @@
 """Robot Web Services 2 of an ABB OmniCore controller (RobotWare 7): resources over HTTPS.
 
-One connection, one request after the other. Each has one deadline for all of it (connection, handshake,
-sign-in, answer), and its answer a limit. After one that failed the connection is made anew, so that no answer
-is ever taken for a later one's. Sign-in is Basic, or Digest where the controller
-asks for it; user and password come from the environment, since an address is printed and journalled. Neither
-is sent before the certificate is known to be the one that was stated.
+One connection, with one request after the other. A request has a single deadline (for connection,
+handshake, sign-in and answer), and its answer a size limit. After a failure the connection is renewed, so
+that no answer is taken for a later one. Sign-in is Basic, or Digest where the controller requires it; user
+and password come from the environment, since an address is printed and journalled. Neither is sent before
+the certificate is verified.
 """
 
 import base64
@@ -26,7 +26,7 @@ from drivers.errors import ReadOnlyError, shown
 from drivers.stream import connected
 
 ANSWER_S = 4.0  # wall; controllers take some tenths of a second under load
-MOST_BYTES = 1 << 20  # of an answer with its headers; ours have less than 10 kB
+MOST_BYTES = 1 << 20  # of an answer with its headers; usual ones have less than 10 kB
 USER, PASSWORD = "SQUEEZETREE_RWS_USER", "SQUEEZETREE_RWS_PASSWORD"
 CERTIFICATE = "SQUEEZETREE_RWS_CERTIFICATE"  # a PEM file, the SHA-256 of a certificate, or `ANY`
 ANY = "any"
@@ -42,9 +42,9 @@ class RwsError(OSError):
 
 
 class Rws:
-    """A session with a controller; nothing is sent before the first question.
+    """A session with a controller; sends nothing before the first request.
 
-    With `read_only` it refuses to send anything but questions.
+    With `read_only` it refuses to send anything but reading requests.
     """
 
     def __init__(self, host: str, port: int, pace: Pace, *, read_only: bool = False) -> None:
@@ -55,11 +55,11 @@ class Rws:
         self._connection: http.client.HTTPSConnection | None = None
         self._socket: BoundedSocket | None = None
         self._cookies: dict[str, str] = {}
-        self._challenge: dict[str, str] = {}  # of a controller that asks for Digest
+        self._challenge: dict[str, str] = {}  # of a controller that requires Digest
         self._count = 0
 
     def state(self, path: str, **query: str) -> list[State]:
-        """What a resource tells of itself.
+        """Reads a resource.
 
         Raises:
             RwsError: no answer in time, a refusal, or no such resource.
@@ -69,17 +69,17 @@ class Rws:
             since = self._pace.now()
             body = self._request("GET", target, "")
             late_s = self._pace.now() - since - ANSWER_S
-            if late_s <= 0.0:  # otherwise it tells of a moment that is too long ago
+            if late_s <= 0.0:  # otherwise it is of a moment too long ago
                 return _states(path, body)
         raise RwsError(
             f"this process was stopped or starved and read an answer {late_s:.1f} s too late"
         )
 
     def post(self, path: str, form: Mapping[str, str], **query: str) -> None:
-        """Ask for a change, once.
+        """Requests a change, once.
 
         Raises:
-            RwsError: no answer in time, or a refusal; after the former it is not known whether it was made.
+            RwsError: no answer in time (it is then unknown whether the change was made), or a refusal.
             ReadOnlyError: the session only reads.
         """
         body = urlencode(form, quote_via=quote)
@@ -88,7 +88,7 @@ class Rws:
         self._request("POST", path + ("?" + urlencode(query) if query else ""), body)
 
     def close(self) -> None:
-        """Hang up."""
+        """Disconnects."""
         if self._connection is not None:
             self._connection.close()
             self._connection = self._socket = None
@@ -125,7 +125,7 @@ class Rws:
             with connection.getresponse() as answer:
                 text = _whole(answer).decode("utf-8", "replace")
         except BaseException as error:
-            # Ctrl-C, too: what comes now answers nothing that is still to be asked.
+            # Ctrl-C, too: what arrives now answers no further request.
             self.close()
             if isinstance(error, RwsError):
                 raise
@@ -143,10 +143,10 @@ class Rws:
         return answer.status, answer.headers, text
 
     def _connected(self, until: float) -> tuple[BoundedSocket, http.client.HTTPSConnection]:
-        """A connection to a controller that shows the certificate which was stated, made until a moment.
+        """A connection, made until a deadline, to a controller with the stated certificate.
 
         Raises:
-            RwsError: it shows another, or none was stated.
+            RwsError: it has another certificate, or none was stated.
         """
         stated = os.environ.get(CERTIFICATE, "")
         in_file = stated not in ("", ANY) and not SHA256.fullmatch(stated)
@@ -156,7 +156,7 @@ class Rws:
             raise RwsError(
                 f"{CERTIFICATE}: {stated} cannot be read as certificates ({error})"
             ) from error
-        context.check_hostname = False  # controllers are reached by address, and certify themselves
+        context.check_hostname = False  # controllers are reached by address, and self-signed
         if not in_file:
             context.verify_mode = ssl.CERT_NONE
         plain = connected(self._host, self._port, max(until - self._pace.now(), 1e-3))
@@ -178,7 +178,7 @@ class Rws:
             )
         bounded = BoundedSocket(secure, self._pace.now)
         connection = http.client.HTTPSConnection(self._host, self._port, context=context)
-        connection.auto_open = 0  # by this way alone
+        connection.auto_open = 0  # only here
         connection.sock = bounded
         return bounded, connection
 
@@ -200,7 +200,7 @@ class Rws:
         return f"Digest {quoted}, qop=auth, nc={count}"
 
     def _take(self, headers: http.client.HTTPMessage) -> bool:
-        """Whether the controller asks for Digest, as RFC 7616 has it with MD5."""
+        """The Digest challenge of a response, with MD5 by RFC 7616, if any."""
         for challenge in headers.get_all("WWW-Authenticate") or ():
             scheme, _, rest = challenge.partition(" ")
             try:
@@ -216,7 +216,7 @@ class Rws:
 
 
 def _whole(answer: http.client.HTTPResponse) -> bytes:
-    """A body; its length is the other side's word, so no more room than for `MOST_BYTES` is made."""
+    """A body; its length is stated by the other side, so at most `MOST_BYTES` are allocated."""
     body = answer.read(MOST_BYTES)
     if answer.length:
         raise http.client.IncompleteRead(body, answer.length)

@@ -1,7 +1,7 @@
-"""An arm whose hand points straight down: what every make checks and counts before it is told to move.
+"""An arm whose hand points straight down: common checks and angle counting of all makes.
 
-Targets are quaternions or the like, which say nothing of whole turns, and controllers turn the shortest way.
-So the hand's angle is counted on from motion to motion and compared with the last axis's.
+Targets are quaternions or similar, which have no whole turns, and controllers turn the shortest way. So the
+hand's angle is counted from motion to motion and compared with the last axis.
 """
 
 import math
@@ -16,7 +16,7 @@ from drivers.errors import ArmError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM, PoseOfHand
 
 MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
-# In one motion: the controller turns the shortest way, at half a turn it may be either.
+# In one motion: the controller turns the shortest way, which is ambiguous at half a turn.
 MOST_TURN_RAD = 3.0
 Read = TypeVar("Read")
 
@@ -62,41 +62,42 @@ class UprightArm(ABC):
         self._reaches = reaches
         self._unknown = ""  # why the state is unknown
         self._at: ArmPose | None = None  # None: not known since the last motion
-        self._angle_rad: float | None = None  # the last angle known, the next is counted on from it
+        self._angle_rad: float | None = None  # the last known angle, from which the next is counted
         self._wrist: Wrist | None = None
         self._wrist_is_fresh = False
 
     @abstractmethod
     def close(self) -> None:
-        """Give the link up; the arm does not move."""
+        """Closes the link; the arm does not move."""
 
     @abstractmethod
     def _read_hand(self) -> Pose:
-        """The hand's pose in the work object frame, fresh.
+        """Reads the hand's current pose in the work object frame.
 
         Raises:
             ArmError: the arm is silent, or its state unknown.
-            ProtocolError: its answer is not understood.
+            ProtocolError: its answer is invalid.
         """
 
     @abstractmethod
     def _read_last_axis(self) -> float:
-        """The last joint in rad, as far round as it has turned; errors as above."""
+        """Reads the last joint in rad, whole turns included; errors as above."""
 
     @abstractmethod
     def _drive(self, motion: Motion) -> None:
-        """Move straight, and return when it stands there.
+        """Moves straight, and returns when the arm is at rest there.
 
         Raises:
             ArmError: it did not arrive in time; its state is unknown.
         """
 
     def pose(self) -> ArmPose:
-        """Read where the hand is."""
+        """Reads the hand's pose."""
         x_mm, y_mm, z_mm, rotation = self._understood(self._read_hand)
         angle_rad = self._understood(lambda: codec.hand_angle(rotation))
         if self._angle_rad is None:
-            # Counted so that axis 6 near its middle gives angles near zero; the joints tell the whole turns.
+            # Counted so that axis 6 near its middle gives angles near zero; the joints give the
+            # whole turns.
             whole_rad = angle_rad + self._understood(self._read_last_axis)
             turns = math.tau * math.floor((1.5 * math.pi - whole_rad) / math.tau)
             self._wrist = Wrist(whole_rad + turns, x_mm, y_mm)
@@ -107,7 +108,7 @@ class UprightArm(ABC):
         return self._at
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """Least and greatest angle that the hand can be turned to at a place, whole turns counted, rad.
+        """Least and greatest angle of the hand at a place, whole turns counted, rad.
 
         Reads the joints if the arm has moved since they were read.
         """
@@ -125,7 +126,7 @@ class UprightArm(ABC):
         return counted.turn_range(x_mm, y_mm, self._setup)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """Why a straight way cannot be gone; empty where nothing is known against it."""
+        """Why a straight way is impossible; empty where no obstacle is known."""
         return obstacle(ArmPose(*start).frame, ArmPose(*target).frame, self._setup, self._reaches)
 
     def move_linear(
@@ -137,9 +138,9 @@ class UprightArm(ABC):
         speed_mm_s: float,
         radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
-        """Move the hand, pointing down, in a straight line and return when it stands (`ports.Arm`).
+        """Moves the hand, pointing down, in a straight line and returns when it is at rest (`ports.Arm`).
 
-        Nothing is sent where the target cannot be sent or reached; of an arm that does not arrive in time the
+        Sends nothing if the target is invalid or out of reach. If the arm does not arrive in time, its
         state is unknown, and every further call is refused.
         """
         target = ArmPose(x_mm, y_mm, z_mm, angle_rad)
@@ -170,7 +171,7 @@ class UprightArm(ABC):
         self._at, self._angle_rad = target, target.angle_rad
 
     def _overturn(self, start: ArmPose, target: ArmPose) -> str:
-        """Why a hand cannot be turned so far; one that stands beyond the range already may be turned back."""
+        """Why a hand cannot be turned so far; one already beyond the range may be turned back."""
         if abs(target.angle_rad - start.angle_rad) > MOST_TURN_RAD:
             return "half a turn or more, which the controller may go either way; go it in several motions"
         assert self._wrist is not None  # since the first pose
@@ -190,7 +191,7 @@ class UprightArm(ABC):
     def _lose(
         self, reason: str, kind: type[ArmError] = ArmError, look_at: str = "the pendant"
     ) -> ArmError:
-        """The state is unknown from now on: the error that says so."""
+        """Makes the state unknown from now on; returns the error that says so."""
         self._unknown = reason
         return kind(
             f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at {look_at}"

@@ -1,1 +1,1 @@
-"""The camera: a tag's pose on a known plane, and whether a part lies where its leaf says it does."""
+"""The camera: measures a tag's pose on a known plane, and judges whether a part is at its leaf's pose."""

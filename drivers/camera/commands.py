@@ -1,4 +1,4 @@
-"""Entry points of the audit's commands; all that need a camera say which extra is missing."""
+"""Entry points of the audit's commands; those that need a camera state the missing extra."""
 
 import os
 import sys
@@ -9,12 +9,12 @@ from runtime.shell.command import entry
 
 AUDIT, CALIBRATE = "drivers.camera.audit.command", "drivers.camera.calibration.command"
 FROM_JOURNALS = {"report": "runtime.spc.command", "study": "runtime.spc.study.command"}
-# Read on import: a missing camera is told with the verdict, and would be logged once a second.
+# Read on import: a missing camera is reported in the verdict, and would be logged once a second.
 QUIET = {"OPENCV_LOG_LEVEL": "OFF", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 
 def audit(arguments: Sequence[str] | None = None) -> int:
-    """grasp-audit: `report` and `study` from journals alone, `judge` with a camera."""
+    """grasp-audit: `report` and `study` from journals only, `judge` with a camera."""
     words = _words(arguments)
     if words and words[0] in FROM_JOURNALS:
         return int(import_module(FROM_JOURNALS[words[0]]).main(words[1:]))

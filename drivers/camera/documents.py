@@ -1,6 +1,6 @@
-"""Readable files with a checksum: JSON whose last key, `sha256`, is the digest of all before it.
+"""Readable files with a checksum: JSON whose last key, `sha256`, is the digest of everything before it.
 
-A file changed by hand, cut short or written for something else is refused with a sentence that says so.
+A file that was changed, truncated or written for another purpose is refused with a message that says so.
 """
 
 import json
@@ -17,12 +17,12 @@ T = TypeVar("T")
 
 
 def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
-    """Write a file, whole or not at all.
+    """Writes a file atomically.
 
     Args:
-        path: where.
-        kind: what it is about, `read`'s key.
-        body: what JSON can hold.
+        path: of the file.
+        kind: kind of the file, which `read` checks.
+        body: content for JSON.
 
     Raises:
         OutputError: it cannot be written.
@@ -34,13 +34,13 @@ def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
 
 
 def read(path: Path, kind: str, remedy: str, parse: Callable[[dict[str, Any]], T]) -> T:
-    """Read a file of the kind, its checksum and version verified.
+    """Reads a file of a kind, with checksum and version verified.
 
     Args:
-        path: where.
-        kind: what it has to be about.
-        remedy: how such a file is made, for the sentence.
-        parse: makes of its body what it describes; KeyError, TypeError or ValueError where it cannot.
+        path: of the file.
+        kind: expected kind.
+        remedy: how to create such a file, for the message.
+        parse: converts the body; raises KeyError, TypeError or ValueError for an invalid one.
 
     Raises:
         InputError: it cannot be read, is of another kind, or was changed.

@@ -1,4 +1,4 @@
-"""What every gripper and every arm must do, as tests for the author of a driver (tools/docs/drivers.md).
+"""Contracts of grippers and arms, as tests for the author of a driver (tools/docs/drivers.md).
 
 ```
 from drivers.contract.gripper import GripperContract
@@ -10,5 +10,5 @@ class TestAcme(GripperContract):
 
 import pytest
 
-# So that a failed assertion says what it compared.
+# So that a failed assertion shows the compared values.
 pytest.register_assert_rewrite("drivers.contract.gripper", "drivers.contract.arm")

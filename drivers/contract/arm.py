@@ -1,4 +1,4 @@
-"""What every arm must do (`drivers.ports`): tests against an arm, simulated or real, in a rig."""
+"""Contract of arms (`drivers.ports`): tests against an arm, simulated or real, in a rig."""
 
 import math
 import random
@@ -15,32 +15,32 @@ from drivers.ports import Arm, PoseOfHand
 
 
 class ArmRig(Protocol):
-    """An arm that stands at (0, 0, 100) mm, hand down, 0 rad, and what a test has to know of it."""
+    """Test rig: an arm that stands at (0, 0, 100) mm, hand down, 0 rad."""
 
-    far_mm: float  # x of a place that it cannot reach; within 100 mm of the middle it reaches all
+    far_mm: float  # x of an unreachable place; within 100 mm of the middle all places are reachable
 
     @property
     def moves(self) -> int:
-        """How often it was moved."""
+        """Number of motions so far."""
 
     def open(self, *, read_only: bool = False) -> AbstractContextManager[Arm]:
         """A connection through the driver, closed when its context is left."""
 
     def truth(self) -> PoseOfHand:
-        """Where it really is."""
+        """True pose of the hand."""
 
     def silence(self) -> None:
-        """From now on it answers nothing."""
+        """From now on the arm does not answer."""
 
     def close(self) -> None:
-        """Take it down."""
+        """Stops the rig."""
 
 
 class ArmContract:
-    """Derive a class `Test...` from it and give it `make`."""
+    """Tests for a driver: derive a class `Test...` from it and implement `make`."""
 
     def make(self) -> ArmRig:
-        """A rig of its own for each test."""
+        """A new rig for each test."""
         raise NotImplementedError
 
     @pytest.fixture
@@ -51,14 +51,14 @@ class ArmContract:
         result.close()
 
     def test_connecting_moves_nothing(self, rig: ArmRig) -> None:
-        """And the arm tells where it stands."""
+        """The arm reports where it stands."""
         with rig.open() as arm:
             assert isinstance(arm, ports.Arm)
             assert tuple(arm.pose()) == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
         assert rig.moves == 0
 
     def test_one_opened_for_reading_cannot_be_commanded(self, rig: ArmRig) -> None:
-        """A dry run asks, and moves nothing."""
+        """A dry run reads, and moves nothing."""
         with rig.open(read_only=True) as arm:
             assert tuple(arm.pose()) == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
             with pytest.raises(ReadOnlyError, match="dry run"):
@@ -67,7 +67,7 @@ class ArmContract:
         assert rig.moves == 0
 
     def test_a_move_ends_where_it_was_sent(self, rig: ArmRig) -> None:
-        """To 0.001 mm in truth, and as exactly as it reads itself."""
+        """To 0.001 mm in truth, and within its own reading."""
         rng = random.Random(1)
         with rig.open() as arm:
             a = 0.0
@@ -82,13 +82,13 @@ class ArmContract:
                 assert math.remainder(seen[3] - a, math.tau) == pytest.approx(0.0, abs=0.003)
 
     def test_nothing_is_known_against_a_short_way_in_the_middle(self, rig: ArmRig) -> None:
-        """And asking moves nothing."""
+        """Asking moves nothing."""
         with rig.open() as arm:
             assert arm.obstacle((0.0, 0.0, 60.0, 0.0), (10.0, 5.0, 60.0, 3.0)) == ""
         assert rig.moves == 0
 
     def test_a_move_is_over_when_the_call_returns(self, rig: ArmRig) -> None:
-        """The arm stands."""
+        """The arm is at rest."""
         with rig.open() as arm:
             arm.move_linear(50.0, 0.0, 50.0, 1.0, 100.0)
             here = rig.truth()
@@ -113,7 +113,7 @@ class ArmContract:
             assert rig.moves == 1
 
     def test_what_is_out_of_reach_is_refused_and_the_arm_stays_usable(self, rig: ArmRig) -> None:
-        """The sentence says so."""
+        """The message says so."""
         with rig.open() as arm:
             with pytest.raises(ArmError, match=r"not moved.*reach"):
                 arm.move_linear(rig.far_mm, 0.0, 50.0, 0.0, 5000.0)
@@ -121,7 +121,7 @@ class ArmContract:
             arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
 
     def test_after_a_silence_everything_is_refused(self, rig: ArmRig) -> None:
-        """Nobody knows where it stands then."""
+        """Its place is unknown then."""
         with rig.open() as arm:
             rig.silence()
             with pytest.raises(ArmError) as raised:

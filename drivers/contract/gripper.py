@@ -1,4 +1,4 @@
-"""What every gripper must do (`drivers.ports`): tests against a device, simulated or real, in a rig."""
+"""Contract of grippers (`drivers.ports`): tests against a device, simulated or real, in a rig."""
 
 import threading
 from collections.abc import Iterator
@@ -13,39 +13,39 @@ from drivers.ports import Gripper, ObjectState
 
 
 class GripperRig(Protocol):
-    """A device that is not activated yet, its jaws open, and what a test has to know of it."""
+    """Test rig: a device that is not activated yet, with open jaws."""
 
-    contact_um: int  # width at which they stop once `put_part` was called
+    contact_um: int  # width at which they stop after `put_part`
 
     def open(self, *, read_only: bool = False) -> AbstractContextManager[Gripper]:
         """A connection through the driver, closed when its context is left."""
 
     def put_part(self) -> None:
-        """Put something between the jaws."""
+        """Puts something between the jaws."""
 
     def commanded(self) -> bool:
-        """Whether the device was ever told to do something."""
+        """Whether the device ever received a command."""
 
     def commands(self) -> object:
-        """What differs after the device was told to do something."""
+        """A value that changes when the device receives a command."""
 
     def silence(self) -> None:
-        """From now on the device answers nothing."""
+        """From now on the device does not answer."""
 
     def close(self) -> None:
-        """Take it down."""
+        """Stops the rig."""
 
 
 def close(gripper: Gripper, *, fast: bool = False) -> None:
-    """Ask it to close with its least force, at its least or its greatest speed."""
+    """Requests closing with the least force, at the least or the greatest speed."""
     gripper.move(-1, gripper.profile.speed_mm_s[fast], gripper.profile.force_n[0])
 
 
 class GripperContract:
-    """Derive a class `Test...` from it and give it `make`."""
+    """Tests for a driver: derive a class `Test...` from it and implement `make`."""
 
     def make(self) -> GripperRig:
-        """A rig of its own for each test."""
+        """A new rig for each test."""
         raise NotImplementedError
 
     @pytest.fixture
@@ -77,7 +77,7 @@ class GripperContract:
         assert rig.commands() == before
 
     def test_activate_move_wait(self, rig: GripperRig) -> None:
-        """A settled reading tells where the jaws are and repeats the request."""
+        """A settled reading has the jaws' width and repeats the request."""
         with rig.open() as gripper:
             profile = gripper.profile
             gripper.activate()
@@ -94,7 +94,7 @@ class GripperContract:
             assert settled.seconds > 0.0
 
     def test_a_part_stops_the_jaws(self, rig: GripperRig) -> None:
-        """The object state tells of contact while closing."""
+        """The object state reports contact while closing."""
         with rig.open() as gripper:
             gripper.activate()
             rig.put_part()
@@ -103,7 +103,7 @@ class GripperContract:
             assert (settled.width_um, settled.object) == (rig.contact_um, ObjectState.CLOSING)
 
     def test_a_holding_gripper_survives_a_reconnection(self, rig: GripperRig) -> None:
-        """Connecting resets nothing, and activating what is active opens nothing."""
+        """Connecting resets nothing, and activating an active gripper opens nothing."""
         with rig.open() as gripper:
             gripper.activate()
             rig.put_part()
@@ -117,13 +117,13 @@ class GripperContract:
             assert gripper.state().width_um == rig.contact_um
 
     def test_moves_need_activation(self, rig: GripperRig) -> None:
-        """And nothing is sent without it."""
+        """Nothing is sent without it."""
         with rig.open() as gripper, pytest.raises(GripperFault, match="not active"):
             close(gripper)
         assert not rig.commanded()
 
     def test_stopping_halfway_leaves_the_jaws_there(self, rig: GripperRig) -> None:
-        """They stand, not yet closed."""
+        """They stand still, not yet closed."""
         with rig.open() as gripper:
             gripper.activate()
             close(gripper)

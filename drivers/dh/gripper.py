@@ -1,4 +1,4 @@
-"""Device logic of a DH gripper: initialisation, moves, and telling a finished move from a stale state.
+"""Device logic of a DH gripper: initialisation, moves, and detection of stale states.
 
 The registers have no stop, no fault and no current; [PGC] and [PGE] as in `drivers.dh.registers`.
 """
@@ -17,19 +17,19 @@ from drivers.polling import MOVE_MARGIN_S, Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report
 
 INITIALISE_S = 10.0  # a stroke at a speed that no manual states
-REST_S = 1.0  # fingers that were stopped stand within this
-ARRIVED = 10  # positions: "at position" farther than this from the request contradicts it
+REST_S = 1.0  # drift of stopped fingers is less than this
+ARRIVED = 10  # positions: distance from the request above which "at position" is contradictory
 REPEATING = "repeating a write whose answer was lost"
 
 
 class Reading(NamedTuple):
-    """One reading of all registers that tell something."""
+    """One reading of all informative registers."""
 
     initialised: Initialised
     grip: Grip
     position: int
-    target: int  # position asked for
-    settings: dict[int, int]  # what the control registers hold
+    target: int  # requested position
+    settings: dict[int, int]  # content of the control registers
 
     @property
     def ready(self) -> bool:
@@ -38,14 +38,14 @@ class Reading(NamedTuple):
 
     @property
     def moving(self) -> bool:
-        """Whether the fingers are on their way."""
+        """Whether the fingers are moving."""
         if self.ready:
             return self.grip is Grip.MOVING
         return self.initialised is Initialised.IN_PROGRESS
 
     @property
     def object(self) -> ObjectState:
-        """What it says about an object; the registers do not tell in which direction it was met."""
+        """The object state; the registers do not have the direction in which an object was met."""
         if not self.ready or self.moving:
             return ObjectState.NONE
         if self.grip is not Grip.CAUGHT:
@@ -56,7 +56,7 @@ class Reading(NamedTuple):
 class Gripper(PolledGripper[Reading, int]):
     """A DH gripper; a target is a position. Connecting reads and never writes."""
 
-    stale_s = 0.2  # how long the grip state may still be that of the previous move
+    stale_s = 0.2  # time during which the grip state may still be that of the previous move
 
     _link: RtuLink
 
@@ -66,10 +66,10 @@ class Gripper(PolledGripper[Reading, int]):
         return self._scale.profile
 
     def activate(self) -> None:
-        """Initialise: the fingers open, or close if the gripper is set so; what they hold is dropped.
+        """Initialises: the fingers open, or close if the gripper is set so; a held part is dropped.
 
-        The stroke is not learnt anew: that closes the fingers, on whatever is between them, and is done once
-        after a change of fingers, with the maker's software.
+        The stroke is not learnt: that closes the fingers on anything between them, and is done once after a
+        change of fingers, with the maker's software.
         """
         seen = self._read()
         if seen.ready:
@@ -84,7 +84,7 @@ class Gripper(PolledGripper[Reading, int]):
         self._until(lambda now: now.ready, deadline, "initialising")
 
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
-        """Ask for a width, at a speed and with a force; `wait` tells how it ended."""
+        """Requests a width, at a speed and with a force; `wait` returns the result."""
         self._move = None
         seen = self._checked("asked to move")
         target, speed = self._scale.position(width_um), self._scale.speed(speed_mm_s)
@@ -97,7 +97,7 @@ class Gripper(PolledGripper[Reading, int]):
         self._move = Move(target, seen, self._pace.now(), budget_s, step_s)
 
     def stop(self) -> None:
-        """Stop the fingers by asking for where they are; what they hold stays held.
+        """Stops the fingers by requesting their current position; a held part stays held.
 
         Raises:
             GripperFault: it initialises, which no register ends, or does not come to rest.
@@ -108,7 +108,7 @@ class Gripper(PolledGripper[Reading, int]):
             raise GripperFault(
                 "the gripper cannot be stopped while it initialises; cut its supply if it must be"
             )
-        # Fingers that hold something stand, and press on because they are not where they were asked to be.
+        # Fingers that hold something stand still, and press since they are not at their request.
         if not seen.ready or seen.grip is Grip.CAUGHT:
             return
         self._ask(seen.position)
@@ -146,12 +146,12 @@ class Gripper(PolledGripper[Reading, int]):
         return seen.position if self._fits(seen, move) else None
 
     def _fits(self, seen: Reading, move: Move[Reading, int]) -> bool:
-        """Whether the grip state says so, and fits the position: a stale one mostly does not."""
+        """Whether the grip state is final and fits the position: a stale one usually does not."""
         if seen.moving:
             return False
         if seen.grip is not Grip.CAUGHT:
             return abs(seen.position - move.target) <= ARRIVED
-        # Fingers that were stopped stand short of the request: at it, the state is that of the move before.
+        # Stopped fingers are short of the request: at it, the state is that of the previous move.
         way, left = move.target - move.before.position, move.target - seen.position
         return way == 0 or way * left > 0
 
@@ -174,7 +174,7 @@ class Gripper(PolledGripper[Reading, int]):
         self._write(register, value, lambda: self._checked(REPEATING).settings[register] == value)
 
     def _write(self, register: int, value: int, arrived: Callable[[], bool]) -> None:
-        """A position that is written once more while the fingers are on their way to it changes nothing."""
+        """Writes a register; repeating a position while the fingers move there changes nothing."""
         self._repeat(lambda: self._link.write(register, value), arrived)
 
 

@@ -1,7 +1,7 @@
 """A DH gripper's registers over Modbus RTU.
 
-No number ties an answer to its request. The two blocks of a reading have different lengths and are read in
-turn, so an answer that comes too late is mostly passed over; device logic believes no single reading.
+Answers have no number of their request. The two blocks of a reading have different lengths and are read in
+turn, so a late answer is usually discarded; device logic does not rely on a single reading.
 """
 
 from collections.abc import Mapping
@@ -27,11 +27,11 @@ class RtuLink(Master):
         self._unit = unit
 
     def read(self) -> Mapping[int, int]:
-        """Control registers and states; tried up to 3 times, since reading changes nothing."""
+        """Reads control registers and states; up to 3 attempts, since reading changes nothing."""
         return self._repeated(self._read_once)
 
     def write(self, register: int, value: int) -> None:
-        """Write one register, once."""
+        """Writes one register, once."""
         self.transact(
             WriteSingleRegisterRequest(address=register, registers=[value], dev_id=self._unit)
         )

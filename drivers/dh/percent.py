@@ -1,4 +1,4 @@
-"""Settings in per cent and positions in thousandths, and what they mean: linear between a profile's ends."""
+"""Conversion of settings in per cent and positions in thousandths: linear between a profile's ends."""
 
 from drivers.dh.registers import FULL, LEAST_FORCE, LEAST_SPEED, MOST
 from drivers.errors import PortError
@@ -6,7 +6,7 @@ from drivers.polling import setting
 from drivers.ports import GripperProfile
 from runtime.table import PROFILES
 
-MODEL = "dh-ag95"  # where nobody says which it is; no register does
+MODEL = "dh-ag95"  # default; no register has it
 
 
 class Scale:

@@ -34,7 +34,7 @@ LEAST_FORCE, LEAST_SPEED, MOST = 20, 1, 100  # per cent
 
 
 class Initialised(IntEnum):
-    """What `INITIALISED` says."""
+    """Values of `INITIALISED`."""
 
     NO = 0
     YES = 1
@@ -42,9 +42,9 @@ class Initialised(IntEnum):
 
 
 class Grip(IntEnum):
-    """What `GRIP` says."""
+    """Values of `GRIP`."""
 
     MOVING = 0
     AT_POSITION = 1  # nothing was met
-    CAUGHT = 2  # the fingers stopped before the position asked for
-    DROPPED = 3  # at the position, because what was caught is gone
+    CAUGHT = 2  # the fingers stopped before the requested position
+    DROPPED = 3  # at the position, because the held part is gone

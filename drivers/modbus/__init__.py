@@ -1,1 +1,1 @@
-"""Modbus as a master speaks it, whatever the device behind it."""
+"""Modbus master, independent of the device."""

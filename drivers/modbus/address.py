@@ -10,7 +10,7 @@ def unit_of(port: str, usual: int) -> int:
     """The unit that a port's name states, or the usual one.
 
     Raises:
-        PortError: it is not understood.
+        PortError: it is invalid.
     """
     stated = parse_qsl(port.partition("?")[2], keep_blank_values=True) or [("unit", str(usual))]
     unit = int(stated[0][1]) if stated[0][1].isdecimal() else 0
@@ -23,10 +23,10 @@ def unit_of(port: str, usual: int) -> int:
 
 
 def opened(port: str, baud: int, parity: str = "N") -> Stream:
-    """The serial port that a name says, or a connection to the device server behind which it is.
+    """Opens the serial port in a name, or a connection to its device server.
 
     Raises:
-        PortError: it cannot be opened, or is not understood.
+        PortError: it cannot be opened, or is invalid.
     """
     address = port.partition("?")[0]
     path = address.partition("://")[2]

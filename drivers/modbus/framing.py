@@ -1,7 +1,7 @@
-"""Modbus requests and the answers to them, as bytes: pymodbus encodes and decodes, this finds the answer.
+"""Modbus requests and answers as bytes: pymodbus encodes and decodes, this module locates the answer.
 
 On a serial line an answer may come after noise, after an echo of the request (a half-duplex adapter without
-echo suppression) or after an answer to somebody else; so an answer is looked for at every byte.
+echo suppression) or after an answer to another master; so the search tries every byte.
 """
 
 import logging
@@ -17,13 +17,13 @@ ERROR_BIT = 0x80
 
 
 class RtuFraming:
-    """RTU frames with CRC (Modbus over serial line 1.02); no number ties an answer to its request."""
+    """RTU frames with CRC (Modbus over serial line 1.02); answers have no number of their request."""
 
     numbered = False
 
     def __init__(self) -> None:
         self._framer = FramerRTU(_decoder())
-        # A gripper at rest says the same over and over; decoding it anew each time is most of a poll's cost.
+        # A gripper at rest repeats itself; decoding it each time would be most of a poll's cost.
         self._decode = lru_cache(256)(self._decoded)
 
     def frame(self, pdu: ModbusPDU) -> bytes:
@@ -31,7 +31,7 @@ class RtuFraming:
         return self._framer.buildFrame(pdu)
 
     def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
-        """The first answer by that unit, to that function and of the length asked for."""
+        """The first answer of that unit, to that function and of the requested length."""
         head = bytes((pdu.dev_id, pdu.function_code))
         for start in range(len(buffer) - 1):
             if buffer[start] != head[0] or buffer[start + 1] & ~ERROR_BIT != head[1]:
@@ -49,7 +49,7 @@ class RtuFraming:
 
 
 class TcpFraming:
-    """Modbus TCP: a number in the header ties an answer to its request."""
+    """Modbus TCP: a number in the header identifies the request of an answer."""
 
     numbered = True
 
@@ -64,7 +64,7 @@ class TcpFraming:
         return self._framer.buildFrame(pdu)
 
     def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
-        """The answer with the number of the last request; answers to earlier ones are passed over."""
+        """The answer with the number of the last request; skips answers to earlier ones."""
         while buffer:
             try:
                 used, answer = self._framer.handleFrame(buffer, pdu.dev_id, pdu.transaction_id)
@@ -82,13 +82,13 @@ Framing = RtuFraming | TcpFraming
 
 
 def _decoder() -> DecodePDU:
-    # What pymodbus would log reaches the caller as an exception of ours.
+    # Logs of pymodbus reach the caller as an exception of this package.
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL + 1)
     return DecodePDU(False)
 
 
 def is_answer(answer: ModbusPDU, request: ModbusPDU) -> bool:
-    """Whether a whole frame answers a request, by what the frame itself tells."""
+    """Whether a complete frame answers a request, by its content."""
     if answer.isError():
         return answer.function_code & ~ERROR_BIT == request.function_code
     if answer.function_code != request.function_code:

@@ -12,16 +12,16 @@ from drivers.ports import Report, no_report
 from drivers.stream import Stream
 
 GAP_S = 0.005  # between two requests: grippers refresh at 200 Hz, or slower
-LATE_S = 0.02  # wall; how long a line must be quiet after a failure before the next request
-DRAIN_S = 0.2  # wall; a line that is never quiet is used all the same after so long
+LATE_S = 0.02  # wall; silence of a line after a failure before the next request
+DRAIN_S = 0.2  # wall; longest wait for that silence
 
 
 class Refusal(NamedTuple):
-    """What a Modbus exception code means, and what to do."""
+    """Meaning of a Modbus exception code, and the remedy."""
 
     sentence: str
-    remedy: str = ""  # empty: this is another device than the driver takes it for
-    passes: bool = False  # whether the same request may be answered a moment later
+    remedy: str = ""  # empty: the device is another one than expected
+    passes: bool = False  # whether the same request may succeed a moment later
 
 
 # Modbus application protocol 1.1b3, section 7. A gripper may send none: gateways do.
@@ -48,14 +48,14 @@ EXCEPTIONS = {
 
 
 class Master(StreamLink):
-    """A connection to one unit, which is owned from now on; the deadline is above pymodbus.
+    """A connection to one unit, which is owned from now on; deadlines are enforced outside pymodbus.
 
     Args:
         stream: carries the bytes.
         framing: of the requests and answers.
         pace: device time.
-        report: told of every failure.
-        wrong_device: what to check where the device does not know a request.
+        report: receives every failure.
+        wrong_device: what to check if the device does not know a request.
     """
 
     def __init__(
@@ -74,10 +74,10 @@ class Master(StreamLink):
         self._out_of_step = False
 
     def transact(self, request: ModbusPDU) -> ModbusPDU:
-        """Send a request once and return its answer.
+        """Sends a request once and returns its answer.
 
         Raises:
-            LinkTimeout: there was no valid answer; whether the request arrived is unknown.
+            LinkTimeout: there was no valid answer; it is unknown whether the request arrived.
             LinkError: the connection is gone, or the device refuses.
         """
         self._begin()
@@ -99,7 +99,7 @@ class Master(StreamLink):
         return reply
 
     def _refused(self, request: ModbusPDU, code: int) -> LinkError:
-        """A refusal that passes counts as silence: reads are repeated, and a write is looked after."""
+        """The error for a refusal; a temporary one is a timeout: reads are repeated, writes are checked."""
         refusal = EXCEPTIONS.get(code, Refusal("an unknown reason"))
         self._tell("refused", function=request.function_code, exception=code)
         return (LinkTimeout if refusal.passes else LinkError)(
@@ -111,7 +111,7 @@ class Master(StreamLink):
     def _wait_for_the_line(self) -> None:
         if (wait := self._free_at - self._pace.now()) > 0.0:
             self._pace.clock.sleep(wait)
-        # Whatever lies there answers nothing that is still to be asked.
+        # Pending data answers no further request.
         quiet_s = LATE_S if self._out_of_step else 0.0
         until = self._pace.now() + DRAIN_S
         while self._stream.receive(quiet_s) and self._pace.now() < until:

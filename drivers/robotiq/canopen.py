@@ -27,26 +27,26 @@ from drivers.robotiq.registers import BLOCK_BYTES
 if TYPE_CHECKING:
     import canopen
 
-HEAR_S = 0.1  # how long the thread that listens sleeps at most; closing waits for it
+HEAR_S = 0.1  # longest sleep of the listening thread; closing waits for it
 ACTION, GOES = 0, 0x08  # byte 0 of the output block, and its bit rGTO
-# Speed and force stand before the position they are for; what starts a motion comes last.
+# Speed and force are written before their position; what starts a motion comes last.
 WRITE_ORDER = (5, 4, 2, 1, 3, ACTION)
 STOP_ORDER = (ACTION, 5, 4, 2, 1, 3)
 
 # SDO command specifiers: the known client's write of one byte, the standard's read, and what answers them
 # (0x4F or the like, with the data in byte 4). The known client reads with 0x4F, which no standard has.
-# The library's own `download` would send a write that failed once more when its buffer is collected.
+# The library's `download` would repeat a failed write when its buffer is collected.
 WRITE_ONE, READ = 0x2F, 0x40
 ANSWER_MASK = 0xE2
 ANSWERS = {WRITE_ONE: 0x60, READ: 0x42}
 
 
 class CanMap(NamedTuple):
-    """Where the bytes are; see the module's warning."""
+    """Places of the bytes; see the module's warning."""
 
     channel: str
     interface: str = "socketcan"
-    bitrate: int = 0  # 0: as the operating system set it
+    bitrate: int = 0  # 0: as set by the operating system
     node: int = 11
     output: int = 0x2200
     input: int = 0x2000
@@ -55,7 +55,7 @@ class CanMap(NamedTuple):
 class CanLink(ReportingLink):
     """A gripper's two register blocks on a CANopen node.
 
-    Only bytes that change are written: the known client does so too, since the device dislikes many writes.
+    Only bytes that change are written, as in the known client, since the device copes badly with many writes.
     The connected network is owned from now on.
     """
 
@@ -75,14 +75,14 @@ class CanLink(ReportingLink):
         self._sdo.RESPONSE_TIMEOUT = LINK_TIMEOUT_S
 
     def read(self) -> bytes:
-        """The input block; each byte tried up to 3 times."""
+        """Reads the input block; up to 3 attempts for each byte."""
         return bytes(
             self._repeated(partial(self._transact, self._where.input, byte))
             for byte in range(BLOCK_BYTES)
         )
 
     def write(self, block: bytes) -> None:
-        """Write what differs from the last write, each byte once."""
+        """Writes the bytes that differ from the last write, each once."""
         for index in WRITE_ORDER if block[ACTION] & GOES else STOP_ORDER:
             if block[index] != self._written[index]:
                 self._written[index] = None  # until it is acknowledged
@@ -90,7 +90,7 @@ class CanLink(ReportingLink):
                 self._written[index] = block[index]
 
     def close(self) -> None:
-        """Leave the bus; nothing moves."""
+        """Leaves the bus; nothing moves."""
         self._lost = self._lost or "it was closed"
         self._network.disconnect()
 
@@ -133,10 +133,10 @@ class CanLink(ReportingLink):
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None = None
 ) -> Gripper:
-    """Open `can:channel?setting=value&...`; the node is started, unless `read_only`.
+    """Opens `can:channel?setting=value&...`; starts the node, unless `read_only`.
 
     Raises:
-        PortError: the extra is not installed, a setting is not understood, or there is no such bus.
+        PortError: the extra is not installed, a setting is invalid, or there is no such bus.
         LinkError: no such node answers.
     """
     where = parse(port)
@@ -145,10 +145,10 @@ def gripper(
 
 
 def parse(port: str) -> CanMap:
-    """The map that a port's name states.
+    """The map in a port's name.
 
     Raises:
-        PortError: a setting is not understood.
+        PortError: a setting is invalid.
     """
     name, _, query = port.removeprefix("can:").partition("?")
     settings: dict[str, Any] = {}
@@ -180,6 +180,6 @@ def _network(port: str, where: CanMap, *, read_only: bool) -> "canopen.Network":
         network.connect(interface=where.interface, channel=where.channel, **options)
     except (can.CanError, OSError, ValueError) as error:
         raise PortError(f"port {port} cannot be opened: {shown(error)}; check `ip link`") from error
-    if not read_only:  # the one thing sent before any request; it makes no node move
+    if not read_only:  # the only data sent before any request; it makes no node move
         network.send_message(0, bytes((1, where.node)))
     return network

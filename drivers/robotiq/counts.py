@@ -1,4 +1,4 @@
-"""Counts of the registers and the widths, speeds and forces that they mean: linear over 0 to 255."""
+"""Conversion between counts of the registers and widths, speeds and forces: linear over 0 to 255."""
 
 from drivers.errors import PortError
 from drivers.polling import setting
@@ -6,7 +6,7 @@ from drivers.ports import MOST_COUNT, GripperProfile
 from runtime.table import PROFILES
 
 OPEN, CLOSED = 0, MOST_COUNT  # requests beyond the ends of travel: as far as the fingers go
-MODEL = "robotiq-2f-85"  # where nobody says which it is; no register does
+MODEL = "robotiq-2f-85"  # default; no register has it
 
 
 class Counts:
@@ -25,15 +25,15 @@ class Counts:
         _, self._closed = self.profile.counts
 
     def width_um(self, count: int) -> int:
-        """The nominal width at a count; beyond the end counts it goes on alike."""
+        """The nominal width at a count, extrapolated beyond the end counts."""
         return self.profile.counted_um(count)
 
     def target_um(self, count: int) -> int:
-        """The width that a request asks for; -1 for one beyond the closed end."""
+        """The width of a request; -1 for one beyond the closed end."""
         return min(max(self.width_um(count), -1), self.profile.stroke_um)
 
     def request(self, width_um: int) -> int:
-        """The request for a width; below 0, and for the stroke, it is as far as the fingers go."""
+        """The request for a width; as far as the fingers go for widths below 0, and for the stroke."""
         if width_um >= self.profile.stroke_um:
             return OPEN
         return CLOSED if width_um < 0 else self._closed - self.profile.step(width_um)

@@ -6,7 +6,7 @@ from drivers.errors import GripperFault
 
 
 class FaultText(NamedTuple):
-    """What a gFLT code means: its class, one sentence, and what to do."""
+    """Meaning of a gFLT code: its class, one sentence, and a remedy."""
 
     severity: str
     sentence: str

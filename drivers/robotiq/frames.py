@@ -12,7 +12,7 @@ from pymodbus.pdu.register_message import (
 
 
 class Wiring(NamedTuple):
-    """Where the register blocks are on one kind of link, and with which function they are read."""
+    """Addresses of the register blocks on one kind of link, and the function for reading them."""
 
     unit: int
     output: int  # address of the first register of the output block
@@ -25,13 +25,13 @@ TCP = Wiring(unit=2, output=0, input=0, function=4)  # [M200] p66-78
 
 
 def read_request(wiring: Wiring, count: int) -> ModbusPDU:
-    """Ask for the first `count` registers of the input block."""
+    """Request for the first `count` registers of the input block."""
     kind = ReadInputRegistersRequest if wiring.function == 4 else ReadHoldingRegistersRequest
     return kind(address=wiring.input, count=count, dev_id=wiring.unit)
 
 
 def write_request(wiring: Wiring, block: bytes) -> ModbusPDU:
-    """Write the first registers of the output block, high byte first."""
+    """Request that writes the first registers of the output block, high byte first."""
     registers = list(struct.unpack(f">{len(block) // 2}H", block))
     return WriteMultipleRegistersRequest(
         address=wiring.output, registers=registers, dev_id=wiring.unit

@@ -1,4 +1,4 @@
-"""Device logic of a Robotiq 2F gripper: activation, moves, and telling a finished move from a stale flag.
+"""Device logic of a Robotiq 2F gripper: activation, moves, and detection of stale flags.
 
 After the 2F-85 manual ([M18] p54-62) and Robotiq's own SDK (`gripper.cpp`, `gripper_state.cpp`).
 """
@@ -14,9 +14,9 @@ from drivers.robotiq.registers import OUTPUT_FIELDS, Reading, decode, pack, spee
 
 # Reset, sweep and report together ([SDK] gripper.cpp; 5 s was too short for some).
 ACTIVATION_S = 15.0
-# Between readings: as long as jaws at the speed asked for take for so many counts.
+# Between readings: the time of so many counts at the requested speed.
 SETTLE_COUNTS = 1.0
-# gOBJ 3 farther than this from the request contradicts the count (open ends at 3 to 13).
+# Distance from the request above which gOBJ 3 contradicts the count (open ends at 3 to 13).
 ARRIVED_COUNTS = 12
 COMM_SILENCE = 0x09
 
@@ -24,21 +24,22 @@ COMM_SILENCE = 0x09
 class Gripper(PolledGripper[Reading, int]):
     """A Robotiq 2F gripper; a target is a count. Connecting reads and never writes."""
 
-    stale_s = 0.2  # how long gOBJ may still tell of the previous move ([SDK] gripper.cpp)
+    stale_s = 0.2  # time during which gOBJ may be of the previous move ([SDK] gripper.cpp)
 
     _link: Link
 
     def _begin(self, profile: GripperProfile | None) -> GripperProfile:
         self._counts = Counts(profile)
-        # Seeded from what the gripper does now, so that the first write cannot move a holding gripper.
+        # Initialised from the gripper's state, so that the first write cannot move a holding
+        # gripper.
         seen = self._read()
         self._image = {"rACT": int(seen.enabled), "rGTO": int(seen.going), "rPR": seen.echo_counts}
         return self._counts.profile
 
     def activate(self) -> None:
-        """Reset and activate: the jaws sweep fully open and closed, whatever they hold is dropped.
+        """Resets and activates: the jaws sweep fully open and closed; a held part is dropped.
 
-        The reset clears a latched fault. A gripper that is active and has none is left alone.
+        The reset clears a latched fault. An active gripper without a fault is left unchanged.
         """
         seen = self._read()
         if seen.activated and not _has_latched(seen):
@@ -51,7 +52,7 @@ class Gripper(PolledGripper[Reading, int]):
         self._until(lambda now: now.activated, deadline, "activating", _refuse_latched)
 
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
-        """Ask for a width (rPR), at a speed (rSP) and with a force (rFR); `wait` tells how it ended."""
+        """Requests a width (rPR), a speed (rSP) and a force (rFR); `wait` returns the result."""
         self._move = None
         seen = self._checked("asked to move")
         counts = self._counts.request(width_um)
@@ -65,19 +66,20 @@ class Gripper(PolledGripper[Reading, int]):
         self._move = Move(counts, seen, now, budget_s, SETTLE_COUNTS * count_s)
 
     def stop(self) -> None:
-        """Stop the jaws where they are; the request stays, a held part stays held. An activation is reset."""
+        """Stops the jaws where they are; the request stays, a held part stays held. Resets an activation."""
         self._move = None
         seen = self._read()
         if seen.activating or (seen.enabled and not seen.activated and not seen.fault):
-            self._send({})  # the sweep does not ask for rGTO, only for rACT ([M18] p54)
-        # Writing rACT to a gripper that lost power would start the activation sweep; it does not move anyway.
+            self._send({})  # the sweep depends only on rACT, not on rGTO ([M18] p54)
+        # Writing rACT to a gripper that lost power would start the activation sweep; it does not
+        # move anyway.
         elif seen.enabled:
             self._send({**self._image, "rACT": 1, "rGTO": 0, "rPR": seen.echo_counts})
 
     def _read(self) -> Reading:
         seen = decode(self._link.read())
         if seen.fault == COMM_SILENCE:
-            # Fault 9 tells of the silence before this very request; the next reading tells of now.
+            # Fault 9 reports the silence before this request; the next reading is current.
             seen = decode(self._link.read())
         return seen
 
@@ -85,7 +87,7 @@ class Gripper(PolledGripper[Reading, int]):
         return seen.echo_counts
 
     def _state(self, seen: Reading, target: int) -> GripperState:
-        # Of the silence before this request it is only known that it is over.
+        # The silence before this request is over, and nothing else is known about it.
         code = 0 if seen.fault == COMM_SILENCE else seen.fault
         text = fault_text(code) if code else None
         return GripperState(
@@ -103,12 +105,12 @@ class Gripper(PolledGripper[Reading, int]):
         return seen.position_counts if self._fits(seen, move) else None
 
     def _fits(self, seen: Reading, move: Move[Reading, int]) -> bool:
-        """Whether gOBJ says so, and fits the count: a stale or stuck one mostly does not."""
+        """Whether gOBJ is final, and fits the count: a stale or stuck one usually does not."""
         if seen.moving or not seen.going:
             return False
         asked, start = move.target, move.before.position_counts
         if seen.object_flag == robotiq.OBJ_AT_REQUEST:
-            # Beyond the end stops there is no telling how far the jaws go: that depends on the fingers.
+            # Beyond the end stops the final position depends on the fingers.
             short = min(asked, robotiq.COUNT_CLOSED) - seen.position_counts
             beyond = seen.position_counts - max(asked, robotiq.COUNT_OPEN)
             return short <= ARRIVED_COUNTS and (
@@ -132,7 +134,7 @@ class Gripper(PolledGripper[Reading, int]):
         )
 
     def _send(self, image: dict[str, int]) -> None:
-        """Write the command image. Speed and force are not echoed: only its answer tells that it arrived."""
+        """Writes the command image. Speed and force have no echo: only the answer shows that they arrived."""
         block = pack(OUTPUT_FIELDS, image)
         self._repeat(lambda: self._link.write(block), lambda: self._arrived(image))
         self._image = image
@@ -148,7 +150,7 @@ class Gripper(PolledGripper[Reading, int]):
 
 
 def _has_latched(seen: Reading) -> bool:
-    """Whether it reports a fault that a reset alone clears."""
+    """Whether it reports a fault that only a reset clears."""
     return seen.fault != 0 and fault_text(seen.fault).severity == MAJOR
 
 

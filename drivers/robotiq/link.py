@@ -1,22 +1,22 @@
-"""What every bus to a Robotiq gripper offers."""
+"""Interface of every bus to a Robotiq gripper."""
 
 from typing import Protocol
 
 
 class Link(Protocol):
-    """The two register blocks, on whatever bus.
+    """The two register blocks, on any bus.
 
-    Both ways a LinkTimeout says that there was no valid answer, and any other LinkError that the connection
-    is gone or the device refuses.
+    In both directions a LinkTimeout means that there was no valid answer, and any other LinkError that the
+    connection is gone or the device refuses.
     """
 
     endpoint: str
 
     def read(self) -> bytes:
-        """The input block, 6 bytes; may repeat itself."""
+        """Reads the input block, 6 bytes; may retry."""
 
     def write(self, block: bytes) -> None:
-        """Write the output block, 6 bytes, exactly once; whether it arrived is unknown after a timeout."""
+        """Writes the output block, 6 bytes, exactly once; after a timeout its arrival is unknown."""
 
     def close(self) -> None:
-        """Give the link up without moving anything."""
+        """Closes the link without moving anything."""

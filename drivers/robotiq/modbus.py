@@ -26,11 +26,12 @@ from drivers.robotiq.registers import BLOCK_BYTES
 from drivers.stream import SerialStream, Stream, open_tcp, tcp_address
 
 BAUD = 115200
-SCAN_BAUDS = (115200, 57600, 38400, 19200, 9600)  # what a 2F can be set to ([M16] p55)
+SCAN_BAUDS = (115200, 57600, 38400, 19200, 9600)  # baud rates of a 2F ([M16] p55)
 SCAN_UNITS = (RTU.unit, *(unit for unit in range(1, 17) if unit != RTU.unit))
 SCAN_S = 0.06
 TCP_PORT = 502
-# Registers asked for: those that tell something, or more of the block, whose rest is reserved ([M18] p62).
+# Numbers of registers to read: the informative ones, or more of the block, whose rest is reserved
+# ([M18] p62).
 LEAST_REGISTERS, MOST_REGISTERS = BLOCK_BYTES // 2, 8
 
 
@@ -55,11 +56,11 @@ class ModbusLink(Master):
         self._count = LEAST_REGISTERS
 
     def read(self) -> bytes:
-        """The input block, 6 bytes; tried up to 3 times, since reading changes nothing."""
+        """Reads the input block, 6 bytes; up to 3 attempts, since reading changes nothing."""
         return self._repeated(self._read_once)
 
     def write(self, block: bytes) -> None:
-        """Write the output block, 6 bytes, once."""
+        """Writes the output block, 6 bytes, once."""
         self.transact(write_request(self._wiring, block))
 
     def _read_once(self) -> bytes:
@@ -69,8 +70,8 @@ class ModbusLink(Master):
 
     def _silent(self, request: ModbusPDU) -> LinkTimeout:
         if not self._framing.numbered:
-            # From now on another count of registers is asked for, so that an answer to this request which is
-            # merely late cannot be taken for the answer to a later one.
+            # From now on another number of registers is requested, so that a late answer to this
+            # request cannot be taken for a later one.
             self._count = self._count + 1 if self._count < MOST_REGISTERS else LEAST_REGISTERS
         return super()._silent(request)
 
@@ -78,7 +79,7 @@ class ModbusLink(Master):
 def rtu_link(
     stream: Stream, pace: Pace, report: Report = no_report, wiring: Wiring = RTU
 ) -> ModbusLink:
-    """RTU frames on whatever carries bytes."""
+    """A link with RTU frames on any byte stream."""
     return ModbusLink(stream, RtuFraming(), wiring, pace, report)
 
 
@@ -88,8 +89,8 @@ def gripper(
     """A Robotiq gripper on a tty, behind a serial device server (`rtu+tcp://`), or with Modbus TCP (`tcp://`).
 
     Raises:
-        PortError: the port cannot be opened or is not understood, or the profile is of another make.
-        LinkError: nobody answers.
+        PortError: the port is invalid or cannot be opened, or the profile is of another make.
+        LinkError: there is no answer.
     """
     Counts(profile)  # before anything is opened
     scheme, separator, _ = port.partition("://")
@@ -106,13 +107,13 @@ def gripper(
 
 
 def wiring_of(port: str, usual: Wiring) -> Wiring:
-    """The wiring that a port's name states after its `?`; what it leaves out is as usual.
+    """The wiring in a port's name after its `?`, with defaults.
 
     Raises:
-        PortError: a setting is not understood, or stated twice.
+        PortError: a setting is invalid, or repeated.
     """
     block = range(0x10000 - MOST_REGISTERS + 1)
-    # On a bus 0 speaks to all, and nobody answers.
+    # On a bus, 0 is the broadcast address, and nobody answers.
     units = range(1, 248) if usual is RTU else range(256)
     allowed = {"unit": units, "output": block, "input": block, "function": (3, 4)}
     settings: dict[str, int] = {}
@@ -130,7 +131,7 @@ def wiring_of(port: str, usual: Wiring) -> Wiring:
 
 
 def scan(path: str) -> Iterator[Answered]:
-    """Who answers on a tty: tries slave ids at baud rates, the usual ones first.
+    """The device that answers on a tty: tries slave ids and baud rates, the usual ones first.
 
     Raises:
         PortError: the port cannot be opened. LinkError: it takes no bytes, or is gone.
@@ -145,7 +146,7 @@ def _answers(stream: SerialStream, unit: int) -> bool:
     framing, request = RtuFraming(), read_request(RTU._replace(unit=unit), 1)
     until, buffer = time.monotonic() + SCAN_S, b""
     try:
-        while stream.receive(0.0) and time.monotonic() < until:  # what came for the last one
+        while stream.receive(0.0) and time.monotonic() < until:  # data for the last one
             pass
         stream.send(framing.frame(request))
         until = time.monotonic() + SCAN_S

@@ -1,4 +1,4 @@
-"""The gripper's register map as data, 6 bytes each way, the same on every bus; and what a reading says.
+"""The gripper's register map as data, 6 bytes each way, the same on every bus; and decoding of readings.
 
 Sources: [M18] 2F-85 & 2F-140 manual 2018, "Control" (p. 54 for FC23, p. 62 for the map); [M16] the 2016
 edition, p. 43 and 55; [SDK] Robotiq's C++ SDK. Byte 2k of a block is the high byte of register k.
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 
 class Field(NamedTuple):
-    """`width` bits of byte `byte`, from bit `shift` up; `source` names the page that says so."""
+    """`width` bits of byte `byte`, from bit `shift` up; `source` names the page."""
 
     name: str
     byte: int
@@ -51,14 +51,14 @@ CURRENT_MA_PER_COUNT = 10
 STA_RESET, STA_ACTIVATING, STA_ACTIVE = 0, 1, 3
 OBJ_MOVING, OBJ_CONTACT_OPENING, OBJ_CONTACT_CLOSING, OBJ_AT_REQUEST = 0, 1, 2, 3
 
-# Speed and stroke of the 2F-85, [SDK] device_profile.hpp: linear in rSP. A 2F-140's whole stroke takes about
-# as long, a Hand-E's less: deadlines made of these hold for all three.
+# Speed and stroke of the 2F-85, [SDK] device_profile.hpp: linear in rSP. The whole stroke of a
+# 2F-140 takes about as long, that of a Hand-E less: deadlines made from these hold for all three.
 SPEED_MIN_MM_S, SPEED_MAX_MM_S = 20.0, 150.0
 OPENING_MM, COUNT_OPEN, COUNT_CLOSED = 85.0, 3, 230
 
 
 def pack(fields: tuple[Field, ...], values: Mapping[str, int]) -> bytes:
-    """Lay named values into a block of 6 bytes; fields without a value are 0.
+    """Packs named values into a block of 6 bytes; fields without a value are 0.
 
     Raises:
         ValueError: a name is not in the block, or a value does not fit its bits.
@@ -76,7 +76,7 @@ def pack(fields: tuple[Field, ...], values: Mapping[str, int]) -> bytes:
 
 
 def unpack(fields: tuple[Field, ...], block: bytes | bytearray) -> dict[str, int]:
-    """Read named values out of a block of 6 bytes (or more: the rest is reserved)."""
+    """Unpacks named values from a block of 6 bytes (or more: the rest is reserved)."""
     return {one.name: block[one.byte] >> one.shift & (1 << one.width) - 1 for one in fields}
 
 
@@ -88,7 +88,7 @@ class Reading:
     enabled: bool  # gACT, the echo of rACT
     activating: bool  # whether it sweeps
     going: bool  # gGTO, the echo of rGTO; `object_flag` means nothing without it
-    moving: bool  # whether the fingers are on their way
+    moving: bool  # whether the fingers are moving
     fault: int  # gFLT
     object_flag: int  # gOBJ
     echo_counts: int  # gPR
@@ -96,9 +96,9 @@ class Reading:
     current_ma: int
 
 
-@lru_cache(1024)  # a gripper at rest says the same over and over
+@lru_cache(1024)  # a gripper at rest repeats itself
 def decode(block: bytes) -> Reading:
-    """What an input block says."""
+    """Decodes an input block."""
     fields = unpack(INPUT_FIELDS, block)
     enabled = fields["gACT"] == 1
     going = fields["gGTO"] == 1

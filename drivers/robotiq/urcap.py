@@ -1,9 +1,9 @@
 """The gripper's register blocks through Robotiq's URCap: lines of text on TCP port 63352 of a UR controller.
 
-`GET POS` is answered by `POS 147`, `SET SPE 255 POS 0 GTO 1` by `ack`. The names are those of the registers:
-ACT GTO POS SPE FOR are written, ACT GTO STA OBJ FLT PRE (echo of POS) and POS (encoder) read; there is no
-motor current. Whether a line end follows an answer is not documented, so both are understood. Answers carry
-no number: after one that did not come, a question that nothing else asks finds the step again.
+`GET POS` is answered by `POS 147`, `SET SPE 255 POS 0 GTO 1` by `ack`. The names are those of the
+registers: ACT GTO POS SPE FOR are written, ACT GTO STA OBJ FLT PRE (echo of POS) and POS (encoder) read;
+there is no motor current. Whether a line end follows an answer is not documented, so both are understood.
+Answers have no number: after a missing one, a question that is used for nothing else resynchronises.
 """
 
 import re
@@ -32,11 +32,11 @@ READ = {
 # answers whole after so many; others after a pause
 DIGITS = dict.fromkeys(("ACT", "GTO", "STA", "OBJ"), 1)
 MOST_DIGITS = 3
-FENCES = ("SPE", "FOR")  # asked only to find the step again
-QUIET_S = 0.003  # wall: an answer without a line end is whole when nothing follows for so long
+FENCES = ("SPE", "FOR")  # used only to resynchronise
+QUIET_S = 0.003  # wall: silence after which an answer without a line end is complete
 ANSWER = re.compile(rb"([A-Z]{3}) +(\d{1,3})(?!\d)(\s?)")
 MOST_STALE = 16  # pieces of a line that is never quiet
-MOST_BYTES = 600  # of answers that are looked at together
+MOST_BYTES = 600  # of answers parsed together
 HINT = "check that the Robotiq URCap is installed, its gripper enabled, and port 63352 not blocked"
 
 
@@ -47,19 +47,19 @@ class UrcapLink(StreamLink):
         super().__init__(stream, pace, report)
         self._text = b""
         self._active = 0  # ACT as last read
-        self._fences: list[str] = []  # names that no answer still under way has; empty: in step
+        self._fences: list[str] = []  # names without pending answers; empty: synchronised
 
     def read(self) -> bytes:
-        """The input block, 6 bytes; each variable tried up to 3 times, since reading changes nothing."""
+        """Reads the input block, 6 bytes; up to 3 attempts a variable, since reading changes nothing."""
         seen = {field: self._repeated(partial(self._get, name)) for name, field in READ.items()}
         self._active = seen["gACT"]
-        # The URCap tells the whole fault byte; its low nibble is the gripper's.
+        # The URCap reports the whole fault byte; its low nibble is the gripper's.
         return pack(INPUT_FIELDS, {**seen, "gFLT": seen["gFLT"] & 0x0F})
 
     def write(self, block: bytes) -> None:
-        """Write the output block, once, in one line, what starts a motion last.
+        """Writes the output block, once, in one line; what starts a motion comes last.
 
-        ACT goes out only to change what was read: written to a gripper that lost power meanwhile it would
+        ACT is sent only to change the value read: written to a gripper that lost power meanwhile it would
         start the activation sweep.
         """
         image = unpack(OUTPUT_FIELDS, block)
@@ -81,7 +81,7 @@ class UrcapLink(StreamLink):
         return value
 
     def _transact(self, line: str, wanted: str) -> int:
-        """Send a line and return the number of its answer, 0 of an acknowledgement."""
+        """Sends a line and returns the number in its answer, 0 for an acknowledgement."""
         self._begin()
         try:
             self._find_step()
@@ -95,7 +95,7 @@ class UrcapLink(StreamLink):
         return value
 
     def _find_step(self) -> None:
-        """Ask what nobody asked, and throw away all that comes before its answer."""
+        """Resynchronises: asks a question with no other use, and discards everything before its answer."""
         if not self._fences:
             return
         if self._fences == ["lost"]:
@@ -105,7 +105,7 @@ class UrcapLink(StreamLink):
         self._exchange(f"GET {fence}", fence, stale=True)
 
     def _exchange(self, line: str, wanted: str, *, stale: bool = False) -> int:
-        # Whatever lies there answers nothing that is still to be asked.
+        # Pending data answers no further request.
         self._text = b""
         for _ in range(MOST_STALE):
             if not self._stream.receive(0.0):
@@ -122,7 +122,7 @@ class UrcapLink(StreamLink):
         )
 
     def _answer(self, line: str, wanted: str, *, stale: bool) -> int | None:
-        """The answer's number if it is whole; with `stale`, what answers something else is dropped."""
+        """The answer's number if it is complete; with `stale`, other answers are dropped."""
         while self._text.strip():
             text = self._text.lstrip()
             if text.startswith(b"ack"):
@@ -156,7 +156,7 @@ class UrcapLink(StreamLink):
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
 ) -> Gripper:
-    """A Robotiq gripper at `urcap://host`; errors as of `drivers.robotiq.modbus.gripper`."""
+    """A Robotiq gripper at `urcap://host`; errors as for `drivers.robotiq.modbus.gripper`."""
     Counts(profile)  # before anything is opened
     link = UrcapLink(open_tcp(*tcp_address(port, PORT), port, HINT), pace, report)
     return Gripper.over(link, pace, report, profile, read_only=read_only)

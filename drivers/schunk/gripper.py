@@ -1,7 +1,7 @@
 """Device logic of a SCHUNK EGU or EGK: commands by edges of the control word, outcomes by the status word.
 
-A closing motion is a grip, any other a positioning move: only a grip knows what it meets, to a move it is an
-error. What is held is released before anything else, another grip included. Sources as of `registers`.
+A closing motion is a grip, any other a positioning move: a part is an error for a move, not for a grip. A
+held part is released before anything else, also before another grip. Sources as in `registers`.
 """
 
 from typing import NamedTuple
@@ -18,15 +18,18 @@ from runtime.table import PROFILES
 
 READY_S = 2.0  # from the acknowledgement to ready for operation; [BKS] MakeReady waits 0.5 s
 STEADY_S = 0.01  # between readings of fingers at rest
-ARRIVED_UM, EMPTY_UM = 500, 1000  # farther from the target, or apart, contradicts the status
+ARRIVED_UM, EMPTY_UM = (
+    500,
+    1000,
+)  # distance from the target, or between readings, that contradicts the status
 LEAST_PERCENT, MOST_PERCENT = 50, 100  # of the force of a BasicGrip ([CM] 1.2.3)
-STROKE_UM = 1000  # by which a stroke may differ from the profile's
+STROKE_UM = 1000  # tolerated difference between stroke and profile
 
 GRIP_OUTCOMES = Status.GRIPPED | Status.NO_WORKPIECE
 
 
 class Limits(NamedTuple):
-    """What the module says of itself, in um, um/s and N."""
+    """Limits reported by the module, in um, um/s and N."""
 
     lowest_um: int
     highest_um: int
@@ -34,14 +37,14 @@ class Limits(NamedTuple):
     fastest_um_s: int
     grip_um_s: int  # with the whole force
     force_n: float
-    soft: bool  # whether it takes a velocity for gripping
+    soft: bool  # whether it accepts a velocity for gripping
 
 
 class Gripper(PolledGripper[Input, Output]):
     """A SCHUNK gripper. Connecting reads and never writes, nor acknowledges.
 
     Raises:
-        PortError: the module is no gripper of that profile.
+        PortError: the module is not of that profile.
     """
 
     spread = 50  # um
@@ -69,12 +72,12 @@ class Gripper(PolledGripper[Input, Output]):
         return profile
 
     def state(self) -> GripperState:
-        """Read the gripper now: its status last, so that no repeated question makes that older."""
+        """Reads the gripper now: its status last, so that retries do not make it older."""
         asked = self._asked()
         return self._state(self._read(), asked)
 
     def activate(self) -> None:
-        """Acknowledge what keeps it from being ready, the start included; nothing moves."""
+        """Acknowledges errors and the start; nothing moves."""
         seen = self._read()
         if seen.status & Status.READY and not seen.error:
             return
@@ -88,7 +91,7 @@ class Gripper(PolledGripper[Input, Output]):
         )
 
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
-        """Ask for a width; a part that is held is released first. `wait` tells how it ended."""
+        """Requests a width; releases a held part first. `wait` returns the result."""
         self._move = None
         seen = self._checked("asked to move")
         if seen.status & Status.GRIPPED:
@@ -99,12 +102,12 @@ class Gripper(PolledGripper[Input, Output]):
         self._command(output, seen, way_um / max(rate_um_s, 1))
 
     def stop(self) -> None:
-        """Stop the fingers where they are; what they hold stays held."""
+        """Stops the fingers where they are; a held part stays held."""
         self._move = None
         asked, seen = self._asked(), self._read()
         if not seen.status & Status.READY:
             return
-        # What is at rest is asked for once more what it was: no edge, no command, a grip goes on.
+        # A gripper at rest gets its request again: no edge, no command, a grip continues.
         stopped = asked._replace(control=Control.NO_FAST_STOP | Control.STOP)
         self._send(stopped if _moves(seen, asked) else asked)
 
@@ -152,7 +155,7 @@ class Gripper(PolledGripper[Input, Output]):
         self._move = Move(output, seen, self._pace.now(), seconds + MOVE_MARGIN_S, STEADY_S)
 
     def _send(self, output: Output) -> None:
-        """Write a request; the same once more is no edge, so no command."""
+        """Sends a request; a repetition has no edge, so is no command."""
         self._repeat(
             lambda: self._link.write("plc_sync_output", *output), lambda: self._asked() == output
         )
@@ -182,7 +185,7 @@ class Gripper(PolledGripper[Input, Output]):
         return seen.position_um if self._fits(seen, move) else None
 
     def _fits(self, seen: Input, move: Move[Input, Output]) -> bool:
-        """Whether the status says so, and of a width that it can tell of."""
+        """Whether the status is final, for a width that is possible with it."""
         control, position_um = move.target.control, seen.position_um
         outcomes = GRIP_OUTCOMES if control & Control.GRIP else Status.POSITION_REACHED
         if not seen.status & outcomes:
@@ -216,8 +219,8 @@ def gripper(
     """A SCHUNK gripper at `schunk:///dev/ttyUSB0?unit=12`, or at `schunk://host:port` behind a device server.
 
     Raises:
-        PortError: the port cannot be opened or is not understood, or another gripper is there.
-        LinkError: nobody answers.
+        PortError: the port is invalid or cannot be opened, or another gripper is there.
+        LinkError: there is no answer.
     """
     unit = address.unit_of(port, schunk.UNIT)
     link = SchunkLink(address.opened(port, schunk.BAUD, schunk.PARITY), pace, report, unit)

@@ -16,18 +16,18 @@ from drivers.stream import Stream
 
 # The gripper takes a second or two without a request for ERR_COMM_LOST, [BKS] pauses for 0.5 s at most.
 ALIVE_S = 0.2
-# No other parameter that is read has so many registers: an answer to an earlier request that comes late is
-# none to this one, and whatever was asked before it has been answered once it is.
+# No other parameter that is read has as many registers: a late answer to an earlier request is not
+# taken for this one, and afterwards all earlier requests are answered.
 FENCE = PARAMETERS["sw_version_txt"]
 
 
 class SchunkLink(Master):
-    """A gripper's parameters on a serial line, which is owned from now on and never falls silent for long.
+    """A gripper's parameters on a serial line, which is owned from now on and never silent for long.
 
     Args:
         stream: the line.
         pace: its time.
-        report: told of every retry and failure.
+        report: receives every retry and failure.
         unit: slave id.
     """
 
@@ -42,11 +42,11 @@ class SchunkLink(Master):
         self._let_go = pace.every(ALIVE_S, self._keep_alive)
 
     def read(self, name: str) -> tuple[float, ...]:
-        """The elements of a parameter; tried up to 3 times, since reading changes nothing."""
+        """Reads the elements of a parameter; up to 3 attempts, since reading changes nothing."""
         return self._repeated(partial(self._read_once, PARAMETERS[name]))
 
     def write(self, name: str, *values: float) -> None:
-        """Write a parameter, once."""
+        """Writes a parameter, once."""
         parameter = PARAMETERS[name]
         data = parameter.pack(*values)
         words = [int.from_bytes(data[at : at + 2], "big") for at in range(0, len(data), 2)]
@@ -57,12 +57,12 @@ class SchunkLink(Master):
         )
 
     def transact(self, request: ModbusPDU) -> ModbusPDU:
-        """Ask once, and return an answer that is none to an earlier request."""
+        """Sends a request once, and returns its answer, never one to an earlier request."""
         with self._line:
             return self._in_step(request)
 
     def close(self) -> None:
-        """Hang up; moves nothing, but the gripper misses its requests before long."""
+        """Disconnects; moves nothing, but the gripper soon misses its requests."""
         self._let_go()
         super().close()
 
@@ -82,7 +82,7 @@ class SchunkLink(Master):
         )
 
     def _keep_alive(self) -> None:
-        """Ask something if nobody has for a while; whoever asks next meets what is wrong."""
+        """Sends a request after a silence; the next caller sees an error."""
         idle_s = self._pace.elapsed(self._free_at)
         if idle_s < ALIVE_S or self._lost or not self._line.acquire(blocking=False):
             return
@@ -96,5 +96,5 @@ class SchunkLink(Master):
             self._line.release()
 
     def _tell(self, incident: str, **details: object) -> None:
-        if not self._quiet:  # a journal is of one thread
+        if not self._quiet:  # a journal is used by one thread
             super()._tell(incident, **details)

@@ -28,20 +28,20 @@ class Parameter(NamedTuple):
 
     @property
     def address(self) -> int:
-        """Of its first register on the wire ([CM], example: 0x0040 is asked for as 0x003F)."""
+        """Address of its first register on the wire ([CM], example: 0x0040 is requested as 0x003F)."""
         return self.code - 1
 
     @property
     def registers(self) -> int:
-        """How many registers it fills; the last may have a byte too many."""
+        """Number of its registers; the last may have an unused byte."""
         return (struct.calcsize(f"<{self.kind}") + 1) // 2
 
     def pack(self, *values: float | bytes) -> bytes:
-        """The bytes of its registers."""
+        """Packs elements into the bytes of its registers."""
         return struct.pack(f"<{self.kind}", *values).ljust(2 * self.registers, b"\0")
 
     def unpack(self, data: bytes) -> tuple[float, ...]:
-        """Its elements in the bytes of its registers."""
+        """Unpacks its elements from the bytes of its registers."""
         return struct.unpack_from(f"<{self.kind}", data)
 
 
@@ -107,14 +107,14 @@ _SOFT = (*range(0x0E, 0x14),)  # of an EGK, whatever its size ([BKS] eGripperTyp
 
 
 def is_soft(module_type: int) -> bool:
-    """Whether a module takes a velocity for gripping: SoftGrip ([CM] 1.2.3)."""
+    """Whether a module accepts a velocity for gripping: SoftGrip ([CM] 1.2.3)."""
     return module_type in _SOFT
 
 
 class Control(IntFlag):
     """Bits of the control double word ([PN] 2.1.1.1; [BKS] SetupControlword)."""
 
-    NO_FAST_STOP = 1 << 0  # "fast stop": clearing it stops, and all else needs it
+    NO_FAST_STOP = 1 << 0  # "fast stop": clearing it stops; every command needs it
     STOP = 1 << 1
     ACKNOWLEDGE = 1 << 2
     PREPARE_SHUTDOWN = 1 << 3
@@ -189,7 +189,7 @@ class Command(IntEnum):
 
 
 class Input(NamedTuple):
-    """What `plc_sync_input` says.
+    """Values of `plc_sync_input`.
 
     Bytes 12, 14 and 15 are error, warning and additional code ([DUMP], [BKS]); [CM] counts them otherwise.
     """
@@ -203,13 +203,13 @@ class Input(NamedTuple):
 
     @classmethod
     def of(cls, values: tuple[float, ...]) -> Self:
-        """What the elements of the parameter say."""
+        """Decodes the elements of the parameter."""
         status, *rest = map(int, values)
         return cls(Status(status), *rest)
 
 
 class Output(NamedTuple):
-    """What `plc_sync_output` asks for."""
+    """Values of `plc_sync_output`."""
 
     control: Control
     position_um: int = 0
@@ -218,13 +218,13 @@ class Output(NamedTuple):
 
     @classmethod
     def of(cls, values: tuple[float, ...]) -> Self:
-        """What the elements of the parameter ask for."""
+        """Decodes the elements of the parameter."""
         control, *rest = map(int, values)
         return cls(Control(control), *rest)
 
 
 class ErrorText(NamedTuple):
-    """What an error means, and what to do."""
+    """Meaning of an error, and the remedy."""
 
     sentence: str
     remedy: str
@@ -284,6 +284,6 @@ NOT_FEASIBLE: dict[int, str] = {
 
 
 def error_text(code: int) -> ErrorText:
-    """What an error code means; an unknown one needs SCHUNK's service ([PN] 6)."""
+    """Meaning of an error code; an unknown one needs SCHUNK's service ([PN] 6)."""
     unknown = ErrorText(f"unknown error 0x{code:02X}", "contact SCHUNK's service")
     return ERRORS.get(code, unknown)

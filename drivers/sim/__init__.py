@@ -1,1 +1,1 @@
-"""Simulated devices that speak the real ones' bytes, and the cell that joins them to a world."""
+"""Simulated devices with the protocols of the real ones, and the cell that joins them to a world."""

@@ -1,4 +1,4 @@
-"""A whole simulated cell in real time: gripper and arm behind their real protocols, a part between them."""
+"""A simulated cell in real time: gripper and arm behind their real protocols, with a part."""
 
 import random
 import threading
@@ -31,7 +31,7 @@ class Serving:
     """Servers that share a lock and a time; they serve while the context lasts, or until `stopped` is set.
 
     Attributes:
-        endpoints: where they are.
+        endpoints: their addresses.
     """
 
     endpoints: dict[str, str]
@@ -83,8 +83,8 @@ class LoneGripper(Serving):
 class Cell(Serving):
     """Gripper on the ports of its make, arm and scene on TCP ports, joined by a world.
 
-    Gripper and arm are one device each: a host picks one of their ports and leaves the others alone. Made as
-    `Workcell` is; `time_scale` is simulated seconds per wall second, `rig` the camera, if there is one.
+    Gripper and arm are one device each: a host uses one of their ports only. Arguments as for `Workcell`;
+    `time_scale` is simulated seconds per wall second, `rig` the camera, if any.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class Cell(Serving):
         ur_script, ur_rtde = served(ur, self._lock, self._time)
         scene = SceneServer(self._answer, self.stopped)
         self._servers: list[Server] = [*gripper.servers, arm, ur_script, ur_rtde, scene]
-        # Where its devices are, as `drivers.connect` takes them.
+        # Addresses of its devices, for `drivers.connect`.
         base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
         self.endpoints = {
             "gripper": gripper.port,

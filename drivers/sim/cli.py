@@ -1,4 +1,4 @@
-"""`grasp-cell`: a simulated cell that answers the real devices' bytes."""
+"""`grasp-cell`: a simulated cell with the protocols of the real devices."""
 
 import argparse
 import json
@@ -68,12 +68,12 @@ def parser() -> Parser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run grasp-cell; returns its exit code."""
+    """Runs grasp-cell; returns its exit code."""
     return run(parser(), arguments, serve)
 
 
 def serve(options: argparse.Namespace) -> int:
-    """Load, start, tell the endpoints, and stay until asked to end."""
+    """Loads, starts, prints the endpoints, and serves until asked to end."""
     # A shell starts background jobs with SIGINT ignored, and that is inherited.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if options.gripper is not None:
@@ -95,12 +95,12 @@ def serve(options: argparse.Namespace) -> int:
 
 
 def _run(serving: Serving, options: argparse.Namespace) -> int:
-    """Serve until asked to end; returns the exit code."""
+    """Serves until asked to end; returns the exit code."""
     failures: list[str] = []
     with serving as running:
 
         def give_up(failed: threading.ExceptHookArgs) -> None:
-            """A server thread failed, most likely in the world: end the cell, no device is left mute."""
+            """Ends the cell after a server thread failed, so that no device stays mute."""
             failures.append(one_line(failed.exc_value))
             if options.debug:
                 threading.__excepthook__(failed)
@@ -131,7 +131,7 @@ def _block(text: str) -> Block:
 
 
 def camera(setting: Setting) -> Any:
-    """The camera under the table; UsageError without OpenCV, or where the world knows no poses."""
+    """The camera under the table; raises UsageError without OpenCV, or where the world has no poses."""
     if not setting.truthful:
         raise UsageError(
             f"--camera: a part of {setting.world} lies nowhere; name a world, or install squeezetree[planner]"
@@ -140,7 +140,7 @@ def camera(setting: Setting) -> Any:
 
 
 def _audit_extra(name: str) -> Any:
-    """A module of the simulated camera, which the cell does without unless it is asked for one."""
+    """Imports a module of the simulated camera, which is optional."""
     try:
         return import_module(f"drivers.sim.camera.{name}")
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""What can go wrong in a simulated cell: the classes, and schedules that say when, as FAULTS.md has them."""
+"""Faults of a simulated cell: their classes, and schedules, see FAULTS.md."""
 
 import random
 from collections.abc import Iterable
@@ -11,10 +11,10 @@ from runtime.shell.errors import InputError, UsageError
 
 
 class Channel(StrEnum):
-    """What a class of faults is counted in."""
+    """Events in which a class of faults is counted."""
 
-    LINE = "line"  # requests that reach the gripper's end of the line, and what answers them
-    GRIPPER = "gripper"  # the same requests; the registers or the device itself are wrong
+    LINE = "line"  # requests that reach the gripper's end of the line, and their answers
+    GRIPPER = "gripper"  # the same requests; the registers or the device itself fail
     ARM = "arm"  # instructions received by the arm's controller
     SCENE = "scene"  # closings of the jaws
 
@@ -22,12 +22,12 @@ class Channel(StrEnum):
 class Kind(NamedTuple):
     """A class of faults."""
 
-    name: str  # as schedules write it
-    channel: Channel  # what it is counted in
-    low: float  # least `value` that a random schedule draws
+    name: str  # name in schedules
+    channel: Channel  # its events
+    low: float  # least `value` in a random schedule
     high: float  # largest
-    lasts: int  # the longest that one lasts in a random schedule, in events
-    meaning: str  # what it does; `value` is the number it depends on
+    lasts: int  # longest duration in a random schedule, in events
+    meaning: str  # effect; `value` is its parameter
 
 
 def _kinds(channel: Channel, *rows: tuple[str, float, float, int, str]) -> tuple[Kind, ...]:
@@ -91,7 +91,7 @@ SCENE_KINDS = _kinds(
 )
 KINDS = {kind.name: kind for kind in (*LINE_KINDS, *GRIPPER_KINDS, *ARM_KINDS, *SCENE_KINDS)}
 
-# Where in a part's life a random schedule lets a fault begin: about three squeezes of it.
+# Events of a part at which faults of a random schedule may begin: about three squeezes.
 BEGINS = {Channel.LINE: 150, Channel.GRIPPER: 150, Channel.ARM: 30, Channel.SCENE: 3}
 
 
@@ -106,30 +106,30 @@ class Fault(NamedTuple):
 
     @property
     def channel(self) -> Channel:
-        """What it is counted in."""
+        """Its events."""
         return KINDS[self.kind].channel
 
 
 class Listed:
-    """A schedule written down."""
+    """An explicit schedule."""
 
     def __init__(self, faults: Iterable[Fault] = ()) -> None:
         self._faults = tuple(faults)
 
     def of_part(self, part: int) -> tuple[Fault, ...]:
-        """Those of one part."""
+        """The faults of one part."""
         return tuple(fault for fault in self._faults if fault.part in (None, part))
 
 
 class Seeded(Listed):
-    """A random schedule: each part meets none, one or two faults; they depend on seed and number alone."""
+    """A random schedule: each part has no, one or two faults, which depend only on seed and number."""
 
     def __init__(self, seed: int) -> None:
         super().__init__()
         self._seed = seed
 
     def of_part(self, part: int) -> tuple[Fault, ...]:
-        """Those of one part."""
+        """The faults of one part."""
         draw = random.Random(f"{self._seed}/faults/{part}")
         return tuple(_random_fault(draw, part) for _ in range(draw.choice((0, 0, 1, 1, 1, 2))))
 
@@ -144,15 +144,15 @@ def _random_fault(draw: random.Random, part: int) -> Fault:
 
 
 class Desk:
-    """Counts the events of a part and says which faults hold now."""
+    """Counts the events of a part and gives the current faults."""
 
     def __init__(self, schedule: Listed) -> None:
-        self.met: list[str] = []  # names of the faults that have held so far, in order
+        self.met: list[str] = []  # names of all faults so far, in order
         self._schedule = schedule
         self.begin(0)
 
     def begin(self, part: int) -> None:
-        """The next part is fed."""
+        """Starts the next part."""
         faults = self._schedule.of_part(part)
         self._of = {
             channel: [one for one in faults if one.channel is channel] for channel in Channel
@@ -160,7 +160,7 @@ class Desk:
         self._events = dict.fromkeys(Channel, -1)
 
     def next(self, channel: Channel) -> None:
-        """One more event."""
+        """Counts one more event."""
         self._events[channel] += 1
         self.met += [fault.kind for fault in self.beginning(channel)]
 
@@ -169,18 +169,18 @@ class Desk:
         return [fault for fault in self._of[channel] if fault.at == self._events[channel]]
 
     def holding(self, channel: Channel) -> list[Fault]:
-        """The faults that hold at the last event of a channel."""
+        """The current faults at the last event of a channel."""
         event = self._events[channel]
         return [fault for fault in self._of[channel] if fault.at <= event < fault.at + fault.length]
 
     def holds(self, kind: str) -> Fault | None:
-        """The fault of that name, if it holds now."""
+        """The fault of that name, if it is current."""
         held = (fault for fault in self.holding(KINDS[kind].channel) if fault.kind == kind)
         return next(held, None)
 
 
 def parse(text: str | None) -> Listed:
-    """A schedule as `--faults` names it, None for none; UsageError or InputError if it is wrong."""
+    """Parses a schedule of `--faults`, None for none; raises UsageError or InputError if it is invalid."""
     if text is None:
         return Listed()
     if text.startswith("seed:"):

@@ -1,4 +1,4 @@
-"""The grippers that can be simulated: by model, its device and the ports that it is served on."""
+"""The simulated grippers: by model, their device and ports."""
 
 import random
 from collections.abc import Callable, Mapping
@@ -36,43 +36,43 @@ from runtime.table import same_model
 
 
 class Mount(NamedTuple):
-    """What a gripper's device is made with."""
+    """Inputs for creating a gripper's device."""
 
     profile: GripperProfile
     rng: random.Random  # draws its lags
     surroundings: Surroundings  # what the fingers may meet
-    desk: Desk | None = None  # says when the device fails; None: never
+    desk: Desk | None = None  # gives the device's faults; None: never
 
 
 class Bench(NamedTuple):
-    """What a gripper's ports are served with."""
+    """Inputs for serving a gripper's ports."""
 
     lock: Lock  # held while bytes are served
     time: SimulatedTime
-    line: Callable[..., CleanLine]  # to the gripper; `checked=False`: its frames end in no CRC
+    line: Callable[..., CleanLine]  # line to the gripper; `checked=False`: its frames have no CRC
 
 
 class Ports(NamedTuple):
-    """Where a gripper is served; a host uses one of them."""
+    """Addresses of a gripper; a host uses one of them."""
 
     servers: list[Server]
     path: str  # of the serial port
-    port: str  # the same as `drivers.connect` takes it
+    port: str  # the same for `drivers.connect`
     others: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
 class Simulator:
-    """How the grippers of one make are simulated."""
+    """Simulator of the grippers of one make."""
 
     # of the device: its draws, what its fingers may meet, its profile
     model: Callable[..., Fingers]
     faulty: Callable[..., Fingers]  # the same, and what says when it fails
     registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, at its time
     unit: int  # on the serial line
-    scheme: str  # what stands before the serial port's path
-    link: Callable[[Stream, Pace, Report], Any]  # of the driver, on that line
-    gripper: Callable[[Any, Pace, Report, GripperProfile], Gripper]  # the driver, over it
+    scheme: str  # prefix of the serial port's path
+    link: Callable[[Stream, Pace, Report], Any]  # link of the driver, on that line
+    gripper: Callable[[Any, Pace, Report, GripperProfile], Gripper]  # the driver, on that link
 
     def device(self, mount: Mount) -> Fingers:
         """The device."""
@@ -84,7 +84,7 @@ class Simulator:
         return RtuSlave(self.registers(device, now), line, self.unit)
 
     def ports(self, device: Any, bench: Bench) -> Ports:
-        """The ports that it is served on."""
+        """The ports of the device."""
         pty = PtyPort(self.slave(device, bench.time.now, bench.line()), bench.lock, bench.time)
         return Ports([pty], pty.path, f"{self.scheme}{pty.path}")
 
@@ -96,10 +96,10 @@ class Simulator:
 
 
 class RobotiqSimulator(Simulator):
-    """A Robotiq gripper is served over TCP, too, and behind the URCap."""
+    """A Robotiq gripper also has TCP ports, and the URCap."""
 
     def ports(self, device: Any, bench: Bench) -> Ports:
-        """The ports that it is served on."""
+        """The ports of the device."""
         lock, time, now = bench.lock, bench.time, bench.time.now
         serial = super().ports(device, bench)
         rtu_tcp = TcpPort(self.slave(device, now, bench.line()), lock, time)
@@ -133,7 +133,7 @@ SIMULATORS = {
 
 
 def simulator(model: str) -> Simulator:
-    """How a model is simulated, however its name is written; UsageError where nobody knows."""
+    """The simulator of a model, for any spelling; raises UsageError for an unknown one."""
     for name, result in SIMULATORS.items():
         if same_model(name, model):
             return result

@@ -1,4 +1,4 @@
-"""Gripper, arm and part of a simulated cell, joined by what they do to one another; no ports, no clock."""
+"""Gripper, arm and part of a simulated cell, joined by their interactions, without ports or clocks."""
 
 import math
 import random
@@ -20,13 +20,13 @@ ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
 class Workcell(Surroundings):
-    """What a cell consists of.
+    """The components of a cell.
 
     Args:
         setting: part and world.
         seed: of every draw.
         now: simulated seconds.
-        faults: what goes wrong when; None: nothing.
+        faults: schedule of faults; None: no faults.
     """
 
     def __init__(
@@ -38,9 +38,9 @@ class Workcell(Surroundings):
         self.table = (TableTop if setting.block is None else Vice)(setting, seed, self.desk)
         self._middle: Pose2 = (0.0, setting.middle_mm, 0.0)
         self.profile = geometry.gripper
-        self._low, self._stood = False, (0.0, 0.0, 0.0)  # where the hand was last
+        self._low, self._stood = False, (0.0, 0.0, 0.0)  # last place of the hand
         self._height_mm = math.inf
-        # Whether the jaws let go since the hand came down, and whether it rose afterwards.
+        # Whether the jaws opened since the hand came down, and whether it rose afterwards.
         self._let_go, self._risen = False, False
         self._moves = 0
         self._noise = random.Random(f"{seed}/line")
@@ -65,18 +65,18 @@ class Workcell(Surroundings):
     # -- what the fingers meet: drivers.sim.devices.jaws.Surroundings -------------------------------------
 
     def closing(self) -> float | None:
-        """The jaws start to close: the width [mm] that will stop them, given where the arm really is."""
+        """The jaws start to close: the width [mm] that will stop them, given the arm's true pose."""
         hand, height_mm = self._hand()
         if hand is None or height_mm > self.table.geometry.closing_mm or self._risen:
             return None
         return self.table.squeeze(hand)
 
     def gripped(self) -> None:
-        """They stopped at the part."""
+        """The jaws stopped at the part."""
         self.table.gripped()
 
     def released(self) -> None:
-        """They let go of it."""
+        """The jaws release it."""
         self._let_go = True
         self.table.released()
 
@@ -88,7 +88,7 @@ class Workcell(Surroundings):
             return
         self._moves = self.arm.moves
         now_s = self.now()
-        opening_mm = self.gripper.opening_mm(now_s)  # whatever the jaws did on the way is over now
+        opening_mm = self.gripper.opening_mm(now_s)  # the jaws' action on the way is over now
         hand, height_mm = self._hand()
         if height_mm < self._height_mm:
             self._let_go = False
@@ -118,13 +118,13 @@ class Workcell(Surroundings):
     # -- feeder and ground truth ------------------------------------------------------------------
 
     def answer(self, what: str) -> Mapping[str, object] | None:
-        """Feed the next part, or tell the truth about this one; None: something else was asked for."""
+        """Feeds the next part, or gives the truth about this one; None for any other request."""
         self.gripper.advance(self.now())
         if what == "next_part":
             return {"part": self.table.next_part()}
         return self.table.truth() if what == "truth" else None
 
     def look(self) -> Look:
-        """What a camera under the table sees now."""
+        """The view of a camera under the table."""
         self.gripper.advance(self.now())
         return self.table.look()

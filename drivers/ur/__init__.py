@@ -1,1 +1,1 @@
-"""Universal Robots arms: RTDE to read, programs of our own in URScript to move."""
+"""Universal Robots arms: RTDE to read, generated URScript programs to move."""

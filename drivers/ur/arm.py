@@ -1,7 +1,7 @@
-"""A UR arm: read by RTDE, moved by one short program of ours a motion, over the secondary interface.
+"""A UR arm: read by RTDE, moved by one short program for each motion, over the secondary interface.
 
-Connecting reads. A motion is refused while a program of somebody else runs, and stopped when it is
-interrupted or late; that it began and ended is told by two registers, which only our programs write.
+Connecting reads. A motion is refused while another program runs, and stopped when it is interrupted or
+late; two registers, which only this driver's programs write, report its start and end.
 """
 
 import contextlib
@@ -37,9 +37,9 @@ SAFETY = (
     "stopped due to safety",
 )
 PAUSED = frozenset({3, 4})  # runtime states: pausing, paused
-LEAST_FRACTION = 0.05  # of the speed slider; slower than this no deadline makes sense
+LEAST_FRACTION = 0.05  # of the speed slider; below it no deadline is useful
 STILL_M_S = 0.002
-WHOLE_TURN_MARGIN = 2.0  # a motion given by its time may be so much faster in its middle
+WHOLE_TURN_MARGIN = 2.0  # factor by which a motion of given duration may be faster in its middle
 REMOTE = (
     "set the pendant to Remote Control, and see that port 30002 is not blocked (Settings, Security)"
 )
@@ -62,12 +62,12 @@ class Arm(UprightArm):
     def __init__(
         self, stream: Stream, open_script: Callable[[], Stream], pace: Pace, setup: Setup
     ) -> None:
-        # Axis 1 turns the hand by more than its bearing alone: the arm is offset from the base's middle.
+        # Axis 1 turns the hand by more than its bearing: the arm is offset from the base's middle.
         super().__init__(stream.endpoint, setup, within_sphere(setup))
         self._open_script = open_script
         self._pace = pace
-        self._displaced = False  # whether somebody's program took the place of ours
-        self._fraction = 1.0  # where the speed slider stood when the last motion began
+        self._displaced = False  # whether another program replaced this driver's
+        self._fraction = 1.0  # position of the speed slider at the start of the last motion
         self._moves = secrets.randbelow(1 << 30)  # no number of an earlier client
         # The table in the base frame.
         self._table = compose(invert(setup.base or IDENTITY), setup.work_object)
@@ -77,13 +77,13 @@ class Arm(UprightArm):
             raise self._lose(str(error)) from error
 
     def close(self) -> None:
-        """Hang up; the arm does not move."""
+        """Disconnects; the arm does not move."""
         self._unknown = self._unknown or "it was closed"
         self._rtde.close()
 
     def _read_hand(self) -> Pose:
         seen = self._read()
-        # In the controller's active tool, which need not be ours yet.
+        # In the controller's active tool, which may still be another.
         flange = compose(script.frame(seen.tcp), invert(script.frame(seen.tcp_offset)))
         return compose(invert(self._table), compose(flange, self._setup.tool))
 
@@ -133,7 +133,7 @@ class Arm(UprightArm):
             seen = self._read()
             runs = seen.status_bits & PROGRAM_RUNS or seen.runtime_state in PAUSED
             if seen.started != self._moves:
-                self._displaced = True  # not ours to stop
+                self._displaced = True  # another program, which must not be stopped
                 raise self._lose("another program moves it")
             if (
                 seen.done == self._moves
@@ -175,7 +175,7 @@ def _pacing(motion: Motion) -> tuple[str, float]:
 
 
 def _objection(seen: Reading) -> str:
-    """Why it may not be moved; empty: it may."""
+    """Why the arm may not be moved; empty: it may."""
     if reason := _stop(seen):
         return reason
     if seen.status_bits & PROGRAM_RUNS:
@@ -184,7 +184,7 @@ def _objection(seen: Reading) -> str:
 
 
 def _hold(seen: Reading) -> str:
-    """What keeps a program of ours from going on, as far as the controller tells; empty: nothing."""
+    """What keeps the program from continuing, as far as the controller reports; empty: nothing."""
     if reason := _stop(seen):
         return reason
     if seen.runtime_state in PAUSED:
@@ -210,11 +210,11 @@ def _slider(seen: Reading) -> str:
 
 
 def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
-    """Connect to a controller; reads, and moves nothing.
+    """Connects to a controller; only reads, and moves nothing.
 
     Raises:
-        PortError: nobody accepts the connection, or the address is not understood.
-        ArmError: whoever answers is no UR controller.
+        PortError: the connection is refused, or the address is invalid.
+        ArmError: the other side is not a UR controller.
     """
     setup = setup_of(url, read_only=read_only)
     host, port = tcp_address(url.partition("?")[0], PORT)

@@ -1,8 +1,8 @@
-"""Reading a UR controller by Real-Time Data Exchange, protocol version 2, TCP port 30004.
+"""Reads a UR controller by Real-Time Data Exchange, protocol version 2, TCP port 30004.
 
-After Universal Robots' RTDE guide: packages of a size (uint16), a type (one letter) and a payload, big
-endian. The stream is started for each reading and paused after it, so that a reading is never older than its
-question, and nothing piles up between two.
+By Universal Robots' RTDE guide: packages of a size (uint16), a type (one letter) and a payload, big endian.
+The stream is started for each reading and paused after it, so that a reading is never older than its
+request, and no data accumulates between two.
 """
 
 import struct
@@ -16,7 +16,7 @@ PORT = 30004
 VERSION = 2
 FREQUENCY_HZ = 125.0
 ANSWER_S = 2.0  # wall
-# Past a deadline, at what is there already: this process may have been stopped meanwhile.
+# Past a deadline, for data that is there already: this process may have been stopped meanwhile.
 LATE_LOOKS = 3
 HEADER = struct.Struct(">HB")
 FORMATS = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
@@ -40,7 +40,7 @@ Vector = tuple[float, ...]
 
 
 class RtdeError(OSError):
-    """The controller does not answer, or not as the guide says."""
+    """The controller does not answer, or not by the guide."""
 
 
 class Reading(NamedTuple):
@@ -56,15 +56,15 @@ class Reading(NamedTuple):
     speed_fraction: float  # of the pendant's slider
     # of the program: 0 stopping, 1 stopped, 2 playing, 3 pausing, 4 paused, 5 resuming
     runtime_state: int
-    started: int  # number of our move that began last
-    done: int  # number of our move that ended last
+    started: int  # number of the driver's last started move
+    done: int  # number of the driver's last ended move
 
 
 class Rtde:
     """An RTDE connection, which it owns; opening it reads nothing and writes nothing.
 
     Raises:
-        RtdeError: no RTDE answers there, or it lacks a field.
+        RtdeError: there is no RTDE, or it lacks a field.
     """
 
     def __init__(self, stream: Stream, pace: Pace) -> None:
@@ -72,7 +72,7 @@ class Rtde:
         self._pace = pace
         self._buffer = b""
         self._late_s = 0.0
-        self._out_of_step = False  # what was streamed before an interrupt may still be there
+        self._out_of_step = False  # data streamed before an interrupt may still be pending
         if self._ask("V", struct.pack(">H", VERSION))[:1] != b"\1":
             raise RtdeError(f"it does not speak RTDE version {VERSION}; update PolyScope")
         names = ",".join(FIELDS).encode("ascii")
@@ -85,7 +85,7 @@ class Rtde:
             raise RtdeError(f"the controller does not offer {lacks}; update PolyScope")
 
     def read(self) -> Reading:
-        """The controller now.
+        """Reads the controller now.
 
         Raises:
             RtdeError: it does not answer in time.
@@ -100,14 +100,14 @@ class Rtde:
             late_s = self._late_s
             self._ask("P")
             self._out_of_step = False
-            if late_s <= 0.0:  # otherwise it tells of a moment that is too long ago
+            if late_s <= 0.0:  # otherwise it is of a moment too long ago
                 return self._unpacked(payload)
         raise RtdeError(
             f"this process was stopped or starved and read an answer {late_s:.1f} s too late"
         )
 
     def close(self) -> None:
-        """Hang up."""
+        """Disconnects."""
         self._stream.close()
 
     def _unpacked(self, payload: bytes) -> Reading:
@@ -125,7 +125,7 @@ class Rtde:
         return self._await(kind)
 
     def _await(self, kind: str) -> bytes:
-        """The payload of the next package of a kind; others (data on their way, text) are dropped."""
+        """The payload of the next package of a kind; others (data, text) are dropped."""
         deadline = self._pace.now() + ANSWER_S
         late = 0
         while late < LATE_LOOKS:

@@ -10,13 +10,13 @@ STOP_M_S2 = 1.0
 
 
 def move(number: int, tool: Pose, target: Pose, pacing: str) -> bytes:
-    """A program that moves the tool straight to a pose and tells by registers how far it is.
+    """A program that moves the tool straight to a pose and reports its progress in registers.
 
     Args:
-        number: of the move, told when it begins and when it has ended.
+        number: of the move, reported at its start and its end.
         tool: the tool's frame in the flange frame.
         target: in the base frame.
-        pacing: arguments of `movel` that say how fast.
+        pacing: arguments of `movel` for its speed.
     """
     return _program(
         f"set_tcp({pose(tool)})",
@@ -27,18 +27,18 @@ def move(number: int, tool: Pose, target: Pose, pacing: str) -> bytes:
 
 
 def stop() -> bytes:
-    """A program that brakes; it takes the place of the one that runs."""
+    """A program that brakes; it replaces the running one."""
     return _program(f"stopl({STOP_M_S2})")
 
 
 def pose(frame: Pose) -> str:
-    """A pose as URScript has it: m, and a rotation vector in rad."""
+    """A pose in URScript: m, and a rotation vector in rad."""
     numbers = (*(value / 1000.0 for value in frame[:3]), *rotation_vector(frame.rotation))
     return "p[" + ", ".join(f"{number:.7f}" for number in numbers) + "]"
 
 
 def frame(vector: Vector) -> Pose:
-    """A pose of six numbers, m and a rotation vector, as ours."""
+    """Converts a pose of six numbers, m and a rotation vector, to mm and a quaternion."""
     x, y, z = (1000.0 * value for value in vector[:3])
     return Pose(x, y, z, rotation(vector[3:]))
 

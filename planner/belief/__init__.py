@@ -1,1 +1,1 @@
-"""What is known of the part: particles, the goal's metric, what the encoder shows, what a squeeze changes."""
+"""Beliefs about the part: particles, the goal's metric, the encoder's readings, the effect of a squeeze."""

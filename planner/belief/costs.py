@@ -1,4 +1,4 @@
-"""What an action costs, in typical squeezes: its share of their seconds, or each squeeze alike.
+"""Cost of actions in units of a typical squeeze: by seconds, or one for each squeeze.
 
 The seconds are those of the table's model of time (`runtime.table.timing`), from where the hand stands after
 the squeeze before to the end of this one. A typical squeeze is the unit, so that the leaf heuristic, which
@@ -18,7 +18,7 @@ from planner.job.model import Job
 from runtime.table import Timing, Visit
 
 PUSH_SQUEEZES = 0.1
-"""What a push costs where squeezes are counted: J of two plans errs by about that."""
+"""Cost of a push where squeezes are counted; about the difference in J between two plans."""
 TYPICAL_TURN = math.pi / 4.0
 """Turn of the hand before a typical squeeze."""
 TYPICAL_WIDTH = 0.5
@@ -33,10 +33,10 @@ class Hand(NamedTuple):
 
 
 class Closing(NamedTuple):
-    """How jaws close [mm]."""
+    """Closing of the jaws [mm]."""
 
-    opening_mm: float  # from here
-    contact_mm: float | None  # the greatest width at which they may meet the part; None: not known
+    opening_mm: float  # opening at the start
+    contact_mm: float | None  # the greatest width at which they may meet the part; None: unknown
     width_mm: float  # where they stop
 
 
@@ -49,8 +49,8 @@ class Costs:
         typical_s: seconds of a typical squeeze.
         opening_mm: between the open jaws.
         speed_mm_s: rate at which the opening closes.
-        turn: turn of the hand [rad] after which it does the same, where both fingers are to move alike: half
-            a turn; in a cell where they do not, it does not.
+        turn: turn of the hand [rad] that leaves a squeeze the same: half a turn where both fingers are to
+            move alike, though not in a cell where they do not.
     """
 
     timing: Timing | None
@@ -118,20 +118,20 @@ class Costs:
         return self.timing.squeeze(visit).total_s / self.typical_s
 
     def squeezes(self, hand: Hand | None, placements: Array, widths_mm: Array) -> Array:
-        """The costs (k,) of squeezes, taken to meet the part where its jaws stop; as `squeeze`."""
+        """The costs (k,) of squeezes whose jaws meet the part at the width at which they stop."""
         if self.timing is None:
             return np.ones(len(placements))
         rows = zip(placements, widths_mm.tolist(), strict=True)
         return np.array([self.squeeze(hand, at, Closing(mm, mm, mm)) for at, mm in rows])
 
     def back(self, hand: Hand | None, home: Array | None) -> float:
-        """The cost of the way to the first squeeze of the next part, (3,) in the world."""
+        """The cost of the way to `home` (3,) in the world, the first squeeze of the next part."""
         if self.timing is None or hand is None or home is None:
             return 0.0
         return self.timing.move_s(*self._way(hand.placement, home)) / self.typical_s
 
     def pushes(self, hand: Hand | None, pushes: tuple[Push, ...]) -> tuple[float, Hand | None]:
-        """The cost of pushes, and where the hand stands after them."""
+        """The cost of pushes, and the hand after them."""
         if self.timing is None:
             return PUSH_SQUEEZES * len(pushes), hand
         seconds, open_mm = 0.0, self.opening_mm
@@ -153,12 +153,12 @@ class Costs:
         return seconds / self.typical_s, hand
 
     def _way(self, before: Array, placement: Array) -> tuple[float, float]:
-        """How far the hand goes [mm] and turns [rad]."""
+        """Distance [mm] and turn [rad] from one placement of the hand to another."""
         x, y, turn = (placement - before).tolist()
         return math.hypot(x, y), math.remainder(turn, math.tau)
 
     def _opening_s(self, width_mm: float, opening_mm: float) -> float:
-        """How long the jaws still open after the hand has risen from its squeeze before."""
+        """Seconds that the jaws still open after the hand has risen from its last squeeze."""
         assert self.timing is not None  # seconds are counted
         rise_s = self.timing.move_s(self.timing.regrasp_mm - self.timing.squeeze_mm)
         return max(self.timing.opening_s(width_mm, opening_mm, self.speed_mm_s) - rise_s, 0.0)

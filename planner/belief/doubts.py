@@ -1,4 +1,4 @@
-"""What a job doubts, as traits of particles: drawn once for a part, and kept in all its squeezes."""
+"""Latent parameters by the job's doubts: drawn once for each part and kept in all its squeezes."""
 
 from collections.abc import Callable
 from functools import partial
@@ -14,8 +14,8 @@ from planner.mechanics.traits import FRESH, SHAPES, Traits, as_planned, by_hypot
 from planner.part.outline import min_width
 
 SLIPPERY, ROUGH = 1.0 / 3.0, 1.5
-"""How far doubted friction lies outside the job's bounds, in units of them."""
-WAVY = 0.5  # standard deviation of all the waves of a contour together, in units of the tolerance
+"""How far doubted friction lies outside the job's bounds, as a factor of them."""
+WAVY = 0.5  # standard deviation of a contour's waves, all together, in units of the tolerance
 
 
 Draw = Callable[[Job, int, np.random.Generator], Array]
@@ -27,23 +27,23 @@ def believed(job: Job, n: int, rng: np.random.Generator, draw: Draw = initial) -
 
 
 def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
-    """Draws the traits (n,) of parts: with the job's chance one of the things doubted is off, any of them.
+    """Draws the traits (n,) of parts; with probability `doubt.chance` one doubt, picked at random, is off.
 
-    Friction is so by itself, for a share of the parts (`friction.doubt`).
+    Friction is drawn separately: it is outside its bounds for a share of the parts (`friction.doubt`).
     """
     return _of_each(job, hypotheses_of(job, n, rng), partial(_traits_of, rng=rng))
 
 
 def stated_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
-    """The traits (n,) of parts drawn from those that may lie there, where nothing is off."""
+    """Draws the traits (n,) of parts with nothing off; each part is one of the job's hypotheses."""
     return _of_each(job, hypotheses_of(job, n, rng), stated)
 
 
 def pushed_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
-    """Draws the traits (n,) of parts whose pushes are stated: nothing was measured that tells what is off.
+    """Draws the traits (n,) for pushes given by the user, about which nothing was measured.
 
-    What a push feels is drawn each for itself: how the part presses on the table, and friction of the pusher.
-    Friction with the table scatters as much as the job doubts it may. Jaws and encoder have no part in it.
+    The pressure distribution and the friction of the pusher are drawn independently. Friction with the table
+    scatters up to the job's doubt. Jaws and encoder play no part.
     """
     traits, shares = as_planned(n), shares_of(job)
     traits["surface"] = rng.choice(len(shares), n, p=shares)
@@ -53,7 +53,7 @@ def pushed_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
 
 
 def hypotheses_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
-    """Traits (n,) of parts as planned, each drawn from those that may lie there."""
+    """Traits (n,) of parts as planned, with the hypothesis of each drawn by its share."""
     traits = as_planned(n)
     if job.hypothesis:
         traits["hypothesis"] = rng.choice(len(job.shares), n, p=job.shares)
@@ -61,7 +61,7 @@ def hypotheses_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
 
 
 def _of_each(job: Job, traits: Traits, traits_of_part: Callable[[Job, int], Traits]) -> Traits:
-    """Fills in `traits` (n,), which have hypotheses, with what `traits_of_part` draws for each part's job."""
+    """Fills in `traits` (n,) by hypothesis, with draws of `traits_of_part` for each part's job."""
     for k, rows in by_hypothesis(traits):
         traits[rows] = traits_of_part(job.alone[k], len(traits[rows]))
         traits["hypothesis"][rows] = k
@@ -84,7 +84,7 @@ def _traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
 def _draws(
     job: Job, rng: np.random.Generator
 ) -> list[tuple[str, float, Callable[[int], Array | IntArray]]]:
-    """For each thing doubted: its trait, the middle that it has where it is not off, and how it is drawn."""
+    """For each doubt: its trait, the value where it is not off, and the function that draws it."""
     doubt, others, tolerance_mm = job.doubt, len(latent_surfaces(job)), job.part.tolerance_mm
     low, high = sorted((max(doubt.least_dof, 1), job.pressure.wishart_dof))
     intervals = {
@@ -112,8 +112,8 @@ def _draws(
 def _friction(job: Job, n: int, rng: np.random.Generator) -> Array:
     """Friction (n,) outside the bounds for a share (`friction.doubt`) of the parts, `FRESH` for the others.
 
-    Half of those lie between `SLIPPERY` times the lower bound and that bound, the others between the upper
-    bound and `ROUGH` times that.
+    Half of those outside lie between `SLIPPERY` times the lower bound and that bound, the others between
+    the upper bound and `ROUGH` times that.
     """
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     slippery = rng.uniform(SLIPPERY * low, low, n)
@@ -143,7 +143,7 @@ def _deviations(tolerance_mm: float, n: int, rng: np.random.Generator) -> Array:
 
 
 def stated(job: Job, n: int) -> Traits:
-    """The traits (n,) of parts where nothing is off: each doubt in the middle of its interval."""
+    """The traits (n,) of parts where nothing is off: the middle of each doubt's interval."""
     traits, doubt = as_planned(n), job.doubt
     traits["share"] = 0.5 * sum(doubt.finger_share)
     traits["across_mm"] = closing_mm(job) * traits["share"] + 0.5 * sum(doubt.middle_mm)

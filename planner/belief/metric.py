@@ -1,7 +1,7 @@
-"""When is a part located: the audit metric, and how near a belief is to that (paper VI.1, eq. 9).
+"""The audit metric, which says whether a part is located, and the mode ratio of a belief (paper VI.1, eq. 9).
 
-The paper averages the poses and counts those near the average; for a belief of two modes the average lies
-between them and counts nothing. The *mode ratio* is the largest share of the belief within the goal of one
+The paper averages the poses and counts those near the average; the average of a belief of two modes lies
+between them, near no particle. The *mode ratio* is the largest share of the belief within the goal of one
 pose: it grows with progress, and that pose is the right prediction. Where the goal allows several modes, it
 is the share within the goal of any of them.
 """
@@ -22,12 +22,12 @@ REFINEMENTS = 4
 
 
 class Mode(NamedTuple):
-    """The pose that explains most of a belief; further ones where the goal allows them."""
+    """The pose within the goal of most particles of a belief; further ones where the goal allows them."""
 
     pose: Array  # (3,) [mm, mm, rad]
-    ratio: float  # share of the belief within the goal of it, or of one of the others
+    ratio: float  # share of the belief within the goal of any of the poses
     others: Array = np.zeros((0, 3))  # (m, 3) further poses
-    hypothesis: tuple[int, ...] = (0,)  # which part it is; and which each of the others
+    hypothesis: tuple[int, ...] = (0,)  # the hypothesis of each pose
 
     @property
     def state(self) -> Array:
@@ -36,19 +36,19 @@ class Mode(NamedTuple):
 
 
 class Metric(NamedTuple):
-    """How far from the truth a prediction is, under the part's rotational symmetry.
+    """Distance of a prediction from the truth, under the part's rotational symmetry.
 
     For kinds "pose" and "modes" d(q1, q2) = sqrt(dx^2 + dy^2) + rho dtheta in mm (eq. 9); for "tolerances"
     and "orientation" the largest deviation in units of its tolerance, so that the goal is 1. For "identity"
     it is 0.
 
-    Where there are several hypotheses a state has four columns, and three where it is of the first. Its
-    deviation is taken under its own symmetry; from a state of another hypothesis it is infinite, unless the
-    goal does not ask for that.
+    With several hypotheses a state has a fourth column, its hypothesis; a state of three columns is of the
+    first. The symmetry is that of the state's hypothesis. States of different hypotheses are infinitely far
+    apart, unless the goal does not ask for the hypothesis.
     """
 
     distance_mm: float  # the goal of d
-    rho_mm: float  # what one radian weighs
+    rho_mm: float  # millimetres that count like one radian
     order: int  # rotational order of the part
     kind: str = "pose"  # one of `runtime.table.KINDS`
     tolerance: tuple[float, float, float] = (1.0, 1.0, 1.0)  # bounds on x, y [mm] and theta [rad]
@@ -60,14 +60,14 @@ class Metric(NamedTuple):
 
     @property
     def goal(self) -> float:
-        """What the distance must stay below."""
+        """The distance below which a part is located."""
         return self.distance_mm if self.kind in ("pose", "modes") else 1.0
 
     def weights(self) -> Array:
-        """(h, 6) for the kernels, a row a hypothesis.
+        """(h, 6) for the kernels, one row for each hypothesis.
 
-        1 to add deviations up or 0 to take the largest; 1 / goal of x, y and theta; the period of theta; 1
-        where a state of another hypothesis is none within the goal.
+        Columns: 1 to add deviations up or 0 to take the largest; 1 / goal of x, y and theta; the period of
+        theta; 1 where a state of another hypothesis is never within the goal.
         """
         return np.array([self._row(*scale) for scale in ((self.rho_mm, self.order), *self.further)])
 
@@ -112,7 +112,7 @@ class Metric(NamedTuple):
         return shares
 
     def mode(self, states: Array) -> Mode:
-        """The state with most of the belief within the goal, or as many states as the goal allows.
+        """The pose, or as many as the goal allows, with most of the belief within the goal.
 
         Args:
             states: (n, 3 or 4) particles, n >= 1 [mm, mm, rad, hypothesis].
@@ -123,7 +123,7 @@ class Metric(NamedTuple):
         return Mode(result[0].pose, ratio, others, tuple(mode.hypothesis[0] for mode in result))
 
     def main_modes(self, states: Array, most: int, least_share: float = 0.0) -> list[Mode]:
-        """The heaviest modes, one after the other: each explains what those before it do not.
+        """The heaviest modes, one after the other: each counts only particles outside those before it.
 
         Args:
             states: (n, 3 or 4) particles, n >= 1 [mm, mm, rad, hypothesis].
@@ -153,7 +153,7 @@ class Metric(NamedTuple):
 
 
 def _hypothesis(states: Array) -> IntArray:
-    """(...,) that of states (..., 3 or 4)."""
+    """The hypotheses (...,) of states (..., 3 or 4)."""
     return np.asarray(
         states[..., 3] if states.shape[-1] > 3 else np.zeros(states.shape[:-1]), np.int64
     )
@@ -175,7 +175,7 @@ def metric_of(job: Job) -> Metric:
 
 @inlined_kernel
 def off(columns: Array, i: int, centre: Array, weights: Array) -> tuple[float, float]:
-    """How far state i lies off `centre`, in goals, infinite for another part; by which angle."""
+    """Distance of state i from `centre`, in goals (infinite for another part), and the angle between them."""
     which = 0
     if columns.shape[0] > 3:
         if weights[0, 5] > 0.0 and columns[3, i] != centre[3]:
@@ -199,12 +199,12 @@ def within(
 ) -> int:
     """Marks which states from `start` up to `stop` are within the goal of `centre`; returns how many.
 
-    The states stand in columns (3 or 4, n): the loop for poses of one part runs on several at once.
+    The states stand in columns (3 or 4, n), so that the loop is vectorised for poses of one part.
 
     Args:
         columns: x, y [mm], theta [rad] and maybe the hypothesis of n states.
-        start: the first looked at.
-        stop: the first beyond.
+        start: the first state.
+        stop: one past the last state.
         centre: (3 or 4,) taken under the symmetry of each state.
         weights: (h, 6) of the metric.
         inside: (n,) receives the marks.
@@ -235,7 +235,7 @@ def inliers(
     inside: BoolArray,
     mean: Array,
 ) -> int:
-    """`within`; `mean` receives their mean state, taken about the centre, and its hypothesis."""
+    """`within` that also fills `mean` with the mean of the marked states, taken about the centre."""
     count = within(columns, start, stop, centre, weights, inside)
     mean[:] = 0.0
     for i in range(start, stop):
@@ -252,9 +252,9 @@ def inliers(
 
 @kernel
 def largest_mode(columns: Array, n: int, weights: Array, state: Array) -> float:
-    """Share of the first n states within the goal of the best one found.
+    """Share of the first n states within the goal of the best pose that mean shift reaches.
 
-    Starts from states spread evenly through the belief and climbs from the better ones to the mean of what is
+    Starts from states spread evenly through the belief; the better ones climb to the mean of the states
     within the goal (mean shift with a flat kernel).
 
     Args:
@@ -305,10 +305,9 @@ def largest_mode(columns: Array, n: int, weights: Array, state: Array) -> float:
 
 @kernel
 def mode_shares(columns: Array, stops: IntArray, weights: Array, shares: Array) -> None:
-    """Fills in the `shares` (k, most) of the heaviest modes of k beliefs, one after the other.
+    """Fills in the `shares` (k, most) of the heaviest modes of k beliefs.
 
-    The states of all beliefs stand in the columns (m, n) one after the other, too; `stops` (k,) say where
-    each ends.
+    The states of all beliefs stand in the columns (m, n) one after the other; `stops` (k,) are their ends.
     """
     rest, inside = np.empty_like(columns), np.empty(columns.shape[1], np.bool_)
     state, start = np.empty(columns.shape[0]), 0

@@ -1,13 +1,13 @@
-"""What a squeeze shows: what the encoder reads, and clusters of widths by k-means (paper V.A).
+"""Readings of the encoder, and their clusters by k-means (paper V.A).
 
 The finger encoder is a linear map of the gripper with noise. The paper's method partitions widths by k-means,
 solved exactly by dynamic programming over their histogram, as one dimension allows (the planner's own way is
 `planner.belief.partition`). k is the smallest number of clusters within which widths scatter little enough:
 
-- a cluster that has a hole in it, much wider than what tells two clusters apart, is cut there: a rare outcome
-  far from the others is an outcome of its own, and no width in between is taken for either;
+- a cluster that has a hole in it, much wider than the distance that separates two clusters, is cut there: a
+  rare outcome far from the others is an outcome of its own, and no width in between is taken for either;
 - neighbouring clusters whose means the encoder cannot tell apart are merged, and the merges recorded;
-- what an empty hand reads (the part slipped out or was never touched) is always a cluster of its own.
+- readings of an empty hand (the part slipped out or was never touched) are always a cluster of their own.
 """
 
 import math
@@ -21,52 +21,52 @@ from planner.arrays import Array, IntArray
 from planner.job.model import Job
 from planner.kernel import kernel
 
-MOST_CLUSTERS = 10  # of k-means; holes may cut them further
+MOST_CLUSTERS = 10  # clusters of k-means; holes may cut them further
 SIGMAS = 6.0
-"""Two widths are told apart if their readings differ by this many standard deviations: 0.3 % are mistaken."""
-HOLE = 2.0  # width of a hole that cuts a cluster, over the distance that tells two apart
+"""Standard deviations by which readings of two distinguishable widths differ (0.3 % mistaken)."""
+HOLE = 2.0  # width of a hole that cuts a cluster, in units of the distance that separates two
 LEAST_CUT = 20
-"""Readings on either side of a hole below which it may be chance, and the piece too little to plan with."""
-COARSE_MM = 0.4  # widths that the search may take for one where there are very many
+"""Least readings on either side of a hole: with fewer it may be chance, and the piece is too small."""
+COARSE_MM = 0.4  # widths that the search may merge where there are very many
 MARGIN_MM = 1.0
-"""A branch's interval reaches this far beyond the widths seen, at most half a gap: rare or a little off."""
+"""Distance beyond the widths seen that a branch reaches, at most half a gap."""
 
 
 @dataclass(frozen=True, slots=True)
 class Encoder:
     """A linear encoder with noise. A reading is a number of steps of closing: 0 open, `steps` closed."""
 
-    opening_mm: float  # width at the reading 0
+    opening_mm: float  # width at reading 0
     steps: int  # of its resolution, from open to closed
     noise_mm: float  # standard deviation of a measured width before its rounding
 
     @property
     def mm_per_step(self) -> float:
-        """Resolution."""
+        """Width of one step."""
         return self.opening_mm / self.steps
 
     @property
     def grain_mm(self) -> float:
-        """What readings of one width differ by: the resolution, or the noise where that is more."""
+        """Scatter of the readings of one width: the resolution, or the noise where that is larger."""
         return max(self.mm_per_step, self.noise_mm)
 
     def read(self, width_mm: Array, rng: np.random.Generator) -> IntArray:
-        """Noisy readings of true widths; both ends of travel are hard stops."""
+        """Noisy readings of true widths, clipped at both ends of travel."""
         noisy = width_mm + self.noise_mm * rng.standard_normal(np.shape(width_mm))
         readings = np.rint(self.steps - noisy / self.mm_per_step)
         return np.asarray(np.clip(readings, 0, self.steps), dtype=np.int64)
 
     def with_flag(self, readings: IntArray, width_mm: Array) -> IntArray:
-        """Readings (n,) as a plan tells them apart: the object flag parts thin grips from an empty hand."""
+        """Readings (n,) with the object flag added, which distinguishes thin grips from an empty hand."""
         held = np.minimum(readings, resolution_of(self).free - 1)
         return np.where(width_mm > 0.0, held, readings)
 
     def width_mm(self, readings: Array | IntArray) -> Array:
-        """Width at a reading, the middle of what reads so; fractions of a step allowed."""
+        """The width in the middle of a reading's interval; fractional readings are allowed."""
         return np.asarray((self.steps - np.asarray(readings, dtype=np.float64)) * self.mm_per_step)
 
     def width_um(self, readings: IntArray) -> IntArray:
-        """Width at a reading, rounded as a gripper's driver tells it and a table looks it up."""
+        """Width at a reading, rounded to the micrometres that a driver reports and a table looks up."""
         opening_um = round(1e3 * self.opening_mm)
         closed = self.steps - np.asarray(readings, np.int64)
         return np.asarray((2 * opening_um * closed + self.steps) // (2 * self.steps))
@@ -79,13 +79,13 @@ def encoder_of(job: Job) -> Encoder:
 
 
 class Resolution(NamedTuple):
-    """What an encoder can tell apart, in steps."""
+    """The distances that an encoder can resolve, in steps."""
 
     apart: float = 3.0  # least distance of two cluster means
     free: int = 225  # least reading of an empty hand
     margin: int = 3  # steps beyond those read that a branch takes
-    grain: float = 1.0  # what readings of one width differ by, at least a step
-    coarsest: int = 1  # steps that may be one for the search
+    grain: float = 1.0  # scatter of the readings of one width, at least a step
+    coarsest: int = 1  # steps that the search may merge
 
 
 class Partition(NamedTuple):
@@ -98,7 +98,7 @@ class Partition(NamedTuple):
 
     @classmethod
     def of(cls, readings: Sequence[IntArray]) -> Self:
-        """Clusters of the readings (n,) of each, n >= 1, in their order."""
+        """The clusters of n >= 1 readings, given the cluster of each."""
         return cls(
             mean=np.array([each.mean() for each in readings]),
             low=np.array([each.min() for each in readings]),
@@ -107,13 +107,13 @@ class Partition(NamedTuple):
         )
 
     def of_clusters(self, numbers: Sequence[int]) -> Self:
-        """Some of the clusters, numbered anew."""
+        """A subset of the clusters, renumbered."""
         rows = np.array(numbers, np.int64)
         return type(self)(self.mean[rows], self.low[rows], self.high[rows], self.size[rows])
 
 
 def resolution_of(encoder: Encoder) -> Resolution:
-    """What an encoder with that noise and resolution can tell apart."""
+    """The resolution of an encoder with its noise."""
     step_mm = encoder.mm_per_step
     noise = encoder.noise_mm / step_mm
     return Resolution(
@@ -133,8 +133,8 @@ def cut(
     Args:
         weight: (n,) readings of each bin.
         free: least bin of an empty hand.
-        spread: root mean square spread within clusters that is little enough.
-        within: share of the variance, of what is held, within clusters that is little enough.
+        spread: accepted root mean square spread within clusters.
+        within: accepted share of the variance of held parts within clusters.
         apart: least distance of two means; clusters nearer than that are merged.
         hole: width of a hole that cuts a cluster.
 
@@ -159,14 +159,14 @@ def _bounds(
     bounds: IntArray,
     merged: Array,
 ) -> tuple[int, int]:
-    """`cut`, with `bounds` (n + 1,) and `merged` (n, 2) in place; returns how many clusters and merges."""
+    """`cut` into `bounds` (n + 1,) and `merged` (n, 2); returns the numbers of clusters and merges."""
     n = weight.shape[0]
     values, m = np.empty(n, np.int64), 0
     for count in range(min(free, n)):
         if weight[count] > 0:
             values[m] = count
             m += 1
-    first = np.zeros(n + 1, np.int64)  # first bin of each cluster of held parts, rising
+    first = np.zeros(n + 1, np.int64)  # first bin of each cluster of held parts, ascending
     k = 0
     if m > 0:
         k = _k_means(weight, values[:m], spread, within, first)
@@ -189,7 +189,7 @@ def _bounds(
 def _k_means(
     weight: IntArray, values: IntArray, spread: float, within: float, first: IntArray
 ) -> int:
-    """Exact k-means for the smallest k that spreads little enough.
+    """Exact k-means for the smallest k of an accepted spread.
 
     Args:
         weight: (n,) readings of each bin.
@@ -204,7 +204,7 @@ def _k_means(
     m = values.shape[0]
     w, s, q = np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1)
     for i in range(m):
-        # Counted from the first value, so that little cancels.
+        # Relative to the first value, against cancellation.
         x = float(values[i] - values[0])
         w[i + 1] = w[i] + weight[values[i]]
         s[i + 1] = s[i] + weight[values[i]] * x
@@ -221,7 +221,7 @@ def _k_means(
     k = 1
     while k < most and reach[m] > enough:
         k += 1
-        last, reach = reach, last  # what is left of the round before last is never read
+        last, reach = reach, last  # entries left over from two rounds before are never read
         for j in range(k, m + 1):
             best = np.inf
             for i in range(k - 1, j):
@@ -269,7 +269,7 @@ def _cut_holes(weight: IntArray, values: IntArray, hole: float, first: IntArray,
 def _merge_near(
     weight: IntArray, free: int, apart: float, first: IntArray, k: int, merged: Array
 ) -> tuple[int, int]:
-    """Makes one of the nearest neighbours while their means are too near, in place; returns k and merges."""
+    """Merges the nearest clusters in place while their means are too near; returns k and merges."""
     mean = np.empty(max(k, 1))
     merges = 0
     while k > 1:

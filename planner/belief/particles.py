@@ -1,4 +1,4 @@
-"""The belief: equally weighted pose particles in the arm's frame, with traits of their own (paper VI)."""
+"""The belief: equally weighted pose particles in the arm's frame, with latent parameters (paper VI)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RATIO = 1.2207440846057596  # the root of x^4 = x + 1
 class Belief:
     """Particles: poses, and traits that each keeps in all squeezes.
 
-    Fingers that are more slippery than the job says, or close unevenly, do so in every squeeze.
+    Fingers that are more slippery than the job says, or that close unevenly, are so in every squeeze.
     """
 
     poses: Array  # (n, 3) in the world [mm, mm, rad]
@@ -33,7 +33,7 @@ class Belief:
     def of(
         cls, poses: Array, reading: IntArray | None = None, traits: Traits | None = None
     ) -> Self:
-        """Poses (n, 3), of parts as planned where nothing else is said."""
+        """A belief of poses (n, 3), by default of parts as planned."""
         read = np.full(len(poses), UNREAD) if reading is None else reading
         return cls(poses, as_planned(len(poses)) if traits is None else traits, read)
 
@@ -48,7 +48,7 @@ class Belief:
 
     @property
     def states(self) -> Array:
-        """What a goal asks for: poses (n, 3); in a fourth column the hypothesis, if any is not the first."""
+        """Poses (n, 3), with the hypothesis as fourth column if any is not the first."""
         return with_hypothesis(self.poses, self.traits)
 
     @property
@@ -76,9 +76,10 @@ def initial(job: Job, n: int, rng: np.random.Generator) -> Array:
 
 
 def evenly(job: Job, n: int, rng: np.random.Generator) -> Array:
-    """Poses (n, 3) as of `initial`, by a randomly shifted lattice: plans vary less between seeds.
+    """Poses (n, 3) as `initial` draws, by a randomly shifted lattice: plans vary less between seeds.
 
-    Multiples of the inverse powers of `RATIO`, cut to their fractions, fill a cube evenly (Roberts 2018).
+    Multiples of the inverse powers of `RATIO`, reduced to their fractions, fill a cube evenly (Roberts
+    2018).
     """
     return _poses(
         job, (rng.random((3, 1)) + np.outer(RATIO ** -np.arange(1.0, 4.0), np.arange(n))) % 1.0
@@ -86,7 +87,7 @@ def evenly(job: Job, n: int, rng: np.random.Generator) -> Array:
 
 
 def _poses(job: Job, uniform: Array) -> Array:
-    """Poses (n, 3) that numbers (3, n) in [0, 1) stand for [mm, mm, rad]."""
+    """Maps uniform numbers (3, n) in [0, 1) to poses (n, 3) [mm, mm, rad]."""
     radius = job.uncertainty.radius_mm * np.sqrt(uniform[0])
     bearing = 2.0 * np.pi * uniform[1]
     half = np.radians(job.uncertainty.orientation_halfwidth_deg)
@@ -102,7 +103,7 @@ def subsample(particles: Particles, n: int) -> Particles:
 
 
 def replenish(belief: Belief, n: int) -> Belief:
-    """At least n particles: a small belief is repeated, and the next squeeze's scatter spreads the copies."""
+    """Repeats a small belief up to at least n particles; the next squeeze's scatter spreads the copies."""
     if len(belief) >= n:
         return belief
     return belief[np.resize(np.arange(len(belief)), n)]

@@ -1,20 +1,21 @@
-"""Widths as branches: intervals of readings that leave the fewest squeezes to make (paper V.A, by value).
+"""Partition of readings into branches: intervals with the least expected cost-to-go (paper V.A, by value).
 
-A plan branches on what the encoder reads. Every cut between two readings that occurred is a choice, and
+A plan branches on the encoder's reading. Any two readings that occurred may be separated by a cut. A set of
+cuts costs
 
     sum over intervals z of  P(z) J(b_z)  +  doubt * sum over cuts of P(a reading within `reach` of the cut)
 
-is what a choice costs. J(b) is what is still to be squeezed of the particles read in the interval; it
-is lower the fewer poses they lie at, so that widths of one grasp are cut off from rarer ones beside them.
+where J(b) is the cost-to-go of the particles read in the interval. It is lower the fewer poses they lie at,
+so that widths of one grasp are cut off from rarer ones beside them.
 The second sum keeps cuts away from readings that occur: an encoder a little off would take such parts into
-the wrong branch. The least cost over all choices is found by dynamic programming.
+the wrong branch. Dynamic programming finds the cuts of least cost.
 
 For all intervals at once, the share of one pose is found from a list of candidate poses: how many particles
-each has within the goal at every count is summed over cells once. What an empty hand reads (the part slipped
-out or was never touched) is always an interval of its own.
+each has within the goal at every count is summed over cells once. Readings of an empty hand (the part
+slipped out or was never touched) are always an interval of their own.
 
-A cell is a step of the encoder, or several of them where it has so many that a belief spreads over more than
-`MOST_CELLS`: arrays, and the time that is the square of their size, do not grow with the resolution.
+A cell is one step of the encoder, or several where a belief spreads over more than `MOST_CELLS` steps: the
+resolution does not increase the arrays, nor the time, which is quadratic in their size.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ from planner.belief.observation import Resolution
 from planner.belief.stopping import StoppingRule, missed
 from planner.kernel import inner_kernel, kernel
 
-MOST_CELLS = 128  # of a belief, unless they would be coarser than need be
-CANDIDATES = 48  # candidate poses of a belief, besides one of every cell
-CLIMBS = 2  # steps of each candidate to the mean of what is within the goal
+MOST_CELLS = 128  # of a belief, unless cells would be needlessly coarse
+CANDIDATES = 48  # candidate poses of a belief, besides one for each cell
+CLIMBS = 2  # mean-shift steps of each candidate
 
 
 class Rule(NamedTuple):
@@ -39,13 +40,14 @@ class Rule(NamedTuple):
 
     Attributes:
         metric: of the goal.
-        stopping: when a branch is located, and the leaf heuristic.
-        resolution: what the encoder tells apart.
-        doubt: chance that a part near a cut strays into a leaf beyond it; more makes fewer answers wrong
-            where encoders are off, and more squeezes.
+        stopping: the rule for located branches, and the leaf heuristic.
+        resolution: of the encoder.
+        doubt: probability that a part near a cut strays into a leaf beyond it; a larger value gives fewer
+    wrong answers where encoders are off, and more squeezes.
         astray: cost of a part that strays into a branch that is squeezed again [squeezes]; likewise.
-        branch: cost of an interval [squeezes of one particle]; more makes smaller tables, less follows noise.
-        reach: distance from a cut that is near it [grains of the encoder]; more asks for wider gaps.
+        branch: cost of an interval [squeezes of one particle]; a larger value gives smaller tables, a smaller
+    one fits noise.
+        reach: distance within which a reading counts as near a cut [grains of the encoder].
     """
 
     metric: Metric
@@ -57,7 +59,7 @@ class Rule(NamedTuple):
     reach: float = 2.7
 
     def compiled(self) -> Costs:
-        """The rule as kernels read it."""
+        """The rule in the form that kernels read."""
         metric, resolution = self.metric, self.resolution
         prices = (self.doubt, self.astray, self.branch, self.reach * resolution.grain)
         stopping = StoppingRule(*map(float, self.stopping))
@@ -72,12 +74,12 @@ class Rule(NamedTuple):
 
 
 class Costs(NamedTuple):
-    """A `Rule` for kernels, in cells. All numbers but counts are floats, so that kernels compile once."""
+    """A `Rule` for kernels, in cells. All but counts are floats, so that kernels compile once."""
 
     free: int  # least cell that an empty hand reads
     coarsest: int  # steps that a cell may have
     weights: Array  # of the metric
-    modes: int  # how many a belief may have
+    modes: int  # most modes of a belief
     stopping: StoppingRule
     doubt: float
     astray: float
@@ -86,21 +88,21 @@ class Costs(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Particles of m counts, summed over counts."""
+    """Cumulative numbers of particles over m counts."""
 
-    hits: IntArray  # (m + 1, c) those within the goal of each candidate
-    size: IntArray  # (m + 1,) all
+    hits: IntArray  # (m + 1, c) particles within the goal of each candidate
+    size: IntArray  # (m + 1,) all particles
 
 
 class Reach(NamedTuple):
-    """Which of m rising counts are near a cut: an encoder a little off may read them across it."""
+    """The counts near a cut among m ascending ones; an encoder a little off may read them across it."""
 
     low: IntArray  # (m + 1,) the first count within reach of the i-th
     high: IntArray  # (m + 1,) the first count beyond reach of the one before the j-th
 
 
 def partition(poses: Array, readings: IntArray, rule: Rule) -> IntArray:
-    """Cuts readings into the intervals that leave the fewest squeezes to make.
+    """Cuts readings into the intervals of least expected cost-to-go.
 
     Args:
         poses: (n, 3 or 4) states after the squeeze, n >= 1 [mm, mm, rad, hypothesis].
@@ -124,10 +126,10 @@ def partition(poses: Array, readings: IntArray, rule: Rule) -> IntArray:
 def into_cells(
     readings: IntArray, free: int, coarsest: int, most: int, cells: IntArray
 ) -> tuple[int, int]:
-    """Puts readings (n,) into cells of equal size, their numbers in place; returns how many, and their steps.
+    """Replaces readings (n,) by equal cells, in place; returns the number of cells and their steps.
 
-    Those of held parts, below `free`, are at most `most` cells, or as many of `coarsest` steps; those of an
-    empty hand are the cell after these.
+    Readings of held parts, below `free`, take at most `most` cells, unless a cell would exceed `coarsest`
+    steps; readings of an empty hand are the cell after these.
     """
     lowest = free
     for reading in readings:
@@ -142,7 +144,7 @@ def into_cells(
 
 @kernel
 def in_cells(costs: Costs, held: int, steps: int) -> Costs:
-    """The costs for readings that are in cells."""
+    """The costs for readings that were put into cells."""
     return Costs(
         held,
         costs.coarsest,
@@ -160,7 +162,7 @@ def in_cells(costs: Costs, held: int, steps: int) -> Costs:
 def candidates(
     columns: Array, first: IntArray, counts: IntArray, m: int, weights: Array, poses: Array
 ) -> int:
-    """Poses that explain many particles of a count and those beside it, into `poses` (c, .); returns c."""
+    """Fills `poses` (c, .) with poses that explain many particles about a count; returns c."""
     n, width, c = first[m], columns.shape[0], 0
     mean, centre, inside = np.empty(width), np.empty(width), np.empty(n, np.bool_)
     for a in range(m):
@@ -189,7 +191,7 @@ def candidates(
 def explained(
     columns: Array, first: IntArray, counts: IntArray, m: int, weights: Array, modes: int
 ) -> tuple[IntArray, BoolArray]:
-    """Particles (m + 1, c) within the goal of each candidate, summed over counts; which are apart."""
+    """Cumulative counts (m + 1, c) of particles within the goal of each candidate; which are apart."""
     result, inside = np.empty((m + CANDIDATES, columns.shape[0])), np.empty(first[m], np.bool_)
     result = result[: candidates(columns, first, counts, m, weights, result)]
     hits = np.zeros((m + 1, result.shape[0]), np.int64)
@@ -202,7 +204,7 @@ def explained(
 
 @kernel
 def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple[int, int]:
-    """Particles of counts i to j - 1 within the goal of the best candidates; which, if there is one mode."""
+    """Particles of counts i to j - 1 within the goal of the best candidates; which one, for one mode."""
     if modes > 1:
         return _best_modes(hits, i, j, modes, apart), -1
     best, chosen = 0, 0
@@ -217,7 +219,7 @@ def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple
 def leaf_cost(
     counted: Sums, i: int, j: int, reach: Reach, apart: BoolArray, costs: Costs
 ) -> tuple[float, float]:
-    """How likely counts i to j - 1 miss the goal; what a leaf of them costs. Arguments as `least_cost`."""
+    """Probability that counts i to j - 1 miss the goal, and the cost of a leaf; arguments as `least_cost`."""
     hits, size, low, high = counted.hits, counted.size, reach.low, reach.high
     stopping = costs.stopping
     best, chosen = _best(hits, i, j, costs.modes, apart)
@@ -233,13 +235,13 @@ def leaf_cost(
 def least_cost(
     counted: Sums, misread: Sums, reach: Reach, apart: BoolArray, costs: Costs, start: IntArray
 ) -> float:
-    """The least cost of cutting particles of m counts into intervals; `start` says how, in place.
+    """The least cost of cutting particles of m counts into intervals; `start` receives the cuts.
 
     Args:
         counted: the particles.
-        misread: those that are here only if the encoder is off.
+        misread: the particles that are read here only if the encoder is off.
         reach: which counts are near a cut.
-        apart: (c, c) candidates of which no particle can be near both; empty for one mode.
+        apart: (c, c) pairs of candidates that no particle can be near at once; empty for one mode.
         costs: of branches and leaves.
         start: (m + 1,) receives where the last interval of the first j counts begins.
     """
@@ -278,7 +280,7 @@ def least_cost(
 
 @inner_kernel
 def find_near(counts: IntArray, m: int, distance: float, reach: Reach) -> None:
-    """Fills in `reach` for m rising counts and a distance [counts]."""
+    """Fills in `reach` for m ascending counts and a distance [counts]."""
     low, high = reach.low, reach.high
     for i in range(m + 1):
         low[i], high[i] = i, i
@@ -290,7 +292,7 @@ def find_near(counts: IntArray, m: int, distance: float, reach: Reach) -> None:
 
 @inner_kernel
 def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> int:
-    """The counts below `stop` that occur, and how many readings lie below each, in place; returns m."""
+    """Fills in the m counts below `stop` that occur, and the cumulative number of readings; returns m."""
     m = 0
     first[0] = 0
     for count in range(min(stop, weight.shape[0])):
@@ -303,9 +305,9 @@ def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> 
 
 @kernel
 def intervals(columns: Array, weight: IntArray, costs: Costs, bounds: IntArray) -> int:
-    """The bounds (k + 1,) of the intervals, falling, in place; returns k.
+    """Fills in the bounds (k + 1,) of the intervals, descending; returns k.
 
-    The states stand in columns, by rising count. Interval j has counts from bounds[j + 1] up to bounds[j].
+    The states stand in columns, by ascending count. Interval j has counts from bounds[j + 1] up to bounds[j].
     """
     n, free = weight.shape[0], costs.free
     counts, first = np.empty(n, np.int64), np.zeros(n + 1, np.int64)
@@ -331,7 +333,7 @@ def intervals(columns: Array, weight: IntArray, costs: Costs, bounds: IntArray) 
 
 @kernel
 def mutually_apart(poses: Array, weights: Array) -> BoolArray:
-    """(c, c): whether no particle can be within the goal of both candidates."""
+    """(c, c) whether no particle can be within the goal of both candidates."""
     c = poses.shape[0]
     half = np.copy(weights)
     half[:, 1:4] *= 0.5
@@ -344,7 +346,7 @@ def mutually_apart(poses: Array, weights: Array) -> BoolArray:
 
 @kernel
 def _best_modes(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> int:
-    """Particles of counts i to j - 1 within the goal of the best candidates, each apart from those before."""
+    """Particles of counts i to j - 1 within the goal of the best candidates, all of them apart."""
     c, total = hits.shape[1], 0
     chosen = np.empty(modes, np.int64)
     for mode in range(modes):

@@ -1,4 +1,4 @@
-"""Readings of one branch that a later squeeze shows to be several (paper V.A, by value)."""
+"""Splits of a branch that the next squeeze shows to be worth it (paper V.A, by value)."""
 
 import numpy as np
 
@@ -26,15 +26,15 @@ from planner.kernel import kernel
 
 
 def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
-    """Where the readings before a squeeze had better been cut, given what it shows.
+    """The cuts that the readings before a squeeze should have had, given its outcome.
 
     A rare width beside a common one may look no different until the next squeeze. A piece that meets the goal
-    without it will not be squeezed: it costs at least what a leaf of it would cost.
+    before this squeeze is not squeezed again: it costs at least as much as a leaf.
 
     Args:
         old: n particles, their readings all of one interval.
         new: the same after the squeeze.
-        rule: how they are cut.
+        rule: how readings are cut.
 
     Returns:
         The first readings of all pieces but the lowest, rising; none where the interval stays whole.
@@ -67,16 +67,16 @@ def _recut(
     reach_before: float,
     cuts: IntArray,
 ) -> int:
-    """`recut` in cells, `cuts` in place; returns how many.
+    """`recut` in cells, with `cuts` filled in place; returns their number.
 
-    The states `columns_before` (m, n) stand by rising cell before the squeeze, `columns` and the cells
-    `before` (n,) it by rising cell after it.
+    The states `columns_before` (m, n) are sorted by the cell before the squeeze; `columns`, and the cells
+    `before` (n,) the squeeze, by the cell after it.
     """
     n, bins = columns.shape[1], weight.shape[0]
     counts, first = np.empty(bins, np.int64), np.zeros(bins + 1, np.int64)
     m = occupied(weight, costs.free, counts, first)
     held = first[m]
-    if held < n:  # an empty hand is one more count, however it reads, and far from all others
+    if held < n:  # an empty hand is one more count, whatever its reading, and far from all others
         counts[m], first[m + 1] = 4 * bins, n
         m += 1
     old_weight = np.bincount(before)
@@ -90,7 +90,7 @@ def _recut(
     inside, result = np.empty(n, np.bool_), np.empty((m + CANDIDATES, columns.shape[0]))
     result = result[: candidates(columns, first, counts, m, costs.weights, result)]
     c = result.shape[0]
-    # Summed over readings before and counts after: of rows r.. and counts a.. those below both.
+    # Cumulative over readings before and counts after: rows r.. and counts a.. hold all below both.
     hits, size = np.zeros((rows + 1, m + 1, c), np.int64), np.zeros((rows + 1, m + 1), np.int64)
     for a in range(m):
         for i in range(first[a], first[a + 1]):
@@ -115,7 +115,7 @@ def _recut(
         columns_before, old_first, old, rows, costs.weights, costs.modes
     )
     old_sums = Sums(old_hits, old_first)
-    cost = np.full((rows + 1, rows + 1), -1.0)  # of the pieces looked at
+    cost = np.full((rows + 1, rows + 1), -1.0)  # of the pieces considered
     waiting = np.empty((rows + 1, 2), np.int64)
     waiting[0, 0], waiting[0, 1] = 0, rows
     left, count = 1, 0

@@ -1,4 +1,4 @@
-"""When a belief counts as located: one rule for the search, its trials and the table."""
+"""The rule by which a belief counts as located, for the search, its trials and the table."""
 
 from __future__ import annotations
 
@@ -12,23 +12,25 @@ from planner.kernel import inner_kernel
 from runtime import table as tables
 
 FAILURE = 100.0
-"""Cost of a part that is not located, in typical squeezes: one more has to gain 1 % in success."""
+"""Cost of a part that is not located, in typical squeezes: a squeeze is worth 1 % of success."""
 LEAST_EVIDENCE = 300
-"""Particles from which a mode ratio below the goal may be chance; with fewer, too much is left open."""
+"""Particles below which a belief is too small for its mode ratio to be trusted."""
 LEAST_TRIALS = 100
-"""Fresh trials of a leaf from which their success rate itself is compared with the goal: by the exact test
-alone leaves just below the goal stay, and later trials refute them."""
+"""Fresh trials of a leaf from which their success rate itself is compared with the goal.
+
+The exact test alone keeps leaves just below the goal, which later trials refute.
+"""
 
 
 class StoppingRule(NamedTuple):
-    """What "located" means of `hits` parts in `size` that lie within the goal of a leaf's pose.
+    """Decides whether a leaf is located, from `hits` of `size` particles within the goal of its pose.
 
-    The share of hits in truth has a Beta distribution, given the sample; `inside` and `outside` are the
-    particles assumed to have been seen before it, since small samples look too pure.
+    Given the sample, the true share of hits has a Beta distribution; `inside` and `outside` are its prior
+    counts, since small samples look too pure.
 
     Attributes:
         confidence: share of hits at which a belief needs no further squeeze.
-        failure: cost of a part that is not where its leaf says [squeezes].
+        failure: cost of a part that is not at the pose of its leaf [squeezes].
         inside: prior particles within the goal.
         outside: prior particles outside it.
     """
@@ -39,16 +41,16 @@ class StoppingRule(NamedTuple):
     outside: float = 0.5
 
     def reached(self, ratio: float) -> bool:
-        """Whether the search makes a leaf of a belief with such a mode ratio."""
+        """Whether the search makes a leaf of a belief with this mode ratio."""
         return ratio >= self.confidence
 
     def refuted(self, hits: int, trials: int) -> bool:
-        """Whether fresh trials of a leaf speak against it, or are likely to once the plan is finished."""
+        """Whether fresh trials of a leaf refute it, or are likely to by the end of the plan."""
         fails = trials >= LEAST_TRIALS and hits < self.confidence * trials
         return fails or tables.refuted(hits, trials, self.confidence)
 
     def holds(self, ratio: float, size: int) -> bool:
-        """Whether a table may call a leaf resolved: a miss is no larger than fresh trials of a good leaf."""
+        """Whether a table may call a leaf resolved: it misses no more than a good leaf does in trials."""
         if self.reached(ratio):
             return True
         return size >= LEAST_EVIDENCE and not tables.refuted(
@@ -56,7 +58,7 @@ class StoppingRule(NamedTuple):
         )
 
     def cost_to_go(self, hits: Array, size: IntArray) -> Array:
-        """Squeezes left (n,) of beliefs with `hits` (n,) of `size` (n,) particles in their modes."""
+        """Expected squeezes left (n,) of beliefs with `hits` (n,) of `size` (n,) particles in their modes."""
         return np.array(
             [squeezes_left(float(k), float(n), *self) for k, n in zip(hits, size, strict=True)]
         )
@@ -79,8 +81,8 @@ def squeezes_left(
 ) -> float:
     """Leaf heuristic: squeezes left of a belief with `hits` of `size` particles in its modes.
 
-    A belief that misses the goal needs one squeeze more, and a second one the more likely the more is
-    missing. One that meets it costs what its parts outside the modes are worth.
+    A belief that misses the goal needs one more squeeze, and possibly a second one, with a probability that
+    grows with the share missing. A belief that meets the goal costs its parts outside the modes.
     """
     open_still, rest = missed(hits, size, confidence, inside, outside)
     further = 2.0 - hits / size

@@ -1,4 +1,4 @@
-"""What a squeeze makes of a belief: one child belief per cluster of widths (paper V.A, V.C).
+"""Effect of an action on a belief: one child belief per cluster of widths (paper V.A, V.C).
 
 The reference motion model is direct simulation of every particle, each with its own random mechanics and
 encoder noise. Many beliefs and actions are rolled out in one batch.
@@ -31,9 +31,9 @@ class Push(NamedTuple):
 
 
 class Squeezed(NamedTuple):
-    """What one action makes of one belief."""
+    """The outcome of one action on one belief."""
 
-    belief: Belief  # n particles after it, with what the encoder reads
+    belief: Belief  # n particles after it, with their readings
     width_mm: float  # mean width at which the jaws stop
 
 
@@ -41,12 +41,12 @@ class Outcomes(NamedTuple):
     """The branches of one action on one belief."""
 
     clusters: Partition  # the partition of readings
-    beliefs: list[Belief]  # for each cluster the particles in it
+    beliefs: list[Belief]  # the particles of each cluster
     width_mm: float  # see `Squeezed`
 
     @classmethod
     def of(cls, squeezed: Squeezed, rule: Rule) -> Self:
-        """Cuts what was read into branches."""
+        """Partitions the readings into branches."""
         belief, width_mm = squeezed
         label = partition(belief.states, belief.reading, rule)
         beliefs = [belief[label == k] for k in range(int(label.max()) + 1)]
@@ -54,7 +54,7 @@ class Outcomes(NamedTuple):
         return cls(clusters, beliefs, width_mm)
 
     def without_gaps(self, holds: BoolArray, most: int) -> Self:
-        """Cuts branches that hold a pose (k,) where more than `most` steps in a row were not read."""
+        """Cuts branches that hold a pose (k,) at gaps of more than `most` unread steps."""
         beliefs = list[Belief]()
         for belief, held in zip(self.beliefs, holds, strict=True):
             counts = np.unique(belief.reading)
@@ -74,15 +74,15 @@ class Outcomes(NamedTuple):
 
 
 class Placing(NamedTuple):
-    """How well the arm brings the hand to where it is sent: standard deviations, drawn for every squeeze."""
+    """Placement errors of the arm: standard deviations, drawn for every squeeze."""
 
-    shift_mm: float  # of x and of y
+    shift_mm: float  # of x and of y [mm]
     turn: float  # of the angle [rad]
 
     def placed(self, placements: Array, traits: Traits, rng: np.random.Generator) -> Array:
-        """Where the hand stands that was sent to placements (n, 3), by parts' traits (n,) [mm, mm, rad].
+        """True placements of a hand sent to placements (n, 3), by the traits (n,) of parts [mm, mm, rad].
 
-        As many numbers are drawn whatever the errors are, so that trials compare one by one.
+        The number of random draws does not depend on the errors, so that trials are comparable one by one.
         """
         spread = np.array([self.shift_mm, self.shift_mm, self.turn])
         placed = placements + spread * rng.standard_normal(placements.shape)
@@ -95,7 +95,7 @@ EXACT = Placing(0.0, 0.0)
 
 
 def read_as(width_mm: Array, traits: Traits) -> Array:
-    """What an encoder with these traits (n,) makes of widths (n,), before noise and rounding."""
+    """Widths (n,) as an encoder with these traits (n,) measures them, before noise and rounding."""
     return np.asarray(width_mm * (1.0 + traits["gain"]) + traits["encoder_mm"])
 
 
@@ -114,7 +114,7 @@ class Simulation:
             rng: source of all randomness.
 
         Returns:
-            What became of them, one for each case.
+            One outcome for each case.
         """
         if not cases:
             return []
@@ -151,5 +151,5 @@ class Simulation:
 
 
 def finger_speed_mm_s(speed_mm_s: float) -> float:
-    """How fast a finger goes while the jaws close at such a rate, and a hand that pushes: as slowly."""
+    """Speed of one finger while the jaws close at that rate; pushes are made at the same speed."""
     return 0.5 * speed_mm_s

@@ -1,1 +1,1 @@
-"""Lower bounds on the squeezes of any plan: a certificate of how near the best a plan is."""
+"""Lower bounds on the squeezes of any plan, which certify how near the optimum a plan is."""

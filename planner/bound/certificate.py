@@ -1,6 +1,6 @@
-"""A certificate: how many squeezes any plan takes that is as good as this one.
+"""Certificate: a lower bound on the squeezes of any plan that is as good as this one.
 
-It covers the job's placements, those along stable sides and the plan's own; not hands scattered about.
+It covers the job's placements, those along stable sides and the plan's own; not scattered placements.
 """
 
 import math
@@ -27,37 +27,37 @@ from planner.search.proposals import along
 from planner.work.progress import Report, silent
 from runtime.table import PPM, REJECT, Table, decide, decision_map, wilson_interval
 
-PILOTS = 20_000  # parts that show what may be read after the first squeezes
-BELIEF = 400  # parts of a history that its modes are sought among
+PILOTS = 20_000  # parts that sample the readings after the first squeezes
+BELIEF = 400  # parts of a history among which modes are sought
 DENSE_ANGLES_DEG = np.arange(0.0, 180.0, 15.0)
 DENSE_SHIFTS = (-0.5, 0.0, 0.5)  # shifts along the fingers, in lengths of the finger
 
 PARTS = 50_000
 MOST_PARTS = 1_000_000
-TRIED = 2  # squeezes that are made at all placements
-DEPTH = 3  # squeezes that are made where the cheapest plans make them
-ROUNDS = 8  # how often these are asked for
-LEAST_PARTS = 20  # of a history after which they are made: fewer tell nothing
+TRIED = 2  # squeezes for which all placements are tried
+DEPTH = 3  # squeezes for which only the placements of the cheapest plans are tried
+ROUNDS = 8  # rounds of the latter
+LEAST_PARTS = 20  # least parts of a history that is continued
 CERTAINTY = 0.95
 SEED_BOUND = 0x424F554E
 SEED_PILOTS = 0x50494C4F
 
 
 class Covered:
-    """The placements of a class of plans; called as `planner.bound.histories.Placements`.
+    """Callable that gives the placements of a class of plans; a `planner.bound.histories.Placements`.
 
-    Those proposed about modes are found with parts of their own: a certificate must not choose what it covers
-    by the sample that it judges with.
+    Placements about modes are proposed from a separate sample: a certificate must not choose the class by the
+    sample that it judges with.
 
     Attributes:
-        first: (k, 3) those of the first squeeze: the table's own at the start, none equivalent to another.
+        first: (k, 3) those of the first squeeze, the table's own first, no two of them equivalent.
     """
 
     def __init__(self, job: Job, table: Table, squeeze: Squeeze, dense: bool) -> None:
         """The placements of a table's job and its own, and a grid about the middle if `dense`."""
         self._actions, self._metric, self._squeeze = actions_of(job), metric_of(job), squeeze
         self._more, self._seed = np.zeros((0, 3)), [job.seed, SEED_PILOTS]
-        if dense:  # every 15 degrees, over the middle and to either side of it
+        if dense:  # every 15 degrees, in the middle and on either side of it
             middle = np.array([[0.0, 0.0, math.radians(angle)] for angle in DENSE_ANGLES_DEG])
             shifts = [share * job.gripper.finger_length_mm for share in DENSE_SHIFTS]
             self._more = np.concatenate([along(middle, shift) for shift in shifts])
@@ -69,7 +69,7 @@ class Covered:
         self._all = believed(job, PILOTS, np.random.default_rng(self._seed))
         self._squeezed = dict[
             History, Belief
-        ]()  # by their history and the number of the next placement
+        ]()  # keyed by history and the number of the next placement
 
     def __call__(self, history: History) -> Array:
         """The placements (k, 3) of the next squeeze, the table's own last where it has one."""
@@ -97,7 +97,7 @@ class Covered:
         return parts[parts.reading == reading]
 
     def _node(self, history: History) -> int:
-        """The table's node after a history that is its own; negative if there is none."""
+        """The table's node after a history that follows the table; negative if there is none."""
         if not history:
             return 0
         *before, option, reading = history
@@ -111,16 +111,16 @@ class Covered:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What is proved about the plans that may be compared with a table's."""
+    """A proven bound on the plans of the same class as a table."""
 
-    leaves: Term  # the bound for plans whose leaves hold the job's confidence
-    overall: Term  # the bound for plans that locate the share `success` of all parts
-    confidence: float  # the job's, of a leaf
-    success: float  # what the table's own trials showed at least, with 97.5 % confidence
+    leaves: Term  # bound for plans whose leaves hold the job's confidence
+    overall: Term  # bound for plans that locate the share `success` of all parts
+    confidence: float  # the job's, for a leaf
+    success: float  # lower limit of the table's success rate in its trials, with 97.5 % confidence
     mean: float  # squeezes a part of the table
     parts: int  # size of the sample
     first: int  # inequivalent placements of the first squeeze
-    second: float  # placements of the second squeeze, on average over what was read
+    second: float  # placements of the second squeeze, averaged over the readings
     dense: bool  # whether a grid of placements is among them
 
     @property
@@ -130,12 +130,12 @@ class Certificate:
 
     @property
     def rounded(self) -> str:
-        """The bound with two digits, rounded down: what is shown is proved."""
+        """The bound with two decimals, rounded down so that it remains proven."""
         return f"{math.floor(100.0 * self.squeezes) / 100.0:.2f}"
 
     @property
     def plans(self) -> str:
-        """Which plans it holds for."""
+        """The class of plans that the bound holds for."""
         grid = ", a dense grid" if self.dense else ""
         return (
             f"at least {self.success:.3%} of the parts located, at leaves that are right for "
@@ -170,7 +170,7 @@ class Certificate:
 
 
 def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
-    """Squeezes in the world that the evaluation judges plans in: what the job doubts may be off."""
+    """Squeezes in the world of the evaluation, where the job's doubts may be off."""
     simulator, encoder = Simulator.of_job(job, workers), encoder_of(job)
 
     def squeeze(
@@ -192,11 +192,11 @@ def certify(
     workers: int | None = None,
     report: Report = silent,
 ) -> Certificate:
-    """Proves a lower bound of the squeezes of plans that are as good as the evaluated table of a job.
+    """Proves a lower bound on the squeezes of plans that are as good as the evaluated table of a job.
 
-    Its first squeezes and its success say what is compared. `parts` is the size of the sample, of which more
-    prove more; `dense` covers a grid of placements beside those of the job. The result does not depend on the
-    number of workers (threads), all cores if None.
+    The table's first squeezes and its success define the class of plans. `parts` is the size of the sample;
+    more parts give a tighter bound. `dense` adds a grid of placements. The result does not depend on the
+    number of workers (threads; all cores if None).
     """
     rng = np.random.default_rng([job.seed, SEED_BOUND])
     squeeze = squeezes_of(job, workers)

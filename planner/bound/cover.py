@@ -1,10 +1,10 @@
-"""At most how many poses one prediction can locate: an upper bound of the mode, by branch and bound.
+"""Upper bound on the poses that one prediction can locate, by branch and bound.
 
 `planner.belief.metric` climbs to a good pose, which proves nothing about the best one. Here a box that holds
 every prediction in question is covered with cells. No prediction q of a cell about g with radius e, the
 greatest distance of g to a pose of the cell, locates more poses than lie within goal + e of g: d(p, q) < goal
-and d(q, g) <= e imply d(p, g) < goal + e. Cells that cannot beat what is found already are dropped, the
-others cut in two until e is a hundredth of the goal.
+and d(q, g) <= e imply d(p, g) < goal + e. Cells that cannot beat the best so far are dropped, the
+others are bisected until e is a hundredth of the goal.
 
 Lengths are in units of the goal, so that it is 1.
 """
@@ -20,20 +20,20 @@ from planner.kernel import kernel
 from planner.work.scheduler import Threads
 
 LEAST_SHARE = 0.75
-"""Where no prediction locates this share of a group, only that is found out. It is above a half."""
+"""Share of a group, above 0.5; where no prediction locates it, the bound says no more than that."""
 INFLATION = (
-    0.01  # radius of a cell that is not cut any more: by so much the goal is too wide at most
+    0.01  # radius of a cell that is not bisected further; the goal is too wide by at most this
 )
-TOGETHER = 4096  # poses, about, that a thread covers at once
+TOGETHER = 4096  # approximate number of poses that a thread covers at once
 MOST_CELLS = (
-    20000  # cells looked at; the bound holds wherever the search ends, and more make it tighter
+    20000  # most cells visited; the bound holds wherever the search ends, and more cells tighten it
 )
 
 
 def most_located(
     poses: Array, start: IntArray, weights: Array, order: int, workers: int | None = 1
 ) -> IntArray:
-    """For each group of poses, at most how many of them are within the goal of any one pose.
+    """For each group of poses, an upper bound on how many lie within the goal of any one pose.
 
     Args:
         poses: (n, 3) the groups one after the other [mm, mm, rad].
@@ -43,7 +43,7 @@ def most_located(
         workers: threads that share the groups, all cores if None; the result does not depend on it.
 
     Returns:
-        (k,) counts, never too small; nearly `LEAST_SHARE` of the group where that is more than any locates.
+        (k,) counts, never too small; about `LEAST_SHARE` of the group where no prediction locates that many.
     """
     result, poses = np.zeros(len(start) - 1, np.int64), np.ascontiguousarray(poses)
     pieces = np.unique(np.searchsorted(start, np.arange(0, len(poses), TOGETHER)))
@@ -92,7 +92,7 @@ def _most_located(
 def _localise(
     poses: Array, weights: Array, period: float, least: int, local: Array, column: Array
 ) -> bool:
-    """Poses in units of the goal, their angles about the middle of the window, two goals wide, that has most.
+    """Poses in units of the goal, with angles about the middle of the fullest window of two goals.
 
     Args:
         poses: (n, 3).
@@ -103,8 +103,8 @@ def _localise(
         column: (n,) work space.
 
     Returns:
-        Whether the window has that many poses. If so, every prediction that matters shares poses with it, and
-        its angle lies within two goals of the middle.
+        Whether the window holds at least `least` poses. If so, every prediction that matters shares poses
+        with it, and its angle lies within two goals of the middle.
     """
     n = poses.shape[0]
     turn = weights[3] * period
@@ -129,7 +129,7 @@ def _localise(
 def _enclosed(
     local: Array, column: Array, weights: Array, turn: float, least: int, cell: Array
 ) -> bool:
-    """Whether a prediction may matter; if so, the first cell, which holds all that do.
+    """Whether a prediction may matter; if so, `cell` receives a cell that holds all that do.
 
     Args:
         local: (n, 3) poses as `_localise` leaves them.
@@ -144,7 +144,7 @@ def _enclosed(
         for i in range(n):
             column[i] = local[i, axis]
         column.sort()
-        # A prediction has `least` poses less than one goal to either side.
+        # A prediction locates `least` poses less than one goal to either side.
         low, high = column[least - 1] - 1.0, column[n - least] + 1.0
         if low > high:
             return False
@@ -162,12 +162,12 @@ def _search(local: Array, added: bool, turn: float, best: int, stack: Array) -> 
         local: (n, 3) poses as `_localise` leaves them.
         added: whether the metric adds the angle to the distance.
         turn: the period of their angles.
-        best: what to beat, the poses that some prediction locates or more.
+        best: number of poses to beat, at least what some prediction locates.
         stack: (m, 7) work space: middle and half sides of a cell, and the poses that may be located from it;
-            the first one is given.
+    the first row is given.
 
     Returns:
-        At least the most that any prediction locates, or `best`.
+        An upper bound on the poses that any prediction locates, or `best`.
     """
     size, cells = 1, 0
     while size > 0:
@@ -198,7 +198,7 @@ def _search(local: Array, added: bool, turn: float, best: int, stack: Array) -> 
             stack[size, 0], stack[size, 1], stack[size, 2] = middle
             stack[size, 3], stack[size, 4], stack[size, 5], stack[size, 6] = a, b, c, outer
             size += 1
-        if stack[first, 6] > stack[first + 1, 6]:  # the more promising is looked at first
+        if stack[first, 6] > stack[first + 1, 6]:  # the more promising cell is visited first
             for j in range(7):
                 stack[first, j], stack[first + 1, j] = stack[first + 1, j], stack[first, j]
     return best

@@ -1,4 +1,4 @@
-"""What a sample of parts does under every plan at once: the histories of readings, and how they may end.
+"""Histories of a sample of parts under all plans at once, and how each may end.
 
 A part is squeezed at every placement that a plan might choose, and again at every placement after each of
 these. Parts with the same placements and readings so far share a history; a plan is a choice of one
@@ -18,14 +18,14 @@ from planner.work.progress import Report, silent
 
 READINGS = (
     1 << 22
-)  # more than there are; a reading is twice the encoder's, and 1 more if a part is felt
+)  # more than there are; a reading is twice the encoder's, plus 1 if the object flag is set
 
 Squeeze: TypeAlias = Callable[[Belief, Array, np.random.Generator], tuple[Array, IntArray]]
-"""Squeezes n parts once: where they lie, placements (n, 3) of the hand, one each, source of randomness ->
-poses (n, 3) in the world [mm, mm, rad], (n,) readings, 0 to `READINGS` - 1."""
+"""Squeezes n parts once: a belief, placements (n, 3) of the hand and a random generator give
+poses (n, 3) in the world [mm, mm, rad] and readings (n,), 0 to `READINGS` - 1."""
 
 History: TypeAlias = tuple[int, ...]
-"""The number of the placement and the reading of each squeeze so far, one after the other."""
+"""The number of the placement and the reading of each squeeze so far, in order."""
 
 Placements: TypeAlias = Callable[[History], Array]
 """The placements (k, 3), k >= 1, of the next squeeze. They must not depend on the sample."""
@@ -34,28 +34,28 @@ Placements: TypeAlias = Callable[[History], Array]
 class Level(NamedTuple):
     """The histories of one length."""
 
-    size: IntArray  # (h,) parts that have each
-    located: IntArray  # (h,) at most how many of them one prediction locates
-    option: IntArray  # (h,) which of the squeezes below led to it
-    reading: IntArray  # (h,) what it read
-    owner: IntArray  # (o,) the history of the level before after which each squeeze is made
-    placement: IntArray  # (o,) which of that history's placements it is made at
+    size: IntArray  # (h,) parts of each
+    located: IntArray  # (h,) upper bound on the parts that one prediction locates
+    option: IntArray  # (h,) the squeeze of the level below that led to it
+    reading: IntArray  # (h,) the reading of that squeeze
+    owner: IntArray  # (o,) the history of the level before, for each squeeze
+    placement: IntArray  # (o,) the placement of that history at which the squeeze is made
 
     def joined(self, more: "Level") -> "Level":
-        """The histories of both, of which `more` counts its squeezes from 0."""
+        """The histories of both levels; `more` numbers its squeezes from 0."""
         more = more._replace(option=more.option + len(self.owner))
         return Level(*(np.concatenate(columns) for columns in zip(self, more, strict=True)))
 
 
 class Lying(NamedTuple):
-    """Where the parts of a level's histories lie, those of one history together."""
+    """Poses of the parts of a level's histories, grouped by history."""
 
     poses: Array  # (n, 3) [mm, mm, rad]
-    part: IntArray  # (n,) which of the sample each is
-    start: IntArray  # (h + 1,) where those of each history begin, then n
+    part: IntArray  # (n,) index of each part in the sample
+    start: IntArray  # (h + 1,) start of each history, then n
 
     def of(self, histories: IntArray) -> tuple[IntArray, IntArray]:
-        """The rows (m,) of some histories' parts, and which of these each belongs to."""
+        """The rows (m,) of the parts of some histories, and the history of each."""
         size = np.diff(self.start)[histories]
         rows = np.arange(size.sum()) + np.repeat(
             self.start[histories] - np.cumsum(size) + size, size
@@ -64,14 +64,14 @@ class Lying(NamedTuple):
 
 
 class Depths(NamedTuple):
-    """How many squeezes histories have."""
+    """The numbers of squeezes of histories."""
 
     tried: int  # up to which all placements are tried
     most: int  # that any history has
 
 
 class Histories:
-    """The histories of a sample, from none to those of so many squeezes; longer ones only where asked for."""
+    """The histories of a sample: all up to a depth, longer ones on request."""
 
     def __init__(
         self,
@@ -84,7 +84,7 @@ class Histories:
         workers: int | None = 1,
         report: Report = silent,
     ) -> None:
-        """Tries placements on parts (n,) at the start, to the depths given."""
+        """Tries placements on parts (n,) from the start, to the depths given."""
         self._squeeze, self._parts, self._metric, self._placements = (
             squeeze,
             parts,
@@ -102,7 +102,7 @@ class Histories:
             self.extend(level, np.arange(len(self.levels[level].size)))
 
     def history(self, level: int, number: int) -> History:
-        """What led to one of a level's histories."""
+        """The placements and readings that led to one of a level's histories."""
         result: History = ()
         for longer in self.levels[level:0:-1]:
             option = longer.option[number]
@@ -111,7 +111,7 @@ class Histories:
         return result
 
     def extend(self, level: int, chosen: IntArray) -> None:
-        """Tries all placements after some of a level's histories, of which none were tried there before."""
+        """Tries all placements after some of a level's histories, none of which was extended before."""
         choices = [self._placements(self.history(level, int(number))) for number in chosen]
         count = np.array([len(choice) for choice in choices])
         first = np.cumsum(count) - count
@@ -143,7 +143,7 @@ class Histories:
             self._lying[level + 1] = _together([self._lying[level + 1], *moved])
 
     def _located(self, poses: Array, start: IntArray) -> IntArray:
-        """At most how many parts of each group a claim locates; one of several modes names as many poses."""
+        """Upper bound on the parts of each group that a claim locates, with as many poses as it has modes."""
         metric = self._metric
         most = most_located(poses, start, metric.weights(), metric.order, self._workers)
         return np.minimum(metric.modes * most, np.diff(start))

@@ -1,13 +1,13 @@
-"""From histories to a bound: a Lagrangian relaxation, and what a sample proves about it.
+"""A lower bound from histories, by Lagrangian relaxation, and its confidence.
 
-A plan of the class below costs, on a sample, at least the least cost L of any plan where every part that is
-claimed and not located costs a price more. The price is a multiplier of the class's constraint; the best plan
-without the constraint is found history by history. A plan is fixed before the sample is drawn, so Chernoff's
+On a sample, a plan of the class below costs at least L: the least cost of any plan that pays a price for
+every part that it claims and does not locate. The price is the multiplier of the class's constraint; the
+best unconstrained plan is found history by history. A plan is fixed before the sample is drawn, so Chernoff's
 inequality for a mean of independent numbers in [0, 1] (Hoeffding 1963, Theorem 1),
 
     P(mean - mu >= x) <= exp(-n KL(mu + x || mu)),
 
-says how far the sample may flatter that one plan; the prices may be chosen afterwards.
+bounds how far the sample may flatter that one plan; the prices may be chosen afterwards.
 """
 
 import math
@@ -19,23 +19,21 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.bound.histories import Level
 
-PRICES = np.geomspace(
-    1.0, 2000.0, 100
-)  # squeezes that a part is worth which is claimed and not located
+PRICES = np.geomspace(1.0, 2000.0, 100)  # price of a claimed part that is not located [squeezes]
 BISECTIONS = 60
-EVENTS = 4  # inequalities that must hold at once: for either class one of its constraint, one of its mean
+EVENTS = 4  # inequalities that must hold at once: for each class one of its constraint and one of its mean
 
 
 class Term(NamedTuple):
     """The bound for one class of plans."""
 
-    squeezes: float  # any plan of the class takes as many on average, or more
+    squeezes: float  # least squeezes on average of any plan of the class
     estimate: float  # the same without the allowance for the sample
-    price: float  # of a part that is claimed and not located [squeezes]
+    price: float  # of a claimed part that is not located [squeezes]
 
 
 def leaves_term(levels: list[Level], confidence: float, success: float, certainty: float) -> Term:
-    """The bound for plans that locate a share of the parts of each leaf with a claim, their `confidence`.
+    """The bound for plans whose every claiming leaf locates the share `confidence` of its parts.
 
     At least the share `success` of all parts ends in such leaves. All terms hold with the probability
     `certainty`.
@@ -56,17 +54,17 @@ def overall_term(levels: list[Level], success: float, certainty: float) -> Term:
 
 
 def least_cost(levels: list[Level], price: float, confidence: float) -> float:
-    """Least mean cost of any plan on the sample: squeezes, and a price for what claims miss.
+    """Least mean cost of any plan on the sample: squeezes, and a price for each claimed part that is missed.
 
-    A claim of n parts of which m are located costs price (confidence n - m). Where nothing was tried after a
-    history, every part costs one squeeze more, and is taken for located.
+    A claim of n parts of which m are located costs price * (confidence n - m). After a history that was not
+    extended, every part costs one squeeze more and counts as located.
     """
     _, onward, _ = _values(levels, price, confidence)[0]
     return float(onward[0] / levels[0].size[0])  # every plan begins with a squeeze
 
 
 def worth_trying(levels: list[Level], level: int, price: float, confidence: float) -> IntArray:
-    """The histories of a level after which the cheapest plan squeezes, and nothing was tried yet."""
+    """The histories of a level where the cheapest plan squeezes again, but which were not extended yet."""
     values = _values(levels, price, confidence)
     reached = np.zeros(1, np.int64)
     for depth in range(level):
@@ -82,9 +80,9 @@ def worth_trying(levels: list[Level], level: int, price: float, confidence: floa
 def _values(
     levels: list[Level], price: float, confidence: float
 ) -> list[tuple[Array, Array, IntArray]]:
-    """For the histories (h,) of each level: least cost, that of squeezing on, and which option does so.
+    """For the histories (h,) of each level: least cost, cost of another squeeze, and the best placement.
 
-    The option is -1 where nothing was tried.
+    The placement is -1 for a history that was not extended.
     """
     results = list[tuple[Array, Array, IntArray]]()
     for level, longer in zip(levels[::-1], [None, *levels[:0:-1]], strict=True):
@@ -103,7 +101,7 @@ def _values(
 def _best(
     estimates: Array, sampled: Array, levels: list[Level], error: float, unclaimed: float
 ) -> Term:
-    """The greatest bound over all prices: a mean of n numbers between 1 and depth + 1, less `unclaimed`."""
+    """The greatest bound over all prices: a mean of numbers from 1 to depth + 1, less `unclaimed`."""
     k, depth, n = int(np.argmax(sampled)), len(levels) - 1, int(levels[0].size.sum())
     share = min(max((float(sampled[k]) - 1.0) / depth, 0.0), 1.0)
     bound = 1.0 + depth * least_mean(share, n, error) - unclaimed
@@ -119,17 +117,17 @@ def divergence(x: float, mean: float) -> float:
 
 
 def upper_tail(mean: float, n: int, error: float) -> float:
-    """What a sample mean of n numbers in [0, 1] with at most this mean exceeds with probability <= error."""
+    """Sample mean of n numbers in [0, 1] that, given their mean, is exceeded with probability <= error."""
     return _crossing(lambda x: n * divergence(x, mean), mean, 1.0, error)
 
 
 def least_mean(sample: float, n: int, error: float) -> float:
-    """The least mean of n numbers in [0, 1] that reach this sample mean with probability > error."""
+    """Least mean of n numbers in [0, 1] that gives this sample mean with probability > error."""
     return _crossing(lambda x: n * divergence(sample, x), sample, 0.0, error)
 
 
 def _crossing(exponent: Callable[[float], float], start: float, end: float, error: float) -> float:
-    """Where exp(-exponent), 1 at the start, falls to `error` on the way to the end, or the end."""
+    """Where exp(-exponent), 1 at the start, falls to `error` before the end; else the end."""
     near, far = start, end
     for _ in range(BISECTIONS):
         middle = 0.5 * (near + far)

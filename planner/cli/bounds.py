@@ -1,4 +1,4 @@
-"""--bound: the certificate that plan-compile and plan-report show."""
+"""The options --bound of plan-compile and plan-report, and the certificate that they ask for."""
 
 import argparse
 
@@ -17,13 +17,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         const=PARTS,
         type=_parts,
         metavar="PARTS",
-        help="prove how many squeezes any plan as good takes at least, on a sample of so many parts "
-        f"(default: {PARTS}); takes seconds to minutes, and more parts prove more",
+        help="prove a lower bound on the squeezes of any plan that is as good, on a sample of so many parts "
+        f"(default: {PARTS}); takes seconds to minutes; more parts tighten the bound",
     )
     parser.add_argument(
         "--bound-dense",
         action="store_true",
-        help="the same for plans that may also squeeze every 15 degrees, off centre too",
+        help="the same for plans that may also squeeze every 15 degrees and off centre",
     )
 
 
@@ -34,7 +34,7 @@ def bound_of(
     workers: int | None = None,
     report: Report = silent,
 ) -> Certificate | None:
-    """The certificate that the options ask for, if they do; the other arguments as of `certify`."""
+    """The certificate that the options ask for, if any; the other arguments as for `certify`."""
     if not (arguments.bound or arguments.bound_dense):
         return None
     return certify(job, table, arguments.bound or PARTS, arguments.bound_dense, workers, report)
@@ -43,5 +43,5 @@ def bound_of(
 def _parts(text: str) -> int:
     parts = command.positive_int(text)
     if parts > MOST_PARTS:
-        raise argparse.ArgumentTypeError(f"{parts} is more than {MOST_PARTS}, which proves enough")
+        raise argparse.ArgumentTypeError(f"{parts} is more than {MOST_PARTS}; give fewer")
     return parts

@@ -1,4 +1,4 @@
-"""How far the work of a command is: one bar on a terminal, lines in a pipe."""
+"""Progress of a command: one bar on a terminal, lines in a pipe."""
 
 import json
 import math
@@ -13,28 +13,28 @@ from rich.console import Console
 from planner.work.progress import Report, silent
 from runtime.shell import command
 
-OBJECTS_S = 0.3  # between two objects of progress, for a program that follows
-LINES_S = 5.0  # between two lines of progress, where no terminal shows a bar
+OBJECTS_S = 0.3  # seconds between two JSON objects of progress
+LINES_S = 5.0  # seconds between two lines of progress where no terminal shows a bar
 
 Whole = Callable[[float, int, int], float | None]
-"""The share of a command's whole work that is done, 0 to 1, or None where nobody knows.
+"""The share of a command's whole work that is done, 0 to 1, or None if unknown.
 
-Of the seconds so far, and of how much of the stage under way is done, of how much.
+Arguments: the seconds so far, and how much of the current stage is done, of how much.
 """
 
 
 def unknown(_seconds: float, _done: int, _total: int) -> float | None:
-    """Of a search: how much work there is turns out only when it is done."""
+    """Share of a search: unknown until it ends."""
     return None
 
 
 def counted(_seconds: float, done: int, total: int) -> float | None:
-    """Of work that is one stage, or many with one count."""
+    """Share of work that is one stage, or many stages with one count."""
     return done / total if total else None
 
 
 def of_time(expected_s: float) -> Whole:
-    """Of work that ends after a stated time [s]; unknown once it takes longer."""
+    """Share of work that ends after a stated time [s]; unknown once it takes longer."""
     return lambda seconds, _done, _total: seconds / expected_s if seconds < expected_s else None
 
 
@@ -45,12 +45,12 @@ def shown(
     """Shows progress on standard error; yields `report(stage, done, total, detail)`.
 
     On a terminal that is one bar for the whole work, which never goes back; elsewhere a line every `LINES_S`
-    seconds, so that what takes less says nothing. Both tell the time that is left, or that it is unknown.
+    seconds, so that shorter work prints nothing. Both show the time left, if known.
 
     Args:
         quiet: show nothing.
-        whole: how much of the work is done.
-        clock: tells seconds.
+        whole: the share of the work that is done.
+        clock: returns seconds.
     """
     console = Console(stderr=True)
     if quiet:
@@ -70,16 +70,16 @@ def shown(
 
 
 class _Course:
-    """How far a command's work is, and when it will be done."""
+    """Tracks how far a command's work is, and estimates its end."""
 
     def __init__(self, whole: Whole, clock: Callable[[], float]) -> None:
         self.share = 0.0  # of the whole work, never less than before
         self._whole, self._clock, self._begun = whole, clock, clock()
-        self._first: tuple[float, float] | None = None  # when a share was known first, and which
-        self.known = False  # whether the share is that of now
+        self._first: tuple[float, float] | None = None  # time and value of the first share
+        self.known = False  # whether the share is current
 
     def heard(self, done: int, total: int) -> None:
-        """Takes note of how much of a stage is done."""
+        """Records how much of a stage is done."""
         result = self._whole(self.seconds, done, total)
         self.known = result is not None and result < 1.0
         if result is not None:
@@ -88,11 +88,11 @@ class _Course:
 
     @property
     def seconds(self) -> float:
-        """Since the beginning."""
+        """Seconds since the beginning."""
         return self._clock() - self._begun
 
     def left(self) -> str:
-        """How long the rest will take, at the rate since a share was known first."""
+        """Text for the time left, at the rate since a share was first known."""
         if self.known and self._first and self._first[1] < self.share < 1.0:
             since, share = self._first
             left_s = (self.seconds - since) * (1.0 - self.share) / (self.share - share)
@@ -118,7 +118,7 @@ def _lines(course: _Course, clock: Callable[[], float]) -> Report:
 
 
 def objects(whole: Whole = unknown, clock: Callable[[], float] = time.monotonic) -> Report:
-    """Progress as JSON, one object a line, on standard error.
+    """Writes progress to standard error as JSON, one object a line.
 
     Keys: `stage`, `share` (0 to 1, or null), `seconds` so far, `left` and `detail`, for people.
     """

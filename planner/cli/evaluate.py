@@ -40,7 +40,7 @@ def parser() -> Parser:
     """The command's arguments."""
     built = shell.parser(
         NAME,
-        "Run a decision table on many parts in a world, and count how often it finds them.",
+        "Run a decision table on many parts in a world, and count how often it locates them.",
         f"{NAME} trees/rectangle/rectangle.msgpack --world-set friction.finger_part_max=0.8",
         f"{NAME} trees/rectangle/rectangle.msgpack --sweep",
         f"{NAME} trees/rectangle/rectangle.msgpack --ppm --trials 10000000 --resume study.json",
@@ -91,7 +91,7 @@ def _add_rare(group: argparse._ArgumentGroup) -> None:
         "--resume",
         type=Path,
         metavar="FILE.json",
-        help="go on with the study in this file, and keep it there; it is begun where there is none",
+        help="continue the study in this file, or begin it there",
     )
 
 
@@ -101,24 +101,24 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
         "--world",
         default=DEFAULT_WORLD,
         metavar="MODULE:FACTORY",
-        help="where the parts are squeezed (default: %(default)s)",
+        help="world in which the parts are squeezed (default: %(default)s)",
     )
     add(
         "--world-copies",
         action="store_true",
-        help="make the world anew for every 1000 trials, with a seed of its own, so that workers share them",
+        help="make a new world with its own seed for every 1000 trials, so that workers share them",
     )
     add(
         "--world-set",
         action="append",
         default=[],
         metavar="SECTION.KEY=VALUE",
-        help="a value of the job that the world gets instead, such as pressure.kind=uniform; repeatable",
+        help="override a value of the job in the world, such as pressure.kind=uniform; repeatable",
     )
     add(
         "--sweep",
         action="store_true",
-        help="a standard set of such worlds, one line each; no other change",
+        help="evaluate in a standard set of worlds, one line each; takes no other change",
     )
     add("--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width")
     add(
@@ -155,7 +155,7 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
     trials, seed = arguments.trials or DEFAULT_TRIALS, arguments.seed
     with shell.progress(arguments.json) as report:
         evaluation = evaluate(table, real, worlds(real), trials, seed, scheduler, cell, report)
-        # In each world that the job believes in, where the contact world stands for them.
+        # In each world that the job believes in, where the contact world represents them.
         cases = believed_cases(job) if arguments.world == DEFAULT_WORLD else []
         contact, fewer = (
             partial(ContactWorlds.of_job, seed=seed),
@@ -330,7 +330,7 @@ def _named(identities: leaves.Identities) -> list[str]:
 
 
 def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
-    """Whether the leaves' probabilities hold, and those that do not."""
+    """Whether the leaves' probabilities hold, and the leaves where they do not."""
     held, total = sum(row.holds for row in outcome.rows), len(outcome.rows)
     if total == 0:
         return [
@@ -349,7 +349,7 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
 
 
 def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
-    """Which leaf was taken for which."""
+    """Counts of parts at one leaf that were taken for another."""
     lines: list[str] = []
     for row in confused[:MOST_ROWS]:
         truth = "where no leaf is" if row.truth == leaves.NO_LEAF else f"at leaf {row.truth}"
@@ -359,7 +359,7 @@ def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
 
 
 def _furthest(mistakes: list[leaves.Mistake]) -> list[str]:
-    """Where the worst errors began and how they went."""
+    """The paths of the worst errors."""
     lines: list[str] = []
     for row in mistakes:
         x, y, theta = row.initial
@@ -387,7 +387,7 @@ def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None = None) -
 
 
 def _block(head: str, lines: list[str], rows: int = 0) -> list[str]:
-    """Lines under one head, and that there are more than `MOST_ROWS` of them."""
+    """Lines under one head, cut after `MOST_ROWS`."""
     more = [f"and {rows - MOST_ROWS} more; see --json"] if rows > MOST_ROWS else []
     return [f"{head if k == 0 else '':11s}{line}" for k, line in enumerate([*lines, *more])]
 

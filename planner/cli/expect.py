@@ -1,4 +1,4 @@
-"""plan-expect: what a cell's encoder should read at each node of a table, for the charts of grasp-audit."""
+"""plan-expect: expected encoder readings at each node of a table, for the charts of grasp-audit."""
 
 import argparse
 import json
@@ -19,8 +19,8 @@ def parser() -> Parser:
     """The command's arguments."""
     command = shell.parser(
         NAME,
-        "Simulate what the encoder reads at each node of a table, as planned and at other frictions: "
-        "grasp-audit report --expected compares journals with it, and tells a change of friction early.",
+        "Simulate the encoder's readings at each node of a table, as planned and at other frictions: "
+        "grasp-audit report --expected compares journals with them, and detects a change of friction early.",
         f"{NAME} trees/rectangle/rectangle.msgpack -o expected.json",
     )
     shell.add_table(command)

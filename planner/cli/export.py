@@ -34,7 +34,7 @@ def parser() -> Parser:
     built.add_argument(
         "--prefix",
         metavar="NAME",
-        help="begins all names that the C or the structured text defines, and the files' (default: "
+        help="prefix of all files and of all names that the C or structured text defines (default: "
         f"{PREFIX}); two tables in one program need two",
     )
     return built
@@ -43,7 +43,7 @@ def parser() -> Parser:
 def _export(arguments: argparse.Namespace) -> None:
     prefix = arguments.prefix
     if prefix is not None and arguments.to == "json":
-        raise UsageError("--prefix is for names that programs define; leave it out with --to json")
+        raise UsageError("--prefix is for C and structured text; leave it out with --to json")
     if prefix is not None and PREFIXES.fullmatch(prefix) is None:
         raise UsageError(
             f"--prefix {prefix}: write 1 to 24 of a-z, 0-9 and single underscores, a letter first"

@@ -1,4 +1,4 @@
-"""plan-try: from a drawing to a first answer in a minute, and the files to go on with."""
+"""plan-try: a first answer from a drawing within a minute, and the files to continue with."""
 
 import argparse
 import time
@@ -49,19 +49,19 @@ from runtime.shell.files import quoted, usable, write
 from runtime.table import dump
 
 ANSWER_S = 60.0  # from the start to the last line, once kernels are compiled
-LEAST_ANSWER_S = 12.0  # where compiling kernels took the rest
+LEAST_ANSWER_S = 12.0  # the same where kernels had to be compiled
 PICTURE_S = 3.0
-LEAST_DRAWN = 300  # parts that the picture shows where squeezing them takes long
-DRAWN_SQUEEZES = range(1, 4)  # of the path that the picture shows
-WORTH_TELLING = 0.005  # share of the parts for which the search was not done
-LEAST_DONE = 0.9  # share located of the parts for which the search was done, for that answer
-MOST_OPEN = 0.5  # share of the parts for which it was not done, beyond which nothing is known
+LEAST_DRAWN = 300  # parts in the picture where squeezing them takes long
+DRAWN_SQUEEZES = range(1, 4)  # of the path in the picture
+WORTH_TELLING = 0.005  # accepted share of the parts for which the search was not finished
+LEAST_DONE = 0.9  # least share located among the finished parts, for that answer
+MOST_OPEN = 0.5  # share of unfinished parts above which there is no answer
 LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
 
 
 Spared = Callable[
     [str], AbstractContextManager[None]
-]  # work that the answer can do without, by its name
+]  # optional work, by name, that the answer can do without
 
 
 def parser() -> Parser:
@@ -102,7 +102,7 @@ def parser() -> Parser:
         help=f"which one (default: the first that opens wide enough); {ALL}: compare them in one table, each "
         "planned for --budget (default: half a minute), and write nothing",
     )
-    add("--fingers", choices=FINGERS, help="what they are faced with (default: rubber)")
+    add("--fingers", choices=FINGERS, help="finger pads (default: rubber)")
     add(
         "--distance",
         type=number,
@@ -114,7 +114,7 @@ def parser() -> Parser:
         "--thickness",
         type=positive,
         metavar="MM",
-        help="of the part (default: that of a solid; of an outline nobody knows it)",
+        help="height of the part (default: that of a solid; unknown for an outline)",
     )
     add(
         "--budget",
@@ -131,7 +131,7 @@ def parser() -> Parser:
 
 
 class Files(NamedTuple):
-    """What is written."""
+    """The files that are written."""
 
     job: Path
     table: Path
@@ -223,7 +223,7 @@ def _try(arguments: argparse.Namespace) -> None:
 def _answered(
     job: Job, plan: Plan, restrictions: list[str], trials: int, spared: Spared, report: Report
 ) -> Answer:
-    """How a plan does in its own world, and in others by so many trials each; what limits it."""
+    """Results of a plan in its own world and, by `trials` each, in others; what limits it."""
     figures, lines, limits = plan.evaluation.summary(), list[Line](), list[str]()
     with spared("other worlds"):
         lines = tried(plan.table, job, plan.evaluation, trials, Threads(), report)
@@ -240,7 +240,7 @@ def _answered(
 
 
 def _short(grade: Grade, success: float, open_share: float) -> str:
-    """The grade of a plan; of one whose search is not done, what is known so far."""
+    """The grade of a plan; for an unfinished search, the result so far."""
     if grade != "poor" or not open_share:
         return grade
     if open_share > MOST_OPEN:
@@ -249,7 +249,7 @@ def _short(grade: Grade, success: float, open_share: float) -> str:
 
 
 def _files(arguments: argparse.Namespace, text: str) -> Files:
-    """Where to write: the job file asked for, or the first of its name that is free or says the same."""
+    """The files to write: the job file asked for, or the first name that is free or says the same."""
     stem, number = arguments.drawing.stem, 1
     job = arguments.output or Path(f"{stem}.toml")
     while arguments.output is None and job.exists() and not _says(job, text):
@@ -268,7 +268,7 @@ def _says(path: Path, text: str) -> bool:
 
 
 def _next(files: Files, picture: Path | None, plan: Plan, seconds: float) -> list[str]:
-    """What was written, and what to do with it."""
+    """The files that were written, and the next commands."""
     longer = " (a full search)" if plan.cut else ""
     written = [files.job, files.table, *filter(None, (picture,))]
     job, table, report = map(quoted, (files.job, files.table, files.job.with_suffix(".html")))

@@ -1,4 +1,4 @@
-"""From a drawing to a rough plan: what a first look, its preview and a comparison of grippers share."""
+"""A rough plan from a drawing, shared by first look, preview and comparison of grippers."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -25,25 +25,23 @@ from planner.work.limit import Limit
 from planner.work.progress import Report
 
 NAME = "plan-try"
-REST_S, REST = 15.0, 0.3  # of it, what other worlds, advice and picture take at most: time, share
-SLOW_S = (
-    120.0  # where the first search came to nothing: the machine is busy, or compiled its kernels
-)
-QUICK = {"particles": 8000}  # of [search]: a rough tree in the time there is
-TRIALS = 5000  # so that shares are whole hundredths of a percent
-LEAST_ROOM_MM = 4.0  # between open fingers and the part at any angle, for a gripper to be chosen
-TURN_DEG = 20.0  # either way: as parts come from a chute; any angle is more than a minute's search
-LARGEST = 1  # number of the contour that is taken
+REST_S, REST = 15.0, 0.3  # most that other worlds, advice and picture take
+SLOW_S = 120.0  # budget where the first search was too slow
+QUICK = {"particles": 8000}  # overrides of [search]: a rough tree in the time available
+TRIALS = 5000  # parts, so that shares are whole hundredths of a percent
+LEAST_ROOM_MM = 4.0  # least gap between open fingers and the part at any angle, to choose a gripper
+TURN_DEG = 20.0  # either way: as parts come from a chute; any angle takes too long
+LARGEST = 1  # number of the contour that is used
 UNITS_ASSUMED = "one unit of the drawing is 1 mm, for it does not say (--units)"
 
 Read = TypeVar("Read")
 
 
 class Setting(NamedTuple):
-    """What a job is begun with."""
+    """The settings a job begins with."""
 
     answers: Answers
-    assumed: list[str]  # what was not stated
+    assumed: list[str]  # what was assumed because it was not stated
     restrictions: list[
         str
     ]  # what was assumed because the part is large, as clauses: "within 1 mm of ..."
@@ -52,14 +50,14 @@ class Setting(NamedTuple):
 def progress_of(
     arguments: argparse.Namespace, whole: course.Whole
 ) -> AbstractContextManager[Report]:
-    """Shows progress: as JSON lines where that is asked for, else as a command usually does."""
+    """Shows progress, as JSON lines if asked for, else as other commands do."""
     if arguments.follow:
         return nullcontext(course.objects(whole))
     return shell.progress(arguments.json, whole)
 
 
 def imported_of(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
-    """The outline, and what was assumed of the drawing: its largest contour, and mm where nothing is said."""
+    """The outline, with the assumptions made: the largest contour, and mm if the drawing states no unit."""
     options = shell.drawing_of(arguments)
     options = options._replace(contour=options.contour or LARGEST)
     imported, notes = in_mm(read_outline, arguments.drawing, options)
@@ -71,7 +69,7 @@ def imported_of(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
 def in_mm(
     read: Callable[[Path, Options], Read], path: Path, options: Options
 ) -> tuple[Read, list[str]]:
-    """What a reader makes of a drawing, in mm where nothing says the unit; and that this was assumed."""
+    """Reads a drawing, in mm if it states no unit; also returns whether that was assumed."""
     try:
         return read(path, options), []
     except UnitsMissingError:
@@ -79,7 +77,7 @@ def in_mm(
 
 
 def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
-    """The answers that a job needs, and which of them are defaults."""
+    """The answers that a job needs, with those that are defaults."""
     taken, restrictions = list[str](), list[str]()
     rooms = {name: room_mm(imported, preset) for name, preset in GRIPPERS.items()}
     gripper, usual = arguments.gripper, next(iter(GRIPPERS))
@@ -116,10 +114,10 @@ def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
 
 
 def check_thickness(imported: Imported) -> None:
-    """Refuses a part that is too thin for finger tips, whatever the plan.
+    """Refuses a part that is too thin for finger tips.
 
     Raises:
-        FitError: it is.
+        FitError: the part is too thin.
     """
     height_mm = imported.height_mm
     if height_mm is not None and tips_height_mm(height_mm) <= 0.0:
@@ -130,7 +128,7 @@ def check_thickness(imported: Imported) -> None:
 
 
 def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
-    """The plan that the time until an answer [s] is enough for; if `patient`, else in longer time."""
+    """The plan within the time until an answer [s]; if `patient`, in longer time where needed."""
     search_s = answer_s - min(REST_S, REST * answer_s)
     return _first_within(
         job.replaced(search=QUICK), [search_s, SLOW_S] if patient else [search_s], report
@@ -138,10 +136,10 @@ def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> 
 
 
 def _first_within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
-    """The plan within the first of some times [s] that is enough for one.
+    """The plan of the first of several time budgets that suffices.
 
     Raises:
-        NoPlanError: none is, or there is no plan.
+        NoPlanError: none suffices, or no plan exists.
     """
     limit = Limit(budgets[0])
     try:

@@ -1,4 +1,4 @@
-"""A part planned for with each gripper that opens wide enough, in one table."""
+"""Comparison of grippers: one plan for each gripper that opens wide enough, in one table."""
 
 import argparse
 from typing import Any
@@ -25,7 +25,7 @@ from planner.part.importers.file import Imported
 from runtime.shell.errors import UsageError
 
 ALL = "all"
-EACH_S = 30.0  # for each gripper where all are compared
+EACH_S = 30.0  # for each gripper when all are compared
 HEAD = f"{'gripper':16} {'step':>8}  located  squeezes  seconds  error (95 %)"
 
 
@@ -37,8 +37,8 @@ def compare(arguments: argparse.Namespace) -> None:
     check_thickness(imported)
     fitting = [name for name in GRIPPERS if room_mm(imported, GRIPPERS[name]) >= LEAST_ROOM_MM]
     if not fitting:
-        raise UsageError("no gripper that is known opens wide enough for the part")
-    if arguments.radius is None:  # the same for all
+        raise UsageError("no known gripper opens wide enough for the part")
+    if arguments.radius is None:  # the same for all grippers
         arguments.radius = min(proposed_radius_mm(imported, GRIPPERS[name]) for name in fitting)
     arguments.gripper = fitting[0]
     setting = setting_of(arguments, imported)
@@ -56,7 +56,7 @@ def compare(arguments: argparse.Namespace) -> None:
 def _row(
     arguments: argparse.Namespace, imported: Imported, answers: Answers, name: str
 ) -> dict[str, Any]:
-    """What comes of the job with one gripper; its line is printed."""
+    """Plans the job with one gripper and prints its line."""
     text = draft(imported, arguments.drawing.name, answers._replace(gripper=name))
     job = job_file.parse(text, name)
     step_mm = job.gripper.resolution_mm

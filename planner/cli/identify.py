@@ -1,4 +1,4 @@
-"""plan-identify: measured pushes in, limit surface out, with the error on pushes it has not seen."""
+"""plan-identify: fits a limit surface to measured pushes and states its error on unseen pushes."""
 
 import argparse
 import math
@@ -36,22 +36,22 @@ FORMATS = """\
 tables of pairs (.csv), one push a line, with a header:
   fx_n,fy_n,tau_n_mm      the wrench on the part: force along the axes of its frame, torque about its
                           centroid [N, N, N mm]
-  vx_mm,vy_mm,omega_rad   the twist that it answers with, in the same frame; only the direction matters
-  weight                  may be left out: how much the pair counts, positive
+  vx_mm,vy_mm,omega_rad   the resulting twist, in the same frame; only the direction matters
+  weight                  optional: weight of the pair, positive
 
 tables of directions (--pairs), one pair a line, with a header:
   fx,fy,tau_rho           the direction of the wrench on the part about its centroid, torque over rho
   vx,vy,om_rho            the direction of the twist, angular velocity times rho; the scale of both is free
-  weight                  may be left out, as above
+  weight                  optional, as above
 
 push logs (any other name), numbers separated by blanks, one record a line, as in the public data of
 arXiv 1602.06056; empty lines do not count:
-  N                       how many pushes follow; then for each of them
+  N                       number of pushes; then for each of them
   x y z qw qx qy qz       the block's marker frame before the push [mm, unit quaternion]
   x y z qw qx qy qz       the same after it
-  K                       how many force readings follow
+  K                       number of force readings
   t fx fy                 K lines: time and force on the sensor's axes [s, N, N]
-  P                       how many poses of the pusher follow
+  P                       number of poses of the pusher
   t x y z qw qx qy qz     P lines: time and pose [s, mm, unit quaternion]
 the block is a right triangle with legs of 150 mm; for any other part write a table of pairs.
 
@@ -96,7 +96,7 @@ def _identify(arguments: argparse.Namespace) -> None:
     if arguments.output is not None:
         write(arguments.output, surface_text(best, data, arguments))
     if arguments.figure is not None:
-        from planner.report import canvas, identification  # matplotlib takes a second
+        from planner.report import canvas, identification  # importing matplotlib takes a second
 
         title = f"{', '.join(path.stem for path in sources)}: {len(data.F)} pushes"
         canvas.save(arguments.figure, lambda: identification.figure(data, outcome, title))
@@ -192,7 +192,7 @@ def parser() -> Parser:
         "--kind",
         choices=(*KINDS, "both"),
         default="both",
-        help="with both, the one that predicts better is written (default: %(default)s)",
+        help="kind of limit surface; both: the better predictor is written (default: %(default)s)",
     )
     add(
         "--rho-mm",
@@ -222,7 +222,7 @@ def parser() -> Parser:
 
 
 def surface_text(result: Identified, data: Normalised, arguments: argparse.Namespace) -> str:
-    """The surface file for one result."""
+    """The surface file of one result."""
     surface = result.fit.surface
     values: dict[str, Any] = {"rho_mm": surface.rho_mm}
     if isinstance(surface, LimitSurface):

@@ -59,7 +59,7 @@ def parser() -> Parser:
         help="of the part, from the table to its top (default: the height of an STL solid)",
     )
     add("--gripper", choices=GRIPPERS, help="which one")
-    add("--fingers", choices=FINGERS, help="what they are faced with")
+    add("--fingers", choices=FINGERS, help="finger pads")
     add(
         "--distance",
         type=number,
@@ -78,7 +78,7 @@ def _init(arguments: argparse.Namespace) -> None:
         )
     asking = sys.stdin.isatty() and not arguments.json
     faces = _faces(arguments) if arguments.faces else []
-    if faces:  # the answers have to do for all
+    if faces:  # one set of answers for all faces
         imported = max((face.imported for face in faces), key=lambda each: reach(each.outline_mm))
     else:
         imported = _imported(arguments.outline, _drawing(arguments), asking)
@@ -108,7 +108,7 @@ def _init(arguments: argparse.Namespace) -> None:
 
 
 def _drawing(arguments: argparse.Namespace) -> Options:
-    """How to read the drawing: the tips are where they squeeze a part of the stated thickness."""
+    """Options for reading the drawing: the section where the tips squeeze a part of the stated thickness."""
     options = shell.drawing_of(arguments)
     if options.height_mm is None and arguments.thickness is not None:
         tips_mm = tips_height_mm(arguments.thickness)
@@ -150,7 +150,7 @@ def _show_faces(faces: list[Face]) -> None:
 
 
 def _imported(path: Path, options: Options, asking: bool) -> Imported:
-    """The outline; on a terminal, a missing unit is asked for."""
+    """Reads the outline; on a terminal, asks for a missing unit."""
     try:
         return read_outline(path, options)
     except UnitsMissingError as error:
@@ -225,7 +225,7 @@ def _choice(question: str, choices: Collection[str]) -> str:
 
 
 def _ask(question: str, parse: Callable[[str], T]) -> T:
-    """An answer that `parse` takes, asked for until there is one.
+    """Asks until `parse` accepts an answer.
 
     Raises:
         UsageError: the input ended.

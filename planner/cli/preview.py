@@ -1,7 +1,7 @@
-"""What `squeezetree try` makes of a drawing before it plans: contours, outline, jaws and defaults.
+"""Preview of `squeezetree try`: contours, outline, jaws and defaults of a drawing before planning.
 
-As a program it answers lines: a JSON list of arguments comes in, a JSON object goes out. The studio keeps one
-running, so that a drawing that takes all memory or time ends it and not the page.
+As a program it answers lines: a JSON list of arguments in, a JSON object out. The studio runs it as a
+separate process, so that a drawing that takes all memory or time ends this process, not the page.
 """
 
 import contextlib
@@ -23,11 +23,11 @@ from planner.report.canvas import points
 from runtime.shell.command import sentence_of
 from runtime.shell.errors import ExpectedError, UsageError
 
-FINENESS = 1e-3  # of its size: what a drawn contour may leave out
+FINENESS = 1e-3  # of the part's size: detail that a drawn contour may leave out
 
 
 def preview(words: Sequence[str]) -> dict[str, Any]:
-    """What a page draws for the arguments of `squeezetree try`; `error` is why they are refused, or None."""
+    """What a page draws for arguments of `squeezetree try`; `error` says why they are refused, or is None."""
     shown: dict[str, Any] = {"contours": [], "error": None}
     try:
         arguments = _parsed(words)
@@ -55,9 +55,9 @@ def preview(words: Sequence[str]) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Answer each line of standard input, until it ends."""
-    out, sys.stdout = sys.stdout, sys.stderr  # what a library prints is no answer
-    with contextlib.suppress(BrokenPipeError):  # whoever asked was killed meanwhile
+    """Answers lines of standard input until it ends."""
+    out, sys.stdout = sys.stdout, sys.stderr  # libraries may print
+    with contextlib.suppress(BrokenPipeError):  # the client was killed meanwhile
         for line in sys.stdin:
             out.write(json.dumps(preview(json.loads(line))) + "\n")
             out.flush()

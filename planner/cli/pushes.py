@@ -23,18 +23,18 @@ FINGERS = "fingers_mm"
 SHIFTS = {"shift_x_mm": 0.0, "shift_y_mm": 0.0}
 NAMES = (*PLACES, FINGERS, *SHIFTS)
 OUTPUTS = ("moved_x_mm", "moved_y_mm", "turned_deg", "status")
-MOST = np.array([1e4, 1e4, 1e4, 1e4, 1e4, 1e4, 360.0, 1e3, 1e4, 1e4])  # magnitude of an entry
+MOST = np.array([1e4, 1e4, 1e4, 1e4, 1e4, 1e4, 360.0, 1e3, 1e4, 1e4])  # of entries
 BOUNDS = tuple(f"{name}_{end}" for name in OUTPUTS[:3] for end in ("low", "high"))
-SHARES = (0.05, 0.95)  # Quantiles that `BOUNDS` are
+SHARES = (0.05, 0.95)  # Quantiles of `BOUNDS`
 AT_ONCE = 100_000  # pushes whose mechanics are drawn together
-DEEPEST_MM = 1.0  # How far inside the outline a finger may start, for rounded places on an edge
+DEEPEST_MM = 1.0  # Depth at which a finger may start: coordinates on an edge are rounded
 
 
 class Drawn(NamedTuple):
-    """What many draws of the mechanics say of n pushes."""
+    """Displacements of n pushes over many draws of the mechanics."""
 
-    bounds: Array  # (n, 6) of x, y [mm] and the angle [degrees], each for itself, low and high
-    given_up: int  # how many of all pushes were cut short
+    bounds: Array  # (n, 6) low and high of x, y [mm] and the angle [degrees]
+    given_up: int  # number of pushes cut short, over all draws
 
 
 def read(path: Path, fingers_mm: float | None) -> Array:
@@ -43,8 +43,7 @@ def read(path: Path, fingers_mm: float | None) -> Array:
     The distance is `fingers_mm` in a file that has no such column.
 
     Raises:
-        InputError: as `columns.read`; or no distance is stated, or an
-            entry is out of range.
+        InputError: see `columns.read`; or no distance is stated, or an entry is out of range.
     """
     distance = {} if fingers_mm is None else {FINGERS: fingers_mm}
     try:
@@ -69,7 +68,7 @@ def read(path: Path, fingers_mm: float | None) -> Array:
 
 
 def paths(rows: Array, centroid: Array) -> Paths:
-    """The paths of pushes (n, 10), seen from the part's frame, whose origin is at `centroid` (2,)."""
+    """The paths of pushes (n, 10) in the part's frame, whose origin is at `centroid` (2,)."""
     approach = rows[:, 2:4] / np.hypot(rows[:, 2], rows[:, 3])[:, None]
     across = 0.5 * rows[:, 7:8] * np.column_stack([-approach[:, 1], approach[:, 0]])
     middle = rows[:, 0:2] - centroid
@@ -78,7 +77,7 @@ def paths(rows: Array, centroid: Array) -> Paths:
 
 
 def check_clear(paths: Paths, outline: Array, where: Path) -> None:
-    """Refuses fingers that start inside the part.
+    """Refuses pushes whose fingers start inside the part.
 
     Raises:
         InputError: names the push and says how deep the finger would stand.
@@ -97,7 +96,7 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
 def exact(job: Job) -> Job:
     """A job with the quartic of its load on rim or area, which predicts pushes better than the ellipsoid.
 
-    A squeeze with it takes ten times as long, which plans cannot afford and a list of pushes can.
+    It takes ten times as long, too long for plans but not for a list of pushes.
     """
     spread = job.pressure.kind in ("boundary", "uniform")
     return job.replaced(pressure={"limit_surface": "quartic"}) if spread else job
@@ -111,7 +110,7 @@ def drawn(
     draws: int,
     rng: np.random.Generator,
 ) -> Drawn:
-    """Pushes as `draw` has them, `draws` times each."""
+    """Simulates the pushes `draws` times with `draw`."""
     n, given_up = len(paths.angles), 0
     bounds, some = np.empty((n, 3, 2)), max(AT_ONCE // draws, 1)
     for start in range(0, n, some):
@@ -127,7 +126,7 @@ def drawn(
 def draw(
     simulator: Simulator, job: Job, paths: Paths, radius_mm: float, rng: np.random.Generator
 ) -> Pushed:
-    """Pushes once along each of n paths, of parts as the job believes in them: scatter, friction, doubts."""
+    """Simulates each of n paths once, with scatter, friction and doubts drawn as the job believes."""
     if job.doubt.start_mm:
         paths = tips.scattered(paths, job.doubt.start_mm, radius_mm, job.part.outline_mm, rng)
     n = len(paths.angles)

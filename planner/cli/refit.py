@@ -1,4 +1,4 @@
-"""plan-refit: a job and journals of its table in, what they tell of the cell out, and a job that says so."""
+"""plan-refit: learns a cell's latent parameters from journals of a job's table, and writes a new job."""
 
 import argparse
 import csv
@@ -31,15 +31,15 @@ from runtime.table import Table, TableFile, names_table
 NAME = "plan-refit"
 LEAST_PARTS = 20
 RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
-PREVIEW = (16, 400)  # cells of the posterior that the table is tried in, and parts in each
+PREVIEW = (16, 400)  # cells of the posterior in which the table is tried, and parts in each
 
 
 def parser() -> Parser:
     """The command's arguments."""
     command = shell.parser(
         NAME,
-        "Learn from a cell's own journals what is off in it: how the fingers share the closing, where they "
-        "meet, what widths read too much, friction, pressure. Writes the job with doubts as narrow as the "
+        "Learn a cell's latent parameters from its journals: how the fingers share the closing, where they "
+        "meet, the offset of widths, friction, pressure. Writes the job with doubts as narrow as the "
         "data allow.",
         f"{NAME} lever.toml --journal monday.jsonl tuesday.jsonl -o lever2.toml",
         f"{NAME} lever.toml --journal run.jsonl --audit parts.csv -o lever2.toml --json",
@@ -53,7 +53,7 @@ def parser() -> Parser:
         required=True,
         action="extend",
         metavar="J",
-        help="of runs of one table of this job; audits in them count, too",
+        help="journals of runs of one table of this job; their audits count, too",
     )
     add(
         "--audit",
@@ -62,7 +62,7 @@ def parser() -> Parser:
         default=[],
         action="extend",
         metavar="A.csv",
-        help="measured poses, as grasp-audit report --export writes them, one for each journal",
+        help="measured poses as grasp-audit report --export writes them, one file for each journal",
     )
     add(
         "-o",
@@ -70,14 +70,14 @@ def parser() -> Parser:
         type=Path,
         required=True,
         metavar="JOB2.toml",
-        help="the job that was learned",
+        help="the job file to write",
     )
     add("--seed", type=natural, default=0, help="of what is simulated (default: %(default)s)")
     add(
         "--cells",
         type=positive_int,
         default=Effort().cells,
-        help="cells to simulate in each round: more take longer and tell finer (default: %(default)s)",
+        help="cells to simulate in each round: more take longer, with finer results (default: %(default)s)",
     )
     shell.add_scheduler(command)
     return command
@@ -140,7 +140,7 @@ def _refit(arguments: argparse.Namespace) -> None:
 
 
 def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[PartLog]]:
-    """The table of the journals and all their parts, with what audits tell of them.
+    """The table of the journals and all their parts, with their audits.
 
     Raises:
         InputError: a journal or an audit cannot be used.
@@ -166,7 +166,7 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
 
 
 def _measured(path: Path, parts: Sequence[PartLog]) -> None:
-    """Adds to parts the residuals that a table of audited parts tells."""
+    """Adds the residuals of a table of audited parts to `parts`."""
     rows = list(csv.DictReader(documents.read(path).splitlines()))
     try:
         for row in rows:
@@ -179,9 +179,9 @@ def _measured(path: Path, parts: Sequence[PartLog]) -> None:
 
 
 def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
-    """What was read at each node, until each part's first leaf or rejected reading.
+    """Counts the readings at each node, up to each part's first leaf or rejected reading.
 
-    What follows after one of these is another attempt, on a part that does not lie as a new one would.
+    Later readings belong to another attempt, on a part that does not lie as a new one would.
     """
     gripper = table.gripper
     counts, squeezed = np.zeros((len(table.nodes), gripper.bins), np.int64), 0
@@ -190,7 +190,8 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
         squeezed += bool(part.squeezes)
         target: int | None = 0
         for node, width_um, target in part.squeezes:
-            # A calibrated gripper's widths, as the nominal ones of the simulated one.
+            # A calibrated gripper's widths are compared with the nominal ones of the simulated
+            # gripper.
             counts[node, gripper.bin_of(width_um)] += 1
             if target is None or target < 0:
                 break
@@ -201,7 +202,7 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
 
 
 def timed(parts: Sequence[PartLog]) -> list[Timed]:
-    """The squeezes of parts whose seconds are told, each as often as it was squeezed."""
+    """The squeezes of parts whose seconds are in the journal, one entry a squeeze."""
     return [
         Timed(node, width_um / 1e3, number + 1 == len(part.squeezes), phases)
         for part in parts
@@ -215,7 +216,7 @@ def timed(parts: Sequence[PartLog]) -> list[Timed]:
 def _preview(
     cells: Cells, posterior: Posterior, seed: int, scheduler: Scheduler
 ) -> tuple[float, float]:
-    """Shares of wrong and of rejected parts that the table gives in the cell, as it was learned."""
+    """Shares of wrong and of rejected parts that the table gives in the learned cell."""
     number, parts = PREVIEW
     jobs = [(cells, point, parts, seed + k) for k, point in enumerate(posterior.cells[:number])]
     tried = list(scheduler.map(_run, jobs))
@@ -228,7 +229,7 @@ def _run(job: tuple[Cells, Any, int, int]) -> Evaluation:
 
 
 def edited(text: str, changed: Mapping[str, Mapping[str, Any]]) -> str:
-    """The text of a job file with other values; all else, comments too, stays as it was written."""
+    """The text of a job file with other values; everything else, comments too, stays as written."""
     document = tomlkit.parse(text)
     for section, values in changed.items():
         if section not in document:

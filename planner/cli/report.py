@@ -1,4 +1,4 @@
-"""plan-report: a table as one page of HTML that needs no network."""
+"""plan-report: a table as one self-contained HTML page."""
 
 import argparse
 from pathlib import Path
@@ -39,7 +39,7 @@ def parser() -> Parser:
         help="set the plan beside another table; with --journal, its runs beside another journal",
     )
     built.add_argument(
-        "--sheet", action="store_true", help="only what a customer needs: two printed sheets"
+        "--sheet", action="store_true", help="a short version for a customer: two printed sheets"
     )
     built.add_argument(
         "--world",

@@ -1,4 +1,4 @@
-"""What all planner commands share beside `runtime.shell`: exit codes, options, output files, progress."""
+"""Shared parts of the planner's commands: exit codes, options, output, progress; see also `runtime.shell`."""
 
 import argparse
 import contextlib
@@ -26,15 +26,15 @@ from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.table import Table, TableFile, load
 
 progress = course.shown
-WIDTH = 98  # columns of what --help says
-PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
+WIDTH = 98  # columns of --help
+PICTURES = (".png", ".svg", ".pdf")  # suffixes of pictures that matplotlib writes
 FORMATS = (*PICTURES, ".csv", ".dxf", ".gif", ".html", ".json", ".msgpack", ".stl", ".toml")
 STOPPING = "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once"
 EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.NO_PLAN, ExitCode.UNREACHABLE)
 
 
 def parser(name: str, description: str, *examples: str) -> Parser:
-    """An argument parser with the options and the epilogue that all commands have."""
+    """An argument parser with the options and the epilogue of all commands."""
     shown = "\n  ".join(examples)
     result = Parser(
         prog=name,
@@ -46,10 +46,10 @@ def parser(name: str, description: str, *examples: str) -> Parser:
 
 
 def checked_suffix(option: str, path: Path, suffixes: Sequence[str]) -> Path:
-    """The path that an option names.
+    """Checks the path that an option names.
 
     Raises:
-        UsageError: it ends in none of the suffixes.
+        UsageError: it has none of the suffixes.
     """
     if path.suffix.lower() not in suffixes:
         raise UsageError(f"{option} {path} must end in {', '.join(suffixes)}")
@@ -57,10 +57,10 @@ def checked_suffix(option: str, path: Path, suffixes: Sequence[str]) -> Path:
 
 
 def checked_output(path: Path, what: str, suffix: str) -> Path:
-    """The path of an output of one kind, which may also have no suffix or one of its own.
+    """Checks the path of an output of one kind, which may also have no suffix or an unknown one.
 
     Raises:
-        UsageError: its suffix promises something else.
+        UsageError: the suffix belongs to another kind.
     """
     if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
         raise UsageError(
@@ -72,36 +72,41 @@ def checked_output(path: Path, what: str, suffix: str) -> Path:
 def add_drawing(group: argparse._ArgumentGroup) -> None:
     """The options that say how to read a drawing; `drawing_of` reads them."""
     add = group.add_argument
-    add("--units", choices=UNITS_MM, help="what one unit is (default: what the file says)")
+    add("--units", choices=UNITS_MM, help="unit of the drawing (default: as the file says)")
     add(
         "--scale",
         type=command.positive,
         metavar="MM",
-        help="the same in mm, for a drawing in pixels",
+        help="size of one unit in mm, for a drawing in pixels",
     )
     add(
         "--layer",
         metavar="NAME",
-        help="of a DXF drawing, the only one to read (default: all visible ones)",
+        help="the layer of a DXF drawing to read (default: all visible ones)",
     )
-    add("--contour", type=command.positive_int, metavar="N", help="which one, if there are several")
+    add(
+        "--contour",
+        type=command.positive_int,
+        metavar="N",
+        help="number of the contour, if there are several",
+    )
     add(
         "--tolerance",
         type=command.number,
         default=TOLERANCE_MM,
         metavar="MM",
-        help="of curves made polygons (default: %(default)s)",
+        help="greatest distance of the polygon from a curve (default: %(default)s)",
     )
     add(
         "--height",
         type=command.number,
         metavar="MM",
-        help="of the finger tips, above which they meet an STL solid (default: half-way up, at most 8)",
+        help="height at which the finger tips meet an STL solid (default: half-way up, at most 8)",
     )
 
 
 def drawing_of(arguments: argparse.Namespace) -> Options:
-    """What the options of `add_drawing` say."""
+    """The values of the options of `add_drawing`."""
     return Options(
         arguments.units,
         arguments.contour,
@@ -113,17 +118,17 @@ def drawing_of(arguments: argparse.Namespace) -> Options:
 
 
 def add_table(parser: argparse.ArgumentParser) -> None:
-    """The arguments that name a table and, if need be, its job; `loaded` reads both."""
+    """Adds the arguments for a table and, if need be, its job; `loaded` reads both."""
     parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
 
 
 def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
-    """The table of `add_table`, and the job it was compiled from: its own copy, or a file with its digest.
+    """The table of `add_table` and its job: the embedded copy, or a file with the same digest.
 
     Raises:
         TableError: the table cannot be used.
-        InputError: there is no job, or it is another one, or it cannot be read.
+        InputError: the job is missing, unreadable or another one.
     """
     result = load(arguments.tree)
     if arguments.job is None:
@@ -139,17 +144,17 @@ def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
 
 
 def check_one_part(several: object, name: str, what: str) -> None:
-    """Refuses what is known for one part only.
+    """Refuses several hypotheses where a command handles one part only.
 
     Raises:
         UsageError: there are several hypotheses.
     """
     if several:
-        raise UsageError(f"{what} is for one part, and {name} leaves open which part it is")
+        raise UsageError(f"{what} is for one part, but {name} leaves open which part it is")
 
 
 def check_squeezes_alone(table: Table, name: str, what: str) -> None:
-    """Refuses what does not know pushes.
+    """Refuses tables with pushes where a command handles squeezes only.
 
     Raises:
         UsageError: parts are pushed before some squeeze.
@@ -165,12 +170,12 @@ def add_takt(parser: argparse.ArgumentParser) -> None:
         "--takt",
         type=command.seconds,
         metavar="6s",
-        help="also tell how many parts are done within this time",
+        help="also state how many parts are done within this time",
     )
 
 
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
-    """The options that say who works; `planner.work.scheduler.scheduler_of` takes their values."""
+    """Adds the options for workers; `planner.work.scheduler.scheduler_of` reads them."""
     parser.add_argument(
         "--workers",
         type=command.positive_int,
@@ -187,27 +192,27 @@ Body = Callable[[argparse.Namespace], int | None]
 
 
 def main_of(parser: Callable[[], Parser], body: Body) -> Callable[..., int]:
-    """The `main` of a command: of its arguments, None for the process's own, to its exit code."""
+    """The `main` of a command: takes its arguments (None: those of the process), returns its exit code."""
     return lambda argv=None: run(parser(), argv, body)
 
 
 def run(built: Parser, argv: Sequence[str] | None, body: Body) -> int:
-    """Runs a command as `runtime.shell.command.run` does; a body that returns nothing did well."""
+    """Runs a command as `runtime.shell.command.run` does; a body that returns None succeeded."""
     logging.lastResort = (
-        None  # what a library logs beside the error that it raises is not told twice
+        None  # a library's log of the error that it raises would repeat the message
     )
     stopped = ExitCode.INTERRUPTED, "interrupted; nothing was written"
     return command.run(built, argv, lambda arguments: body(arguments) or 0, stopped)
 
 
 def answer(as_json: bool, figures: Mapping[str, Any], *lines: str) -> None:
-    """Prints what a command found: its figures as one JSON object on one line, or lines for people."""
+    """Prints the result of a command: its figures as one JSON object on one line, or lines for people."""
     print(json.dumps(figures) if as_json else "\n".join(lines))
 
 
 @contextmanager
 def spared(what: str, notes: list[str], debug: bool = False) -> Iterator[None]:
-    """Work that an answer can do without: a failure of it becomes a note.
+    """Context of optional work: its failure becomes a note.
 
     Args:
         what: the work, in the words of the note.
@@ -227,14 +232,14 @@ def spared(what: str, notes: list[str], debug: bool = False) -> Iterator[None]:
 
 @contextmanager
 def stopping(limit: Limit, name: str) -> Iterator[None]:
-    """The first Ctrl-C asks the work of a command to end with what stands; the next one interrupts it."""
+    """Lets the first Ctrl-C end the work of a command with the result so far; the next one interrupts it."""
 
     def hear(number: int, frame: FrameType | None) -> None:
         if not limit.ask():
             signal.default_int_handler(number, frame)
         with contextlib.suppress(
             OSError
-        ):  # not by way of sys.stderr, which may be in the middle of a line
+        ):  # not through sys.stderr, which may be in the middle of a line
             os.write(2, f"{name}: {STOPPING}\n".encode())
 
     usual = signal.signal(signal.SIGINT, hear)
@@ -246,7 +251,7 @@ def stopping(limit: Limit, name: str) -> Iterator[None]:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Work that may compile kernels: numba makes errors of its own of a Ctrl-C, which here stays one."""
+    """Context for work that may compile kernels: keeps Ctrl-C an interrupt, which numba would disguise."""
     heard = False
 
     def hear(number: int, frame: FrameType | None) -> None:

@@ -1,4 +1,4 @@
-"""plan-simulate: single squeezes, rolled out from a list of poses, or single pushes along a list of paths."""
+"""plan-simulate: single squeezes from a list of poses, or single pushes along a list of paths."""
 
 import argparse
 import math
@@ -22,8 +22,8 @@ from runtime.shell.files import usable, words_of
 
 NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
-PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}  # what they may end in
-ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pass between the jaws
+PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}  # their suffixes
+ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # A pushed part need not pass between the jaws
 IN_DEGREES = ("x_mm", "y_mm", "theta_deg")  # the same poses
 RESULTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm")
 OUTPUTS = (
@@ -31,24 +31,22 @@ OUTPUTS = (
     "theta_deg",
     "final_theta_deg",
     "status",
-)  # the angles once more, as jobs state them
+)  # the angles again, in degrees
 MOST_RADIUS_MM, MOST_DRAWS = 1000.0, 100_000
-SAME_DEG = 1e-5  # what rounding leaves between an angle in degrees and the same in radians
+SAME_DEG = 1e-5  # rounding error between an angle in degrees and the same in radians
 
 
 class Results(NamedTuple):
-    """What is written of n squeezes or pushes."""
+    """Results of n squeezes or pushes, ready to be written."""
 
-    what: str  # they are
-    header: tuple[str, ...]  # of the numbers, the status, and what is further
+    what: str  # "squeezes" or "pushes"
+    header: tuple[str, ...]  # of the numbers, the status and the further columns
     numbers: Array  # (n, k)
     status: IntArray  # (n,) index into `names`
     names: tuple[str, ...]
-    given_up: int  # how many were cut short
+    given_up: int  # number cut short
     further: Array | None = None  # (n, m)
-    drawn: tuple[Array, Parameters] | None = (
-        None  # poses (n, 3) and mechanics that pictures are drawn from
-    )
+    drawn: tuple[Array, Parameters] | None = None  # poses (n, 3) and mechanics for pictures
 
 
 def _simulate(arguments: argparse.Namespace) -> None:
@@ -102,7 +100,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
 
 
 def _rng(arguments: argparse.Namespace, job: Job, *stream: int) -> np.random.Generator:
-    """The generator of a stream of draws, of the stated seed or the job's."""
+    """A random generator for one stream of draws, from the stated seed or the job's."""
     seed = job.seed if arguments.seed is None else arguments.seed
     return np.random.default_rng([seed, *stream] if stream else seed)
 
@@ -158,7 +156,7 @@ def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Re
     numbers = np.column_stack([rows, pushes.in_degrees(pushed.moved)])
     given_up = int(pushed.given_up.sum())
     if arguments.draws is not None:
-        # Another stream than that of the lines: they are the same with and without --draws.
+        # A separate stream: the lines are the same with and without --draws.
         rng = _rng(arguments, job, arguments.draws)
         drawn = pushes.drawn(simulator, job, ways, radius or 0.0, arguments.draws, rng)
         further, given_up = np.column_stack([further, drawn.bounds]), given_up + drawn.given_up
@@ -256,10 +254,10 @@ def parser() -> Parser:
 
 
 def read_poses(path: Path) -> Array:
-    """Reads poses (n, 3) [mm, mm, rad], whose angles are stated in radians or in degrees.
+    """Reads poses (n, 3) [mm, mm, rad] with angles in radians or degrees.
 
     Raises:
-        InputError: as `columns.read`; or a line states two angles.
+        InputError: see `columns.read`; or the two angles of a line differ.
     """
     try:
         poses = columns.read(path, INPUTS)
@@ -286,11 +284,11 @@ def draw(
     parameters: Parameters,
     title: str,
 ) -> None:
-    """Squeezes the first poses (n, 3), n >= 1, once more, step by step, and draws what was asked for.
+    """Repeats the squeezes of the first poses (n, 3), n >= 1, step by step, and draws them.
 
-    The files go by the names of `PICTURES`; the simulator and the parameters are those of the results.
+    `pictures` maps the names of `PICTURES` to files; simulator and parameters are those of the results.
     """
-    from planner.report import canvas, trajectory  # matplotlib takes its time
+    from planner.report import canvas, trajectory  # importing matplotlib is slow
 
     traces = []
     cases = zip(poses, parameters.surfaces, parameters.mu, strict=True)

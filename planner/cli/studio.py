@@ -14,7 +14,7 @@ from runtime.shell.errors import UsageError
 from runtime.shell.files import folder
 
 NAME = "plan-studio"
-PORT = 8640  # an open page finds the studio again when it is begun anew
+PORT = 8640  # fixed, so that an open page reconnects when the studio restarts
 MOST_PORT = 65535
 
 
@@ -33,13 +33,13 @@ def parser() -> Parser:
         nargs="?",
         default=Path(),
         metavar="FOLDER",
-        help="of drawings and plans; made where it is not there (default: this one)",
+        help="folder of drawings and plans; created if missing (default: this one)",
     )
     built.add_argument(
         "--port",
         type=natural,
         metavar="P",
-        help=f"of this machine's loopback, 0 for a free one (default: {PORT}, if it is free)",
+        help=f"port on the loopback interface, 0 for a free one (default: {PORT}, if it is free)",
     )
     built.add_argument(
         "--no-browser", action="store_true", help="print the address, and open no browser"

@@ -1,6 +1,6 @@
-"""plan-compile --vary: one job file, every combination of some values, one table each and a summary of all.
+"""plan-compile --vary: one table for every combination of some values, and a summary.
 
-A combination that cannot be used, or has no plan, is one outcome among the others.
+A combination that is invalid or has no plan is an outcome like any other.
 """
 
 import dataclasses
@@ -45,37 +45,37 @@ _UNFIT = re.compile(r"[^\w.+=,-]+")
 
 
 class Settings(NamedTuple):
-    """How every job of a sweep is compiled."""
+    """Settings that all jobs of a sweep share."""
 
     trials: int  # parts squeezed to evaluate a table
     workers: int | None  # threads for a job; all cores if None
     strip: bool  # leave the jobs out of the tables
-    budget_s: float  # for each job; its tree is left as it stands then
-    takt_s: float | None = None  # within which parts should be done
+    budget_s: float  # for each job; the tree is kept as it stands then
+    takt_s: float | None = None  # time within which parts should be done
 
 
 class Order(NamedTuple):
     """One job of a sweep."""
 
-    overrides: Overrides  # names and values' texts that make it
+    overrides: Overrides  # the overrides: names and texts of values
     text: str  # its canonical text; "" if it was refused
-    refusal: dict[str, Any] | None = None  # why, as `_failure` tells it
+    refusal: dict[str, Any] | None = None  # the error, as `_failure` returns it
 
     @property
     def label(self) -> str:
-        """The overrides as one text, which no other job of the sweep has."""
+        """The overrides as one text, unique within the sweep."""
         return ", ".join(f"{name}={value}" for name, value in self.overrides)
 
 
 class Outcome(NamedTuple):
-    """What one job came to."""
+    """The result of one job."""
 
     table: bytes | None  # of its decision table; None if there is none
-    figures: dict[str, Any]  # as `figures_of` or, without a table, `_failure` returns them
+    figures: dict[str, Any]  # from `figures_of` or, without a table, `_failure`
 
 
 def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list[Order]:
-    """One order for every combination of the swept values of a job file, the last name's changing fastest.
+    """One order for every combination of the swept values; the last name's value changes fastest.
 
     `sweeps` are texts "section.key=value,value"; the common overrides are applied first.
 
@@ -104,13 +104,13 @@ def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list
 def outcomes(
     orders: Sequence[Order], settings: Settings, scheduler: Scheduler, report: Report
 ) -> Iterator[Outcome]:
-    """Compiles the orders and yields what each came to, in their order.
+    """Compiles the orders and yields their outcomes in order.
 
-    On a cluster a job is a task with one thread. On this machine jobs follow one another, each with all
-    threads: processes side by side would load the kernels anew each, for no gain in speed.
+    On a cluster a job is a task with one thread. On this machine jobs run one after the other, each with all
+    threads: parallel processes would each load the kernels, for no gain in speed.
 
     Raises:
-        UnreachableError: the cluster was lost.
+        UnreachableError: the connection to the cluster was lost.
     """
     if isinstance(scheduler, Cluster):
         task = partial(compiled, settings._replace(workers=1))
@@ -124,7 +124,7 @@ def outcomes(
 
 
 def _of_job(number: int, jobs: int, report: Report) -> Report:
-    """Tells of the stages of one of several jobs; what is done are the jobs before it."""
+    """Progress of one of several jobs; the jobs before it count as done."""
 
     def report_stage(stage: str, _done: int, _total: int, detail: str = "", /) -> None:
         report(f"job {number} of {jobs}: {stage}", number - 1, jobs, detail)
@@ -133,7 +133,7 @@ def _of_job(number: int, jobs: int, report: Report) -> Report:
 
 
 def compiled(settings: Settings, order: Order, report: Report | None = None) -> Outcome:
-    """Compiles one order, wherever it runs; what goes wrong becomes its outcome."""
+    """Compiles one order, in any process; an error becomes its outcome."""
     if order.refusal is not None:
         return Outcome(None, order.refusal)
     started = time.perf_counter()
@@ -151,7 +151,7 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
 
 
 def figures_of(plan: Plan, seconds: float, takt_s: float | None = None) -> dict[str, Any]:
-    """What there is to say about a plan that took so long, in plain types; as `Evaluation.summary`."""
+    """The figures of a plan and its compile time, in plain types; see `Evaluation.summary`."""
     return {
         "nodes": len(plan.table.nodes),
         **(
@@ -177,9 +177,9 @@ def run(
     scheduler: Scheduler,
     as_json: bool,
 ) -> int:
-    """Compiles all orders, writes each table as soon as it is there, and the summary last.
+    """Compiles all orders; writes each table as soon as it is done, and the summary last.
 
-    `output` is as in `paths_of`; `read` are the job file and what it names.
+    `output` is as in `paths_of`; `read` are the job file and the files that it names.
 
     Returns:
         0, or the exit code of the first job that has no table; 130 after Ctrl-C.
@@ -187,7 +187,7 @@ def run(
     Raises:
         UsageError: the pattern would give two jobs one name.
         OutputError: a file cannot be written, or its folder not be made.
-        UnreachableError: the cluster was lost.
+        UnreachableError: the connection to the cluster was lost.
     """
     paths = paths_of(orders, output)
     summary = folder(paths[0].parent) / SUMMARY
@@ -217,7 +217,7 @@ def run(
 
 
 def paths_of(orders: Sequence[Order], output: Path) -> list[Path]:
-    """Where the tables go: into a folder, or by a pattern such as "r{uncertainty.radius_mm}.msgpack".
+    """Paths of the tables: in a folder, or by a pattern such as "r{uncertainty.radius_mm}.msgpack".
 
     Raises:
         UsageError: a placeholder names no swept value, one is missing, or names coincide.
@@ -238,7 +238,7 @@ def paths_of(orders: Sequence[Order], output: Path) -> list[Path]:
 
 
 def _filled(pattern: Path, values: dict[str, str]) -> Path:
-    """The pattern's file for one job; placeholders stand in its last part only."""
+    """The file name of one job by the pattern, whose placeholders stand in the last part only."""
     for name in _PLACEHOLDER.findall(str(pattern)):
         if name not in values:
             raise UsageError(
@@ -249,7 +249,7 @@ def _filled(pattern: Path, values: dict[str, str]) -> Path:
 
 
 def _fit(text: str) -> str:
-    """A text as part of a file's name; a digest stands for the rest of a long one."""
+    """Shortens a text for a file name; a digest replaces the rest of a long one."""
     name = _UNFIT.sub("_", text).strip("_")
     digest = hashlib.sha256(text.encode()).hexdigest()[:8]
     return name if len(name) <= LONGEST else f"{name[: LONGEST - 9]}-{digest}"

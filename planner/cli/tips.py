@@ -1,9 +1,9 @@
 """Pushes by round tips, for `plan-simulate --push --tip-radius-mm`.
 
-A line states the centre of a tip at the start and its whole straight way, in the frame in which the job
-writes `outline_mm`. Recorded tips often overlap the part at the start, by millimetres. Such a tip begins
-where it just touches, at the nearest place outside, and goes the same way: of the corrections tried on
-recorded pushes this one comes nearest to what was measured (decision 0049).
+A line states the centre of a tip at the start and its whole straight way, in the frame of `outline_mm` of the
+job. Recorded tips often overlap the part at the start, by millimetres. Such a tip starts at the nearest place
+outside, where it just touches, and goes the same way: of the corrections tried on recorded pushes this one
+agrees best with the measurements (decision 0049).
 """
 
 from pathlib import Path
@@ -22,24 +22,24 @@ NAMES = ("tip_x_mm", "tip_y_mm", "way_x_mm", "way_y_mm")
 OVERLAP = "overlap_mm"
 STATUS_NAMES = (*PUSH_NAMES, "untouched")
 UNTOUCHED = len(PUSH_NAMES)
-MOST_MM = 1e4  # magnitude of an entry
-CLEAR_MM = 1e-3  # what may be left of an overlap
+MOST_MM = 1e4  # largest magnitude of an entry
+CLEAR_MM = 1e-3  # overlap that is tolerated
 ROUNDS = 20
-ARCS = 256  # Segments of a quarter of the grown outline's arcs
+ARCS = 256  # Segments of a quarter circle of the outline offset by the radius
 
 
 class Beside(NamedTuple):
-    """Round tips that start clear of the part."""
+    """Round tips moved clear of the part."""
 
     paths: Paths
-    overlap_mm: Array  # (n,) of the deepest tip, as stated; 0 where they start clear
+    overlap_mm: Array  # (n,) overlap of the deepest tip as stated; 0 where clear
 
 
 def read(path: Path) -> Array:
     """Reads pushes (n, 4) with the columns `NAMES`.
 
     Raises:
-        InputError: as `columns.read`; or an entry is out of range.
+        InputError: see `columns.read`; or an entry is out of range.
     """
     rows = columns.read(path, NAMES)
     for number, row in enumerate(rows, 1):
@@ -52,13 +52,13 @@ def read(path: Path) -> Array:
 
 
 def paths(rows: Array, centroid: Array) -> Paths:
-    """The paths of pushes (n, 4), seen from the part's frame, whose origin is at `centroid` (2,)."""
+    """The paths of pushes (n, 4) in the part's frame, whose origin is at `centroid` (2,)."""
     centres = rows[:, :2] - centroid
     return Paths(centres[:, None], centres, np.zeros(len(rows)), rows[:, 2:].copy())
 
 
 def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Beside:
-    """Pushers of round tips, each moved whole by the shortest way that frees its deepest tip of the part.
+    """Pushers of round tips, each shifted by the shortest way that clears its deepest tip.
 
     Raises:
         InputError: a tip overlaps the part by its diameter or more, or no place beside it is free.
@@ -78,9 +78,9 @@ def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Besid
 def scattered(
     paths: Paths, std_mm: float, radius_mm: float, outline: Array, rng: np.random.Generator
 ) -> Paths:
-    """Pushers that start off where they are stated, by a normal of this standard deviation in x and y.
+    """Pushers with normally distributed errors of their start in x and y.
 
-    Each is moved whole, and beside the part again; where no place there is free it starts as stated.
+    Each is shifted as a whole, and cleared of the part again; without a free place it starts as stated.
     """
     off = std_mm * rng.standard_normal((len(paths.points), 2))
     shift, inside = _way_out(paths.points + off[:, None], radius_mm, outline)
@@ -90,9 +90,9 @@ def scattered(
 
 
 def _way_out(points: Array, radius_mm: float, outline: Array) -> tuple[Array, IntArray]:
-    """How far (n, 2) to move tips about points (n, K, 2), the deepest first, until none overlaps the part.
+    """Shifts (n, 2) for tips about points (n, K, 2), the deepest first, that clear them of the part.
 
-    Returns also the rows of those that do so after `ROUNDS`.
+    Also returns the rows that still overlap after `ROUNDS`.
     """
     edge = shapely.Polygon(outline).buffer(radius_mm, quad_segs=ARCS).boundary
     shift, rows = np.zeros((len(points), 2)), np.arange(len(points))
@@ -116,7 +116,7 @@ def _moved(paths: Paths, shift: Array) -> Paths:
 
 
 def _depth(points: Array, radius_mm: float, outline: Array) -> Array:
-    """How far (n, K) tips about points (n, K, 2) overlap the part, negative where they are clear [mm]."""
+    """Overlap (n, K) of tips about points (n, K, 2) with the part, negative where they are clear [mm]."""
     part, centres = shapely.Polygon(outline), shapely.points(points)
     away = shapely.distance(part.exterior, centres)
     return np.asarray(radius_mm - np.where(shapely.contains(part, centres), -away, away))
@@ -133,5 +133,5 @@ def _check_depth(overlap: Array, radius_mm: float, where: Path) -> None:
 
 
 def status(pushed: Pushed) -> IntArray:
-    """Indices (n,) into `STATUS_NAMES`: those of `pushed`, or untouched where the part did not move."""
+    """Indices (n,) into `STATUS_NAMES`: the status of `pushed`, or untouched where the part did not move."""
     return np.where(pushed.moved.any(axis=1), pushed.status, UNTOUCHED)

@@ -1,1 +1,1 @@
-"""What limits a plan, and what to change."""
+"""Diagnosis: what limits a plan, and what to change."""

@@ -1,6 +1,6 @@
-"""What to change where a plan falls short: the measures of this package, put together.
+"""Advice on a plan that falls short, from the measures of this package.
 
-What the job's sources of noise cost is found by switching off one after another.
+The cost of each source of noise in the job is measured by switching it off.
 """
 
 import math
@@ -27,18 +27,18 @@ from runtime.table import Table
 
 Z95 = NormalDist().inv_cdf(0.975)
 SEED_NOISE = 0x53454E53
-LONG = 3.6  # squeezes a part from which a plan is long
+LONG = 3.6  # squeezes a part above which a plan is long
 MOST_LATE = 3
 MOST_TRIALS = 5000  # parts squeezed for each source of noise
 PINCHED = "as something thinner than a count is between the jaws and they read as closed"
 
 
 class Gain(NamedTuple):
-    """What one source of noise costs."""
+    """The cost of one source of noise."""
 
-    source: str  # its name; `EVERYTHING` for the run without any
-    success_rate: float  # of the table without that source
-    gain: float  # how much higher that is than with all of them
+    source: str  # its name; `EVERYTHING` for the run without any noise
+    success_rate: float  # success rate of the table without that source
+    gain: float  # increase over the rate with all of them
     error: float  # half-width of the gain's 95 % interval
     certain: bool  # whether the gain is more than chance
 
@@ -46,10 +46,10 @@ class Gain(NamedTuple):
 def gains_without_noise(
     table: Table, job: Job, trials: int, scheduler: Scheduler | None = None, report: Report = silent
 ) -> list[Gain]:
-    """Runs a table without one source of its job's noise after another; the table stays what it is.
+    """Runs a table without each source of its job's noise in turn; the table stays the same.
 
     Returns:
-        One gain a source, the largest first, then the one without any noise.
+        One gain for each source, the largest first, then the one without any noise.
     """
     seed = job.seed + SEED_NOISE
     cases, worlds = [Case(PLANNED), *noise_cases(job)], partial(ContactWorlds.of_job, seed=seed)
@@ -57,7 +57,7 @@ def gains_without_noise(
     base, *others = (float(line.evaluation.success.mean()) for line in lines)
     gains = []
     for case, rate in zip(cases[1:], others, strict=True):
-        # Rates of 1 scatter too: each counts as half a failure at least.
+        # Rates of 1 scatter too: each counts as at least half a failure.
         variance = sum(max(p * (1.0 - p), 0.5 / trials) / trials for p in (base, rate))
         gain, error = rate - base, Z95 * math.sqrt(variance)
         gains.append(Gain(case.name, rate, gain, error, gain > error))
@@ -65,12 +65,12 @@ def gains_without_noise(
 
 
 def _noise_lines(gains: Sequence[Gain]) -> list[str]:
-    """For people: which sources of noise limit the plan, and what stays without any."""
+    """For people: the sources of noise that limit the plan, and the failures that remain without any."""
     if not gains:
         return []
     single = [gain for gain in gains if gain.source != EVERYTHING]
     lines = [
-        f"{gain.source} limits it: {gain.gain:.2%} more, give or take {gain.error:.2%}, if it did not scatter"
+        f"{gain.source} limits it: without its scatter {gain.gain:.2%} +- {gain.error:.2%} more"
         for gain in single
         if gain.certain
     ]
@@ -80,7 +80,7 @@ def _noise_lines(gains: Sequence[Gain]) -> list[str]:
     missing = 1.0 - gains[-1].success_rate
     return [
         *lines,
-        f"{missing:.2%} would not be located without any noise: that is up to the action set",
+        f"{missing:.2%} would not be located without any noise either: extend the action set",
     ]
 
 
@@ -89,20 +89,18 @@ class Advice(NamedTuple):
 
     failing: float  # share of the parts that are not located
     rejected: float  # share whose width no branch has
-    pinched: float  # of these, the share of all that stops the jaws at less than a count, which is no grip
-    unresolved: float  # share that ends in leaves from which no squeeze gained anything
-    at_depth_limit: (
-        float  # share that ends in unresolved leaves as deep as `search.max_depth` allows
-    )
-    pairs: list[ClosePair]  # branches that the encoder may confuse, those that cost most first
+    pinched: float  # of all parts, those that stop the jaws at less than a count
+    unresolved: float  # share that ends in leaves where no squeeze gained anything
+    at_depth_limit: float  # share that ends in unresolved leaves at depth `search.max_depth`
+    pairs: list[ClosePair]  # branches that the encoder may confuse, the costliest first
     open_poses: list[
         Ambiguity
-    ]  # the unresolved leaves that hold most parts, and what would resolve them
-    gains: Sequence[Gain]  # what each source of noise costs; empty if not asked for
+    ]  # the unresolved leaves with most parts, and squeezes to resolve them
+    gains: Sequence[Gain]  # cost of each source of noise; empty if not asked for
     proposing: bool  # whether placements were proposed besides the stated ones
-    delays: Sequence[Delay]  # of a long plan, the nodes that many parts still come to late
-    margins: Margins | None = None  # what widths a little off do; None if not asked for
-    shares: Shares | None = None  # of the same parts, rounded as they are told elsewhere
+    delays: Sequence[Delay]  # of a long plan, the late nodes that many parts still reach
+    margins: Margins | None = None  # effect of an offset of widths; None if not asked for
+    shares: Shares | None = None  # shares of the same parts, rounded as in other outputs
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -117,7 +115,7 @@ class Advice(NamedTuple):
         return record
 
     def lines(self) -> list[str]:
-        """For people: what costs something, and where to look."""
+        """For people: what costs success, and where to look."""
         return [
             *self._shares(),
             *(leaf.line() for leaf in self.open_poses),
@@ -156,7 +154,7 @@ def advise(
     late: Sequence[Delay] = (),
     margins: Margins | None = None,
 ) -> Advice:
-    """Reads off what limits the plan of a job, given what the other modules found by further trials."""
+    """What limits the plan of a job, given the measurements of the other modules."""
     last = evaluation.reading[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
     deep = evaluation.unresolved & (evaluation.squeezes >= job.search.max_depth)
     return Advice(
@@ -183,7 +181,7 @@ def counsel(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> Advice:
-    """Everything there is to say about what `planner.compile.compile_job` returned for a job."""
+    """The complete advice on a plan of `planner.compile.compile_job`."""
     trials = min(len(evaluation.leaf), MOST_TRIALS)
     gains = gains_without_noise(table, job, trials, scheduler, report)
     late = (

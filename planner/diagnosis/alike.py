@@ -1,4 +1,4 @@
-"""Poses that no squeeze tells apart, found from the outline and the goal before anything is searched."""
+"""Poses that no squeeze distinguishes, by outline and goal alone, before any search."""
 
 import math
 from typing import NamedTuple
@@ -12,36 +12,36 @@ from planner.errors import NoPlanError
 from planner.job.model import Job
 from planner.part import symmetry
 
-BOTH_SIDES = 2.0  # a width differs by no more than the outline does under both fingers
-ALL = 1.0 - 1e-9  # share of the parts
-ANGLES = 3600  # at which parts are looked at
+BOTH_SIDES = 2.0  # widths differ at most as the outline does under both fingers
+ALL = 1.0 - 1e-9  # least share of the parts that matters
+ANGLES = 3600  # angles sampled
 
 
 class Alike(NamedTuple):
-    """A turn of a part after which no squeeze reads otherwise, and which the goal asks to tell."""
+    """A turn of a part that no squeeze detects, but that the goal asks to distinguish."""
 
     name: str  # of the part
     degrees: float  # of the turn
-    apart_mm: float  # how far the outline lies from the turned one at most
-    grain_mm: float  # what readings of one width differ by
-    share: float  # of the parts, those that may lie turned so within the stated uncertainty
+    apart_mm: float  # largest distance of the outline from the turned one
+    grain_mm: float  # scatter of the readings of one width
+    share: float  # share of the parts that may lie turned so within the uncertainty
     order: int  # the outline's rotational order
-    stated: int  # the one that the job states
+    stated: int  # the order stated in the job
     exact: bool  # whether outline, pressure and friction are the same after the turn
 
     @property
     def hopeless(self) -> bool:
-        """Whether no part can be located, however long a search takes."""
+        """Whether no part can be located, however long the search."""
         return self.exact and self.share >= ALL
 
     def line(self) -> str:
-        """What is alike, and what to change, for people."""
+        """States what looks alike and what to change, for people."""
         differs = "its outline is the same"
         if self.apart_mm > symmetry.TOLERANCE_MM:
             differs = f"its outline differs by {self.apart_mm:.2f} mm at most"
-            differs += f", and the gripper tells {self.grain_mm:.2f} mm apart"
+            differs += f", and the gripper resolves {self.grain_mm:.2f} mm"
         turn = f"{self.degrees:.4g} degrees"
-        message = f"{self.name}: no squeeze tells how it lies from the same turned by {turn}"
+        message = f"{self.name}: no squeeze distinguishes a pose from the same turned by {turn}"
         half, modes = 0.5 * self.degrees, round(360.0 / self.degrees)
         ways = [
             f'[goal] kind = "modes" with modes = {modes}',
@@ -56,7 +56,7 @@ class Alike(NamedTuple):
 
 
 def alike(job: Job) -> list[Alike]:
-    """For each part of a job the turn that no squeeze tells, where there is one and the goal asks for it."""
+    """The undetectable turn of each part of a job, for parts that have one which matters to the goal."""
     return [result for k, alone in enumerate(job.alone) if (result := _of_part(job, alone, k))]
 
 
@@ -64,8 +64,8 @@ def refuse_alike(job: Job) -> None:
     """Refuses a job for which no search can find a plan.
 
     Raises:
-        NoPlanError: every part has another pose that reads alike in all squeezes, and that the goal tells
-            from it.
+        NoPlanError: every part has a second pose that reads alike in all squeezes, and the goal
+            distinguishes the two.
     """
     result = alike(job)
     if len(result) == len(job.alone) and all(each.hopeless for each in result):
@@ -99,7 +99,7 @@ def _of_part(job: Job, alone: Job, index: int) -> Alike | None:
 
 
 def _share(turn: float, halfwidth: float) -> float:
-    """Of parts turned by at most so much either way, those that may also lie turned on by `turn`."""
+    """Share of the parts, turned by at most `halfwidth` either way, that may also lie turned on by `turn`."""
     if halfwidth >= math.pi:
         return 1.0
     angles = np.linspace(-halfwidth, halfwidth, ANGLES)

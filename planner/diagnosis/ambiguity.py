@@ -1,4 +1,4 @@
-"""Poses that a plan leaves open in the end or for long, and squeezes that would tell them apart."""
+"""Poses that a plan leaves ambiguous, at its end or for long, and squeezes that distinguish them."""
 
 import math
 from typing import Any, NamedTuple
@@ -20,33 +20,33 @@ from planner.search.proposals import hands_about, placed
 from planner.search.tree import Node, breadth_first
 from runtime.table import HELD_UM, Table
 
-HANDS = 128  # placements that are tried to tell two poses apart
-SAMPLES = 40  # squeezes of each pose at each placement that is tried
+HANDS = 128  # placements tried to distinguish two poses
+SAMPLES = 40  # squeezes of each pose at each placement tried
 HALF_TURN_ALIKE = 2  # a hand turned by half a turn squeezes alike
-TELLING = (
-    4.0  # least distance of mean widths that tells two poses apart, in standard deviations of both
-)
+TELLING = 4.0  # least distance of distinguishable mean widths, in standard deviations of both
 LEAST_TRIALS = 20
-APART = 3.0  # so many times the goal, and poses differ; nearer ones scatter about one
+APART = 3.0  # distance of different poses in units of the goal; nearer ones are scatter
 SEED_AMBIGUITY = 0x414D4249
 LATE = 3  # squeezes after which most parts should be located
-LEAST_LATE = 0.02  # share of the parts that a late node must hold to be told
-MOST_SHOWN = 2  # poses of it
+LEAST_LATE = 0.02  # least share of the parts at a late node that is reported
+MOST_SHOWN = 2  # poses reported for it
 
 
 class Separator(NamedTuple):
-    """A squeeze that tells two poses apart by its width."""
+    """A squeeze whose width distinguishes two poses."""
 
     placement: Array  # (3,) the hand in the world [mm, mm, rad]
     widths_mm: tuple[float, float]  # mean width at the one pose and at the other
 
 
 class Whereabouts(NamedTuple):
-    """Where the parts of a leaf or a node lie."""
+    """Poses of the parts of a leaf or a node."""
 
-    poses: Array  # (m, 3) their main poses, the likeliest first [mm, mm, rad]
-    shares: tuple[float, ...]  # (m,) how many of them lie within the goal of each
-    scatter: float = 0.0  # about a single pose, in units of the goal; 0 if there are several
+    poses: Array  # (m, 3) main poses, the most frequent first [mm, mm, rad]
+    shares: tuple[float, ...]  # (m,) share of the parts within the goal of each
+    scatter: float = (
+        0.0  # scatter about a single pose, in units of the goal; 0 if there are several
+    )
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -68,7 +68,7 @@ class Ambiguity(NamedTuple):
     leaf: int  # its index
     share: float  # of all parts that end there
     where: Whereabouts  # the poses of its parts
-    separator: Separator | None  # of the first two poses, if a squeeze that was tried is one
+    separator: Separator | None  # for the first two poses, if a squeeze distinguishes them
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -107,7 +107,7 @@ class Ambiguity(NamedTuple):
 
 
 class Delay(NamedTuple):
-    """A node whose parts take one squeeze more."""
+    """A node that many parts reach late."""
 
     node: int  # its index in the table
     squeezes: int  # squeezes before it
@@ -135,7 +135,7 @@ class Delay(NamedTuple):
 
 
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
-    """At most so many of the unresolved leaves that hold most parts of a job, and what would resolve them."""
+    """The unresolved leaves with most parts, at most `most`, each with a squeeze that would resolve it."""
     visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
     order = [
         int(leaf) for leaf in np.argsort(-visits, kind="stable") if visits[leaf] >= LEAST_TRIALS
@@ -156,7 +156,7 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
 
 
 def delays(root: Node, job: Job, most: int) -> list[Delay]:
-    """The nodes of a job's tree that most parts come to after `LATE` squeezes or more, at most so many."""
+    """The nodes with most parts after `LATE` squeezes or more, at most `most`."""
     metric = metric_of(job)
     inner = [node for node in breadth_first(root) if node.children]
     late = [k for k, node in enumerate(inner) if node.depth >= LATE and node.share >= LEAST_LATE]
@@ -168,10 +168,10 @@ def delays(root: Node, job: Job, most: int) -> list[Delay]:
 
 
 def whereabouts(here: Array, metric: Metric) -> Whereabouts:
-    """Where parts (n, 3), n >= 1, lie: their main poses, and the scatter about a single one.
+    """Main poses of parts (n, 3), n >= 1, and the scatter about a single one.
 
-    A leaf of which nearly all lies at one pose may still know it too seldom. What it lacks is then another
-    pose that few parts have, or the rim of the one.
+    A leaf may miss the goal although nearly all its parts lie at one pose. The rest are then at a second,
+    rare pose, or scatter about the first.
     """
     modes = main_poses(here, metric)
     if len(modes) == 1:
@@ -192,13 +192,13 @@ def _separator(
 ) -> Separator | None:
     """The placement at which the widths of two poses differ most, in units of their scatter."""
     encoder = encoder_of(job)
-    # Rounding scatters like the step over the square root of 12.
+    # The standard deviation of rounding is the step over the square root of 12.
     floor = math.hypot(encoder.noise_mm, encoder.mm_per_step / math.sqrt(12.0))
     best, clearest = None, (False, TELLING)
     hands = hands_about(reach(job.part.outline_mm), 0.5 * job.gripper.finger_length_mm, HANDS)
     about = placed(
         hands, np.array([*pair[:, :2].mean(axis=0), pair[0, 2]])
-    )  # the middle of the two
+    )  # centre between the two poses
     about[:, 2] = wrap(about[:, 2], HALF_TURN_ALIKE)
     for placement in actions_of(job).within(about):
         if least_clearance(simulator.outline, simulator.jaws, pair, placement) < 0.0:
@@ -209,7 +209,8 @@ def _separator(
         )
         one, other = width.mean(axis=1)
         clarity = abs(one - other) / math.sqrt(float((width.var(axis=1) + floor**2).sum()))
-        # Hands that miss the part in one of the poses tell it too, but leave it where it was.
+        # A hand that misses the part in one of the poses distinguishes them, but does not move the
+        # part.
         rank = (bool(min(one, other) >= HELD_UM / 1e3), clarity)
         if clarity > TELLING and rank > clearest:
             best, clearest = Separator(placement, (float(one), float(other))), rank

@@ -1,15 +1,15 @@
-"""What makes the answer of a plan worth less than it says, read off its job."""
+"""Warnings about jobs for which the answer of a plan means less than it says."""
 
 from planner.job.model import Job
 from planner.part.outline import min_width
 
-LOW_TIPS_MM = 2.0  # tips closer to the table are worth a warning
-NEAR_TOP_MM = 1.5  # tips closer to the part's top are
-LARGE_GOAL = 0.5  # distances above this share of the part's width are
+LOW_TIPS_MM = 2.0  # heights of the tips above the table below which to warn
+NEAR_TOP_MM = 1.5  # depths of the tips below the part's top below which to warn
+LARGE_GOAL = 0.5  # goals, as a share of the part's width, above which to warn
 
 
 def warnings_of(job: Job) -> list[str]:
-    """What makes an answer worth less than it says: thin parts, and goals as large as the part."""
+    """Warnings about thin parts and about goals as large as the part."""
     results = []
     for alone in job.alone:
         height_mm, tips_mm = alone.part.height_mm, job.cell.squeeze_height_mm

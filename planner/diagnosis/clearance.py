@@ -1,4 +1,4 @@
-"""Why no first squeeze is free of collision: what is missing between the open fingers and the parts."""
+"""Why no first squeeze is free of collision: the clearance between the open fingers and the parts."""
 
 import math
 from collections.abc import Callable
@@ -12,19 +12,19 @@ from planner.mechanics.clearance import free_placements, jaws_of
 from planner.search.actions import actions_of
 from planner.search.ranking import LEAST_CLEARANCE_MM
 
-DIRECTIONS = 24  # in which a part's centre may lie from the middle of its disc
-RINGS = 8  # of equal area, at whose outer edges centres lie
-STEP_DEG = 3.0  # between the angles that a part may have
-TURNS = 12  # angles of the hand at the middle of the disc, besides the job's placements
+DIRECTIONS = 24  # directions of a part's centre from the middle of its disc
+RINGS = 8  # rings of equal area, at whose outer edges centres lie
+STEP_DEG = 3.0  # largest step between the angles of a part
+TURNS = 12  # angles of the hand at the middle of the disc, besides the job's
 HALVINGS = 12
-WIDEST = 16.0  # openings up to so many times the gripper's are looked at
+WIDEST = 16.0  # largest opening tried, in units of the gripper's
 
 
 class Shortage(NamedTuple):
-    """What the first squeeze of a job lacks, at the best of its placements.
+    """Missing clearance of a job's first squeeze, at the best of its placements.
 
     Attributes:
-        missing_mm: how much wider the jaws would have to open; 0 if they open wide enough.
+        missing_mm: opening that the jaws lack; 0 if they open wide enough.
         radius_mm: largest radius of the disc for which the jaws open wide enough; None: there is none.
     """
 
@@ -32,7 +32,7 @@ class Shortage(NamedTuple):
     radius_mm: float | None
 
     def line(self) -> str:
-        """What is missing and which radius would do, for people."""
+        """What is missing and which radius would suffice, for people."""
         if self.radius_mm is None:
             return (
                 f"the jaws open {self.missing_mm:.2g} mm too little, even for a part in the middle"
@@ -44,7 +44,7 @@ class Shortage(NamedTuple):
 
 
 def shortage(job: Job) -> Shortage | None:
-    """What the first squeeze of a job lacks; None where some placement is free of collision."""
+    """The shortage of a job's first squeeze; None where some placement is free of collision."""
     opening, radius = job.gripper.opening_mm, job.uncertainty.radius_mm
     if _is_free(job, opening, radius):
         return None
@@ -56,7 +56,7 @@ def shortage(job: Job) -> Shortage | None:
 
 
 def _least(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """The least number for which a condition holds that holds at `high`, and not at `low`."""
+    """The least number that satisfies a condition which holds at `high` and not at `low`."""
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if holds(middle) else (middle, high)
@@ -64,7 +64,7 @@ def _least(holds: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
-    """Whether some placement of the hand is free of collision for all parts that may lie in a disc."""
+    """Whether some placement of the hand is free of collision for all parts in a disc."""
     jaws, poses = jaws_of(job.gripper), _poses(radius_mm, job.uncertainty.orientation_halfwidth_deg)
     jaws[0] = opening_mm
     turned = np.zeros((TURNS, 3))
@@ -80,7 +80,7 @@ def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
 
 
 def _poses(radius_mm: float, halfwidth_deg: float) -> Array:
-    """Poses (n, 3) all over a disc and an interval of angles, up to their edges [mm, mm, rad]."""
+    """Poses (n, 3) that cover a disc and an interval of angles, edges included [mm, mm, rad]."""
     radii = radius_mm * np.sqrt(np.arange(1, RINGS + 1) / RINGS)
     around = np.arange(DIRECTIONS) * math.tau / DIRECTIONS
     angles = np.radians(
@@ -91,7 +91,7 @@ def _poses(radius_mm: float, halfwidth_deg: float) -> Array:
 
 
 def no_first_squeeze(job: Job) -> str:
-    """Why a job has no first squeeze, by how much it fails, and what to do, as a sentence without its end."""
+    """The reason why a job has no first squeeze and the remedy, as a sentence without its full stop."""
     more = "actions" if job.actions.pushes else "actions or pushes"
     lacking = shortage(job)
     if lacking is None:

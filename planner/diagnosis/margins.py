@@ -1,4 +1,4 @@
-"""What branches rest on: widths that the encoder may confuse, and how far they may be off."""
+"""Margins of branches: widths that the encoder may confuse, and the offset that they tolerate."""
 
 from functools import partial
 from itertools import pairwise
@@ -19,22 +19,20 @@ from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import REJECT, Segments, Table, decision_map
 
-THIN = (
-    0.02  # share of the parts answered wrongly, where widths are off, from which margins are thin
-)
+THIN = 0.02  # least share of wrong answers under an offset that makes margins thin
 SEED_MARGINS = 0x4D415247
 
 
 class Margins(NamedTuple):
-    """What widths a little off make of a table."""
+    """Effect of a small offset of widths on a table."""
 
-    off_mm: float  # how far they are off, to either side
-    wrong_rate: float  # share of the parts answered wrongly then, on the worse side
-    near: float  # share of the parts that read so near to another branch, at some node
+    off_mm: float  # offset to either side
+    wrong_rate: float  # share of parts answered wrongly with it, on the worse side
+    near: float  # share of parts with a reading so near another branch, at some node
 
     @property
     def thin(self) -> bool:
-        """Whether that is worth a word."""
+        """Whether the margins deserve a warning."""
         return self.wrong_rate > THIN
 
     def line(self) -> str:
@@ -55,7 +53,7 @@ def margins_of(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> Margins:
-    """Runs a table with widths off to either side, `trials` parts each."""
+    """Runs a table with widths offset to either side, `trials` parts each."""
     seed = job.seed + SEED_MARGINS
     worlds = partial(ContactWorlds.of_job, seed=seed)
     lines = sweep(table, job, offset_cases(job), worlds, trials, seed, scheduler, report)
@@ -65,7 +63,7 @@ def margins_of(
 
 
 def near_another(table: Table, evaluation: Evaluation) -> float:
-    """Share of the parts of which some reading, if it were `OFFSET` grains off, would mean another branch."""
+    """Share of the parts with a reading that an offset of `OFFSET` grains would take into another branch."""
     encoder = encoder_of_table(table)
     lookup = Lookup.of([decision_map(node, table.gripper).either for node in table.nodes])
     squeezed = evaluation.path >= 0
@@ -83,8 +81,8 @@ def near_another(table: Table, evaluation: Evaluation) -> float:
     return float(near.any(axis=1).mean())
 
 
-CLOSE = 4.0  # grains; nearer widths share readings: settled grippers of the kind differ by as much
-BORDER = 2.0  # a reading so near, in grains, to the border of two branches may have been the other
+CLOSE = 4.0  # grains; nearer branches have readings in common
+BORDER = 2.0  # distance, in grains, of readings near the border of two branches
 MOST_LINES = 5
 
 
@@ -92,13 +90,13 @@ class ClosePair(NamedTuple):
     """Two neighbouring branches of a node."""
 
     node: int  # index of the node
-    lower: int  # number of the branch of lesser width; the other one is the next
+    lower: int  # number of the branch of smaller width; the other is the next
     widths_mm: tuple[float, float]  # the two expected widths
-    grains: float  # how far they are apart, in what readings of one width differ by
-    overlap: bool  # whether their intervals have widths in common
+    grains: float  # distance in units of the scatter of one width's readings
+    overlap: bool  # whether their intervals overlap
     near: float  # share of all parts that read within `BORDER` of the border between the two
     lost: float  # share of all parts that do so and are not located in the end
-    excess: float  # how much of that is more than parts elsewhere lose
+    excess: float  # excess of that over the losses of parts elsewhere
 
 
 def close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePair]:
@@ -114,9 +112,7 @@ def close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePai
             if grains >= CLOSE and not overlap:
                 continue
             reads = np.abs(width_um - _border_um(meant, number)) <= BORDER * grain_um
-            near = ((evaluation.path == index) & reads).any(
-                axis=1
-            )  # no trial comes to a node twice
+            near = ((evaluation.path == index) & reads).any(axis=1)  # no trial visits a node twice
             widths_mm = below.expected_um / 1e3, above.expected_um / 1e3
             share, lost = float(near.mean()), float((near & failed).mean())
             excess = float(lost - share * failed.mean())
@@ -139,7 +135,7 @@ def lines_of(pairs: list[ClosePair]) -> list[str]:
 
 
 def _border_um(meant: Segments, lower: int) -> float:
-    """The width between those of branch `lower` and those of the next one, the wider."""
+    """The border between branch `lower` and the next wider one."""
     narrow = max((high for _, high, number in meant.intervals() if number == lower), default=0)
     wide = (low for low, _, number in meant.intervals() if number == lower + 1)
     return 0.5 * (min(wide, default=narrow) + narrow)

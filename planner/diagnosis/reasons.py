@@ -1,4 +1,4 @@
-"""Why a part is not located, in one of few kinds: what to change, the part, the gripper or the search."""
+"""Why a part is not located, as one of a few kinds, each with a remedy: part, gripper or search."""
 
 from typing import NamedTuple
 
@@ -30,10 +30,9 @@ class Reason(NamedTuple):
 
 
 def likeness(job: Job, cut: bool = False) -> Reason | None:
-    """What of the part itself makes poses look alike: its outline or its hull, turned, differs too little.
+    """The feature of the part that makes poses look alike: its outline or its hull hardly changes by a turn.
 
-    A hull that does is no proof that fingers cannot reach the rest; nothing is said of it after a search that
-    was cut short.
+    The hull is no proof, since fingers may reach the rest; it is not named after a search that was cut short.
     """
     outline, grain_mm = job.part.outline_mm, encoder_of(job).grain_mm
     hull = canonical(convex_hull(outline)).outline_mm  # about its own centroid
@@ -41,14 +40,14 @@ def likeness(job: Job, cut: bool = False) -> Reason | None:
     for kind, shape, what in shapes[: 1 if cut else 2]:
         turn = nearest_turn(shape, job.part.symmetry)
         if BOTH_SIDES * turn.apart_mm < grain_mm:
-            read = f"the gripper tells {grain_mm:.2f} mm apart"
+            read = f"the gripper resolves {grain_mm:.2f} mm"
             differs = f"{what} differs by {turn.apart_mm:.2f} mm a side at most; {read}"
             return Reason(kind, f"turned by {turn.degrees:.0f} degrees {differs}")
     return None
 
 
 def no_plan(job: Job, error: NoPlanError) -> Reason:
-    """Why there is no plan at all."""
+    """The reason why there is no plan at all."""
     if result := likeness(job, error.cut_short):
         return result
     if error.cut_short:
@@ -57,7 +56,7 @@ def no_plan(job: Job, error: NoPlanError) -> Reason:
 
 
 def reason(job: Job, advice: Advice, cut: bool) -> Reason:
-    """Why a plan with a table locates too few parts."""
+    """The reason why a plan with a table locates too few parts."""
     several = [leaf for leaf in advice.open_poses if len(leaf.where.poses) > 1]
     if several and (result := likeness(job, cut)):
         return result

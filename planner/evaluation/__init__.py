@@ -1,1 +1,1 @@
-"""Judging a table: its trials in a world, and what can be read from them (paper VII)."""
+"""Evaluation of a table: trials in a world, and statistics of them (paper VII)."""

@@ -1,4 +1,4 @@
-"""Worlds that are not what the plan believes, as lists of named cases: one for each use."""
+"""Named cases: worlds that differ from the plan's assumptions, one list for each use."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -16,21 +16,22 @@ from planner.part.outline import grown, min_width
 from planner.part.pressure import stances
 from runtime.shell.errors import InputError
 
-OFFSET = 2.0  # an encoder's zero may be off by so many of its grains
-SLIGHTLY_UNEVEN = (
-    0.02  # more or less of the closing than planned, by a finger: 1.3 mm where they close by 64
-)
-STEADY_DOF = 1_000_000  # degrees of freedom at which the limit surface no longer scatters
+OFFSET = 2.0  # offsets of the encoder's zero, in its grains
+SLIGHTLY_UNEVEN = 0.02  # change of one finger's share of the closing: 1.3 mm where they close by 64
+STEADY_DOF = 1_000_000  # degrees of freedom above which the limit surface no longer scatters
 FACTORS = (0.5, 0.7, 1.15, 1.3, 1.6)
-"""Of the friction between finger and part, for charts. Each world takes its share of the false alarms, so
-that one more makes the others slower; the outermost tell soon enough of a friction that lies farther away."""
+"""Factors of the friction between finger and part, for charts.
+
+The worlds share the false alarms, so that each additional one makes the others slower; the outermost
+detect a friction that lies farther away soon enough.
+"""
 BEYOND = {min(FACTORS): " or less", max(FACTORS): " or more"}
 PLANNED = "as planned"
 EVERYTHING = "all of them"
 
 
 class Condition(NamedTuple):
-    """What must hold for a world not to occur: a quantity stays on one side of a bound."""
+    """A condition under which a world does not occur: a quantity stays on one side of a bound."""
 
     quantity: str
     side: str = ""  # "above" or "below"; "" where the quantity is the whole condition
@@ -46,28 +47,28 @@ class Condition(NamedTuple):
         return f"{self.bound:.3g}{self.unit}"
 
     def stricter(self, other: "Condition") -> bool:
-        """Whether it asks for more than another one of the same quantity and side."""
+        """Whether it is stricter than another condition on the same quantity and side."""
         return self.bound < other.bound if self.side == "below" else self.bound > other.bound
 
 
 class Case(NamedTuple):
     """One world."""
 
-    name: str  # what is different
-    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})  # as `Job.replaced` takes them
+    name: str  # the difference
+    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})  # in the form of `Job.replaced`
     disturbance: Disturbance = NONE  # errors of the cell
-    broken: Condition | None = None  # the assumption that does not hold in it
+    broken: Condition | None = None  # the assumption that the world violates
 
     def job(self, planned: Job) -> Job:
-        """What parts and gripper are like in this world.
+        """The true parts and gripper of this world.
 
         Raises:
-            InputError: there is no such job.
+            InputError: the changed job is invalid.
         """
         return planned.replaced(f"the world with {self.name}", **self.changes)
 
     def stated(self) -> dict[str, str]:
-        """The changes as `--world-set` takes them."""
+        """The changes in the form of `--world-set`."""
         return {
             f"{section}.{key}": str(value)
             for section, values in self.changes.items()
@@ -76,15 +77,13 @@ class Case(NamedTuple):
 
 
 def standard_cases(job: Job) -> list[Case]:
-    """For `plan-evaluate --sweep`: pressure, friction, encoder, fingers, arm, outline; first as planned."""
+    """Cases of `plan-evaluate --sweep`, the plan's world first: pressure, friction, encoder and others."""
     gripper, low, high = job.gripper, job.friction.finger_part_min, job.friction.finger_part_max
     share = gripper.upper_finger_share
     return [
         Case(PLANNED),
         *(_pressure(kind) for kind in ("boundary", "uniform") if job.pressure.kind != kind),
-        *(
-            [] if job.hypothesis else [on_three_feet(job)]
-        ),  # each of several parts has corners of its own
+        *([] if job.hypothesis else [on_three_feet(job)]),  # several parts have different corners
         *_other_surface(job),
         Case("10 degrees of freedom", {"pressure": {"wishart_dof": 10}}),
         *(
@@ -111,7 +110,7 @@ def standard_cases(job: Job) -> list[Case]:
 
 
 def believed_cases(job: Job) -> list[Case]:
-    """For the first row of a report: each thing that the job doubts, at the ends of its interval."""
+    """Cases for the first row of a report: each of the job's doubts at the ends of its interval."""
     doubt, share = job.doubt, job.gripper.upper_finger_share
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     cases = [
@@ -172,7 +171,7 @@ def believed_cases(job: Job) -> list[Case]:
 
 
 def _stands(case: Case, job: Job) -> bool:
-    """Whether there is such a job: a share beyond 1 or an outline too thin for its tolerance is none."""
+    """Whether the job of a case is valid: shares up to 1, an outline thick enough for its tolerance."""
     try:
         case.job(job)
     except InputError:
@@ -181,13 +180,13 @@ def _stands(case: Case, job: Job) -> bool:
 
 
 def offset_cases(job: Job) -> list[Case]:
-    """The encoder's zero off to either side."""
+    """Cases with the encoder's zero off to either side."""
     offset = OFFSET * encoder_of(job).grain_mm
     return [Case(f"encoder {mm:+.2f} mm", disturbance=Disturbance(mm)) for mm in (-offset, offset)]
 
 
 def noise_cases(job: Job) -> list[Case]:
-    """For advice: each of the job's sources of noise switched off; at last all together."""
+    """Cases for advice: each of the job's sources of noise switched off; finally all together."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     sources = [Case("pressure", {"pressure": {"wishart_dof": STEADY_DOF}})]
     if high > low:
@@ -203,7 +202,7 @@ def noise_cases(job: Job) -> list[Case]:
 
 
 def friction_cases(job: Job) -> list[Case]:
-    """For charts of readings: as planned, then with the planned interval of friction times a factor."""
+    """Cases for charts of readings: as planned, then the interval of friction times several factors."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     others = (
         (factor, friction(round(low * factor, 6), round(high * factor, 6))) for factor in FACTORS
@@ -215,7 +214,7 @@ def friction_cases(job: Job) -> list[Case]:
 
 
 def assumption_cases(job: Job) -> list[Case]:
-    """For a report: one assumption broken at a time, each named in a sentence; first none."""
+    """Cases for a report, the unchanged one first: each breaks one assumption and names it."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     less, more = 0.5 * low, min(1.5 * high, MOST_FRICTION)
     noise, planned = 2.0 * job.gripper.noise_mm, job.gripper.upper_finger_share
@@ -231,12 +230,12 @@ def assumption_cases(job: Job) -> list[Case]:
             broken=Condition("friction", "below", high),
         ),
         Case(
-            f"friction {less:.3g}, half the least",
+            f"friction {less:.3g}, half the lower bound",
             _bounds(less, less),
             broken=Condition("friction", "above", less),
         ),
         Case(
-            f"friction {more:.3g}, half as much again as the most",
+            f"friction {more:.3g}, 1.5 times the upper bound",
             _bounds(more, more),
             broken=Condition("friction", "below", more),
         ),
@@ -269,33 +268,34 @@ def assumption_cases(job: Job) -> list[Case]:
 
 
 def three_feet(outline: Array) -> Array:
-    """Three corners (3, 2) of the hull that span the largest triangle: as lopsided as a part stands."""
+    """Three corners (3, 2) of the hull that span the largest triangle."""
     return max(stances(outline), key=lambda feet: abs(np.linalg.det(feet[1:] - feet[0])))
 
 
 def on_three_feet(job: Job) -> Case:
-    """The part stands on three of its corners."""
+    """The case of a part that stands on three of its corners."""
     feet = np.round(three_feet(job.part.outline_mm), 6).tolist()
     return Case("pressure on 3 feet", {"pressure": {"kind": "points", "points_mm": feet}})
 
 
 def friction(low: float, high: float) -> Case:
-    """Other bounds on the friction between finger and part, as far as a job may state them."""
+    """The case of other bounds on the friction between finger and part, as far as a job may state them."""
     low, high = min(low, MOST_FRICTION), min(high, MOST_FRICTION)
     return Case(f"friction {low:g} to {high:g}", _bounds(low, high))
 
 
 def uneven(job: Job, share: float, centred: bool) -> Case:
-    """Fingers that do not move alike: the upper one makes this share of the closing motion instead.
+    """The case of fingers that move unevenly: the upper one makes this share of the closing motion.
 
-    They meet off where the plan has them meet, by (planned share - share) (opening - width), which no width
-    tells. Centred, the hand is calibrated where the fingers meet on the part's narrowest side, and what is
-    left is how an uneven squeeze moves the part.
+    They meet (planned share - share) (opening - width) away from the planned place, which no width reveals.
+    If `centred`, the hand is calibrated where the fingers meet on the part's narrowest side, so that only the
+    effect of an uneven squeeze on the part remains.
     """
     off = (job.gripper.upper_finger_share - share) * (
         job.gripper.opening_mm - min_width(job.part.outline_mm)
     )
-    # A job that chooses openings insists on fingers that move alike; the world has no use for the choice.
+    # A job that chooses openings requires fingers that move alike; the world does not need the
+    # choice.
     changes: dict[str, dict[str, Any]] = {
         "actions": {"openings_mm": []},
         "gripper": {"upper_finger_share": share},
@@ -305,7 +305,7 @@ def uneven(job: Job, share: float, centred: bool) -> Case:
 
 
 def outline_off(job: Job, mm: float) -> Case:
-    """The part is larger than planned, all around by so much."""
+    """The case of a part that is larger than planned by `mm` all around."""
     outline = grown(job.part.outline_mm, mm)
     return Case(
         f"outline {mm:+g} mm", {"part": {"outline_mm": outline, "symmetry": job.part.symmetry}}
@@ -313,19 +313,19 @@ def outline_off(job: Job, mm: float) -> Case:
 
 
 def _share(share: float, more: bool) -> Condition:
-    """The upper finger makes less, or more, than a share of the way."""
+    """The condition that the upper finger makes less, or more, than a share of the way."""
     return Condition(
         "the upper finger's share of the way", "below" if more else "above", 100.0 * share, " %"
     )
 
 
 def _beside(share: float, more: float) -> list[float]:
-    """The shares a little less and a little more than one, if they are any."""
+    """The shares a little below and above one, where they are valid."""
     return [round(other, 6) for other in (share - more, share + more) if 0.0 <= other <= 1.0]
 
 
 def _other_surface(job: Job) -> list[Case]:
-    """The limit surface of the other form, fitted to the same pressure, if it is fitted to any."""
+    """The case of the other limit surface, fitted to the same pressure, if the job's is fitted to any."""
     form = job.pressure.limit_surface
     if form is None:
         return []

@@ -1,4 +1,4 @@
-"""What goes wrong between the table and the world, besides the mechanics: the encoder's zero, the arm."""
+"""Disturbances between table and world besides the mechanics: errors of the encoder's zero and of the arm."""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from planner.mechanics.traits import Traits
 
 @dataclass(frozen=True, slots=True)
 class Disturbance:
-    """Errors of the cell that the plan was not told of."""
+    """Errors of the cell that the plan does not know."""
 
     encoder_offset_mm: float = 0.0  # added to every width before it is read
     placement_mm: float = 0.0  # standard deviation of the hand's x and y, drawn for every squeeze
@@ -22,25 +22,23 @@ class Disturbance:
     bias_mm: tuple[float, float] = (0.0, 0.0)  # constant error of the hand's x and y in the world
     bias_deg: float = 0.0  # constant error of its angle
     across_mm: float = 0.0  # constant error of its place along the closing direction
-    believed: bool = (
-        False  # whether each part has traits as the job doubts them, besides these errors
-    )
+    believed: bool = False  # whether parts also have latent parameters by the job's doubts
 
     @property
     def bias(self) -> Array:
-        """How the arm's frame lies in the world (3,) [mm, mm, rad].
+        """Error (3,) of the arm's frame in the world [mm, mm, rad].
 
-        Every motion has this error: what a table says is meant in the arm's frame, which the next one uses.
+        Every motion has this error: the table's poses are in the arm's frame, which the next motion uses.
         """
         return np.array([*self.bias_mm, math.radians(self.bias_deg)])
 
     def placed(self, placements: Array, traits: Traits, rng: np.random.Generator) -> Array:
-        """Where the arm puts the hand that was told to go to (n, 3) [mm, mm, rad]."""
+        """Where the arm puts a hand that is sent to (n, 3) [mm, mm, rad]."""
         placing = Placing(self.placement_mm, math.radians(self.placement_deg))
         return placing.placed(placements + self.bias, traits, rng)
 
     def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:
-        """The traits of n parts in this cell; a foreign world brings what is off in it itself."""
+        """The traits of n parts in this cell; a foreign world has its own errors."""
         if self.believed:
             traits = traits_of(job, n, rng)
         else:
@@ -51,4 +49,4 @@ class Disturbance:
 
 
 NONE = Disturbance()  # a cell as the plan believes it to be
-WITH_DOUBTS = Disturbance(believed=True)  # a cell in which whatever the job doubts may be off
+WITH_DOUBTS = Disturbance(believed=True)  # a cell in which all doubts of the job apply

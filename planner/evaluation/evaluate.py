@@ -1,6 +1,6 @@
-"""A table against a world, over many trials (paper VII): the only judge of a plan.
+"""Evaluation of a table in a world over many trials (paper VII): the only judge of a plan.
 
-The trials run the table as the runtime does; nothing of the planner's belief enters.
+The trials run the table as the runtime does; they use nothing of the planner's belief.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -27,14 +27,14 @@ SEED_TRIALS = 0x4556414C
 
 
 class Chunk(NamedTuple):
-    """A number of trials with a random stream of their own."""
+    """A number of trials with their own random stream."""
 
     number: int
     trials: int
 
 
 def chunks_of(trials: int) -> list[Chunk]:
-    """Cuts a number of trials into chunks of 1000 and a rest."""
+    """Cuts a number of trials into chunks of 1000 and a remainder."""
     starts = range(0, trials, CHUNK)
     return [Chunk(number, min(CHUNK, trials - start)) for number, start in enumerate(starts)]
 
@@ -47,7 +47,7 @@ def run_chunk(
     disturbance: Disturbance,
     chunk: Chunk,
 ) -> Evaluation:
-    """Runs the trials of a chunk in its world, in whatever process."""
+    """Runs the trials of a chunk in its world, in any process."""
     rng = np.random.default_rng([seed, chunk.number, SEED_TRIALS])
     part_world = world.world(chunk.number) if isinstance(world, Worlds) else world
     return run(program, job, part_world, chunk.trials, rng, disturbance)
@@ -65,10 +65,10 @@ def evaluate(
 ) -> Evaluation:
     """Runs a table on at least one part, in chunks of 1000.
 
-    The job says what parts and gripper are like in truth; it may differ from the one the table was compiled
-    from. A supply of worlds has one for each chunk, shared among the workers; in a single world the chunks
-    run one after another. The seed is that of initial poses, encoder noise and the arm's errors; the world
-    has its own. The result does not depend on the scheduler, all cores if None.
+    The job describes the true parts and gripper; it may differ from the one the table was compiled from. A
+    supply of worlds has one for each chunk, and workers share the chunks; in a single world chunks run one
+    after another. The seed determines initial poses, encoder noise and the arm's errors; the world has its
+    own. The result does not depend on the scheduler (all cores if None).
     """
     run = untimed(table, job, world, trials, seed, scheduler, disturbance, report)
     return replace(run, seconds=seconds_of(table, run.path, run.reading, run.branch))
@@ -84,7 +84,7 @@ def untimed(
     disturbance: Disturbance = NONE,
     report: Report = silent,
 ) -> Evaluation:
-    """As `evaluate`, without the seconds of the parts: timing takes longer than the squeezes."""
+    """`evaluate` without the seconds of the parts: timing takes longer than the squeezes."""
     chunks = chunks_of(trials)
     run_all = (scheduler or Threads()).map if isinstance(world, Worlds) else map
     results = run_all(partial(run_chunk, Program.of(table), job, world, seed, disturbance), chunks)
@@ -98,7 +98,7 @@ def untimed(
 
 
 class Line(NamedTuple):
-    """What came of one case."""
+    """The evaluation of one case."""
 
     case: Case
     evaluation: Evaluation
@@ -116,7 +116,7 @@ def sweep(
 ) -> Iterator[Line]:
     """Evaluates a table in one case after another, with the same initial poses in all of them.
 
-    `worlds` makes the worlds of a case's job; the other arguments are those of `evaluate`.
+    `worlds` builds the worlds for a case's job; the other arguments are those of `evaluate`.
     """
     for number, case in enumerate(cases):
         report("worlds", number, len(cases))
@@ -127,5 +127,5 @@ def sweep(
 
 
 def worst_of(lines: Iterable[Line]) -> Line | None:
-    """The case with most confident wrong answers; None of no case."""
+    """The case with most confident wrong answers; None if there are no cases."""
     return max(lines, key=lambda line: line.evaluation.wrong.sum(), default=None)

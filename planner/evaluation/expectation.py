@@ -1,6 +1,6 @@
-"""What a healthy cell's encoder reads at each node of a table, and what it would read at another friction.
+"""Expected readings of a healthy cell's encoder at each node of a table, and at other frictions.
 
-`grasp-audit report --expected` weighs the readings in journals by these shares.
+`grasp-audit report --expected` compares the readings in journals with these shares.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ from runtime.table import Table
 def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
 ) -> Iterator[dict[str, Any]]:
-    """The name of each world and, for each node, the bins of what so many parts read there and how often."""
+    """For each world its name and, for each node, the bins that parts read there and their counts."""
     worlds = partial(ContactWorlds.of_job, seed=seed)
     for case, result in sweep(
         table, job, friction_cases(job), worlds, trials, seed, scheduler, report
@@ -34,7 +34,7 @@ def expected(
 
 
 def readings(evaluation: Evaluation, table: Table, of: BoolArray | None = None) -> IntArray:
-    """How often each bin was read at each node, (nodes, bins); of some of the trials (n,), or of all."""
+    """Counts (nodes, bins) of the readings at each node; of some of the trials (n,), or of all."""
     squeezed = (evaluation.path >= 0) & (True if of is None else of[:, None])
     size = (len(table.nodes), table.gripper.bins)
     places = size[1] * evaluation.path[squeezed] + bins_of(table, evaluation.steps[squeezed])
@@ -42,6 +42,6 @@ def readings(evaluation: Evaluation, table: Table, of: BoolArray | None = None) 
 
 
 def bins_of(table: Table, steps: IntArray) -> IntArray:
-    """The bins of a histogram that readings, as steps of closing, fall into."""
+    """The histogram bins of readings, which are steps of closing."""
     gripper = table.gripper
     return np.asarray((gripper.steps - steps) // gripper.steps_a_bin)

@@ -1,4 +1,4 @@
-"""Foreign parts, which do not belong on the table: how often the table takes one for a part that does."""
+"""Foreign parts, which do not belong on the table: how often the table answers them as one that does."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -15,27 +15,25 @@ from planner.job.model import Job
 from planner.part.outline import Outline, width
 from runtime.table import Table
 
-OFTEN = 0.05  # share of a foreign part answered above which its answers are explained
+OFTEN = 0.05  # share of answered foreign parts above which the answers are explained
 MOST = 3
-DIRECTIONS = 360  # of widths, over half a turn
-SCALES, DISC_SIDES = (0.9, 1.1), 60  # of generated foreign parts
+DIRECTIONS = 360  # angles at which widths are compared, over half a turn
+SCALES, DISC_SIDES = (0.9, 1.1), 60  # friction and the like of generated foreign parts
 
 
 class Answer(NamedTuple):
-    """A leaf that answers a foreign part, and what the squeezes on the way there read."""
+    """A leaf that answers a foreign part, and the widths on the way there."""
 
     leaf: int
-    part: str | None  # the name that it gives; None where only one part may come
-    share: float  # of the foreign parts that it answers
-    widths_mm: tuple[float, ...]  # at each squeeze: median of theirs
-    ours_mm: tuple[float, ...]  # and of the parts of the job that end there; empty where none did
-    differ_mm: (
-        float  # by how much some width of the two parts differs, turned so that they differ least
-    )
+    part: str | None  # the name in the answer; None where only one part may come
+    share: float  # of the foreign parts, those that end there
+    widths_mm: tuple[float, ...]  # median width of the foreign parts at each squeeze
+    ours_mm: tuple[float, ...]  # the same of the job's parts that end there; empty where none did
+    differ_mm: float  # largest difference of the two parts' widths, at the best turn
 
     @property
     def apart_mm(self) -> float | None:
-        """The most that the two differ at any squeeze."""
+        """The largest difference between the two at any squeeze."""
         pairs = zip(self.widths_mm, self.ours_mm, strict=True) if self.ours_mm else ()
         return max((round(abs(theirs - ours), 2) for theirs, ours in pairs), default=None)
 
@@ -49,7 +47,7 @@ class Answer(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """How the table answers one foreign part."""
+    """The table's answers to one foreign part."""
 
     name: str
     evaluation: Evaluation
@@ -79,7 +77,7 @@ class Tried(NamedTuple):
         }
 
     def lines(self) -> list[str]:
-        """For people; by which widths it is taken for which part, where that is too often."""
+        """For people: the share answered and, where that is too often, by which widths and as which part."""
         message = (
             f"foreign    {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
         )
@@ -89,10 +87,10 @@ class Tried(NamedTuple):
 
 
 def family(job: Job) -> tuple[Job, ...]:
-    """Foreign parts where none are known: each part a tenth smaller and larger, and others about as wide.
+    """Generated foreign parts: each part a tenth smaller and larger, and others of similar width.
 
-    Those are a disc as wide as the part in the mean, and a rectangle of its least width and its greatest. All
-    press evenly on the table. What does not fit between the open fingers is left out.
+    The others are a disc of the part's mean width, and a rectangle of its least and greatest width. All press
+    evenly on the table. Parts that do not fit between the open fingers are left out.
     """
     turns = 2.0 * np.pi / DISC_SIDES * np.arange(DISC_SIDES)
     disc = np.stack([np.cos(turns), np.sin(turns)], axis=1)
@@ -129,7 +127,7 @@ def tried(
         table: the table.
         job: its job.
         ours: trials of the job's parts.
-        parts: the foreign parts, each as a job for it alone.
+        parts: the foreign parts, each as the job of a single part.
         evaluated: runs the table on such a part.
     """
     for foreign in parts:
@@ -142,7 +140,7 @@ def tried(
 
 
 def widths_differ_mm(one: Outline, other: Outline) -> float:
-    """The most that two outlines' widths differ in one direction, turned so that it is least."""
+    """The largest difference of two outlines' widths over all directions, at the turn where it is least."""
     first, second = _all_widths(one), _all_widths(other)
     turned = np.array([np.roll(first, turn) for turn in range(DIRECTIONS)])
     return float(np.abs(turned - second).max(axis=1).min())
@@ -163,13 +161,13 @@ def _answers(
 
 
 def _widths(evaluation: Evaluation, leaf: int, job: Job) -> tuple[float, ...]:
-    """The median at each squeeze on the way to a leaf [mm]; nothing where no part came there."""
+    """The median width at each squeeze on the way to a leaf [mm]; empty where no part ended there."""
     here = evaluation.leaf == leaf
     if not here.any():
         return ()
     steps = evaluation.steps[here][
         :, : int(evaluation.squeezes[here][0])
-    ]  # a tree: one way leads to a leaf
+    ]  # a tree: only one way leads to a leaf
     medians = encoder_of(job).width_mm(np.median(steps, axis=0))
     return tuple(round(float(width), 2) for width in medians)
 

@@ -1,4 +1,4 @@
-"""Whether a leaf is right about a part: the one place that knows the kinds of goals a table may state."""
+"""Whether a leaf is right about a part: the only place that knows the kinds of goals of tables."""
 
 from typing import NamedTuple
 
@@ -9,11 +9,11 @@ from planner.belief.metric import Metric, Mode
 from runtime.table import Leaf, Table, hypotheses_of, poses_of
 
 MOST_POSES = 4
-LEAST_SHARE = 0.1  # poses that hold less of a leaf's parts are scatter
+LEAST_SHARE = 0.1  # poses with a smaller share of a leaf's parts are scatter
 
 
 class Verdict(NamedTuple):
-    """How n parts lie to what their leaves say."""
+    """Deviation of n parts from the answers of their leaves."""
 
     # (n,) audit metric (paper eq. 9) to the nearest of the leaf's poses; infinite without a leaf
     error_mm: Array
@@ -21,7 +21,7 @@ class Verdict(NamedTuple):
 
 
 def metric_of_table(table: Table) -> Metric:
-    """The metric that the table states, of whatever kind its goal is."""
+    """The metric that the table states, for any kind of goal."""
     goal = table.goal
     return Metric(
         distance_mm=goal.distance_um / 1e3,
@@ -42,27 +42,27 @@ def metric_of_table(table: Table) -> Metric:
 
 
 def states_of(table: Table, leaf: Leaf) -> Array:
-    """(m, 3) the poses any of which makes a leaf right; (m, 4) with hypotheses, where there are several."""
+    """The poses (m, 3), any of which makes a leaf right; (m, 4) with hypotheses, where there are several."""
     poses = np.array(poses_of(table.goal, leaf))
     return np.column_stack([poses, hypotheses_of(table.goal, leaf)]) if table.hypotheses else poses
 
 
 def main_poses(poses: Array, metric: Metric) -> list[Mode]:
-    """The poses (n, 3 or 4), n >= 1, that parts have in one leaf, the commonest first, with their shares."""
+    """The poses (n, 3 or 4), n >= 1, of parts in one leaf, the most frequent first, with their shares."""
     modes = metric.main_modes(poses, MOST_POSES, LEAST_SHARE)
     return [mode for mode in modes if mode.ratio >= LEAST_SHARE]
 
 
 def claimed(table: Table, leaf: IntArray) -> BoolArray:
-    """Whether the leaves (n,) claim to know the pose; negative ones, which are none, do not."""
+    """Whether the leaves (n,) claim to know the pose; negative indices, which are no leaves, do not."""
     known = np.array([leaf.resolved for leaf in table.leaves])
     return np.asarray((leaf >= 0) & known[np.maximum(leaf, 0)])
 
 
 def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
-    """Holds true poses (n, 3) in the world [mm, mm, rad] against what their leaves (n,) say, if >= 0.
+    """Compares true poses (n, 3) in the world with the answers of their leaves (n,), where >= 0.
 
-    A fourth column says which part it is; it is the first without.
+    A fourth column is the hypothesis; without it, it is the first.
     """
     metric = metric_of_table(table)
     # A goal of another kind may state no distance.

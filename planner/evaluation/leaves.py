@@ -1,4 +1,4 @@
-"""A table's leaves against fresh trials: whether their probabilities hold, and which was taken for which."""
+"""Comparison of a table's leaves with fresh trials: calibration of their probabilities, and confusions."""
 
 from collections import Counter
 from typing import Any, NamedTuple
@@ -12,30 +12,30 @@ from planner.evaluation.trials import encoder_of_table
 from runtime.table import PPM, Table, poses_of
 
 NO_LEAF = -1
-LEAST_VISITS = 200  # leaves visited less often say too little
+LEAST_VISITS = 200  # leaves with fewer visits show too little
 TAIL = 0.025
 JEFFREYS = 0.5
 
 
 class LeafRecord(NamedTuple):
-    """One leaf's account, as JSON tells it."""
+    """Calibration of one leaf, in the form of the JSON output."""
 
     leaf: int  # its index
     visits: int  # trials that ended there
     predicted: float  # success probability that the table states
-    predicted_trials: int  # on how many trials the table's figure rests
+    predicted_trials: int  # number of trials behind the table's figure
     observed: float  # share of the visits in which its pose was within the goal
     interval95: tuple[
         float, float
-    ]  # that 95 % of such shares lie within, if the prediction is right
-    holds: bool  # whether the observed share does
+    ]  # central 95 % interval of that share, if the prediction is right
+    holds: bool  # whether the observed share lies in it
 
 
 class Reliability(NamedTuple):
     """The reliability table."""
 
     rows: tuple[LeafRecord, ...]  # leaves with enough visits, in the order of the table
-    gap: float  # mean distance of observed from predicted probability over these leaves, weighted by visits
+    gap: float  # mean distance of observed from predicted probability, weighted by visits
 
     @property
     def share(self) -> float:
@@ -54,13 +54,13 @@ class Reliability(NamedTuple):
 
 
 def reliability(table: Table, evaluation: Evaluation) -> Reliability:
-    """Holds the leaves' predictions against fresh trials; leaves with fewer than `LEAST_VISITS` are left out.
+    """Compares the leaves' predictions with fresh trials; leaves below `LEAST_VISITS` are left out.
 
     The table's figure is itself an estimate: k hits in n trials. Under Jeffreys' prior the number of hits
     among m further trials is then beta-binomial with Beta(k + 1/2, n - k + 1/2); the interval is its central
     95 %.
     """
-    from scipy.stats import betabinom  # takes a second
+    from scipy.stats import betabinom  # importing scipy.stats takes a second
 
     rows = []
     for index in range(len(table.leaves)):
@@ -83,10 +83,10 @@ def reliability(table: Table, evaluation: Evaluation) -> Reliability:
 
 
 class Confusion(NamedTuple):
-    """Parts that ended in one leaf while they lay as another says."""
+    """Parts that ended in one leaf but lay at the pose of another."""
 
     leaf: int  # where they ended
-    truth: int  # the leaf whose pose is nearest to theirs; `NO_LEAF` if not even that is within the goal
+    truth: int  # the leaf nearest to their pose; `NO_LEAF` if none is within the goal
     trials: int  # how many
     share: float  # of all trials
     resolved: bool  # whether the leaf claimed to know the pose
@@ -97,11 +97,11 @@ class Mistake(NamedTuple):
 
     initial: Array  # (3,) true pose before the first squeeze [mm, mm, rad]
     final: Array  # (3,) true pose in the end
-    predicted: Array  # (3,) what the leaf says
+    predicted: Array  # (3,) pose that the leaf states
     error_mm: float  # audit metric between the two
     leaf: int  # where it ended
     path: tuple[int, ...]  # the nodes passed
-    widths_mm: tuple[float, ...]  # as the encoder read them there
+    widths_mm: tuple[float, ...]  # readings of the encoder there
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -117,14 +117,14 @@ class Mistake(NamedTuple):
 
 
 class Identities(NamedTuple):
-    """Which part was named, over all trials."""
+    """Names given to parts, over all trials."""
 
     names: tuple[str, ...]  # of the hypotheses
-    named: IntArray  # (h, h + 1) parts of each hypothesis, by the name that they got; last: none
+    named: IntArray  # (h, h + 1) parts of each hypothesis by the name given; last column: none
 
     @property
     def right(self) -> float:
-        """Share of the named parts that got their own name; 1 where none was named."""
+        """Share of the named parts with the right name; 1 where none was named."""
         named = self.named[:, :-1]
         return float(np.trace(named) / named.sum()) if named.any() else 1.0
 
@@ -142,7 +142,7 @@ class Identities(NamedTuple):
 
 
 def identities(table: Table, evaluation: Evaluation) -> Identities:
-    """Holds the names that resolved leaves give against what the parts of a table of several are."""
+    """Compares the names that resolved leaves give with the true hypotheses."""
     number = len(table.hypotheses)
     said = np.array([leaf.hypothesis for leaf in table.leaves])[np.maximum(evaluation.leaf, 0)]
     said = np.where(evaluation.resolved, said, number)
@@ -166,7 +166,7 @@ def nearest_leaf(table: Table, poses: Array) -> IntArray:
 
 
 def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
-    """Which leaf was taken for which, the commonest first; leaves that were right are left out."""
+    """Confused pairs of leaves, the most frequent first; leaves that were right are left out."""
     failed = (evaluation.leaf >= 0) & ~evaluation.within
     ended = evaluation.leaf[failed].tolist()
     truth = nearest_leaf(table, evaluation.states[failed]).tolist()
@@ -179,7 +179,7 @@ def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
 
 
 def worst(table: Table, evaluation: Evaluation, most: int) -> list[Mistake]:
-    """The confident answers that were furthest off, the worst first; at most `most` of them."""
+    """The confident answers with the largest errors, the worst first; at most `most`."""
     wrong = np.flatnonzero(evaluation.wrong)
     order = wrong[np.argsort(-evaluation.error_mm[wrong], kind="stable")][:most]
     return [_mistake(table, evaluation, trial) for trial in order]

@@ -1,6 +1,6 @@
-"""The figures of an evaluation in the table it was made of: probabilities are measured, not believed.
+"""Puts the figures of an evaluation into its table: probabilities are measured, not believed.
 
-What no trial took is never claimed: its widths become REJECT.
+Branches that no trial took are never claimed: their widths become REJECT.
 """
 
 from collections.abc import Collection, Sequence
@@ -17,21 +17,18 @@ from planner.job.model import Job
 from planner.lower import covariance_of, pose_of
 from runtime import table as tables
 
-LEAST_VISITS = (
-    200  # a node that fewer parts came to keeps the shares that its branches were planned with
-)
+LEAST_VISITS = 200  # least parts at a node that replace the planned shares of its branches
 
 
 def with_figures(
     table: tables.Table, evaluation: Evaluation, job: Job
 ) -> tuple[tables.Table, Evaluation]:
-    """Puts what was measured into the leaves and the branches of a table.
+    """Puts measured figures into the leaves and branches of a table.
 
-    A leaf whose success its trials refute (an exact binomial test, at a level that holds for all leaves
-    together, speaks against the goal's confidence) is marked unresolved; its alternatives are the further
-    poses that parts had there. A leaf that no part came to keeps the figures that it has. A leaf is also
-    unresolved where the jaws could not hold its part as it lies: its few trials are squeezes that the
-    simulator gave up.
+    A leaf whose trials refute it (an exact binomial test against the goal's confidence, at a level for all
+    leaves together) is marked unresolved; its alternatives are the further poses of parts there. A leaf
+    that no part reached keeps its figures. A leaf is also unresolved where the jaws could not hold a part
+    at its pose: its few trials are squeezes that the simulator gave up.
 
     Returns:
         The table and the evaluation, whose `resolved` follows the leaves.
@@ -56,7 +53,7 @@ def _without_impossible(table: tables.Table) -> tables.Table:
 
 
 def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
-    """States the figures of an evaluation in its table."""
+    """Puts the figures of an evaluation into its table."""
     figures = evaluation.summary()
     median_um, p95_um = _errors_um(evaluation.error_mm[evaluation.resolved])
     predicted = tables.Prediction(
@@ -71,7 +68,7 @@ def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
 
 
 def tried(table: tables.Table, run: Evaluation) -> list[list[int]]:
-    """The branches of each node that trials took, and after which there was an outcome."""
+    """The branches of each node that trials took and that lead to an outcome."""
     took = [set[int]() for _ in table.nodes]
     passed = run.path >= 0
     for index, number in set(
@@ -82,7 +79,7 @@ def tried(table: tables.Table, run: Evaluation) -> list[list[int]]:
 
 
 def ending(table: tables.Table, chosen: Sequence[Collection[int]]) -> list[list[int]]:
-    """Of the branches chosen at each node those after which there is an outcome, by way of chosen ones."""
+    """Among the branches chosen at each node, those that reach an outcome through chosen ones only."""
     kept: list[list[int]] = [[] for _ in table.nodes]
     for index in reversed(range(len(table.nodes))):  # children come after their parents
         targets = enumerate(branch.target for branch in table.nodes[index].branches)
@@ -93,9 +90,9 @@ def ending(table: tables.Table, chosen: Sequence[Collection[int]]) -> list[list[
 
 
 def without_untried(table: tables.Table, kept: list[list[int]]) -> tables.Table:
-    """Leaves out branches, all but those `kept` at each node, and what follows them.
+    """Removes all branches but those `kept` at each node, with their subtrees.
 
-    The widths of what is left out are REJECT: the branches beside it get none.
+    Widths of removed branches are REJECT: neighbouring branches do not get them.
     """
     order, nodes, leaves = [0], [], []
     for index in order:  # grows while it is walked
@@ -116,7 +113,7 @@ def _leaf(
 ) -> tables.Leaf:
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
-    if trials == 0:  # there were more leaves in the trials that its figures are of
+    if trials == 0:  # the trials behind its figures had more leaves
         held = not tables.refuted(
             tables.successes_of(leaf), leaf.trials, job.goal.confidence, leaves
         )
@@ -136,13 +133,13 @@ def _leaf(
 
 
 def _errors_um(error_mm: Array) -> tuple[int, int]:
-    """Their median and 95th percentile; 0 of no part."""
+    """Median and 95th percentile of errors; 0 if there are none."""
     median, high = np.quantile(error_mm, ERROR_SHARES) if len(error_mm) else (0.0, 0.0)
     return round(1e3 * float(median)), round(1e3 * float(high))
 
 
 def _open(leaf: tables.Leaf, states: Array, metric: Metric) -> tables.Leaf:
-    """An unresolved leaf with what it cannot tell apart: its parts' main poses, but for its own."""
+    """An unresolved leaf, with the main poses of its parts, besides its own, as alternatives."""
     predicted = np.array([*tables.predicted_pose(leaf), leaf.hypothesis])
     modes = [
         mode for mode in main_poses(states, metric) if not metric.reached(mode.state, predicted)
@@ -170,7 +167,7 @@ def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node,
 def _branches(
     node: tables.Node, numbers: list[int], gripper: tables.GripperSpec
 ) -> list[tables.Branch]:
-    """The branches that stay; where one goes, the others keep to the widths that they were read at."""
+    """The branches that stay; beside a removed one they keep only the widths that trials read."""
     if len(numbers) == len(node.branches):
         return list(node.branches)
     meant = [each for part in tables.decision_map(node, gripper) for each in part.intervals()]

@@ -1,7 +1,7 @@
-"""A second opinion: a squeeze as rigid-body dynamics in MuJoCo (Todorov, Erez and Tassa 2012).
+"""A world for comparison: squeezes as rigid-body dynamics in MuJoCo (Todorov, Erez and Tassa 2012).
 
 The part is a prism that stands on feet, with mass; jaws of finite force and speed close on it. Nothing here
-is quasi-static: no limit surface, no LCP of ours. What a job does not state is a constant below; none was
+is quasi-static: no limit surface, no LCP. Values that a job does not state are constants below; none was
 chosen for its outcome. Lengths in the model are metres.
 
 `plan-evaluate TREE.msgpack --world planner.evaluation.mujoco:make --trials 300`
@@ -32,32 +32,30 @@ except ImportError as missing:
 TABLE_FRICTION = 0.3  # between part and table
 DENSITY_KG_M3 = 2700.0  # of the part: aluminium
 JAW_KG = 0.2  # moving mass of a finger, with its share of the drive
-ARM_KG = 1e3  # of a hand that pushes: the arm behind it does not give way
-FEET = 24  # a pressure along a line or over an area stands on so many
+ARM_KG = 1e3  # of a hand that pushes: the arm behind it does not yield
+FEET = 24  # feet for a pressure along a line or over an area
 FOOT_M = 5e-4  # radius of a foot
 ROUND_M = 2e-5  # radius of the corners of part and fingers
 PLATE_M = (
-    2e-4  # thickness of the faces: impacts drive a corner in by 0.035 mm, and not past their middle
+    2e-4  # thickness of the faces: impacts drive a corner in by 0.035 mm, less than half of it
 )
-CLOSED_M = (
-    5e-5  # jaws that are nearer have met: a sharp corner's rounding is all that fits between them
-)
+CLOSED_M = 5e-5  # jaws nearer than this have met: only the rounding of a sharp corner fits between
 TIMESTEP_S = 2.5e-4
-CONTACT_S = 5e-4  # time constant of contacts: they give way by less than 0.05 mm under 40 N
-LEAD_M = 5e-4  # the fingers start at least so far from the first touch
-SIMPLIFY_MM = 0.01  # what a curve may lose with the vertices that are left out
-BLOCK = 20  # steps between two looks at the jaws
+CONTACT_S = 5e-4  # time constant of contacts: they yield by less than 0.05 mm under 40 N
+LEAD_M = 5e-4  # least distance of the fingers from the first touch at the start
+SIMPLIFY_MM = 0.01  # tolerated error of a curve with fewer vertices
+BLOCK = 20  # steps between two checks of the jaws
 WINDOW_S = 0.04
-STALLED = 0.01  # jaws that made less than this share of their way over the window stand still
-REST_S = 0.1  # after which a part that was pushed lies still
-UNMOVED_MM = 0.01  # by so much a part may settle when it is set down
+STALLED = 0.01  # share of their way over the window below which jaws stand still
+REST_S = 0.1  # time after which a pushed part lies still
+UNMOVED_MM = 0.01  # distance that a part may settle when it is set down
 SEED_MUJOCO = 0x4D554A4F
 STIFF = {"solref": [CONTACT_S, 1.0], "solimp": [0.99, 0.999, 1e-5, 0.5, 2.0]}
-CORNER, PLATE, FINGER, POST, TABLE = 1, 2, 4, 8, 16  # bits that say which geoms meet
+CORNER, PLATE, FINGER, POST, TABLE = 1, 2, 4, 8, 16  # collision bits of geoms
 
 
 class RigidWorld:
-    """Squeezes of one part by one gripper; friction is drawn afresh each time, within the job's bounds."""
+    """Squeezes of one part by one gripper, with friction drawn for each within the job's bounds."""
 
     def __init__(self, job: Job, seed: int, timestep_s: float = TIMESTEP_S) -> None:
         self._job = job
@@ -85,7 +83,7 @@ class RigidWorld:
         return (x, y, theta), width_mm, STATUS_NAMES[GRASPED if self._blocked() else JAMMED]
 
     def push(self, pose_hand: Pose, opening_mm: float, way_mm: float) -> Pose:
-        """Pushes the part with fingers held so far apart, the hand going along its x axis as a finger does.
+        """Pushes the part with fingers held `opening_mm` apart; the hand goes along its x axis.
 
         Returns:
             The final pose in the frame that the hand had at the start [mm, mm, rad].
@@ -128,7 +126,7 @@ class RigidWorld:
         return 1e3 * self._until_stalled()
 
     def pose(self) -> Pose:
-        """Where the part is now, in the hand frame [mm, mm, rad]."""
+        """Current pose of the part in the hand frame [mm, mm, rad]."""
         return _pose(self.data)
 
     @cached_property
@@ -154,7 +152,7 @@ class RigidWorld:
         return widths[-1]
 
     def _blocked(self) -> bool:
-        """Whether the jaws stay where they stand without friction, too."""
+        """Whether the jaws would stay where they stand without friction, too."""
         width = self._width()
         self.model.geom_friction[self.model.geom_priority > 0, 0] = 0.0
         mujoco.mj_step(self.model, self.data, round(WINDOW_S / self.model.opt.timestep))
@@ -165,10 +163,10 @@ make = RigidWorld  # the world factory: `make(job, seed)`
 
 
 def feet(job: Job) -> tuple[Array, Array]:
-    """Where the part touches the table (m, 2), and its centre of pressure (2,), in its frame [mm].
+    """Points (m, 2) where the part touches the table, and its centre of pressure (2,), in its frame [mm].
 
-    Feet give way alike: where the centre of mass is above the centre of pressure, evenly spaced ones carry
-    the same.
+    Feet are equally stiff: with the centre of mass above the centre of pressure, evenly spaced ones carry the
+    same load.
 
     Raises:
         ValueError: the job gives a limit surface in place of a pressure.
@@ -203,7 +201,7 @@ def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float],
         mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
     )
     spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
-    spec.option.noslip_iterations = 10  # else what friction holds creeps
+    spec.option.noslip_iterations = 10  # otherwise a part held by friction creeps
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[1.0, 1.0, 0.1],
@@ -226,7 +224,7 @@ def _add_part(spec: Any, job: Job, height: float) -> None:
         DENSITY_KG_M3 * area(outline) / 1e6 * height,
         (radius_of_gyration(outline) / 1e3) ** 2,
     )
-    tilting = mass * (0.5 * gyration + height**2 / 12.0)  # as a round part's; it hardly tilts
+    tilting = mass * (0.5 * gyration + height**2 / 12.0)  # as of a round part; it hardly tilts
     body.explicitinertial, body.mass, body.ipos = True, mass, [*centre / 1e3, 0.5 * height]
     body.inertia = [tilting, tilting, mass * gyration]
     _add_rim(body, simplified(outline, SIMPLIFY_MM) / 1e3, height, job.cell.squeeze_height_mm / 1e3)
@@ -243,11 +241,11 @@ def _add_part(spec: Any, job: Job, height: float) -> None:
 
 
 def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
-    """The prism's side: what a finger's face can meet are its corners, what a finger's corner can, its faces.
+    """Adds the side of the prism: corners that meet a finger's face, faces that meet a finger's corner.
 
     Corners are pairs of tiny spheres at the ends of the fingers' reach, faces are thin plates: contacts of
-    spheres with boxes are closed forms. Those of convex meshes are searched for, and some degrees from flush
-    they are given the normal of the wrong face, so that what should jam slips.
+    spheres with boxes have closed forms. Contacts of convex meshes are searched for; a few degrees from
+    flush they get the normal of the wrong face, and a squeeze that should jam slips.
     """
     ahead = np.roll(outline, -1, axis=0) - outline
     angles = np.arctan2(ahead[:, 1], ahead[:, 0])
@@ -256,7 +254,7 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
         np.remainder(angles - np.roll(angles, 1) + np.pi, math.tau) - np.pi,
     )
     for corner, angle, bend in zip(outline, angles, bends, strict=True):
-        if bend > 0.0:  # others are notches
+        if bend > 0.0:  # the others are notches
             inwards = angle + 0.5 * (math.pi - bend)
             inset = ROUND_M / math.cos(0.5 * bend)
             x, y = corner + inset * np.array([math.cos(inwards), math.sin(inwards)])
@@ -284,7 +282,7 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
 def _add_post(
     body: Any, x: float, y: float, ends: tuple[float, float], kind: int, other: int, **more: Any
 ) -> None:
-    """A vertical edge, by its ends."""
+    """Adds a vertical edge, given by its ends."""
     for z in (ends[0] + ROUND_M, ends[1] - ROUND_M):
         body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -298,9 +296,9 @@ def _add_post(
 
 
 def _add_finger(body: Any, job: Job, height: float) -> None:
-    """A box from the tips' height to above the part, the body's middle in its own."""
+    """Adds a box from the tips' height to above the part; the body's origin is in its middle."""
     tips, size = job.cell.squeeze_height_mm / 1e3, _finger_size(job, height)
-    # Its ends are the posts': a face as long as the finger would hold a corner that has slid off it.
+    # Its ends are the posts': a face as long as the finger would hold a corner that slid off it.
     face = [size[0] - ROUND_M, *size[1:]]
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -328,7 +326,7 @@ def _finger_size(job: Job, height: float) -> list[float]:
 
 
 def _add_jaws(spec: Any, job: Job, height: float) -> None:
-    """Fingers on slides that one drive closes in the job's shares."""
+    """Adds fingers on slides, which one drive closes in the job's shares."""
     gripper, tips, size = job.gripper, job.cell.squeeze_height_mm / 1e3, _finger_size(job, height)
     drive = spec.add_tendon(name="drive")
     for name, side in (("upper", 1.0), ("lower", -1.0)):
@@ -337,7 +335,8 @@ def _add_jaws(spec: Any, job: Job, height: float) -> None:
         body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0.0, -side, 0.0])
         _add_finger(body, job, height)
         drive.wrap_joint(name, 1.0)
-    # Force falls evenly with speed, as that of a motor: the job's force at rest, none at the job's speed.
+    # Force falls linearly with speed, as that of a motor: from the job's force at rest to none at
+    # its speed.
     slope = gripper.force_n / (gripper.speed_mm_s / 1e3)
     spec.add_actuator(
         target="drive",
@@ -359,7 +358,7 @@ def _add_jaws(spec: Any, job: Job, height: float) -> None:
 
 
 def _add_hand(spec: Any, job: Job, height: float) -> None:
-    """Fingers of a hand that goes along x, heavy enough to keep its speed whatever it pushes."""
+    """Adds the fingers of a hand that moves along x, heavy enough to keep its speed."""
     tips, size = job.cell.squeeze_height_mm / 1e3, _finger_size(job, height)
     hand = spec.worldbody.add_body(name="hand", pos=[0.0, 0.0, tips + size[2]])
     hand.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])

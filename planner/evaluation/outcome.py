@@ -1,4 +1,4 @@
-"""What came of the trials: one row a part, and the figures for all of them."""
+"""Outcomes of trials, one row a part, and the figures of all."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -15,7 +15,7 @@ REJECTED = -1
 CRASHED = -3  # an open finger came down on the part, and the arm stopped
 NOWHERE = -1
 ERROR_SHARES = (0.5, 0.95)
-"""Of the parts, for which the error that they do not exceed is told: the median, and nearly all."""
+"""Percentiles of the error that are stated: the median, and nearly all parts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,7 +23,7 @@ class Evaluation:
     """The outcome of each of n trials."""
 
     leaf: IntArray  # (n,) the leaf reached, `REJECTED` where a width fitted no branch, or `CRASHED`
-    squeezes: IntArray  # (n,) how many it took
+    squeezes: IntArray  # (n,) number of squeezes
     seconds: Array  # (n,) estimated time
     error_mm: (
         Array  # (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf
@@ -32,21 +32,20 @@ class Evaluation:
     resolved: BoolArray  # (n,) whether the leaf claims to know the pose
     poses: Array  # (n, 3) true final poses, in the arm's frame
     initial: Array  # (n, 3) true poses before the first squeeze
-    traits: Traits  # (n,) what each part and its cell are like
+    traits: Traits  # (n,) latent parameters of each part and its cell
     path: IntArray  # (n, d) the nodes passed, in order, then `NOWHERE`
-    # (n, d) what the gripper told at each of them, then `NOWHERE`: twice the encoder's reading, and 1 more if
-    # it felt a part
+    # (n, d) twice the encoder's reading at each node, plus 1 if a part was felt; then `NOWHERE`
     reading: IntArray
     branch: IntArray  # (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`
 
     @property
     def steps(self) -> IntArray:
-        """(n, d) the encoder's reading at each of the nodes passed, then `NOWHERE`."""
-        return np.asarray(self.reading >> 1)  # of `NOWHERE`, -1, it is that again
+        """(n, d) the encoder's reading at each node passed, then `NOWHERE`."""
+        return np.asarray(self.reading >> 1)  # `NOWHERE` is -1, which the shift keeps
 
     @property
     def states(self) -> Array:
-        """What the goal asks for: the final poses, with the hypothesis where it is not the first."""
+        """States for the goal's metric: the final poses, with the hypothesis where it is not the first."""
         return with_hypothesis(self.poses, self.traits)
 
     @property
@@ -103,7 +102,7 @@ class Evaluation:
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """One evaluation of the trials of several, in their order; at least one."""
+        """One evaluation of all trials of one or more, in order."""
         rows: dict[str, Any] = {
             field.name: np.concatenate([getattr(part, field.name) for part in parts])
             for field in fields(cls)

@@ -1,12 +1,12 @@
-"""Rare wrong answers of a table, in parts per million: millions of trials, kept as sums, with upper bounds.
+"""Rates of rare wrong answers of a table in parts per million, with upper bounds, from millions of trials.
 
-Trials are run in chunks whose sums do not depend on who ran them, so a study is resumed from the sums of the
-chunks before. Importance splitting (Kahn and Harris 1951) follows a part that reaches a rare node as several
-copies of equal weight: the mechanics of the squeezes to come are drawn afresh for each, so sums of weights
-stay unbiased while a rare leaf is judged by many more outcomes. Factors are powers of two: sums are exact.
+The sums of a chunk of trials do not depend on who runs it, so a study resumes from the sums of earlier
+chunks. Importance splitting (Kahn and Harris 1951) follows a part that reaches a rare node as several
+copies of equal weight: each draws the mechanics of its further squeezes afresh, so sums of weights stay
+unbiased while a rare leaf is judged by many more outcomes. Factors are powers of two: sums are exact.
 
 The weight of one part's wrong copies lies between 0 and 1 whatever the splitting, and parts are independent:
-all that the bounds ask for.
+the bounds require no more.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from runtime.table import PPM, Table
 CHUNK = 10_000
 SEED_PPM = 0x50504D
 ERROR = 0.05
-"""Chance that a bound is ever wrong, however often a study is looked at and gone on with."""
+"""Probability that a bound is ever wrong, however often a study is looked at and continued."""
 PRIOR = 0.5, 1e4
-"""Of the beta mixture: bounds are tightest for rates about 50 ppm, which integrators ask for."""
+"""Parameters of the beta mixture: bounds are tightest for rates about 50 ppm, which integrators ask for."""
 SPLIT_BELOW = 0.004
-"""Share of the parts below which a node counts as rare: its copies make up what is missing."""
+"""Share of the parts below which a node is rare; its parts are split into more copies."""
 MOST_COPIES = 64
 BATCH = 20
 """Chunks between two yields of `continued`."""
@@ -53,19 +53,21 @@ MOST_ROWS = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sums:
-    """What a number of parts came to. Weights of split copies add up to one a part."""
+    """Sums over a number of parts. The weights of a part's copies add up to 1."""
 
     parts: int  # how many.
     visits: Array  # (L,) weight that ended in each leaf.
-    wrong: Array  # (L,) weight that ended there, the leaf resolved, but not within the goal.
-    squares: Array  # (L + 1,) sum over parts of the square of that weight; the last for all leaves together.
+    wrong: Array  # (L,) weight answered wrongly in each resolved leaf.
+    squares: (
+        Array  # (L + 1,) sum over parts of the square of that weight; last: all leaves together.
+    )
     rejected: float  # weight whose width fitted no branch.
-    crashed: float  # weight that an open finger came down on, so that the arm stopped.
+    crashed: float  # weight of parts that an open finger came down on, so that the arm stopped.
     squeezes: float  # weighted number.
 
     @classmethod
     def none(cls, leaves: int) -> Self:
-        """Of no parts, for a table of so many leaves."""
+        """Empty sums, for a table of `leaves` leaves."""
         return cls(0, np.zeros(leaves), np.zeros(leaves), np.zeros(leaves + 1), 0.0, 0.0, 0.0)
 
     def __add__(self, other: Sums) -> Sums:
@@ -77,10 +79,10 @@ class Sums:
 
     @classmethod
     def of_document(cls, document: dict[str, Any], leaves: int) -> Self:
-        """From `document`.
+        """Reads the output of `document`.
 
         Raises:
-            KeyError, TypeError, ValueError: it is not one, or of another number of leaves.
+            KeyError, TypeError, ValueError: it is invalid, or for another number of leaves.
         """
         empty, row = (
             cls.none(leaves),
@@ -97,28 +99,28 @@ NAMES = tuple(field.name for field in fields(Sums))
 
 
 class Wrong(NamedTuple):
-    """Parts that were answered wrongly; split copies each for themselves."""
+    """Parts that were answered wrongly, each split copy by itself."""
 
     leaf: IntArray  # (n,) where they ended
-    poses: Array  # (n, 3) where they lay then [mm, mm, rad]
+    poses: Array  # (n, 3) true poses at the end [mm, mm, rad]
     steps: IntArray  # (n,) what was read there
-    traits: Traits  # (n,) which parts they are, and nothing else
+    traits: Traits  # (n,) hypotheses of the parts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """What all chunks have in common; called with the number of one, in whatever process."""
+    """A study: what its chunks have in common. Called with the number of a chunk, in any process."""
 
     program: Program  # the table.
-    job: Job  # what parts and gripper are like in truth.
-    worlds: Worlds  # where parts are squeezed, a world a chunk.
+    job: Job  # the true parts and gripper.
+    worlds: Worlds  # worlds that squeeze the parts, one for each chunk.
     seed: int  # of all randomness.
-    # (N,) copies of a part at each node, all its ancestors' splitting included; powers of two.
+    # (N,) copies of a part at each node, splits at ancestors included; powers of two.
     copies: IntArray
     disturbance: Disturbance  # errors of the cell.
 
     def identity(self, world: str) -> str:
-        """What makes a study this one: a digest of all that its sums depend on.
+        """Digest of everything that the sums of a study depend on.
 
         Args:
             world: the world and its changes, in words.
@@ -138,7 +140,7 @@ class Study:
         return self.looked_into(chunk)[0]
 
     def looked_into(self, chunk: int) -> tuple[Sums, Wrong]:
-        """The sums of a chunk, and its parts that were answered wrongly."""
+        """The sums of a chunk, and its wrongly answered parts."""
         rng = np.random.default_rng([self.seed, chunk, SEED_PPM])
         poses, traits = initial(self.job, CHUNK, rng), self.disturbance.traits(self.job, CHUNK, rng)
         return self._run(poses, traits, self.worlds.world(chunk), rng)
@@ -191,10 +193,10 @@ class Study:
 
 
 def _sum(group: IntArray, weight: Array, groups: int) -> Array:
-    """(groups,) the weight in each."""
+    """(groups,) sum of the weights in each group."""
     return np.asarray(
         np.bincount(group, weight, groups), np.float64
-    )  # of integers where there is none
+    )  # bincount returns integers where there is no weight
 
 
 def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Array:
@@ -206,7 +208,7 @@ def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Arra
 
 
 def copies_of(table: Table) -> IntArray:
-    """How many copies of a part are followed at each node, by the shares that the table predicts.
+    """Number of copies of a part at each node, by the shares that the table predicts.
 
     Args:
         table: N nodes, children after their parents.
@@ -225,7 +227,7 @@ def copies_of(table: Table) -> IntArray:
 
 
 class Bound(NamedTuple):
-    """A rate with its bounds, which hold together with probability 1 - `ERROR` [ppm]."""
+    """A rate with bounds that hold together with probability 1 - `ERROR` [ppm]."""
 
     low: float
     rate: float
@@ -233,7 +235,7 @@ class Bound(NamedTuple):
 
     @classmethod
     def of(cls, total: float, parts: int) -> Self:
-        """The confidence sequence for the mean of independent weights in [0, 1]: valid at every look.
+        """The confidence sequence for the mean of independent weights in [0, 1]: valid at all times.
 
         For a mean m and any p, (p / m)^S ((1 - p) / (1 - m))^(n - S) has expectation at most 1, so its
         mixture over `PRIOR` exceeds 1 / ERROR at any time with probability ERROR at most (Ville 1939; Howard
@@ -243,7 +245,7 @@ class Bound(NamedTuple):
             total: sum S of the weights.
             parts: their number n, at least 1.
         """
-        from scipy.optimize import brentq  # a quarter of what a command takes to start
+        from scipy.optimize import brentq  # a quarter of the start-up time of a command
 
         a, b = PRIOR
         mixture = betaln(a + total, b + parts - total) - betaln(a, b) + math.log(ERROR)
@@ -252,19 +254,19 @@ class Bound(NamedTuple):
             return float(mixture - xlogy(total, mean) - xlog1py(parts - total, -mean))
 
         rate = total / parts
-        least, most = 1e-9 * rate, 1.0 - 1e-9  # which little weight may not even exclude
+        least, most = 1e-9 * rate, 1.0 - 1e-9  # which a small weight may not even exclude
         low = brentq(excess, least, rate, xtol=1e-15) if excess(least) > 0.0 else 0.0
         high = brentq(excess, rate, most, xtol=1e-15) if excess(most) > 0.0 else 1.0
         return cls(PPM * low, PPM * rate, PPM * high)
 
 
 def continued(study: Study, sums: Sums, parts: int, scheduler: Scheduler) -> Iterator[Sums]:
-    """Goes on with a study.
+    """Continues a study.
 
     Args:
-        study: what is studied.
-        sums: of the chunks before, in whole chunks.
-        parts: how many in the end; rounded up to whole chunks.
+        study: the study.
+        sums: sums of earlier chunks, all of them whole.
+        parts: total number of parts at the end; rounded up to whole chunks.
         scheduler: who runs them; the sums do not depend on it.
 
     Yields:
@@ -279,24 +281,24 @@ def continued(study: Study, sums: Sums, parts: int, scheduler: Scheduler) -> Ite
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """What a study says of a table; rates and bounds in parts per million of all parts."""
+    """Results of a study; rates and bounds in parts per million of all parts."""
 
-    sums: Sums  # what it rests on.
+    sums: Sums  # the sums behind the results.
     wrong: Bound  # rate of confident wrong answers.
-    leaves: list[Bound]  # the same of each leaf, whose other parts are right.
+    leaves: list[Bound]  # the same of each leaf.
 
     @classmethod
     def of(cls, sums: Sums) -> Self:
-        """What these sums say; of at least one part."""
+        """The results of sums over at least one part."""
         wrong = Bound.of(float(sums.wrong.sum()), sums.parts)
         return cls(sums, wrong, [Bound.of(float(total), sums.parts) for total in sums.wrong])
 
     def decided(self, limit: float) -> bool:
-        """Whether the rate is shown to be below a limit [ppm], or above it."""
+        """Whether the rate is shown to be below or above a limit [ppm]."""
         return self.wrong.high < limit or self.wrong.low > limit
 
     def standard_error(self, leaf: int | None = None) -> float:
-        """Of the rate of a leaf, or of all of them [ppm]."""
+        """Standard error of the rate of a leaf, or of all of them [ppm]."""
         parts, index = self.sums.parts, -1 if leaf is None else leaf
         rate = (self.wrong if leaf is None else self.leaves[leaf]).rate / PPM
         return PPM * math.sqrt(
@@ -334,13 +336,13 @@ class Findings:
         """For people.
 
         Args:
-            limit: that the rate was held against [ppm], None for none.
+            limit: the limit for the rate [ppm], or None.
         """
         sums, wrong = self.sums, self.wrong
         parts = sums.parts
         bounds = f"at least {wrong.low:.2f} and at most {wrong.high:.2f} with {1.0 - ERROR:.0%} confidence"
         entries = [
-            f"wrong      {wrong.rate:.2f} ppm, {bounds}, however often it was looked at",
+            f"wrong      {wrong.rate:.2f} ppm, {bounds}, at every look",
             f"rejected   {PPM * sums.rejected / parts:.0f} ppm",
             f"crashes    {PPM * sums.crashed / parts:.0f} ppm",
             f"squeezes   {sums.squeezes / parts:.3f}  a part",
@@ -368,7 +370,7 @@ class Findings:
 
 
 def resumed(path: Path, identity: str, leaves: int) -> Sums:
-    """The sums that a file keeps; of no parts where there is no file.
+    """The sums in a file; empty sums where there is no file.
 
     Args:
         path: the file.
@@ -376,7 +378,7 @@ def resumed(path: Path, identity: str, leaves: int) -> Sums:
         leaves: of its table.
 
     Raises:
-        InputError: it cannot be read, or keeps another study.
+        InputError: the file cannot be read, or holds another study.
     """
     if not path.exists():
         return Sums.none(leaves)
@@ -393,10 +395,10 @@ def resumed(path: Path, identity: str, leaves: int) -> Sums:
 
 
 def keep(path: Path, identity: str, sums: Sums) -> None:
-    """Writes what `resumed` reads.
+    """Writes the file that `resumed` reads.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     with writing(path) as draft:
         draft.write_text(json.dumps({"study": identity, "sums": sums.document()}))

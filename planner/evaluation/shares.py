@@ -1,4 +1,4 @@
-"""Shares of all parts in percent, rounded so that what is printed adds up."""
+"""Shares of all parts in percent, rounded so that printed numbers add up."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ DECIMALS = 2
 
 
 class Shares(NamedTuple):
-    """How all parts of an evaluation ended [percent]: the five add up to 100."""
+    """Outcomes of all parts of an evaluation [percent]; the five add up to 100."""
 
     located: float
     wrong: float
@@ -25,9 +25,9 @@ def shares_of(figures: dict[str, Any]) -> Shares:
 
 
 def rounded(shares: Sequence[float], decimals: int = DECIMALS) -> list[float]:
-    """Shares in percent, rounded by the largest remainder: they add up as the exact ones do.
+    """Rounds shares in percent by the largest remainder, so that their sum is kept.
 
-    One that is not 0 is not rounded to 0, so that none but all is rounded to 100.
+    A share above 0 is not rounded to 0; only a share of all is therefore 100.
     """
     unit = 10**decimals
     exact = [100.0 * unit * share for share in shares]

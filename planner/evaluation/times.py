@@ -1,6 +1,6 @@
-"""Seconds of trials, from the paths that they took, by the table's model of time.
+"""Seconds of trials by the table's model of time, from their paths.
 
-Parts come one after the other: the hand sets out from where it left the part before.
+Parts follow one another: the hand starts from where it left the previous part.
 """
 
 from collections import Counter
@@ -13,7 +13,7 @@ from runtime.table import GripperProfile, Schedule, Squeezed, Table, job_of, tak
 
 
 def figures(seconds: Array, takt_s: float | None = None) -> dict[str, float]:
-    """Of the seconds (n,), n >= 1, of trials: `runtime.table.takt.figures`."""
+    """Figures of the seconds (n,), n >= 1, of trials; see `runtime.table.takt.figures`."""
     return takt_figures(Counter(seconds.tolist()), takt_s)
 
 
@@ -21,7 +21,7 @@ def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray
     """Seconds (n,) of trials of a table.
 
     Args:
-        table: whose nodes and cell they are.
+        table: the table that the trials ran.
         path: (n, d) the nodes passed, in order, then negative.
         reading: (n, d) what was read at each of them, as `Evaluation.reading`.
         branch: (n, d) the branch taken at each of them, negative for none.
@@ -45,8 +45,8 @@ class _Paths:
         rows = np.arange(trials)
         last = rows, np.maximum(squeezes - 1, 0)
         states = np.stack([path, np.where(path >= 0, reading >> 1, -1), branch], axis=2)
-        before = np.roll(states[last], 1, axis=0)  # the part before, at its last squeeze
-        before[:, 1] = 0  # how wide the jaws held it no longer matters: they are open by now
+        before = np.roll(states[last], 1, axis=0)  # the previous part, at its last squeeze
+        before[:, 1] = 0  # the jaws are open by now, whatever width they held
         for k in range(depth):
             here = np.flatnonzero(squeezes > k)
             if not len(here):

@@ -1,6 +1,6 @@
-"""Trials of a table in a world: parts are squeezed, read, and sent on, as the runtime would do it.
+"""Trials of a table in a world: squeezes, reads and looks up as the runtime does.
 
-All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at.
+All trials of a chunk squeeze in one batch, whatever node each is at.
 """
 
 from dataclasses import dataclass
@@ -38,13 +38,13 @@ def placement_of(squeeze: Squeeze) -> Array:
 class Program:
     """A table of N nodes as arrays."""
 
-    table: Table  # where they come from
+    table: Table  # the source
     placement: Array  # (N, 3) the hand frame in the world [mm, mm, rad]
     opening_mm: Array  # (N,) before the squeeze
-    # What widths mean, a branch or `REJECT` (`runtime.table.decision_map`); two rows a node: with no object
-    # felt, and with one.
+    # Meaning of widths, a branch or `REJECT` (`runtime.table.decision_map`); two rows a node:
+    # without and with an object felt.
     lookup: Lookup
-    target: IntArray  # (s,) where each of its segments leads: a node, ~leaf, or `DISMISSED`
+    target: IntArray  # (s,) target of each segment: a node, ~leaf, or `DISMISSED`
     carries: BoolArray  # (s,) whether the hand carries the part there
     drag: Array  # (N, 2) how far the hand carries a held part before the jaws open [mm]
     pushes: BoolArray  # (N,) whether parts are pushed before the squeeze
@@ -52,7 +52,7 @@ class Program:
 
     @classmethod
     def of(cls, table: Table) -> Self:
-        """Lays out a table, whose gripper reads nominal widths."""
+        """The arrays of a table, with the nominal widths of its gripper."""
         maps = [decision_map(node, table.gripper) for node in table.nodes]
         target, carries = list[int](), list[bool]()
         drag = np.zeros((len(table.nodes), 2))
@@ -76,12 +76,12 @@ class Program:
         )
 
     def segment(self, node: IntArray, reading: IntArray) -> IntArray:
-        """The segments (n,) of `lookup` that readings (n,), as of a `Step`, fall into at nodes (n,)."""
+        """The segments (n,) of `lookup` for readings (n,), as in `Step`, at nodes (n,)."""
         width_um = self.encoder.width_um(reading >> 1)
         return self.lookup.segment(2 * node + (reading & 1), width_um)
 
     def carried(self, node: IntArray, segment: IntArray) -> Array:
-        """How far (n, 2) the hand goes with its jaws closed after segments (n,) at nodes (n,) [mm]."""
+        """How far (n, 2) the hand goes with closed jaws after segments (n,) at nodes (n,) [mm]."""
         return np.where(self.carries[segment][:, None], self.drag[node], 0.0)
 
 
@@ -92,16 +92,16 @@ def encoder_of_table(table: Table) -> Encoder:
 
 
 class Step(NamedTuple):
-    """One squeeze of n parts, each at a node of its own, and what the table makes of it."""
+    """One squeeze of n parts, each at its own node, and the table's decisions."""
 
     before: Array  # (n, 3) poses in the world before it [mm, mm, rad]
-    after: Array  # (n, 3) and after it, with the jaws closed
-    released: Array  # (n, 3) and where the jaws let go, after the drag of what is held
+    after: Array  # (n, 3) poses after it, with the jaws closed
+    released: Array  # (n, 3) poses where the jaws open, after the drag of held parts
     drag: Array  # (n, 2) how far the hand went with its jaws closed [mm]
     width_mm: Array  # (n,) true openings
-    reading: IntArray  # (n,) twice what the encoder reads, and 1 more if the gripper feels a part
-    branch: IntArray  # (n,) which branch that means, or `REJECT`
-    target: IntArray  # (n,) where it leads: a node, ~leaf, or `DISMISSED`
+    reading: IntArray  # (n,) twice the encoder's reading, plus 1 if the gripper feels a part
+    branch: IntArray  # (n,) the branch of that reading, or `REJECT`
+    target: IntArray  # (n,) its target: a node, ~leaf, or `DISMISSED`
 
     @property
     def steps(self) -> IntArray:
@@ -109,7 +109,7 @@ class Step(NamedTuple):
         return self.reading >> 1
 
     def through(self, branch: int) -> Array:
-        """Poses (m, 3) of the released parts that leave through one branch, or through `REJECT`."""
+        """Poses (m, 3) of the released parts that take one branch, or `REJECT`."""
         return np.asarray(self.released[self.branch == branch])
 
 
@@ -123,13 +123,13 @@ def step(
     rng: np.random.Generator,
     traits: Traits | None = None,
 ) -> Step:
-    """Squeezes parts once, reads, looks up and lets go, as the runtime would.
+    """Squeezes parts once, reads, looks up and opens, as the runtime does.
 
     Args:
         program: the table.
         node: (n,) the node that each part is at.
         poses: (n, 3) where the parts lie in the world [mm, mm, rad].
-        placement: (n, 3) where the hand stands; the node's placement, but for the arm's errors.
+        placement: (n, 3) true placement of the hand: the node's with the arm's errors.
         world: squeezes them.
         encoder: reads the width.
         rng: of the encoder's noise.
@@ -138,7 +138,7 @@ def step(
     drawn = as_planned(len(node)) if traits is None else traits
     final, width_mm, held = _squeeze_all(world, to_hand(poses, placement.T), drawn)
     reading = encoder.read(read_as(width_mm, drawn), rng)
-    reading = 2 * reading + (width_mm > 0.0)  # jaws that something keeps apart feel it
+    reading = 2 * reading + (width_mm > 0.0)  # jaws that are kept apart feel an object
     segment = program.segment(node, reading)
     drag = program.carried(node, segment)
     after = to_world(final, placement.T)
@@ -158,8 +158,8 @@ def run(
 ) -> Evaluation:
     """Runs a table on a number of parts, at least 1, without timing or judging them.
 
-    The job says what parts and gripper are like in truth; `rng` is that of initial poses, encoder noise and
-    the arm's errors, the world has its own.
+    The job describes the true parts and gripper. `rng` draws initial poses, encoder noise and the arm's
+    errors; the world has its own generator.
     """
     poses, nowhere = initial(job, trials, rng), _nowhere(program, trials)
     foreign = not isinstance(of_hypothesis(world, 0), ContactWorld)
@@ -167,7 +167,7 @@ def run(
     begun = Evaluation(
         leaf=np.full(trials, RUNNING, np.int64),
         squeezes=np.zeros(trials, np.int64),
-        seconds=np.zeros(trials),  # `evaluate` tells them
+        seconds=np.zeros(trials),  # filled in by `evaluate`
         error_mm=np.zeros(trials),
         within=np.zeros(trials, np.bool_),
         resolved=np.zeros(trials, np.bool_),
@@ -196,8 +196,8 @@ def finish(
     Args:
         program: the table.
         evaluation: the trials so far, modified in place.
-        node: (n,) the node that each part is at, negative where its trial has ended; likewise.
-        job: as for `run`, like the rest.
+        node: (n,) the node that each part is at, negative where its trial has ended; modified in place.
+        job: the true parts and gripper.
         world: squeezes the parts.
         rng: of the encoder's noise and the arm's errors.
         disturbance: errors of the cell.
@@ -220,14 +220,14 @@ def finish(
 
 
 def _nowhere(program: Program, trials: int) -> IntArray:
-    """(n, d) of trials that have squeezed nowhere yet."""
+    """(n, d) for trials without any squeeze so far."""
     return np.full((trials, program.table.limits.max_depth), NOWHERE, np.int64)
 
 
 def _note(
     program: Program, evaluation: Evaluation, node: IntArray, members: IntArray, reading: IntArray
 ) -> None:
-    """Notes what was read at the nodes of some trials, and sends these on."""
+    """Records the readings of some trials at their nodes, and moves these on."""
     at = node[members]
     segment = program.segment(at, reading)
     row, target = (members, evaluation.squeezes[members]), program.target[segment]
@@ -243,11 +243,13 @@ def _note(
 
 
 class Arrived(NamedTuple):
-    """The hand come down about n parts, each at a node of its own, after what is pushed there."""
+    """Hands that have come down about n parts, after the pushes of their nodes."""
 
     poses: Array  # (n, 3) where the parts lie in the world [mm, mm, rad]
-    placement: Array  # (n, 3) and where the hand stands
-    stopped: BoolArray  # (n,) whether a finger came down on the part, where the world can tell; the arm stops
+    placement: Array  # (n, 3) placements of the hands
+    stopped: (
+        BoolArray  # (n,) whether a finger came down on the part and the arm stopped, where known
+    )
 
 
 def come_down(
@@ -260,14 +262,14 @@ def come_down(
     disturbance: Disturbance,
     rng: np.random.Generator,
 ) -> Arrived:
-    """Pushes parts as their nodes say, and comes down to squeeze them.
+    """Pushes parts by their nodes, and lowers the hands to squeeze them.
 
     Args:
         program: the table.
         node: (n,) the node that each part is at.
         poses: (n, 3) where the parts lie in the world [mm, mm, rad].
-        world: pushes them, and is asked.
-        job: says how far a part reaches.
+        world: pushes the parts and detects collisions.
+        job: states the extent of a part.
         traits: (n,) of the parts.
         disturbance: errors of the cell.
         rng: of the arm's errors.
@@ -288,9 +290,9 @@ def pushed(
     disturbance: Disturbance,
     rng: np.random.Generator,
 ) -> tuple[Array, BoolArray]:
-    """Where parts lie (n, 3) after the pushes before their squeezes, and which (n,) a finger came down on.
+    """Poses (n, 3) of parts after the pushes before their squeezes, and which (n,) a finger came down on.
 
-    Arguments as of `come_down`.
+    Arguments as for `come_down`.
 
     Raises:
         UsageError: the world cannot push.
@@ -314,7 +316,7 @@ def pushed(
 
 
 def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, traits: Traits) -> Array:
-    """Pushes (n, 3) poses in the hand frame, in a batch where the world offers one."""
+    """Pushes parts at poses (n, 3) in the hand frame, in a batch where the world offers one."""
     final = np.empty_like(hand)
     for k, rows in by_hypothesis(traits):
         part_world, each = of_hypothesis(world, k), (hand[rows], opening_mm[rows], way_mm[rows])
@@ -340,7 +342,7 @@ def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, trait
 def _standing_on(
     hand: Array, opening_mm: Array, world: World, job: Job, traits: Traits
 ) -> BoolArray:
-    """Which parts (n, 3) in the hand frame fingers come down on (n,), where the world can tell."""
+    """Which parts (n, 3) in the hand frame a finger comes down on (n,), where the world can tell."""
     stopped, alone = np.zeros(len(hand), np.bool_), job.alone
     share = job.gripper.upper_finger_share + traits["share"]
     hand = hand.copy()
@@ -358,10 +360,10 @@ def _standing_on(
 
 
 def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Array, BoolArray]:
-    """Squeezes (n, 3) poses in the hand frame, in a batch where the world offers one.
+    """Squeezes parts at poses (n, 3) in the hand frame, in a batch where the world offers one.
 
     Returns:
-        (n, 3) final poses there, (n,) true openings [mm], and (n,) whether the part was held in the end.
+        (n, 3) final poses there, (n,) true openings [mm], and (n,) whether the part is held at the end.
     """
     if isinstance(world, Assorted):
         return _squeeze_each(world, hand, traits)
@@ -376,7 +378,7 @@ def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Arra
 
 
 def _squeeze_each(world: Assorted, hand: Array, traits: Traits) -> tuple[Array, Array, BoolArray]:
-    """As `_squeeze_all`, each part in the world of its hypothesis."""
+    """`_squeeze_all` with each part in the world of its hypothesis."""
     final, width, held = np.empty_like(hand), np.empty(len(hand)), np.empty(len(hand), np.bool_)
     for k, rows in by_hypothesis(traits):
         alone = traits[rows].copy()

@@ -1,1 +1,1 @@
-"""A table for controllers without Python: C99, structured text or JSON, and vectors that check it."""
+"""Export of a table for controllers without Python: C99, structured text or JSON, with test vectors."""

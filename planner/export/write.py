@@ -1,6 +1,6 @@
-"""The files of an export: a table's data and executor in one language, and the vectors that check them.
+"""Writes an export: a table's data and executor in one language, with vectors that test them.
 
-All forms say what follows each reading as runs of counts.
+All forms store what follows each reading as runs of counts.
 """
 
 import json
@@ -35,9 +35,7 @@ FELT, NOT_FELT = (
     2,
     3,
 )  # the object flag (gOBJ) of jaws that met something, and of jaws that met nothing
-NODE, LEAF, UNRESOLVED, REJECTED, FAULT = range(
-    5
-)  # what follows a reading, as the vectors and programs say
+NODE, LEAF, UNRESOLVED, REJECTED, FAULT = range(5)  # outcome of a reading, in vectors and programs
 VECTOR = ("node", "width_um", "object_flag", "outcome", "index", "release_x_um", "release_y_um")
 
 
@@ -46,7 +44,7 @@ class Run(NamedTuple):
 
     object_flag: int  # FELT or NOT_FELT
     first_um: int  # least width
-    last_um: int  # greatest width, itself included
+    last_um: int  # greatest width, inclusive
     branch: int  # index into the node's branches
 
 
@@ -56,7 +54,7 @@ def maps_of(table: Table) -> list[DecisionMap]:
 
 
 def runs_of(decided: DecisionMap) -> list[Run]:
-    """A decision map as runs, those with an object felt first, in the order of their widths."""
+    """The runs of a decision map, those with an object felt first, by ascending width."""
     return [
         Run(flag, *interval)
         for flag, segments in ((FELT, decided.felt), (NOT_FELT, decided.unfelt))
@@ -65,14 +63,14 @@ def runs_of(decided: DecisionMap) -> list[Run]:
 
 
 def holds(node: Node, branch: int) -> bool:
-    """Whether the jaws hold the part after a branch; nobody knows after a REJECT."""
+    """Whether the jaws hold the part after a branch; unknown after a REJECT."""
     return branch != REJECT and node.branches[branch].expected_um >= HELD_UM
 
 
 def vectors(table: Table) -> Iterator[tuple[int, ...]]:
-    """What follows at each node and object flag, as rows of `VECTOR`.
+    """Rows of `VECTOR`: the outcome at each node and object flag.
 
-    Widths on both sides of each change, and between them.
+    Widths are on both sides of each change, and between changes.
     """
     for index, (node, decided) in enumerate(zip(table.nodes, maps_of(table), strict=True)):
         for flag, segments in ((FELT, decided.felt), (NOT_FELT, decided.unfelt)):
@@ -83,7 +81,7 @@ def vectors(table: Table) -> Iterator[tuple[int, ...]]:
 
 
 def _compared(segments: Segments, opening_um: int) -> list[int]:
-    """Widths at which a step function is compared: both ends of each segment, and its middle."""
+    """Widths at which step functions are compared: both ends of each segment, and its middle."""
     widths = {-1, opening_um}
     for low, high in pairwise((*segments.starts_um, max(opening_um, segments.starts_um[-1]) + 1)):
         widths |= {low, (low + high - 1) // 2, high - 1}
@@ -108,13 +106,13 @@ FORMS = {
 VECTORS = "vectors.csv"
 PREFIX = "squeezetree"
 PREFIXES = re.compile(r"(?=.{1,24}$)[a-z][a-z0-9]*(_[a-z0-9]+)*")
-"""Prefixes that stay within the 63 characters of C99 and the single underscores of IEC 61131-3."""
+"""Prefixes within the 63 characters of C99 and the single underscores of IEC 61131-3."""
 JSON_VERSION = 2  # as in the schema
 WIDTH = 100  # of a line of numbers
 OF_SEVERAL = ("identify", "hypothesis")  # fields of goal and leaf
 Row = tuple[int, ...]
 UNKNOWN = -1  # success of a leaf without trials
-LONGEST_TEXT = 60  # of the table's own, in comments
+LONGEST_TEXT = 60  # texts of the table, in comments
 
 
 def write(file: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[str, int]:
@@ -124,13 +122,13 @@ def write(file: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[
         file: the table.
         form: one of `FORMS`.
         path: the folder.
-        prefix: begins the name of each file that a program includes, and all names that it defines.
+        prefix: prefix of each file that a program includes, and of all names that it defines.
 
     Returns:
         The bytes of each file, by name.
 
     Raises:
-        OutputError: the folder holds files or cannot be written; nothing of the export is left there.
+        OutputError: the folder holds files or cannot be written; no file of the export remains.
     """
     rows = (VECTOR, *vectors(file.table))
     texts = {VECTORS: "".join(",".join(map(str, row)) + "\n" for row in rows)}
@@ -169,7 +167,7 @@ def _text(name: str, file: TableFile, prefix: str = PREFIX) -> str:
 
 
 def _document(file: TableFile) -> dict[str, Any]:
-    """All of a table as one JSON object but for the job, under the names of `TABLE.md`, with the runs."""
+    """A table without its job as one JSON object, under the names of `TABLE.md`, with the runs."""
     table, maps = file.table, maps_of(file.table)
     return {
         "format": "squeezetree table",
@@ -198,7 +196,7 @@ def _document(file: TableFile) -> dict[str, Any]:
 
 
 def _of_one_part(record: dict[str, Any]) -> dict[str, Any]:
-    """A record without what only tables for several parts say, which are not exported."""
+    """A record without the fields for several parts, which are not exported."""
     return {key: value for key, value in record.items() if key not in OF_SEVERAL}
 
 
@@ -207,7 +205,7 @@ def _pose(pose: Leaf | LeafPose) -> tuple[int, int, int]:
 
 
 def _values(file: TableFile) -> dict[str, Any]:
-    """What the templates of programs fill in: names and columns of integers, all within 32 bits."""
+    """Values for the templates of programs: names, and columns of integers within 32 bits."""
     table = file.table
     nodes, runs, leaves, alternatives = list[Row](), list[Row](), list[Row](), list[Row]()
     for node, decided in zip(table.nodes, maps_of(table), strict=True):
@@ -236,7 +234,7 @@ def _values(file: TableFile) -> dict[str, Any]:
 
 
 def _plain(text: str) -> str:
-    """A text of the table that can stand in a comment and cannot end it."""
+    """A text of the table that is safe inside a comment."""
     return re.sub(r"[^A-Za-z0-9 .,_+-]", "_", text[:LONGEST_TEXT])
 
 

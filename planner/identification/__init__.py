@@ -1,1 +1,1 @@
-"""A part's limit surface from logs of pushes."""
+"""Identification of a part's limit surface from pushes."""

@@ -1,11 +1,12 @@
-"""Identify a limit surface from measured wrench-twist pairs, and judge it on pairs it has not seen.
+"""Identifies a limit surface from measured wrench-twist pairs, and tests it on unseen pairs.
 
 Wrenches are normalised by the friction with the table (mu N), which a log does not hold: unless stated, it is
-the force for which the fitted ellipsoid slides the part without turning it, averaged over the directions.
-Wrenches of which only the direction is known are each scaled onto the fitted surface instead.
+the force at which the fitted ellipsoid slides the part without turning it, averaged over directions. Wrenches
+with a known direction only are each scaled onto the fitted surface instead.
 The quartic is fitted robustly, and pulled towards the ellipsoid by the strongest ridge whose cross-validated
 error is within one standard error of the least (Hastie, Tibshirani and Friedman, "The Elements of Statistical
-Learning", 7.10); of directions, by that of the least error, for such tables are long.
+Learning", 7.10); for
+directions, by the ridge of least error, since such tables are long.
 """
 
 import math
@@ -25,7 +26,14 @@ from runtime.shell.errors import InputError
 Kind = Literal["ellipsoid", "quartic"]
 Surface = LimitSurface | QuarticSurface
 
-RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # pulls towards the ellipsoid, as numbers of pairs
+RIDGES = (
+    3.0,
+    10.0,
+    30.0,
+    100.0,
+    300.0,
+    1000.0,
+)  # pulls towards the ellipsoid, in numbers of pairs
 
 FOLDS = 5
 LEAST_PAIRS = 12  # of a file; a split keeps at least half of them for the fit
@@ -48,31 +56,31 @@ class Normalised(NamedTuple):
 
 
 class Directions(Normalised):
-    """Pairs of whose wrenches only the direction is known."""
+    """Pairs whose wrenches have a known direction only."""
 
 
 class Fit(NamedTuple):
-    """A surface with what it was fitted with."""
+    """A fitted surface with the parameters of the fit."""
 
     surface: Surface  # the limit surface, of wrenches divided by `friction_n`
     friction_n: (
         float | None
-    )  # friction with the table at full slip, N; None: magnitudes are not known
+    )  # friction with the table at full slip, N; None: magnitudes are unknown
     ridge: float  # pull towards the ellipsoid, in pairs; 0 for an ellipsoid
 
 
 class Identified(NamedTuple):
-    """An identified limit surface and how well its kind predicts pushes that it was not fitted to."""
+    """An identified limit surface, and how well its kind predicts unseen pushes."""
 
     kind: Kind  # "ellipsoid" or "quartic"
-    fit: Fit  # to all pairs
+    fit: Fit  # fit to all pairs
     errors_rad: (
         Array  # (splits,) mean angle between measured and predicted twist over the held-out half
     )
     held_out: (
         Array  # (K, 3) mean predicted unit twist of each pair while held out; nan if it never was
     )
-    fit_error_rad: float  # the same of the final fit on its own pairs
+    fit_error_rad: float  # error of the final fit on its own pairs
 
 
 def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
@@ -84,7 +92,7 @@ def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
 
 
 def directions(pairs: Pairs) -> Directions:
-    """Pairs in the units of `planner.mechanics.limit_surface` but for their magnitudes, which are dropped."""
+    """Pairs in the units of `planner.mechanics.limit_surface`, without their magnitudes."""
     F, V = (
         each / np.linalg.norm(each, axis=1, keepdims=True)
         for each in (pairs.wrenches, pairs.twists)
@@ -103,7 +111,7 @@ def identify(
     friction_n: float | None = None,
     report: Report = silent,
 ) -> list[Identified]:
-    """Fit limit surfaces to pairs, normalised with `rho_mm`, and judge each kind on the same random splits.
+    """Fits limit surfaces to pairs, normalised with `rho_mm`, and tests each kind on the same random splits.
 
     A split fits to the share `train_share` of the pairs, 0 to 1, and holds out the rest. The friction with
     the table [N] is estimated from the pairs of each fit if not given.
@@ -151,7 +159,7 @@ def fit(
     rng: np.random.Generator,
     friction_n: float | None = None,
 ) -> Fit:
-    """Fit one surface to pairs; a quartic's ridge is chosen by cross-validation on them.
+    """Fits one surface to pairs; cross-validation on them chooses a quartic's ridge.
 
     Raises:
         QuarticFitError: the conic solver fails.
@@ -168,7 +176,7 @@ def fit(
 
 
 def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: np.random.Generator) -> Fit:
-    """`fit` where wrenches have no magnitude: they are scaled onto the surface, which is fitted again."""
+    """`fit` for wrenches without magnitude: they are scaled onto the surface, and it is fitted again."""
     A, emphasis = np.eye(3), data.weights
     for _ in range(_SCALING_ROUNDS):
         scaled = Normalised(
@@ -194,7 +202,7 @@ def _ellipsoid_value(A: Array, F: Array) -> Array:
 def friction(data: Normalised) -> float:
     """Estimate mu N [N]: the mean force that slides the part without turning it.
 
-    The wrench that answers a unit twist v of the ellipsoid A does power sqrt(v^T A^-1 v), which is 1 for a
+    The wrench of a unit twist v under the ellipsoid A has the power sqrt(v^T A^-1 v), which is 1 for a
     translation.
     """
     scale = float(np.median(np.hypot(data.F[:, 0], data.F[:, 1])))
@@ -225,7 +233,7 @@ def choose_ridge(
 
 
 def predict(surface: Surface, F: Array) -> Array:
-    """Return the unit twists (K, 3) that answer wrenches F (K, 3), at any scale."""
+    """Predicts the unit twists (K, 3) of wrenches F (K, 3) of any scale."""
     if isinstance(surface, LimitSurface):
         return limit_surface.twist(surface.A, F)
     return surface.twist(F)

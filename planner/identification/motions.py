@@ -1,7 +1,7 @@
-"""Identify a limit surface from motions alone: pushes with a round tip, no force sensor.
+"""Identifies a limit surface from motions alone: pushes with a round tip, without a force sensor.
 
-The ellipsoid and the friction of the tip are those whose simulated pushes end nearest to the measured ones:
-least squares of x, y and rho times the angle, robust against outliers (soft L1, `SCALE_MM`), by the
+The result is the ellipsoid and the friction of the tip whose simulated pushes end nearest to the measured
+ones: least squares of x, y and rho times the angle, robust against outliers (soft L1, `SCALE_MM`), by the
 trust-region method of scipy. The scale of the ellipsoid does not change where pushes end.
 """
 
@@ -16,32 +16,32 @@ from planner.mechanics.push import Paths
 from planner.mechanics.simulator import Parameters, Simulator
 from runtime.shell.errors import InputError
 
-SCALE_MM = 2.0  # Residuals beyond this pull with their size, not its square
+SCALE_MM = 2.0  # Residuals beyond this count linearly, not squared
 LEAST_PUSHES = 6
 FRICTION = (0.01, 1.5)  # bounds
-STEP = 1e-2  # of the differences that stand for derivatives: a push is smooth but for its contacts' changes
+STEP = 1e-2  # of finite differences: a push is smooth except where contacts change
 
 
 class Motions(NamedTuple):
-    """Pushes by a round tip, and what they did."""
+    """Pushes by a round tip, and the resulting motions of the part."""
 
     paths: Paths  # in the part's frame at the start, clear of it
     moved: Array  # (n, 3) measured displacement of the centroid [mm, mm, rad]
 
     def of(self, rows: IntArray) -> "Motions":
-        """Some of them."""
+        """The motions of some rows."""
         return Motions(Paths(*(values[rows] for values in self.paths)), self.moved[rows])
 
 
 class Fitted(NamedTuple):
-    """What was identified."""
+    """The result of the identification."""
 
     surface: LimitSurface
     friction: float  # of the tip
 
 
 def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0.3) -> Fitted:
-    """Fits an ellipsoid to motions, beginning at the unit sphere and a friction of the tip.
+    """Fits an ellipsoid to motions, starting from the unit sphere and a friction of the tip.
 
     Raises:
         InputError: fewer than `LEAST_PUSHES` pushes, one for each unknown.
@@ -54,7 +54,7 @@ def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0
         values = unknown - 1.0
         return _off(motions, part, _ellipsoid(values[:5]), float(values[5]), radius_mm).ravel()
 
-    # All unknowns are shifted by 1, so that relative steps of derivatives are of one size.
+    # All unknowns are shifted by 1, so that relative steps of derivatives have one size.
     start = 1.0 + np.append(np.zeros(5), friction)
     low, high = (
         1.0 + np.append(np.full(5, -3.0), FRICTION[0]),
@@ -74,7 +74,7 @@ def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0
 
 
 def errors_mm(fitted: Fitted, motions: Motions, part: Simulator, radius_mm: float) -> Array:
-    """Errors (n,) of predicted motions in place and angle, as in the success metric."""
+    """Errors (n,) of predicted motions in position and angle, as in the success metric."""
     off = _off(motions, part, fitted.surface.A, fitted.friction, radius_mm)
     return np.asarray(np.hypot(off[:, 0], off[:, 1]) + np.abs(off[:, 2]))
 
@@ -82,7 +82,7 @@ def errors_mm(fitted: Fitted, motions: Motions, part: Simulator, radius_mm: floa
 def held_out_mm(
     motions: Motions, part: Simulator, radius_mm: float, splits: int, rng: np.random.Generator
 ) -> Array:
-    """Median errors (splits,) of the halves that fits have not seen."""
+    """Median errors (splits,) on the halves that the fits have not seen."""
     n, errors = len(motions.moved), np.empty(splits)
     for split in range(splits):
         order = rng.permutation(n)
@@ -92,7 +92,7 @@ def held_out_mm(
 
 
 def _off(motions: Motions, part: Simulator, A: Array, friction: float, radius_mm: float) -> Array:
-    """How far (n, 3) simulated pushes end from the measured ones: x, y, rho times the angle [mm]."""
+    """Differences (n, 3) between simulated and measured ends of pushes: x, y, rho times the angle [mm]."""
     n = len(motions.moved)
     parameters = Parameters(np.repeat(A[None], n, axis=0), np.full((n, 2), friction))
     pushed = part.push(motions.paths, parameters, radius_mm)
@@ -100,7 +100,7 @@ def _off(motions: Motions, part: Simulator, A: Array, friction: float, radius_mm
 
 
 def _ellipsoid(unknown: Array) -> Array:
-    """A positive definite matrix (3, 3) whose first entry is 1."""
+    """The positive definite matrix (3, 3), with first entry 1, of the unknowns."""
     x, y, z, log_y, log_z = unknown
     L = np.array([[1.0, 0.0, 0.0], [x, np.exp(log_y), 0.0], [y, z, np.exp(log_z)]])
     return np.asarray(L @ L.T)

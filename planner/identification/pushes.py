@@ -1,13 +1,13 @@
-"""Measured wrench-twist pairs, from a robot's push log or a table of one's own.
+"""Measured wrench-twist pairs, from a robot's push log or a table.
 
-A table is CSV with the columns `COLUMNS` and optionally `weight`: the wrench on the part and the twist it
-answered with, about the origin of the part's frame (its area centroid) and along its axes. Only the direction
-of a twist matters.
+A table is CSV with the columns `COLUMNS` and optionally `weight`: the wrench on the part and the resulting
+twist, about the origin of the part's frame (its area centroid) and along its axes. Only the direction of a
+twist matters.
 
-A log has the format of the public data of arXiv 1602.06056 (CMU, 2015): numbers, one record a line. How many
-pushes, then for each push the pose of the block's marker frame before and after it (x y z qw qx qy qz; mm,
-unit quaternion), the number of force readings and the readings (t fx fy; s, N), the number of pusher poses
-and the poses (t x y z qw qx qy qz). What turns a push into a pair:
+A log has the format of the public data of arXiv 1602.06056 (CMU, 2015): numbers, one record a line. The
+number of pushes, then for each push the pose of the block's marker frame before and after it (x y z qw qx
+qy qz; mm, unit quaternion), the number of force readings and the readings (t fx fy; s, N), the number of
+pusher poses and the poses (t x y z qw qx qy qz). A push becomes a pair as follows:
 
 - The part's frame is the marker frame shifted by `MARKER_TO_PART_MM`, the centroid of the block: a right
   triangle with legs of 150 mm along the marker's axes.
@@ -16,9 +16,9 @@ and the poses (t x y z qw qx qy qz). What turns a push into a pair:
 - The first `APPROACH` of a force record is approach. Of the rest, readings weaker than the norm of the mean
   force of the whole record are not contact.
 - The block moves evenly from its pose before to its pose after, over the rest of the record. The wrench is
-  the mean over the contact readings of the force and its torque in the part's frame as it then lies, the
-  twist the constant one there that takes the one pose to the other (eq. 1 is about both in that frame).
-- The tip of the pusher lies to the side of the logged position, by what `tip_offset` finds.
+  the mean over the contact readings of the force and its torque in the part's frame at that moment, the
+twist the constant one that takes the one pose to the other (eq. 1 is about both in that frame).
+- The tip of the pusher lies to the side of the logged position, by the result of `tip_offset`.
 """
 
 import csv
@@ -42,11 +42,9 @@ FACES_MM = np.array([50.0, 50.0, 50.0 * math.sqrt(0.5)])  # distances of the fac
 
 SENSOR_AXES = math.sqrt(0.5) * np.array([[1.0, 1.0], [1.0, -1.0]])
 APPROACH = 0.3
-TIP_PRIOR = (
-    0.5  # scatter of a contact's distance from its face over the likely size of the tip's offset
-)
+TIP_PRIOR = 0.5  # scatter of a contact's distance from its face, over the likely tip offset
 
-MAX_TILT_DEG = 15.0  # of a block on a table; beyond it the numbers are in another order
+MAX_TILT_DEG = 15.0  # of a block on a table; a larger tilt means another order of the numbers
 
 MOST_PUSHES = 100_000
 MOST = 1e30
@@ -62,11 +60,11 @@ class Push(NamedTuple):
 
 
 def parse(text: str, where: str = "push log") -> list[Push]:
-    """Read a push log.
+    """Reads a push log.
 
     Raises:
-        InputError: it ends early, goes on after its last push, holds no push, or what should be a number
-            is not; names the line.
+        InputError: the log is truncated, continues after its last push, holds no push, or has an entry that
+            is not a number; names the line.
     """
     reader = _Reader(text, where)
     pushes = []
@@ -81,7 +79,7 @@ def parse(text: str, where: str = "push log") -> list[Push]:
 
 
 def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
-    """Turn logged pushes into wrench-twist pairs.
+    """Turns logged pushes into wrench-twist pairs.
 
     Returns:
         Wrenches (K, 3) N, N, N mm, and twists (K, 3) mm, mm, rad, in the part's frame.
@@ -102,7 +100,7 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
 
 
 def tip_offset(pushes: list[Push]) -> float:
-    """Find how far the pusher's tip lies to the left of its logged position, mm.
+    """Estimates how far the pusher's tip lies to the left of its logged position [mm].
 
     At the end of a push the tip touches a face. Its distance from there is a constant for each face (radius
     of the tip, size of the block) and the offset's share along the face's normal, which changes with the
@@ -122,7 +120,7 @@ def tip_offset(pushes: list[Push]) -> float:
 
 
 def _twist(push: Push) -> Array:
-    """Return the twist (3,), mm and rad, that takes the block from before to after: the SE(2) logarithm."""
+    """The twist (3,), mm and rad, that takes the block from before to after: the SE(2) logarithm."""
     before, turned = _yaw(push.before[3:]), _turned(push)
     x, y = _turn(before).T @ (_origin(push.after) - _origin(push.before))
     half = 0.5 * turned
@@ -131,7 +129,7 @@ def _twist(push: Push) -> Array:
 
 
 def _wrench(push: Push, sideways: float) -> Array:
-    """Return the mean contact wrench (3,), N and N mm, in the part's frame; 0 if there is no contact."""
+    """The mean contact wrench (3,), N and N mm, in the part's frame; 0 if there is no contact."""
     measured = push.forces[:, 1:] - push.forces[0, 1:]
     contact = _contact(measured)
     if not contact.any():
@@ -160,7 +158,7 @@ def _contact(measured: Array) -> BoolArray:
 
 
 def _origin(pose: Array) -> Array:
-    """Return the origin of the part's frame, (2,) mm, world."""
+    """The origin of the part's frame, (2,) mm, world."""
     return np.asarray(pose[:2] + _turn(_yaw(pose[3:])) @ MARKER_TO_PART_MM)
 
 
@@ -169,22 +167,22 @@ def _turned(push: Push) -> float:
 
 
 def _yaw(quaternion: Array) -> Array:
-    """Return the angle(s) about z of unit quaternions (..., 4) w x y z, rad."""
+    """The angle(s) about z of unit quaternions (..., 4) w x y z, rad."""
     w, x, y, z = np.moveaxis(np.asarray(quaternion), -1, 0)
     return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
 def _turn(angle: Array | float) -> Array:
-    """Return rotation matrices (2, 2) or (2, 2, K)."""
+    """Rotation matrices (2, 2) or (2, 2, K)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s], [s, c]])
 
 
 def finite(text: str | None, place: str, where: str) -> float:
-    """Return a number of a file.
+    """Parses a number of a file.
 
     Raises:
-        InputError: it is missing, not a number, or so large that no measurement gave it.
+        InputError: it is missing, not a number, or too large for a measurement.
     """
     try:
         value = float(text or "")
@@ -197,7 +195,7 @@ def finite(text: str | None, place: str, where: str) -> float:
 
 
 class _Reader:
-    """A push log, line by line; empty lines do not count."""
+    """A push log, read line by line without empty lines."""
 
     def __init__(self, text: str, where: str) -> None:
         lines = ((number, line.split()) for number, line in enumerate(text.splitlines(), start=1))
@@ -263,7 +261,7 @@ WEIGHT = "weight"
 
 
 class Pairs(NamedTuple):
-    """Measured wrenches and the twists that answered them, in the part's frame."""
+    """Measured wrenches and the resulting twists, in the part's frame."""
 
     wrenches: Array  # (K, 3) fx N, fy N, tau N mm
     twists: Array  # (K, 3) vx mm, vy mm, omega rad, of any magnitude but 0
@@ -271,7 +269,7 @@ class Pairs(NamedTuple):
 
 
 def load(path: str | Path) -> Pairs:
-    """Read pairs from a push log, or from a table if the name ends in .csv.
+    """Reads pairs from a push log, or from a table if the name ends in .csv.
 
     Raises:
         InputError: missing, unreadable or not text.
@@ -286,21 +284,21 @@ def load(path: str | Path) -> Pairs:
 
 
 def load_directions(path: str | Path) -> Pairs:
-    """Read a table of directions, in the columns `DIRECTIONS`: wrenches and twists of any scale.
+    """Reads a table of directions, in the columns `DIRECTIONS`: wrenches and twists of any scale.
 
     Raises:
-        InputError: as `load`.
+        InputError: see `load`.
     """
     return parse_table(documents.read(path), str(path), DIRECTIONS)
 
 
 def join(parts: list[Pairs]) -> Pairs:
-    """Return the pairs of several files as one."""
+    """Joins the pairs of several files."""
     return Pairs(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 def parse_table(text: str, where: str = "table", columns: Sequence[str] = COLUMNS) -> Pairs:
-    """Read a table of pairs, with the columns of wrench and twist that `columns` names.
+    """Reads a table of pairs, with the columns of wrench and twist that `columns` names.
 
     Raises:
         InputError: a column or all rows missing, or a value that is not a number, not positive (a

@@ -1,1 +1,1 @@
-"""The job: what a plan depends on. Its file, fields and checks, and copies with values replaced."""
+"""The job: all inputs of a plan. Its file, fields and checks, and copies with replaced values."""

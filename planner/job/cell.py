@@ -1,4 +1,4 @@
-"""A job's cell as tables hold it: limits, gripper, and the model of time."""
+"""The cell of a job in the form of tables: limits, gripper, and the model of time."""
 
 import json
 
@@ -7,7 +7,7 @@ from runtime.table import Area, GripperSpec, Limits, Timing
 
 
 def limits_of(job: Job, depth: int) -> Limits:
-    """The limits of a table of so many squeezes."""
+    """The limits of a table of depth `depth`."""
     cell = job.cell
     (x_min, y_min), (x_max, y_max) = cell.work_area_mm
     return Limits(
@@ -34,9 +34,9 @@ def gripper_of(job: Job) -> GripperSpec:
 
 
 def timing_of(job: Job) -> Timing:
-    """How long motions take in the cell of a job.
+    """The model of time for the cell of a job.
 
     Raises:
-        TableError: the gripper is not known, or the cell's figures can be no cell's.
+        TableError: the gripper is unknown, or the cell's figures are impossible.
     """
     return Timing.of(limits_of(job, 1), gripper_of(job), json.loads(job.canonical()))

@@ -1,4 +1,4 @@
-"""Checks of a job that concern more than one value, or a value's geometry."""
+"""Checks of a job that concern several values, or the geometry of one."""
 
 import math
 from typing import Any
@@ -16,15 +16,15 @@ from runtime.table import PROFILES, TableError, doubt_um, profile_of
 Values = dict[str, Any]
 
 LEAST_DOF = 3  # Of an ellipsoid's scatter, which is 3 x 3
-ON_PART_MM = 1e-3  # How far outside the outline a support point may lie, for rounded drawings
-LEAST_STEPS = 8  # Of a reading between open and closed jaws
+ON_PART_MM = 1e-3  # Tolerated distance of a support point outside the outline, for rounded drawings
+LEAST_STEPS = 8  # Steps of a reading between open and closed jaws
 
 
 def place_outline(points: Array, drawn: bool) -> outline.Canonical:
-    """The outline in the part's frame and the shift that took it there.
+    """The outline in the part's frame, and its shift from the drawing.
 
     Raises:
-        InputError: it is not a simple polygon, or claims to be in the part's frame and is not.
+        InputError: the outline is not a simple polygon, or is off the part's frame that it claims.
     """
     try:
         return (
@@ -37,11 +37,11 @@ def place_outline(points: Array, drawn: bool) -> outline.Canonical:
 
 
 def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shift: Array) -> None:
-    """Moves the support points along with the outline, fills in and normalises their weights (in place).
+    """Moves the support points with the outline; completes and normalises their weights (in place).
 
     Raises:
-        InputError: points off the part, all in one place, or as many weights as points are not given;
-            or a stated ellipsoid is not symmetric positive definite.
+        InputError: points off the part or all in one place, a different number of weights and points, or a
+            stated ellipsoid that is not symmetric positive definite.
     """
     if pressure["kind"] == "stated":
         check_ellipsoid(pressure["ellipsoid"], "pressure")
@@ -58,7 +58,7 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
     total = math.fsum(weights)
     if (
         abs(total - 1.0) > 1e-12
-    ):  # weights that are normalised already stay what they are, to the last bit
+    ):  # weights that are normalised already stay the same to the last bit
         weights = weights / total
     points.setflags(write=False)
     weights.setflags(write=False)
@@ -66,10 +66,10 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
 
 
 def complete_gripper(gripper: dict[str, Any]) -> None:
-    """Fills in what a job does not say of its gripper and the model's profile does (in place).
+    """Completes the gripper of a job from the profile of its model (in place).
 
     Raises:
-        InputError: the model is not known.
+        InputError: the model is unknown.
     """
     try:
         profile = profile_of(gripper["model"])
@@ -86,16 +86,16 @@ def complete_gripper(gripper: dict[str, Any]) -> None:
 
 
 def encoder_doubt_mm(gripper: dict[str, Any]) -> float:
-    """How far all widths of a gripper may be off, where a job's doubts do not say it: two digits."""
+    """Default doubt of the error of a gripper's widths, rounded to two digits."""
     return float(f"{doubt_um(gripper['resolution_mm'], gripper['noise_mm']):.2g}")
 
 
 def check_conflicts(values: Values) -> None:
-    """Refuses values that are fine alone and wrong together.
+    """Refuses values that are valid alone but conflict with each other.
 
     Raises:
         InputError: which two values conflict.
-        FitError: the part is wider than the jaws open, however it lies.
+        FitError: the part is wider than the jaws open, at any angle.
     """
     _check_symmetry(values["part"])
     if values["part"]["picks"] is not None and values["part"]["datum"] is None:
@@ -127,11 +127,11 @@ def check_conflicts(values: Values) -> None:
 
 
 def check_parts(job: Any, names: list[str]) -> None:
-    """Refuses what does not go with the parts that may lie there.
+    """Refuses values that conflict with the parts that may lie there.
 
     Raises:
-        InputError: a question that one part leaves no choice of, two parts of one name, or a section
-            that is not known for several.
+        InputError: a goal without choice for a single part, two parts of one name, or a section that does
+            not apply to several parts.
     """
     if len(names) == 1 and job.goal.kind == "identity":
         problem = (
@@ -170,7 +170,7 @@ def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:
     step_mm, opening_mm = gripper["resolution_mm"], gripper["opening_mm"]
     if opening_mm < LEAST_STEPS * step_mm:
         problem = f"is {step_mm:g}, more than 1/{LEAST_STEPS} of opening_mm = {opening_mm:g}"
-        raise _conflict("gripper", "resolution_mm", f"{problem}: no width would be told")
+        raise _conflict("gripper", "resolution_mm", f"{problem}: no width could be read")
     speed, most = gripper["speed_mm_s"], cell["max_speed_mm_s"]
     if speed > most:
         problem = f"is {speed:g}, above max_speed_mm_s = {most:g} of [cell]; lower it"
@@ -199,7 +199,7 @@ def _check_doubt(doubt: dict[str, Any], pressure: dict[str, Any]) -> None:
 
 
 def _check_heights(height_mm: float | None, cell: dict[str, Any]) -> None:
-    """The tips must meet the part where they squeeze, and pass above it where they travel."""
+    """Checks that the tips meet the part where they squeeze and clear it where they travel."""
     squeeze_mm, retreat_mm = cell["squeeze_height_mm"], cell["retreat_height_mm"]
     regrasp_mm = cell["regrasp_height_mm"]
     if regrasp_mm is not None:
@@ -241,7 +241,7 @@ def _check_actions(actions: dict[str, Any], cell: dict[str, Any]) -> None:
 
 
 def _check_openings(actions: dict[str, Any], gripper: dict[str, Any]) -> None:
-    """Openings to choose from must be within what the gripper allows."""
+    """Checks that the openings to choose from are within the range of the gripper."""
     widest = actions["openings_mm"].max(initial=0.0)
     if widest > gripper["opening_mm"]:
         problem = (
@@ -254,7 +254,7 @@ def _check_openings(actions: dict[str, Any], gripper: dict[str, Any]) -> None:
 
 
 def _grasp(delivery: dict[str, Any], part: dict[str, Any]) -> tuple[float, float]:
-    """Where the hand takes the part, in its frame [mm]: as stated, or the place of one of its picks."""
+    """Where the hand takes the part, in its frame [mm]: as stated, or by the name of one of its picks."""
     name, picks = delivery["grasp"], part["picks"] or {}
     if name is None:
         x, y = delivery["grasp_mm"]
@@ -269,7 +269,7 @@ def _grasp(delivery: dict[str, Any], part: dict[str, Any]) -> tuple[float, float
 
 
 def _check_delivery(values: Values) -> None:
-    """The hand must come down within its area, with the part in one of the turns that look the same."""
+    """Checks that the hand comes down within its area for each of the part's symmetric turns."""
     delivery, opening = values["delivery"], values["gripper"]["opening_mm"]
     width = delivery["width_mm"]
     if width is not None and width >= opening:

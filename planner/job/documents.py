@@ -1,4 +1,4 @@
-"""The text of a job as nested tables: TOML as people write it, JSON as tables carry it."""
+"""The text of a job as nested tables: TOML from people, JSON in tables."""
 
 import math
 import re
@@ -24,16 +24,16 @@ from runtime.shell.errors import InputError, UsageError
 INSTEAD = {
     "orientation": "orientation_halfwidth_deg",
     "orientation_halfwidth_deg": "orientation",
-}  # Keys that state the same thing in two ways: to set one drops the other
+}  # Keys that state the same value in two ways: setting one drops the other
 MOST_BYTES = 64 << 20  # of a file that a person wrote
-PAPER_PARTICLES = 6_000  # of its methods, where the job does not say (paper, VII)
+PAPER_PARTICLES = 6_000  # of its methods, by default (paper, VII)
 
 
 def read(path: str | Path, advice: str = "check the path") -> str:
-    """The text of a job, or of another UTF-8 file that a person wrote.
+    """Reads a job, or another UTF-8 file that a person wrote.
 
     Raises:
-        InputError: missing, unreadable, a directory or not UTF-8; says `advice` where there is none.
+        InputError: missing (with `advice`), unreadable, a directory or not UTF-8.
     """
     where = str(path)
     try:
@@ -89,10 +89,10 @@ def from_json(text: str, where: str) -> dict[str, Any]:
 
 
 def checked(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Checks a parsed job file, key by key; conflicts between keys are the job's business.
+    """Checks a parsed job file, key by key; the job checks conflicts between keys.
 
-    Returns section name to key to checked value, defaults filled in; the section "" is the top level, and one
-    of `ABSENT_SECTIONS` that is not there is None.
+    Returns the checked values, with defaults, by section name and key. Section "" is the top level; a
+    missing one of `ABSENT_SECTIONS` is None.
 
     Raises:
         KeyNameError: an unknown or missing key or section.
@@ -123,13 +123,13 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """A document (not modified) with values replaced; types and ranges are checked with the job as a whole.
+    """A copy of a document with values replaced; the job checks their types and ranges.
 
-    `changes` has values of the top level, and for each section its new values, applied in this order.
+    `changes` maps top-level keys to values and sections to their new values, applied in order.
 
     Raises:
         UsageError: a key of the top level is taken for a section.
-        KeyNameError: there is no such section, or no such key on the top level.
+        KeyNameError: the section or the top-level key is unknown.
     """
     result = dict(document)
     for name, values in changes.items():
@@ -158,7 +158,7 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
 
 
 def _with_values(table: dict[str, Any], section: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """A section with values replaced; what the new ones exclude goes."""
+    """A section with values replaced; keys that the new values exclude are dropped."""
     table = dict(table)
     for key, value in values.items():
         if (section, key) == ("pressure", "kind"):
@@ -177,12 +177,12 @@ def _pressure_fields(table: Any) -> Mapping[str, Field]:
 
 
 def _check_strays(table: Any, valid: Container[str], section: str) -> None:
-    """Refuses a key that is valid elsewhere, and says where, or that is valid no longer."""
+    """Refuses a key that is valid elsewhere, stating where, or that is no longer valid."""
     if not isinstance(table, dict):
         return
     for name, key in RETIRED:
         if name == section and key in table:
-            raise KeyNameError(f"{key} is no longer known; {RETIRED[name, key]}", section=section)
+            raise KeyNameError(f"{key} is no longer a key; {RETIRED[name, key]}", section=section)
     homes = {
         key: f"belongs in [{name}]; move it there" for name, home in FIELDS.items() for key in home
     }
@@ -197,7 +197,7 @@ def _check_strays(table: Any, valid: Container[str], section: str) -> None:
 
 
 def _fill_orientation(uncertainty: dict[str, Any]) -> None:
-    """Turns the two ways to state an orientation into one: a half-width, 180 deg for "unknown"."""
+    """Unifies the two ways to state an orientation: as a half-width, 180 deg for "unknown"."""
     unknown = uncertainty.pop("orientation") is not None
     stated = uncertainty["orientation_halfwidth_deg"] is not None
     choice = 'orientation = "unknown" or orientation_halfwidth_deg'

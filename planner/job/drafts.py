@@ -1,6 +1,6 @@
-"""A new part's job file: an outline and a few answers become commented TOML that compiles as it stands.
+"""The job file of a new part: an outline and a few answers become commented TOML that compiles as it stands.
 
-What it says of grippers and finger materials are values to begin with, to be measured in the cell.
+Its values for grippers and finger materials are starting values, to be measured in the cell.
 """
 
 import json
@@ -18,15 +18,15 @@ from planner.part.tips import tips_height_mm
 from runtime.shell.plain_text import cleaned
 from runtime.table import PROFILES, GripperProfile
 
-SPEED_MM_S, FORCE_N = 60.0, 40.0  # to close with to begin with: moderate, and low
-MIDDLE_SHARE = 1 / 60  # of the stroke, by which the fingers may meet off the hand's middle
+SPEED_MM_S, FORCE_N = 60.0, 40.0  # initial closing speed and force: moderate, and low
+MIDDLE_SHARE = 1 / 60  # of the stroke: distance from the hand's middle where the fingers may meet
 
 
 class GripperPreset(NamedTuple):
-    """A gripper as a new job has it."""
+    """A gripper in a new job."""
 
     profile: GripperProfile
-    share_off: float = 0.11  # a finger may make so much more or less of the closing
+    share_off: float = 0.11  # doubt of a finger's share of the closing, either way
 
     @property
     def model(self) -> str:
@@ -50,17 +50,17 @@ class GripperPreset(NamedTuple):
 
     @property
     def speed_mm_s(self) -> float:
-        """Closing speed to begin with."""
+        """Initial closing speed."""
         return _within(SPEED_MM_S, self.profile.speed_mm_s)
 
     @property
     def force_n(self) -> float:
-        """Grip force to begin with."""
+        """Initial grip force."""
         return _within(FORCE_N, self.profile.force_n)
 
     @property
     def middle_off_mm(self) -> float:
-        """How far off the hand's middle the fingers may meet."""
+        """How far from the hand's middle the fingers may meet."""
         return round(MIDDLE_SHARE * self.opening_mm, 1)
 
 
@@ -72,7 +72,7 @@ GRIPPERS = {model: GripperPreset(profile) for model, profile in PROFILES.items()
 
 
 class Fingers(NamedTuple):
-    """What the fingers are faced with: bounds on its dry friction against metals and plastics."""
+    """The facing of the fingers: bounds on its dry friction against metals and plastics."""
 
     low: float
     high: float
@@ -85,17 +85,17 @@ FINGERS = {
     "aluminium": Fingers(0.25, 0.5, "bare aluminium"),
     "steel": Fingers(0.1, 0.3, "bare steel"),
     "plastic": Fingers(0.2, 0.4, "nylon, POM or printed plastic"),
-    "unknown": Fingers(0.2, 0.8, "nobody knows: a wide interval costs squeezes, not truth"),
+    "unknown": Fingers(0.2, 0.8, "unknown: a wide interval costs squeezes, not correctness"),
 }
 
 
-MOST_RADIUS_MM = 10.0  # that is proposed
-FITTING = 0.8  # share of the room between open fingers that is proposed for the uncertainty
+MOST_RADIUS_MM = 10.0  # proposed value
+FITTING = 0.8  # proposed uncertainty, as a share of the room between open fingers
 DECIMALS = 4  # Of a vertex: 0.1 um, far below any tolerance of a drawing
 
 
 class Answers(NamedTuple):
-    """What a drawing does not tell."""
+    """Settings that a drawing does not contain."""
 
     name: str  # of the part
     radius_mm: float  # its centroid lies in this disc
@@ -103,19 +103,17 @@ class Answers(NamedTuple):
     gripper: str  # one of `GRIPPERS`
     fingers: str  # one of `FINGERS`
     distance_mm: float = 3.0  # the goal
-    height_mm: float | None = None  # the part's thickness; None where nobody knows it
-    tips_mm: float | None = (
-        None  # of the finger tips above the table; None for where they squeeze by default
-    )
+    height_mm: float | None = None  # the part's thickness; None: unknown
+    tips_mm: float | None = None  # of the finger tips above the table; None: the default height
 
 
 def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Face] = ()) -> str:
-    """The text of a job file for an outline from the file `source`, checked as every job is.
+    """The text of a job file for an outline from the file `source`, checked like every job.
 
-    Where the part is a solid that may lie on several faces, each of them is a hypothesis.
+    Each face on which a solid may lie becomes a hypothesis.
 
     Raises:
-        InputError: the job is refused: the part does not fit the gripper, or an answer is out of range.
+        InputError: the part does not fit the gripper, or an answer is out of range.
     """
     environment = Environment(
         loader=PackageLoader("planner"),
@@ -168,7 +166,7 @@ def _shape(imported: Imported) -> dict[str, object]:
 
 
 def room_mm(imported: Imported, gripper: GripperPreset) -> float:
-    """How far the part's centroid may lie from the hand so that open fingers clear it at any angle [mm].
+    """Distance of the part's centroid from the hand within which open fingers clear it at any angle [mm].
 
     Negative where the part, turned, is wider than the jaws open.
     """
@@ -176,5 +174,5 @@ def room_mm(imported: Imported, gripper: GripperPreset) -> float:
 
 
 def proposed_radius_mm(imported: Imported, gripper: GripperPreset) -> float:
-    """A radius of the disc that the centroid lies in, where nobody states one [mm]."""
+    """Default radius of the disc that contains the centroid [mm]."""
     return max(1.0, float(math.floor(min(MOST_RADIUS_MM, FITTING * room_mm(imported, gripper)))))

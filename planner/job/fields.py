@@ -1,7 +1,7 @@
-"""Fields of a job file as data: what each may hold, read and checked in one place.
+"""Fields of a job file as data: types, ranges and defaults, read and checked in one place.
 
-A field knows its type, range and default; `read_section` turns one TOML table into checked values. Errors of
-a field say what is wrong with the value; who reads it adds the place.
+A field knows its type, range and default; `read_section` turns one TOML table into checked values. An error
+of a field states what is wrong with the value; the caller adds the place.
 """
 
 import difflib
@@ -17,7 +17,7 @@ from planner.errors import KeyNameError
 from runtime.shell.errors import InputError
 from runtime.shell.plain_text import is_plain
 
-REQUIRED: Final = object()  # Default of a field that must be stated
+REQUIRED: Final = object()  # Default of a required field
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Number:
             raise InputError(f"must be a number, not {shown(value)}")
         fits_low = value > self.low if self.above else value >= self.low
         fits_high = value < self.high if self.below else value <= self.high
-        if not (fits_low and fits_high):  # so that nan does not fit
+        if not (fits_low and fits_high):  # negated, so that nan is refused
             low = f"{'above' if self.above else 'at least'} {self.low:g}"
             high = f"{'below' if self.below else 'at most'} {self.high:g}"
             raise InputError(f"must be {low} and {high}, not {shown(value)}")
@@ -45,7 +45,7 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Integer:
-    """A whole number from `low` to `high`, or a word in its place, if one is given."""
+    """A whole number from `low` to `high`, or a special word, if one is given."""
 
     low: int
     high: int
@@ -79,7 +79,7 @@ class Flag:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A short printable line, or one of a few words if `choices` are given."""
+    """A short printable line, or one of `choices` if given."""
 
     choices: tuple[str, ...] = ()
     default: Any = REQUIRED
@@ -170,8 +170,8 @@ def read_section(table: Any, fields: Mapping[str, Field], section: str) -> dict[
     """Checks one section; "" is the top level. A default of None stays None.
 
     Raises:
-        InputError: not a section at all, or a value of the wrong type or out of range.
-        KeyNameError: a key that is not known, or keys that are missing.
+        InputError: not a section, or a value of the wrong type or out of range.
+        KeyNameError: unknown or missing keys.
     """
     if not isinstance(table, dict):
         raise InputError(
@@ -201,7 +201,7 @@ def check_names(names: Iterable[str], valid: Iterable[str], section: str) -> Non
 
 
 def missing_names(names: list[str], section: str) -> KeyNameError:
-    """The error that asks for keys, or for sections where `section` is "", which must be stated."""
+    """The error about missing required keys, or missing sections where `section` is ""."""
     plural = len(names) > 1
     what = ("key" if section else "section") + ("s" if plural else "")
     problem = f"missing {what} {', '.join(names)}; add {'them' if plural else 'it'}"
@@ -209,7 +209,7 @@ def missing_names(names: list[str], section: str) -> KeyNameError:
 
 
 def shown(value: Any) -> str:
-    """A value as one short line for an error message."""
+    """Abbreviates a value to one short line for an error message."""
     if isinstance(value, dict):
         return "a section"
     if isinstance(value, float) and not math.isfinite(value):
@@ -222,7 +222,7 @@ def shown(value: Any) -> str:
 
 
 def one_of(words: Iterable[str]) -> str:
-    """Words as in 'a, b or c', each in double quotes."""
+    """Joins words as in 'a, b or c', each in double quotes."""
     quoted = [f'"{word}"' for word in words]
     return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} or {quoted[-1]}"
 

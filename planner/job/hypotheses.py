@@ -1,14 +1,14 @@
-"""What may lie on the table, where a job leaves that open: `[[hypothesis]]` entries, and the faces of a part.
+"""Hypotheses about the part on the table: `[[hypothesis]]` entries, and the two faces of a part.
 
     [[hypothesis]]
     name = "hex nut"            # of the part
-    share = 0.5                 # of the parts that come; even where none is stated
+    share = 0.5                 # of the parts that come; equal shares by default
     [hypothesis.part]           # as [part]
     [hypothesis.pressure]       # and [hypothesis.friction]: where they differ from the job's own
 
 Each entry is the document of a job with one part. `faces = "either"` in a part stands for two of them: the
-part, and the part turned over, whose outline is the mirror image. `[[stranger]]` entries are alike, without a
-share: parts that do not belong there, which no plan is made for.
+part, and the part turned over, whose outline is the mirror image. `[[stranger]]` entries are alike, but
+without a share: foreign parts, which the plan does not locate.
 """
 
 import math
@@ -23,12 +23,12 @@ from planner.part import symmetry
 from runtime.shell.errors import InputError
 
 KEY, FOREIGN = "hypothesis", "stranger"
-SECTIONS = ("part", "pressure", "friction")  # sections that a hypothesis has for itself
+SECTIONS = ("part", "pressure", "friction")  # sections that a hypothesis may have
 MOST = 16
-TURNED_OVER = "turned over"  # added to the name of a part that lies on its other face
+TURNED_OVER = "turned over"  # suffix of the name of a part that lies on its other face
 TURN = np.array(
     [1.0, -1.0, -1.0]
-)  # what turning a part over about its x axis makes of fx, fy and torque
+)  # signs of fx, fy and torque after turning a part over about its x axis
 
 _FIELDS: Mapping[str, Field] = {
     "name": Text(default=None),
@@ -37,10 +37,10 @@ _FIELDS: Mapping[str, Field] = {
 
 
 def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
-    """The share and the document of each part that a job's document names; of its only one without entries.
+    """The share and the document of each part that a job's document names; a single one without entries.
 
     Raises:
-        InputError: an entry is not one, or the shares do not add up.
+        InputError: an entry is invalid, or the shares do not add up to 1.
     """
     common = {key: value for key, value in document.items() if key not in (KEY, FOREIGN)}
     if KEY not in document:
@@ -64,7 +64,7 @@ def foreign(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The document of each foreign part that a job's document names.
 
     Raises:
-        InputError: an entry is not one.
+        InputError: an entry is invalid.
     """
     common = {key: value for key, value in document.items() if key not in (KEY, FOREIGN, "part")}
     result = _entries(FOREIGN, 1, document[FOREIGN], common) if FOREIGN in document else []
@@ -97,7 +97,7 @@ def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
     part |= {"name": f"{part['name']}, {TURNED_OVER}", "outline_mm": mirrored.tolist()}
     if (
         part.get("datum") is not None
-    ):  # whose y axis would be left-handed: that of the picks turns, too
+    ):  # its y axis would be left-handed: that of the picks turns, too
         part["datum"] = _mirrored(part["datum"])
         part["picks"] = {
             name: _mirrored(pick) for name, pick in (part.get("picks") or {}).items()
@@ -149,7 +149,7 @@ def _entry(
 
 
 def named(document: Mapping[str, Any], key: str, number: int, error: InputError) -> InputError:
-    """An error in an entry of a document, told with its number; one in what all have in common stays."""
+    """Adds the number of an entry to an error in it; an error in shared sections stays the same."""
     if key not in document:
         return error
     if error.section in SECTIONS and error.section in document[key][number - 1]:

@@ -1,4 +1,4 @@
-"""The job file: everything a plan depends on, checked once, then frozen.
+"""The job file: all inputs of a plan, checked once, then frozen.
 
 A job is TOML for people (`load`, `parse`) and canonical JSON for the table (`Job.canonical`,
 `from_canonical`): the same keys, with every default written out. The text is exact, so its digest names the
@@ -27,7 +27,7 @@ from runtime.shell.errors import InputError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForeignPart:
-    """A part that does not belong on the table: tables are tried with it, and not made for it."""
+    """A foreign part: tables are tested with it, but not planned for it."""
 
     part: schema.Part
     pressure: Pressure
@@ -58,18 +58,19 @@ class Job:
     search: schema.Search
     cell: schema.Cell
     delivery: schema.Delivery | None = None
-    # The parts that may lie there, where there are several; part, pressure and friction are then the first's.
+    # The hypotheses, where there are several; part, pressure and friction are then those of the
+    # first.
     hypothesis: tuple[Hypothesis, ...] | None = None
     foreign: tuple[ForeignPart, ...] | None = None
 
     @property
     def alone(self) -> tuple[Job, ...]:
-        """A job for each part that may lie there, as if it were the only one."""
+        """For each hypothesis a job in which it is the only one."""
         return self._each(self.hypothesis) or (self,)
 
     @property
     def foreign_parts(self) -> tuple[Job, ...]:
-        """A job for each part that does not belong there, as if it were the only one."""
+        """For each foreign part a job in which it is the only part."""
         return self._each(self.foreign)
 
     def _each(self, parts: Sequence[ForeignPart] | None) -> tuple[Job, ...]:
@@ -81,20 +82,20 @@ class Job:
 
     @property
     def shares(self) -> tuple[float, ...]:
-        """Of the parts that come, in the order of `alone`."""
+        """Shares of the hypotheses among the parts, in the order of `alone`."""
         return tuple(h.share for h in self.hypothesis) if self.hypothesis else (1.0,)
 
     @property
     def name(self) -> str:
-        """What may lie there, for people."""
+        """Names of the parts that may lie there, for people."""
         return " or ".join(job.part.name for job in self.alone)
 
     @classmethod
     def load(cls, path: str | Path, changes: Mapping[str, Any] | None = None) -> Job:
-        """Reads a job file (TOML, UTF-8), with changes as `Job.replaced` takes them.
+        """Reads a job file (TOML, UTF-8) and applies changes in the form of `Job.replaced`.
 
         Raises:
-            InputError: it cannot be read, or as `parse`.
+            InputError: it cannot be read, or see `parse`.
         """
         return parse(documents.read(path), str(path), changes)
 
@@ -109,11 +110,10 @@ class Job:
     def replaced(self, where: str = "the changed job", /, **changes: Any) -> Job:
         """A copy with other values, checked as in a file: `job.replaced(goal={"modes": 2}, seed=4)`.
 
-        `where` is what an error names as the place. Another `pressure.kind` drops the keys that only the old
-        one takes.
+        Errors name `where` as the place. Another `pressure.kind` drops the keys of the old one.
 
         Raises:
-            InputError: as `parse`.
+            InputError: see `parse`.
         """
         document = documents.changed(_document(self), _plain(changes), where)
         drawn = "outline_mm" in changes.get("part", ()) or "surface_file" in changes.get(
@@ -132,10 +132,10 @@ load = Job.load
 
 
 def files(path: str | Path) -> list[Path]:
-    """The files that `load` reads: the job file, and what it names.
+    """The files that `load` reads: the job file, and the files that it names.
 
     Raises:
-        InputError: as `load`.
+        InputError: see `load`.
     """
     document = documents.from_toml(documents.read(path), str(path))
     lists = (document.get(key) for key in (hypotheses.KEY, hypotheses.FOREIGN))
@@ -149,17 +149,17 @@ def files(path: str | Path) -> list[Path]:
 
 
 def centroid_as_drawn(path: str | Path) -> Array:
-    """Where the part's origin (2,) lies in the frame in which the job file writes `outline_mm` [mm].
+    """Position of the part's origin (2,) in the frame of `outline_mm` in the job file [mm].
 
     Raises:
-        InputError: as `load`.
+        InputError: see `load`.
     """
     document = documents.from_toml(documents.read(path), str(path))
     return -job_checks.place_outline(document["part"]["outline_mm"], drawn=True).shift_mm
 
 
 def parse(text: str, where: str = "job", changes: Mapping[str, Any] | None = None) -> Job:
-    """Parses a job from the TOML text of the file `where`, with changes as `Job.replaced` takes them.
+    """Parses a job from TOML text of the file `where`; `changes` are in the form of `Job.replaced`.
 
     Raises:
         InputError: not valid TOML, a value of the wrong type, out of range or in conflict with another, or an
@@ -176,7 +176,7 @@ def from_canonical(text: str, where: str = "job text") -> Job:
     """Reads a job back from its canonical text, exactly: `from_canonical(job.canonical()) == job`.
 
     Raises:
-        InputError: not valid JSON, or as `parse`.
+        InputError: not valid JSON, or see `parse`.
     """
     return of_document(documents.from_json(text, where), where, drawn=False)
 
@@ -185,7 +185,7 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     """Checks a document and freezes it; only an outline as drawn is moved to its centroid.
 
     Raises:
-        InputError: as `parse`.
+        InputError: see `parse`.
     """
     try:
         return _of_document(document, where, drawn)
@@ -223,7 +223,7 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 def _jobs(
     document: dict[str, Any], key: str, listed: list[dict[str, Any]], where: str, drawn: bool
 ) -> list[list[Job]]:
-    """The jobs of the faces of each part that a document lists under a key."""
+    """The jobs of all faces of the parts that a document lists under a key."""
     results = []
     for number, alone in enumerate(listed, start=1):
         try:
@@ -234,7 +234,7 @@ def _jobs(
 
 
 def _on_faces(document: dict[str, Any], where: str, drawn: bool) -> list[Job]:
-    """The job of one part; and that of the part turned over, where it may lie on either face."""
+    """The job of one part, and of the part turned over where it may lie on either face."""
     part = document.get("part")
     faces = part.get("faces") if isinstance(part, dict) else None
     job = _of_one(document, where, drawn)
@@ -262,7 +262,7 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
         values["doubt"]["encoder_mm"] = np.array([-most_mm, most_mm])
     job_checks.check_conflicts(values)
     if actions["pushes"] == "none":
-        actions["pushes"] = None  # a job that states what is so anyway is the same job
+        actions["pushes"] = None  # a job that states a default is the same job as one without it
     for key in ("angles_deg", "openings_mm"):
         actions[key] = tuple(actions[key].tolist())
     for key in ("finger_share", "middle_mm", "encoder_mm", "encoder_gain"):
@@ -276,7 +276,7 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
 
 
 def _document(job: Job) -> dict[str, Any]:
-    """A job as JSON types; several hypotheses stand in place of part, pressure and friction."""
+    """A job as JSON types; several hypotheses replace part, pressure and friction."""
     document: dict[str, Any] = _plain(asdict(job))
     if job.foreign:
         document[hypotheses.FOREIGN] = document.pop("foreign")
@@ -287,7 +287,7 @@ def _document(job: Job) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON types; keys that are None are not written."""
+    """A value as JSON types, without keys that are None."""
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items() if item is not None}
     if isinstance(value, list | tuple) and any(isinstance(item, Mapping) for item in value):

@@ -1,4 +1,4 @@
-"""Values of a job stated on the command line: `uncertainty.radius_mm=15`."""
+"""Overrides of a job's values on the command line: `uncertainty.radius_mm=15`."""
 
 import re
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ _WORD = re.compile(r"[A-Za-z][\w.-]*")
 
 
 def changes_of(overrides: Iterable[str]) -> dict[str, Any]:
-    """Overrides, texts "section.key=value" or "seed=value", as `Job.replaced` takes them; the last holds.
+    """Parses texts "section.key=value" or "seed=value" for `Job.replaced`; the last one wins.
 
     Raises:
         UsageError: a text that cannot be read.
@@ -27,19 +27,19 @@ def changes_of(overrides: Iterable[str]) -> dict[str, Any]:
         table = changes.setdefault(section, {}) if section else changes
         if not isinstance(table, dict):
             raise UsageError(f"{name}: {section} is no section; write it as section.key=value")
-        table.pop(key, None)  # a dict keeps the place of a key's first value
+        table.pop(key, None)  # a dict keeps the position of a key's first value
         table[key] = value
     return changes
 
 
 def value_of(name: str, text: str) -> Any:
-    """A value of the key `name` from its text: anything that TOML takes, or a bare word.
+    """Parses a value of the key `name`: any TOML value, or a bare word.
 
     Raises:
-        UsageError: it is neither.
+        UsageError: the text is neither.
     """
     if not re.fullmatch(r"(\w+\.)?\w+", name):
-        raise UsageError(f"{shown(name)} names no value of a job; write it as section.key=value")
+        raise UsageError(f"{shown(name)} is not a key of a job; write it as section.key=value")
     try:
         parsed = strict_toml.parse(f"value = {text}")
     except ValueError:
@@ -49,15 +49,15 @@ def value_of(name: str, text: str) -> Any:
     if _WORD.fullmatch(text.strip()):
         return text.strip()
     raise UsageError(
-        f"{name}: {shown(text)} is no value; write it as in a job file, such as 12.5 or [0, 90]"
+        f"{name}: {shown(text)} is not a value; write it as in a job file, such as 12.5 or [0, 90]"
     )
 
 
 def split(text: str) -> tuple[str, list[str]]:
-    """The name and the values of "name=value,value": commas within brackets or quotes part nothing.
+    """Splits "name=value,value" at commas outside brackets and quotes.
 
     Raises:
-        UsageError: no name, or nothing where a value should be.
+        UsageError: the name or a value is missing.
     """
     name, equals, rest = text.partition("=")
     name = name.strip()

@@ -1,4 +1,4 @@
-"""The sections of a job: what each key means, and its type, range and default, in one place."""
+"""The sections of a job: meaning, type, range and default of each key."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,14 +13,14 @@ from runtime.table import GripperProfile, profile_of
 
 PLACE = Number(-10_000, 10_000)  # a coordinate, mm
 MOST_FRICTION = 2.0
-# Tables have integers of um, urad, um/s and mN, of which a goal, a speed or a force has ten at least.
+# Tables hold integers of um, urad, um/s and mN; a goal, a speed or a force is at least ten of them.
 LEAST_MM, LEAST_DEG, LEAST_RATE = 0.01, 0.001, 0.1
-LEAST_STEP_MM = 0.001  # of a reading, which a table tells in um
-MM = 1_000.0  # no part, gripper or height of such a cell exceeds a metre
+LEAST_STEP_MM = 0.001  # of a reading, which a table states in um
+MM = 1_000.0  # larger than any part, gripper or height of such a cell
 
 
 MOST_VERTICES = 2000
-"""Of an outline: checks of symmetry take the square of their number, and a budget cannot cut them short."""
+"""Most vertices of an outline: checks of symmetry take quadratic time, which no budget interrupts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,13 +32,15 @@ class Part:
     outline_mm: Annotated[Outline, Numbers(PLACE, columns=2, most=MOST_VERTICES)]
     # Rotational order n: turns by 2 pi / n look the same, 1 = none.
     symmetry: Annotated[int, Integer(1, MOST_ORDER, default="auto", word="auto")]
-    # How far contours lie off the drawing's: moulded about 0.2, cut 0.1, cast 0.5; 0 = not at all.
+    # Distance of contours from the drawing's: moulded about 0.2, cut 0.1, cast 0.5; 0 = none.
     tolerance_mm: Annotated[float, Number(0, 10, default=0.0)]
     # From the table to the part's top where the fingers close; None: not stated.
     height_mm: Annotated[float | None, Number(1, MM, above=True, default=None)]
-    # (3,) the drawing's datum: x, y [mm] and angle [deg] in the frame of the outline; None: not stated.
+    # (3,) datum of the drawing: x, y [mm] and angle [deg] in the frame of the outline; None: not
+    # stated.
     datum: Annotated[Array | None, Numbers(PLACE, least=3, most=3, default=None)] = None
-    # Named points to take the part at: x, y [mm] and angle [deg] of the hand in the datum's frame.
+    # Named points at which to take the part: x, y [mm] and angle [deg] of the hand in the datum's
+    # frame.
     picks: Annotated[dict[str, list[float]] | None, Poses(PLACE, default=None)] = None
 
 
@@ -48,8 +50,8 @@ class Friction:
 
     finger_part_min: Annotated[float, Number(0, MOST_FRICTION)]
     finger_part_max: Annotated[float, Number(0, MOST_FRICTION)]
-    # Share of the plan's particles whose friction lies outside the bounds, so that a part which does not keep
-    # to them ends in an unresolved leaf.
+    # Share of the particles whose friction lies outside the bounds, so that a part that violates
+    # them ends in an unresolved leaf.
     doubt: Annotated[float, Number(0, 1, default=0.3)]
 
 
@@ -67,12 +69,13 @@ class Gripper:
     # Rate at which the opening closes; each finger moves at half of it.
     speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=60.0)]
     force_n: Annotated[float, Number(LEAST_RATE, 10_000, default=40.0)]  # grip force
-    # Share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = the other one sticks.
+    # Share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = the other one
+    # sticks.
     upper_finger_share: Annotated[float, Number(0, 1, default=0.5)]
 
     @property
     def profile(self) -> GripperProfile:
-        """What the gripper can do and tell: its model's profile with the values of the job."""
+        """The profile of the gripper: that of its model, with the values of the job."""
         preset, stroke_um = profile_of(self.model), round(1e3 * self.opening_mm)
         steps = round(self.opening_mm / self.resolution_mm)
         counts = preset.counts and (preset.counts if steps == preset.steps else None)
@@ -95,27 +98,29 @@ def _interval(low: float, high: float, default: tuple[float, float] = (0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """What may be off in a cell and stays so: intervals about what the rest of the job says.
+    """Constant errors of a cell: intervals about the values in the rest of the job.
 
-    With some probability one of them is off, anywhere in its interval and rather near the ends; the others
-    are at the middle of theirs.
+    With some probability one of them is off, anywhere in its interval but more often near the ends; the
+    others are at the middle of their intervals.
     """
 
     chance: Annotated[float, Number(0, 1, default=0.8)]  # that something is off
-    # Of the upper finger's share of the closing, beyond `upper_finger_share`.
+    # Error of the upper finger's share of the closing, beyond `upper_finger_share`.
     finger_share: Annotated[Interval, _interval(-1, 1)]
-    # Of where the fingers meet on the part's narrowest side, across the hand and beyond its middle.
+    # Error of the place where the fingers meet on the part's narrowest side, from the hand's
+    # middle.
     middle_mm: Annotated[Interval, _interval(-20, 20)]
-    # Of what every width reads too much; left out of a section that is stated: three steps of a reading, or
-    # standard deviations of one where those are more.
+    # Constant error of widths; by default three steps of a reading, or three of its standard
+    # deviations where those are larger.
     encoder_mm: Annotated[Interval, _interval(-20, 20)]
-    # Of what it reads too much for each mm.
+    # Error of widths in proportion to them.
     encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]
     # "any": parts may press with their rim, their area, its middle or three feet, whatever [pressure] says.
     pressure: Annotated[str, Text(("stated", "any"), default="stated")]
     # "any": the limit surface may also be of the form, ellipsoid or quartic, that [pressure] does not say.
     limit_surface: Annotated[str | None, Text(("stated", "any"), default=None)]
-    # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0: no doubt.
+    # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0:
+    # no doubt.
     least_dof: Annotated[int, Integer(0, 1_000_000, default=0)]
     # std of the x and y at which a recorded pusher stands beside the part, in `plan-simulate --draws` alone.
     start_mm: Annotated[float | None, Number(0, 10, default=None)]
@@ -123,7 +128,7 @@ class Doubt:
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """What a held part does when the jaws open: standard deviations of a normal."""
+    """Motion of a held part when the jaws open: standard deviations of a normal distribution."""
 
     shift_mm: Annotated[float, Number(0, 10, default=0.0)]  # of x and of y
     turn_deg: Annotated[float, Number(0, 45, default=0.0)]  # of the angle
@@ -131,7 +136,7 @@ class Release:
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """Where the part may lie before the first squeeze, about the origin of the world."""
+    """Possible poses of the part before the first squeeze, about the origin of the world."""
 
     radius_mm: Annotated[float, Number(0, MM)]  # the centroid is uniform in this disc
     # The orientation is uniform within plus or minus this; 180 = unknown.
@@ -140,7 +145,7 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Actions:
-    """The hand placements to choose from: each angle at each centre, and what a belief suggests."""
+    """The hand placements to choose from: each angle at each centre, and those that a belief suggests."""
 
     # Angles of the hand's x axis in the world.
     angles_deg: Annotated[tuple[float, ...], Numbers(Number(-360, 360), most=1_000)]
@@ -150,7 +155,7 @@ class Actions:
     proposals: Annotated[str, Text(("belief", "none"), default="belief")]
     # "belief": parts may be pushed before a squeeze, as their belief suggests; None: they are not.
     pushes: Annotated[str | None, Text(("belief", "none"), default=None)]
-    # Openings to descend with; the least that stays clear is taken. Empty: whatever the part leaves clear.
+    # Openings to descend with; the least one that stays clear is used. Empty: any opening.
     openings_mm: Annotated[
         tuple[float, ...], Numbers(Number(0, MM, above=True), least=0, most=100, default=[])
     ]
@@ -162,7 +167,7 @@ class Goal:
 
     Of kind "pose": sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9); "tolerances": x, y and theta each
     within its own (paper, VII); "modes": the pose is one of at most `modes`; "orientation": theta within its
-    tolerance, wherever the part lies; "identity": no pose, only which part it is. Angles are taken under the
+    tolerance, at any position; "identity": no pose, only the hypothesis. Angles are taken under the
     part's symmetry.
     """
 
@@ -179,13 +184,13 @@ class Goal:
     ]
     # Bound on theta, for "tolerances" and "orientation".
     tolerance_deg: Annotated[float, Number(LEAST_DEG, 180, default=5.0)]
-    modes: Annotated[int, Integer(1, 8, default=1)]  # how many poses a leaf may leave open
-    # Share of the parts that may lie under an open finger coming down, where no placement is clear of all of
-    # them: an uncertainty wider than the jaws open.
+    modes: Annotated[int, Integer(1, 8, default=1)]  # most poses that a leaf may leave open
+    # Share of the parts that may lie under an open finger coming down, where no placement clears
+    # all of them: for an uncertainty wider than the jaws open.
     crash_share: Annotated[float, Number(0, 0.05, default=0.0)]
-    # What a plan has least of.
+    # What a plan minimises.
     minimise: Annotated[str, Text(("squeezes", "seconds"), default="squeezes")] = "squeezes"
-    # Whether an answer must also say which of several parts it is; None: yes.
+    # Whether an answer must name the hypothesis, if there are several; None: yes.
     identify: Annotated[bool | None, Flag(default=None)] = None
 
 
@@ -193,18 +198,17 @@ class Goal:
 class Search:
     """How the tree is searched.
 
-    Methods for comparison are the paper's: "paper" (Algorithms 1 to 3) and "sensorless" (no branching at
-    all).
+    Methods for comparison are the paper's: "paper" (Algorithms 1 to 3) and "sensorless" (no branching).
     """
 
     method: Annotated[str, Text(("closed-loop", "paper", "sensorless"), default="closed-loop")]
-    particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]  # to grow the tree with
-    max_depth: Annotated[int, Integer(1, 100, default=12)]  # longest path of the tree, squeezes
+    particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]  # for growing the tree
+    max_depth: Annotated[int, Integer(1, 100, default=12)]  # longest path of the tree, in squeezes
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Limits of the cell that the runtime holds."""
+    """Limits of the cell that the runtime enforces."""
 
     # ((x_min, y_min), (x_max, y_max)) that the hand may be placed in, world frame.
     work_area_mm: Annotated[
@@ -217,32 +221,36 @@ class Cell:
     squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # tips while squeezing
     arm_speed_mm_s: Annotated[float, Number(LEAST_RATE, 10_000, default=250.0)]
     max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # of closing
-    # As `runtime.table.timing.DEFAULTS` where they are None, which leaves the job's text as it was.
+    # `runtime.table.timing.DEFAULTS` where None; so the job's text does not change with them.
     arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)] = (
         None
     )
     # Tips between two squeezes of one part; just above it if None.
     regrasp_height_mm: Annotated[float | None, Number(0, MM, above=True, default=None)] = None
-    arm_answer_s: Annotated[float | None, Number(0, 10, default=None)] = None  # beside each motion
-    jaw_answer_s: Annotated[float | None, Number(0, 10, default=None)] = None  # beside each stroke
+    arm_answer_s: Annotated[float | None, Number(0, 10, default=None)] = (
+        None  # overhead of each motion
+    )
+    jaw_answer_s: Annotated[float | None, Number(0, 10, default=None)] = (
+        None  # overhead of each stroke
+    )
     poll_s: Annotated[float | None, Number(0, 1, default=None)] = (
-        None  # between two looks at the gripper
+        None  # between two polls of the gripper
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Delivery:
-    """What becomes of a localised part; `runtime.execution.delivery` reads it from the table's job."""
+    """Delivery of a localised part; `runtime.execution.delivery` reads it from the table's job."""
 
-    # (2,) where the origin of the part's frame goes, world frame, and the part's angle there.
+    # (2,) target of the origin of the part's frame, in the world, and the part's angle there.
     drop_mm: Annotated[Array, Numbers(PLACE, least=2, most=2)]
     drop_angle_deg: Annotated[float, Number(-360, 360, default=0.0)]
     # (2,) the hand's centre in the part's frame, and the hand's angle there.
     grasp_mm: Annotated[Array, Numbers(PLACE, least=2, most=2, default=[0.0, 0.0])]
     grasp_angle_deg: Annotated[float, Number(-360, 360, default=0.0)]
-    # Instead of both, the name of one of [part] picks.
+    # Instead of the two above, the name of one of [part] picks.
     grasp: Annotated[str | None, Text(default=None)]
-    # What the fingers then have to read; None: anything but nothing.
+    # Width that the fingers have to read; None: any but an empty hand.
     width_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]
     # (4,) x min, y min, x max, y max of the hand while it carries; None: the work area.
     area_mm: Annotated[Array | None, Numbers(PLACE, least=4, most=4, default=None)]
@@ -281,7 +289,7 @@ RETIRED: Mapping[tuple[str, str], str] = {
     ("search", "search_particles"): "it follows from particles; drop it",
     ("cell", "max_force_n"): "state a force that the part bears as force_n of [gripper]",
     ("delivery", "width_tolerance_mm"): _CONSTANT,
-}  # Keys that jobs stated once, and what they state instead; tables that hold them can still be read
+}  # Retired keys, and their replacements; tables that hold them can still be read
 
 TOP_LEVEL: Mapping[str, Field] = {"seed": Integer(0, 2**63 - 1, default=0)}
 
@@ -292,7 +300,7 @@ _STATED: Mapping[str, Mapping[str, Field]] = {
     },
     "part": {"faces": Text(("either",), default=None)},
     "uncertainty": {"orientation": Text(("unknown",), default=None)},
-}  # Keys that the records do not hold as they are stated
+}  # Keys that the records hold in another form
 
 FIELDS: Mapping[str, Mapping[str, Field]] = {
     name: {
@@ -304,7 +312,7 @@ FIELDS: Mapping[str, Mapping[str, Field]] = {
         },
     }
     for name, record in SECTIONS.items()
-}  # What a job file may state, by section and key; [pressure] takes more, by its kind
+}  # The keys of a job file, by section; [pressure] has further ones, by its kind
 
 LIMIT_SURFACE: Mapping[str, Field] = {
     "ellipsoid": Numbers(Number(-1e6, 1e6), columns=3, least=3, most=3, default=None),
@@ -334,4 +342,4 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
 
 OPTIONAL_SECTIONS = ("pressure", "release", "doubt", "search", "cell", "delivery")
 ABSENT_SECTIONS = ("delivery",)
-"""Optional sections that say nothing where they are left out: no defaults take their place."""
+"""Optional sections without defaults: left out, they have no effect."""

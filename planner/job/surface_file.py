@@ -5,7 +5,7 @@
     rho_mm = 75.0
     ellipsoid = [[...], ...]    # or quartic = [15 numbers] and certificate = [9 rows of 9]
 
-    [identification]            # how it came about, for people; not read back
+    [identification]            # its origin, for people; not read back
 
 A job takes it by `kind = "identified"` and `surface_file`, or inline, as a job in canonical form always does.
 """
@@ -37,7 +37,7 @@ _FIELDS: Mapping[str, Field] = {
 def dumps(values: Mapping[str, Any], identification: Mapping[str, Any]) -> str:
     """The text of a surface file with values of `schema.LIMIT_SURFACE`; numbers are exact.
 
-    `identification` has texts, numbers and lists of texts that say how it came about.
+    `identification` has texts, numbers and lists of texts about its origin.
     """
     kind = "quartic" if "quartic" in values else "ellipsoid"
     head = {"format": FORMAT, "kind": kind, **values}
@@ -50,7 +50,7 @@ def dumps(values: Mapping[str, Any], identification: Mapping[str, Any]) -> str:
 
 
 def load(path: Path) -> dict[str, Any]:
-    """Reads a surface file: the values of `schema.LIMIT_SURFACE`, checked, absent ones None.
+    """Reads a surface file: the checked values of `schema.LIMIT_SURFACE`, None where absent.
 
     Raises:
         InputError: the file or a key is missing, unreadable, unknown or out of range.
@@ -70,7 +70,7 @@ def load(path: Path) -> dict[str, Any]:
 
 
 def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
-    """Replaces `surface_file` by what the file holds, and checks what is inline (in place).
+    """Replaces `surface_file` by the content of the file, and checks an inline surface (in place).
 
     Other kinds than "identified" are left as they are. `surface_file` is relative to the job file `where`;
     the canonical form (not `drawn`) may not refer to files.

@@ -1,1 +1,1 @@
-"""The motion model that the paper learns from roll-outs (paper V)."""
+"""The motion model of the paper, learned from roll-outs (paper V)."""

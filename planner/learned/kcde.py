@@ -1,10 +1,10 @@
-"""Kernel conditional density estimation of a squeeze: where a part ends, given where it lay (paper V).
+"""Kernel conditional density estimation of a squeeze: final pose given initial pose (paper V).
 
     P(qf | qi) = sum_j w_j K_h2(qf, qf_j),   w_j ~ K_h1(qi, qi_j)        (eqs 6-8)
 
 over roll-outs j, with poses in the hand frame, normalised to [x, y, rho theta], the angle wrapped under the
-part's rotational order. A draw picks a roll-out by its weight; of the nearest 400 all count whose weight
-exceeds e^-20 of the largest. Beyond the paper, only parts that are touched are moved
+part's rotational order. A draw picks a roll-out by its weight, among those of the nearest 400
+whose weight exceeds e^-20 of the largest. Beyond the paper, only parts that are touched are moved
 (`planner.mechanics.clearance`).
 """
 
@@ -22,16 +22,16 @@ from planner.mechanics.clearance import STANDS_ON, TOUCHES, classify_contact
 from planner.work.scheduler import Threads
 
 SPREAD = (
-    40.0  # In squares of the bandwidth: weights below e^(-SPREAD / 2) of the largest are nothing
+    40.0  # In squares of the bandwidth: weights below e^(-SPREAD / 2) of the largest are ignored
 )
 BANDWIDTH_MM = 0.5  # h1 and h2
-NEIGHBOURS = 400  # the nearest roll-outs, which alone count
+NEIGHBOURS = 400  # number of nearest roll-outs considered
 LOOK = 0.8  # Guess of the distance to the nearest roll-out, in spacings; it affects speed only
 CHUNK = 1024
 
 
 class Sampled(NamedTuple):
-    """Draws from the estimate, one for each pose asked about."""
+    """Draws from the estimate, one for each queried pose."""
 
     poses: Array  # (n, 3) in the hand frame [mm, mm, rad]
     width_mm: (
@@ -43,22 +43,22 @@ class Sampled(NamedTuple):
 
 
 class Kcde(NamedTuple):
-    """The estimate, ready to draw from; M roll-outs, in order of their cells."""
+    """The estimate; M roll-outs, in order of their cells."""
 
     grid: Grid  # their normalised initial poses
     initial: Array  # (M, 3) initial poses in the hand frame [mm, mm, rad]
     end: Array  # (M, 4) final poses and widths [mm, mm, rad, mm]
-    source: IntArray  # (M,) which of the roll-outs each is
+    source: IntArray  # (M,) original index of each roll-out
     outline: Array  # (N, 2) the part [mm]
     jaws: Array  # (4,) opening, finger length, finger thickness [mm], the upper finger's share
     rho_mm: float  # what one radian weighs
 
     @classmethod
     def fit(cls, rolled: RollOuts, outline: Array, jaws: Array, rho_mm: float, order: int) -> Self:
-        """Makes the estimate of n roll-outs; only those whose fingers touch the part are used.
+        """The estimate from n roll-outs; only those whose fingers touch the part are used.
 
-        The part is an outline (N, 2) [mm] of a rotational order, a radian weighs `rho_mm`, the jaws (4,) are
-        those of `clearance.jaws_of`.
+        The part has an outline (N, 2) [mm] of rotational order `order`; a radian counts as `rho_mm`; the
+        jaws (4,) are those of `clearance.jaws_of`.
 
         Raises:
             ValueError: no roll-out touches the part.
@@ -75,7 +75,7 @@ class Kcde(NamedTuple):
         return cls(grid, initial[row], end[row], used[row], outline, jaws, rho_mm)
 
     def sample(self, poses: Array, rng: np.random.Generator, workers: int = 1) -> Sampled:
-        """Draws where parts at poses (n, 3) in the hand frame end, jaws open [mm, mm, rad].
+        """Draws final poses of parts at poses (n, 3) in the hand frame, jaws open [mm, mm, rad].
 
         The result does not depend on the number of workers (threads).
         """
@@ -105,7 +105,7 @@ class Kcde(NamedTuple):
 
 @kernel
 def _pick(squares: Array, count: int, chance: float) -> int:
-    """Which of the roll-outs found a uniform number picks; `squares` becomes the cumulated weights."""
+    """Picks a roll-out by a uniform random number; `squares` becomes the cumulative weights."""
     total, scale = 0.0, -0.5 / (BANDWIDTH_MM * BANDWIDTH_MM)
     for k in range(count):
         total += np.exp(scale * squares[k])
@@ -126,7 +126,7 @@ def _draw(
     out: Array,
     source: IntArray,
 ) -> None:
-    """Draws one roll-out for each of `poses` (n, 3), looking `look` [mm] far at first.
+    """Draws one roll-out for each of `poses` (n, 3), with an initial search radius of `look` [mm].
 
     `out` (n, 4) and `source` (n,) are modified in place.
     """

@@ -1,4 +1,4 @@
-"""Which training points lie near a pose: cells of a grid, searched without a branch of a tree.
+"""Neighbour search among training points by the cells of a grid.
 
 Poses are normalised, [x, y, rho theta] in mm (paper V.A), the angle's coordinate wrapped under the part's
 rotational order. Cells are stored with the angle fastest, so that a search scans a few rows.
@@ -12,7 +12,7 @@ from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 
 POINTS_PER_CELL = 2.0
-LARGEST_GRID = 4_000_000  # Cells; thin data spread over much space gets larger ones
+LARGEST_GRID = 4_000_000  # Most cells; sparse data gets larger ones
 
 
 class Grid(NamedTuple):
@@ -21,7 +21,7 @@ class Grid(NamedTuple):
     points: (
         Array  # (N, 3) normalised, in order of their cells, the last coordinate in [0, period) [mm]
     )
-    row: IntArray  # (N,) the row each had before
+    row: IntArray  # (N,) original row of each
     first: IntArray  # (cells + 1,) the first point of each cell
     corner: Array  # (2,) least x and y of the grid [mm]
     size: Array  # (3,) sides of a cell [mm]
@@ -80,7 +80,7 @@ def _scan(
         dx, dy, dz = points[k, 0] - q[0], points[k, 1] - q[1], abs(points[k, 2] - q[2])
         dz = min(dz, period - dz)
         s = dx * dx + dy * dy + dz * dz
-        # Written always, kept if near: a branch here would be mispredicted half the time.
+        # Written always and kept if near: a branch here would be mispredicted half the time.
         place[count] = k
         squares[count] = s
         count += s <= square
@@ -91,8 +91,8 @@ def _scan(
 def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) -> int:
     """Finds the points within `reach` [mm] of a normalised pose q (3,), its last coordinate in [0, period).
 
-    Returns how many; `place` and `squares` (N + 1,) receive where in the grid they stand, in order, and their
-    squared distances [mm^2].
+    Returns their number; `place` and `squares` (N + 1,) receive their indices in the grid, in order, and
+    their squared distances [mm^2].
     """
     nx, ny, nz = grid.shape
     sx, sy, sz = grid.size
@@ -147,11 +147,11 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
 def nearest_within(
     grid: Grid, q: Array, start: float, spread: float, place: IntArray, squares: Array
 ) -> int:
-    """Finds the nearest point and all that are at most `spread` [mm^2] farther, in squared distance.
+    """Finds the nearest point, and all whose squared distance exceeds its by at most `spread` [mm^2].
 
-    Looks at a distance of `start` [mm] first: a good guess saves a second look. Returns how many there are,
-    at least 1; `place` and `squares` (N + 1,) receive where in the grid they stand and by how much each
-    squared distance exceeds the least.
+    Searches within `start` [mm] first: a good guess saves a second search. Returns their number, at least
+    1; `place` and `squares` (N + 1,) receive their indices in the grid and the excess of each squared
+    distance over the least.
     """
     reach, result = start, 0
     while True:
@@ -160,7 +160,7 @@ def nearest_within(
             break
         reach *= 2.0
     least = squares[:result].min()
-    # A little more than asked for, lest rounding lose the nearest point itself.
+    # Slightly more than needed, lest rounding lose the nearest point itself.
     if least + spread > reach * reach:
         result = within(grid, q, np.sqrt(least + spread) * (1.0 + 1e-12), place, squares)
     kept = 0
@@ -174,7 +174,7 @@ def nearest_within(
 
 @kernel
 def keep_nearest(place: IntArray, squares: Array, count: int, most: int) -> None:
-    """Moves the `most` nearest of the points found to the front, in their order; of ties the first."""
+    """Moves the `most` nearest points to the front, in order; of ties the first."""
     farthest = np.partition(squares[:count], most - 1)[most - 1]
     ties = most - np.sum(squares[:count] < farthest)
     kept = 0

@@ -1,9 +1,9 @@
-"""Roll-outs: the squeezes that the learned model of the paper is made from (paper V, VII).
+"""Roll-outs: training squeezes for the learned model of the paper (paper V, VII).
 
-They start all over a disc of part centres about the hand, at any angle, each with its own limit surface and
-friction. The disc is cut into rings of one density, rolled out in blocks of `BLOCK` starts. A block depends
-on nothing but the squeeze and its place, which seed its random stream: a larger region or more roll-outs are
-more blocks. Uncertainty, actions, goal and seed of a job play no part in it.
+They start from a disc of part centres about the hand, at any angle, each with its own limit surface and
+friction. The disc consists of rings of equal density, rolled out in blocks of `BLOCK` starts. A block depends
+only on the squeeze and its place, which seed its random stream: a larger region or more roll-outs add blocks.
+Uncertainty, actions, goal and seed of a job have no effect.
 """
 
 import hashlib
@@ -26,8 +26,8 @@ from planner.work.progress import Report, silent
 from planner.work.scheduler import Threads
 
 COLLIDES = -1
-PAPER_COUNT = 9_000  # Roll-outs for a model in the paper (VII)
-BLOCK = 1024  # Starts that are rolled out together: a few hundredths of a second
+PAPER_COUNT = 9_000  # Number of roll-outs in the paper (VII)
+BLOCK = 1024  # Starts of a block: a few hundredths of a second
 FORMAT = b"roll-outs 1"
 RING_MM = 5.0  # Width of a ring
 FACTOR = 3.0  # Radius of the region in radii of the job's uncertainty (paper, VII)
@@ -45,7 +45,7 @@ ROW = np.dtype(
 
 
 class RollOuts(NamedTuple):
-    """Squeezes from all over the region, in the order of their rings."""
+    """Squeezes from the whole region, in the order of their rings."""
 
     initial: Array  # (n, 3) poses before, in the hand frame [mm, mm, rad]
     final: Array  # (n, 3) poses after
@@ -65,9 +65,9 @@ def roll_outs(
 ) -> RollOuts:
     """Roll-outs over a disc of part centres about the hand, at any angle.
 
-    The result depends on the simulator, the radius and the count alone. Starts beyond the fingers' reach are
-    left out, since nothing happens there, and chance decides how many of the last ring lie in the disc.
-    Blocks are counted for the report.
+    The result depends on the simulator, the radius and the count only. Starts beyond the fingers' reach are
+    left out, since nothing happens there; how many of the last ring lie in the disc is random. Progress
+    counts blocks.
 
     Raises:
         ValueError: radius or count are not above 0.
@@ -94,7 +94,7 @@ def roll_outs(
 
 
 def roll_block(simulator: Simulator, block: Block) -> Rows:
-    """Rolls out the starts of one block that lie within the fingers' reach: an array of `ROW`."""
+    """Rolls out the starts of one block within the fingers' reach: an array of `ROW`."""
     rng = np.random.default_rng(int.from_bytes(_seed(content_of(simulator), block)))
     drawn = starts(block.ring, BLOCK, rng)
     reached = np.flatnonzero(within_reach(simulator.outline, simulator.jaws, drawn))
@@ -111,7 +111,7 @@ def roll_block(simulator: Simulator, block: Block) -> Rows:
 
 
 def content_of(simulator: Simulator) -> bytes:
-    """Digest of everything that a squeeze depends on: the part, its limit surface, the gripper, the step."""
+    """Digest of all inputs of a squeeze: the part, its limit surface, the gripper, the step."""
     digest = hashlib.sha256(FORMAT)
     surface = simulator.surface
     arrays = [simulator.outline, limit_surface.nominal(surface), simulator.jaws]
@@ -129,7 +129,7 @@ def _seed(content: bytes, block: Block) -> bytes:
 
 
 def region_radius(job: Job) -> float:
-    """Radius of the disc that a job's roll-outs start from: one ring to the fingers' reach [mm]."""
+    """Radius of the disc of a job's roll-outs: one ring up to the fingers' reach [mm]."""
     limit = farthest(job.part.outline_mm, jaws_of(job.gripper))
     return max(RING_MM, min(FACTOR * job.uncertainty.radius_mm, limit))
 
@@ -141,7 +141,7 @@ def farthest(outline: Array, jaws: Array) -> float:
 
 
 def within_reach(outline: Array, jaws: Array, poses: Array) -> BoolArray:
-    """Where the circle about a part (N, 2) at `poses` (n, 3) meets the box that the fingers sweep: (n,).
+    """Where the circle about a part (N, 2) at `poses` (n, 3) meets the box swept by the fingers: (n,).
 
     Elsewhere a squeeze leaves the part exactly where it is.
     """
@@ -152,7 +152,7 @@ def within_reach(outline: Array, jaws: Array, poses: Array) -> BoolArray:
 
 
 def ring_counts(radius_mm: float, count: int) -> list[int]:
-    """How many starts each ring gets, from the innermost on, for `count` of them in the disc.
+    """Numbers of starts in each ring, from the innermost on, for `count` of them in the disc.
 
     The last ring is filled as a whole, whether or not the disc ends within it.
     """
@@ -170,5 +170,5 @@ def starts(ring: int, n: int, rng: np.random.Generator) -> Array:
 
 
 def _swept(jaws: Array) -> tuple[float, float]:
-    """Half the extents of the box that open fingers lie in, and never leave."""
+    """Half the extents of the box that contains the fingers at all times."""
     return 0.5 * float(jaws[1]), 0.5 * float(jaws[0]) + float(jaws[2])

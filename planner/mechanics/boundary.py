@@ -1,7 +1,7 @@
-"""What moves against a part: fingers that close, or a pusher whose frame is carried along a path.
+"""Boundaries that move against a part: closing fingers, or a pusher whose frame is carried along a path.
 
-All is seen in the frame of the hand or the pusher. There a part that goes along with a pusher stands still:
-it stays where it is to the last bit, however long the way and whatever the steps.
+Coordinates are in the frame of the hand or the pusher. There a part that moves along with a pusher is at
+rest: its pose stays the same to the last bit, for any way and any step.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -52,27 +52,27 @@ BOUNDARY = np.dtype(
     ],
     align=True,
 )
-"""What moves against the part: fingers, or the points of a pusher, and the frame that they stand in.
+"""A moving boundary: fingers, or the points of a pusher, and the frame that they stand in.
 
-fingers: how many; 0 where points push. facing: -1 where the second finger looks up at the first, 1 where it
-looks down beside it. apart: x of their middles is -apart and apart [mm]. h, thickness: half a finger's
-length, and its thickness [mm]. points, pusher: how many points, and where they stand [mm]. radius: of the
-round tips about them [mm]. mu_top: friction at fingers that look down and at points; mu_bottom: at a finger
-that looks up. top_share, bottom_share: how far fingers that look down, and up, come for each millimetre of a
-step. x, y, turn, centre: for each millimetre the frame turns [rad] about the centre [mm], which moves along a
-straight line [mm]. step: the nominal one [mm].
+fingers: their number; 0 where points push. facing: -1 where the second finger looks up at the first, 1
+where it looks down beside it. apart: x of their middles is -apart and apart [mm]. h, thickness: half a
+finger's length, and its thickness [mm]. points, pusher: number and coordinates of the points [mm]. radius:
+of the round tips about them [mm]. mu_top: friction at fingers that look down and at points; mu_bottom: at a
+finger that looks up. top_share, bottom_share: how far fingers that look down, and up, come for each
+millimetre of a step. x, y, turn, centre: for each millimetre the frame turns [rad] about the centre [mm],
+which moves along a straight line [mm]. step: the nominal one [mm].
 
-One record is handed on as one pointer (decision 0005).
+One record is passed as one pointer (decision 0005).
 """
 Boundary: TypeAlias = Any
 
 
 class Drive(NamedTuple):
-    """One step of a boundary."""
+    """One step of a moving boundary."""
 
-    top: float  # how far the finger that looks down comes down [mm]
-    bottom: float  # how far the finger that looks up comes up [mm]
-    x: float  # displacement of the frame over the table, where the part's origin is [mm]
+    top: float  # displacement of the finger that looks down [mm]
+    bottom: float  # displacement of the finger that looks up [mm]
+    x: float  # displacement of the frame over the table, at the part's origin [mm]
     y: float
     turn: float  # rotation of the frame [rad]
 
@@ -110,7 +110,7 @@ def directions(C: Array, I: IntArray, count: int, rho: float, drive: Drive) -> N
 
 @inlined_kernel
 def subtract_carriage(C: Array, count: int, rho: float, drive: Drive, V: Array) -> None:
-    """Turns displacements over the table, of the part (V) and at the contacts, into those in the frame."""
+    """Converts displacements over the table, of the part (V) and at the contacts, to those in the frame."""
     turn = rho * drive.turn
     V[0], V[1], V[2] = V[0] - drive.x, V[1] - drive.y, V[2] - turn
     for k in range(count):
@@ -129,7 +129,7 @@ def turn(
     drive: Drive,
     radius: float,
 ) -> None:
-    """Moves the contacts from the pose q to the pose `half`, gaps unchanged: the midpoint rule's second look.
+    """Moves the contacts from pose q to pose `half`, gaps unchanged, for the midpoint rule.
 
     The part turns on the way by an angle whose cosine and sine are `turned`, and the fingers close by half of
     `drive`. An edge takes its normal along; of a vertex the normal is the finger's, and that of a round tip

@@ -1,4 +1,4 @@
-"""Fingers and a part that does not move yet: do they overlap, how far may they close, do they touch."""
+"""Clearance between fingers and a part at rest: overlap, distance to first touch, kind of contact."""
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from planner.kernel import inlined_kernel, inner_kernel, kernel
 from planner.mechanics.contacts import place
 
 BEHIND_MM = 0.1
-"""What lies further than this behind an inner face is beside or behind the finger, not before it."""
+"""Distance behind an inner face beyond which a point is beside or behind the finger, not before it."""
 SIDE_MARGIN_MM = 1.0
-"""The fingers count as this much longer at both ends when the clearance of a placement is judged."""
+"""Length added to both ends of the fingers when the clearance of a placement is judged."""
 
 MISSES = 0
 TOUCHES = 1
@@ -32,9 +32,9 @@ def jaws_of(gripper: Gripper) -> Array:
 
 @inner_kernel
 def clearance(points: Array, finger: int, face: float, h: float) -> float:
-    """Distance a finger (+1 or -1) can close before it touches the part [mm]: exact, by rays along y.
+    """Distance that a finger (+1 or -1) can close before it touches the part [mm]: exact, by rays along y.
 
-    Of an outline (2, N) in the hand frame; the inner face lies at y = face, h is half the finger's length.
+    For an outline (2, N) in the hand frame; the inner face lies at y = face, h is half the finger's length.
     Infinite where the part lies beside or behind the finger.
     """
     n = points.shape[1]
@@ -70,9 +70,9 @@ def crosses(x0: float, y0: float, x1: float, y1: float, half_x: float, half_y: f
 
 @inner_kernel
 def blocked(points: Array, finger: int, face: float, h: float, thickness: float) -> bool:
-    """Whether part and finger box share any area: the finger cannot be set down there.
+    """Whether part and finger box overlap: the finger cannot be set down there.
 
-    Arguments as `clearance`, and the finger's thickness [mm].
+    Arguments as for `clearance`, and the finger's thickness [mm].
     """
     n = points.shape[1]
     inside = False
@@ -99,10 +99,10 @@ def stand(points: Array, top: float, bottom: float, h: float, thickness: float) 
 def free_closing(
     points: Array, top: float, bottom: float, h: float, top_share: float, bottom_share: float
 ) -> float:
-    """How far the fingers close before either touches the part [mm]; infinite where neither will.
+    """Distance that the fingers close before either touches the part [mm]; infinite where neither does.
 
-    Of an outline (2, N) in the hand frame and inner faces at y = top and bottom; h is half the finger's
-    length, the shares are a finger's motion for each millimetre of the mean finger's.
+    For an outline (2, N) in the hand frame and inner faces at y = top and bottom; h is half the finger's
+    length; the shares are the motion of each finger for a millimetre of their mean.
     """
     free = np.inf
     if top_share > 0.0:
@@ -137,7 +137,7 @@ def _classify(outline: Array, poses: Array, jaws: Array, verdict: IntArray) -> N
 
 
 def classify_contact(outline: Array, jaws: Array, poses: Array) -> IntArray:
-    """What closing fingers do first to a part (N, 2) with `jaws` (4,), at `poses` (n, 3) in the hand frame.
+    """First contact of closing fingers, `jaws` (4,), with a part (N, 2) at `poses` (n, 3) in the hand frame.
 
     (n,) `TOUCHES`; `MISSES` where the fingers meet each other first; `STANDS_ON` where an open finger would
     come down on the part.
@@ -196,7 +196,7 @@ def _free(
 def least_clearance(
     outline: Array, jaws: Array, poses: Array, placement: Array, margin_mm: float = SIDE_MARGIN_MM
 ) -> float:
-    """Distance along the closing direction between open fingers and the nearest of the believed parts [mm].
+    """Distance along the closing direction between open fingers and the nearest part of a belief [mm].
 
     For an outline (N, 2) with believed poses (n, 3) in the world and the hand placed at (3,); the fingers
     count as `margin_mm` longer at both ends. At most half the opening; -1 where a finger would stand on the
@@ -226,7 +226,7 @@ def _least_free(
 def first_contact_mm(
     outline: Array, jaws: Array, poses: Array, placement: Array, shares: tuple[float, float]
 ) -> float:
-    """The greatest width at which closing jaws may meet any of the believed parts [mm]; 0 for none.
+    """The greatest width at which closing jaws may meet any part of a belief [mm]; 0 for none.
 
     For an outline (N, 2) with believed poses (n, 3) in the world and the hand placed at (3,); the fingers
     count as `SIDE_MARGIN_MM` longer at both ends, the upper one's share of the closing lies within `shares`.
@@ -247,10 +247,10 @@ def free_placements(
     least_mm: float,
     share: float = 0.0,
 ) -> BoolArray:
-    """Which placements (k, 3) keep `least_mm` from believed poses (n, 3), all or but a share of them: (k,).
+    """Which placements (k, 3) keep `least_mm` from all but a share of the believed poses (n, 3): (k,).
 
-    With a share of 0 the same as `least_clearance(...) >= least_mm` (at most half the opening), without
-    measuring what is far anyway. Poses and placements are in the world.
+    With a share of 0 the same as `least_clearance(...) >= least_mm` (at most half the opening), but faster.
+    Poses and placements are in the world.
     """
     free = np.empty(len(placements), np.bool_)
     belief, placements = np.ascontiguousarray(belief), np.ascontiguousarray(placements)

@@ -1,10 +1,10 @@
 """One, two and three contacts in closed form: every mode of sliding and sticking, tried in turn.
 
 A contact in a mode has wrench directions d (unknown magnitudes) and as many conditions c on the motion:
-slide s = +-1: d = N + s mu T, c = N; stick: d = N and T, c = N and T. With G = [N T]^T A [N T] every mode is
-a linear system of order one to three, a solution of eqs 3-5 where its forces and slips have the right signs.
-Two contacts that both stick have one condition too many and are covered by their neighbours. Where
-three slide, their normals determine the motion, the motion the senses, and these the forces.
+slide s = +-1: d = N + s mu T, c = N; stick: d = N and T, c = N and T. With G = [N T]^T A [N T] every mode
+is a linear system of order one to three, a solution of eqs 3-5 where its forces and slips have the right
+signs. Two contacts that both stick have one condition too many and are covered by their neighbours. Where
+three slide, their normals determine the motion, the motion determines the senses, and these the forces.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from planner.mechanics.lcp import RAY, SOLVED
 
 SLIP_TOLERANCE_MM = 1e-10
 LARGEST_FORCE = 1e3
-"""Three contacts that press harder, where 1 moves the part by about 1 mm, nearly hold it: Lemke decides."""
+"""Force, where 1 moves the part by about 1 mm, above which three contacts nearly hold it: Lemke decides."""
 
 
 @inlined_kernel
@@ -99,7 +99,7 @@ def _both_slide(
 def _one_sticks(
     C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: float, G: Array
 ) -> bool:
-    """Contact i sticks while j slides with sense sj; `o` is 0 where i is the pair's first in G, else 2."""
+    """Contact i sticks while j slides with sense sj; `o` is 0 where i is first in G, else 2."""
     v = 2 - o
     a00, a01, a02 = G[o, o], G[o, o + 1], G[o, v] + sj * mu_j * G[o, v + 1]
     a10, a11, a12 = G[o + 1, o], G[o + 1, o + 1], G[o + 1, v] + sj * mu_j * G[o + 1, v + 1]
@@ -126,7 +126,7 @@ def _one_sticks(
 
 @inlined_kernel
 def two_contacts(A: Array, C: Array, i: int, j: int, mu_i: float, mu_j: float, G: Array) -> int:
-    """Solves eqs 1-5 for contacts i and j, both pressed; as `one_contact`, with G, a (4, 4) workspace.
+    """Solves eqs 1-5 for contacts i and j, both pressed; see `one_contact`. G is a (4, 4) workspace.
 
     Returns `SOLVED`, or `RAY` where no mode in which both press is consistent.
     """
@@ -163,7 +163,7 @@ def _linear(G: Array, b0: float, b1: float, b2: float) -> tuple[float, float, fl
 def three_contacts(
     A: Array, C: Array, I: IntArray, active: IntArray, mu_top: float, mu_bottom: float, G: Array
 ) -> int:
-    """Solves eqs 1-5 for the three active contacts, all pressed and sliding; as `two_contacts`."""
+    """Solves eqs 1-5 for the three active contacts, all pressed and sliding; see `two_contacts`."""
     for a in range(3):
         k = active[a]
         G[a, 0], G[a, 1], G[a, 2], G[a, 3] = C[k, NX], C[k, NY], C[k, N2], C[k, UN] - C[k, GAP]

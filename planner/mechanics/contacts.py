@@ -12,9 +12,9 @@ A pusher of points or round tips (`find_points`) touches edges as a finger's cor
 vertices (TIP).
 
 A pair counts only where its normal lies in the normal cones of both features; nearly parallel pairs are the
-exception, for they are what holds a flush edge that is longer than the finger.
+exception, since they hold a flush edge that is longer than the finger.
 
-Outlines stand in columns (2, N), so that loops over vertices take several at once. Contacts live in two plain
+Outlines stand in columns (2, N), so that loops over vertices are vectorised. Contacts live in two plain
 arrays, one row a contact:
 
     C (MAX_CONTACTS, C_COLUMNS) float:  r - part origin (RX, RY) [mm], unit normal into the part (NX, NY),
@@ -48,16 +48,16 @@ NEARLY_PARALLEL = (
     0.08  # Sine of the angle below which an edge counts as parallel to a finger's face
 )
 LEAST_ARM_MM = 0.5
-"""Of a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
+"""For a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
 EDGE_SLACK_MM = 1e-9
 OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the part
 VERTEX_MM = (
-    2e-4  # A point this near a vertex is at both edges; more than a step goes past the end of one
+    2e-4  # A point this near a vertex touches both edges; more than a step passes the end of one
 )
-DRIFT_MM = 0.02  # A pusher's point that is inside two edges by less touches both
+DRIFT_MM = 0.02  # A pusher's point inside two edges by less than this touches both
 PENETRATION_MM = 0.01  # Overlap at which a step is refused
-FAR = 7  # The bits of `mark` that say that a vertex is far from the fingers
-END_DEPTH_MM = 0.01  # How far behind the inner face a vertex must be to count as beside the finger
+FAR = 7  # Bits of `mark` for a vertex far from the fingers
+END_DEPTH_MM = 0.01  # Least depth behind the inner face of a vertex beside the finger
 
 
 class Finger(NamedTuple):
@@ -78,10 +78,10 @@ class Tips(NamedTuple):
 
 
 class _Contact(NamedTuple):
-    """What is known of a contact before the step is solved."""
+    """A contact before the step is solved."""
 
     gap: float  # [mm]
-    x: float  # where it is [mm]
+    x: float  # its place [mm]
     y: float
     nx: float  # unit normal into the part
     ny: float
@@ -90,7 +90,7 @@ class _Contact(NamedTuple):
 
 
 class Hand(NamedTuple):
-    """The fingers that may touch the part: both, or the first alone."""
+    """The fingers that may touch the part: both, or only the first."""
 
     first: Finger  # looks down
     second: Finger
@@ -113,7 +113,7 @@ def place_turned(outline: Array, q: Array, c: float, s: float, points: Array) ->
 
 @inlined_kernel
 def _slot(C: Array, count: int, gap: float) -> int:
-    """Row for a new contact: the next free one, else that of the widest gap if it is wider; -1 for none."""
+    """Row for a new contact: the next free one, or the one with the widest gap if wider; -1 for none."""
     if count < MAX_CONTACTS:
         return count
     widest = 0
@@ -132,7 +132,7 @@ def _write(C: Array, slot: int, contact: _Contact) -> None:
 
 @inlined_kernel
 def _slack_mm(points: Array, i: int) -> float:
-    """How far beyond its end at vertex i an edge is still touched; in a notch, as deep as overlaps may be."""
+    """How far beyond its end at vertex i an edge can be touched; in a notch, as deep as overlaps may be."""
     n = points.shape[1]
     b, j = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
     ax, ay = points[0, i] - points[0, b], points[1, i] - points[1, b]
@@ -142,7 +142,7 @@ def _slack_mm(points: Array, i: int) -> float:
 
 @inlined_kernel
 def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> bool:
-    """Whether a neighbour of edge i-j, at a convex vertex, keeps the point (px, py) out by more than `gap`.
+    """Whether a neighbour of edge i-j, at a convex vertex, separates the point (px, py) by more than `gap`.
 
     A point is outside two edges that meet at a convex vertex when it is outside either, so only the edge with
     the wider gap can be touched. A point inside both is an overlap, which is not hidden.
@@ -164,7 +164,7 @@ def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> 
 def _add_face(
     C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float
 ) -> int:
-    """Adds vertex i on the inner face, where it is under the face and near, and not yet there."""
+    """Adds vertex i on the inner face, where it is below the face, near it and not yet added."""
     side, h, x = finger.side, finger.h, points[0, i] - finger.centre
     gap = side * (finger.face - points[1, i])
     inside = h - abs(x)
@@ -196,7 +196,7 @@ def _add_corners(
 ) -> int:
     """Adds the edge from vertex i to the next at the two inner (CORNER) or outer (OUTER) corners of a finger.
 
-    The outer corners look the other way.
+    The outer corners face the other way.
     """
     j, h = i + 1 if i + 1 < points.shape[1] else 0, finger.h
     outward = finger.side if kind == CORNER else -finger.side
@@ -302,11 +302,11 @@ def _add_pairs(
 def find(
     C: Array, I: IntArray, points: Array, out: IntArray, q: Array, hand: Hand, margin: float
 ) -> int:
-    """Finds all pairs of features that are within `margin` [mm] of touching; returns how many.
+    """Finds all pairs of features within `margin` [mm] of touching; returns their number.
 
-    On the inner face only local minima of the gap count, and the lower neighbour of each. C and I are
-    modified in place, and `out` (N,) as by `mark`. The outline (2, N) is counter-clockwise in the hand frame
-    [mm], the part's pose there q (3,).
+    On the inner face only local minima of the gap count, and the lower neighbour of each. C, I and `out`
+    (N,), see `mark`, are modified in place. The outline (2, N) is counter-clockwise in the hand frame [mm],
+    the part's pose there q (3,).
     """
     n, count = points.shape[1], 0
     mark(points, out, hand, margin)
@@ -324,9 +324,9 @@ def find(
 
 @inner_kernel
 def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Tips, margin: float) -> int:
-    """Finds where the tips of a pusher are within `margin` [mm] of touching; returns how many times.
+    """Finds all contacts of a pusher's tips within `margin` [mm] of touching; returns their number.
 
-    A point is near an edge where it lies beside it and no neighbour keeps it out, and near a convex vertex
+    A point is near an edge where it lies beside it and no neighbour separates it, and near a convex vertex
     where it lies in the vertex's normal cone; in a notch it is near both edges, also where it overlaps them.
     A round tip touches where its centre is its radius away. C and I are modified in place; the
     outline (2, N) is placed at the pose q (3,), counter-clockwise [mm].

@@ -13,10 +13,8 @@ SOLVED = 0
 RAY = 1
 PIVOT_LIMIT = 2
 
-PIVOT_TOLERANCE = (
-    1e-8  # A smaller pivot is rounding: forces beyond its inverse have no finite cause
-)
-TIE = 1e-9  # Ratios nearer than this are equal, and the lexicographic order decides
+PIVOT_TOLERANCE = 1e-8  # A smaller pivot is rounding: its forces would have no finite cause
+TIE = 1e-9  # Ratios nearer than this are equal; the lexicographic order decides
 PIVOTS_PER_ROW = 50
 
 
@@ -24,7 +22,7 @@ PIVOTS_PER_ROW = 50
 def _leaving_row(tableau: Array, basis: IntArray, n: int, entering: int) -> int:
     """Row of the lexicographic minimum ratio in column `entering`; -1 where no entry is positive.
 
-    The artificial variable (column 2n) leaves as soon as it may: that ends the method.
+    The artificial variable (column 2n) leaves as soon as possible, which ends the method.
     """
     best = -1
     for row in range(n):
@@ -81,7 +79,7 @@ def lemke(M: Array, q: Array, n: int, tableau: Array, basis: IntArray, z: Array)
         n: order of the problem.
         tableau: workspace (>= n, >= 2 n + 2). Columns: w (n), z (n), the artificial z0, the right-hand side.
         basis: integer workspace (>= n,): the variable basic in each row.
-        z: shape (>= n,), receives the solution; zero where none was found.
+        z: shape (>= n,), receives the solution, or zeros without one.
     """
     start = 0
     for i in range(n):

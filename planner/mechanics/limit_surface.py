@@ -1,4 +1,4 @@
-"""The limit surface: which twist answers which wrench when a part slides on the table (paper IV, eq. 1).
+"""The limit surface: maps wrenches to twists of a part that slides on the table (paper IV, eq. 1).
 
 Wrenches and twists are normalised, so that all components have one unit and power is F . V:
 
@@ -21,13 +21,13 @@ from planner.kernel import kernel
 DIRECTIONS = 400  # Twists that friction is integrated over for a fit
 
 STILL = 1e-12
-"""A support point slower than this, as a fraction of the twist, is at rest and given no friction."""
+"""Speed, as a fraction of the twist, below which a support point is at rest and has no friction."""
 
 MIN_EIGENVALUE = 1e-3
 """Floor of a fitted A's eigenvalues: semi-axes of 30, longer than any pressure under the outline gives."""
 
 DIGITS = 10
-"""Decimals of an ellipsoid fitted to a pressure: what LAPACK gives beyond hangs on the processor."""
+"""Decimals of an ellipsoid fitted to a pressure: further digits of LAPACK depend on the processor."""
 
 _UPPER = np.triu_indices(3)
 
@@ -41,7 +41,7 @@ class LimitSurface:
 
 
 def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
-    """Fits the ellipsoid to a pressure distribution; arguments as `about_centre`."""
+    """Fits the ellipsoid to a pressure distribution; arguments as for `about_centre`."""
     F, V, shift = about_centre(points, weights, rho_mm)
     A = np.round(fit(F, V), DIGITS)
     A[:, :2] += A[:, 2:] * shift[2, :2]  # A S, then S^T A S
@@ -50,7 +50,7 @@ def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
 
 
 def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, Array, Array]:
-    """Wrenches (K, 3) and twists (K, 3) about the centre of pressure, and S (3, 3) that leads there.
+    """Wrenches (K, 3) and twists (K, 3) about the centre of pressure, and S (3, 3) that transforms to it.
 
     A surface fitted to these, H(F), is H(S F) about the origin: so the result does not depend on where the
     frame lies, and a force through the centre of pressure turns the part as little as it should. The pressure
@@ -67,8 +67,8 @@ def wrenches(points: Array, weights: Array, rho_mm: float, twists: Array) -> Arr
     """Integrates Coulomb friction over a pressure distribution: the wrenches (K, 3) that make the part slide.
 
     Each support point (M, 2) [mm] carries friction of its share (M,) of mu N along its velocity (Goyal et
-    al., the paper's reference [20]). A point at rest may carry any smaller friction: it is given none, the
-    middle. Twists (K, 3) are normalised with rho, of any magnitude but 0.
+    al., the paper's reference [20]). A point at rest may carry any smaller friction; zero is used. Twists
+    (K, 3) are normalised with rho, of any magnitude but 0.
     """
     x, y = points[:, 0] / rho_mm, points[:, 1] / rho_mm  # (M,)
     velocity_x = twists[:, 0:1] - twists[:, 2:3] * y  # (K, M)
@@ -83,10 +83,10 @@ def wrenches(points: Array, weights: Array, rho_mm: float, twists: Array) -> Arr
 
 
 def twist_directions(count: int = DIRECTIONS) -> Array:
-    """Unit twists (K, 3) spread evenly over the sphere, the same each time.
+    """Unit twists (K, 3) spread evenly over the sphere, the same at every call.
 
     A quarter of `count` Fibonacci points, each with all signs of its y and z (an opposite twist has the
-    opposite wrench and adds nothing). So a part that is its own mirror image gets an ellipsoid that is, too.
+    opposite wrench and adds nothing). So a part that is its own mirror image gets a symmetric ellipsoid.
     """
     index = np.arange(max(count // 4, 1)) + 0.5
     z = 1.0 - 2.0 * index / len(index)
@@ -170,7 +170,7 @@ def _square(factor: Array, drawn: Array) -> None:
 
 
 def twist(A: Array, F: Array) -> Array:
-    """The unit twists (..., 3) that answer the wrenches F (..., 3): along grad H (eq. 1)."""
+    """The unit twists (..., 3) of the wrenches F (..., 3): along grad H (eq. 1)."""
     gradient = np.asarray(F) @ A
     return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
 

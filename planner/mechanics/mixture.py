@@ -1,4 +1,4 @@
-"""Whichever part lies on the table: a simulator for each hypothesis of a job, chosen by the parts' traits."""
+"""Simulator of several parts: one for each hypothesis of a job, chosen by the parts' traits."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -13,18 +13,18 @@ from planner.mechanics.traits import Traits, by_hypothesis
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mixture:
-    """The squeeze of one of several parts, or of the only one, by one gripper."""
+    """Squeezes of several possible parts, or a single one, by one gripper."""
 
-    simulators: tuple[Simulator, ...]  # one a hypothesis
+    simulators: tuple[Simulator, ...]  # one for each hypothesis
 
     @classmethod
     def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
-        """The simulators of a job, on all cores unless told otherwise."""
+        """The simulators of a job, on all cores by default."""
         return cls(tuple(Simulator.of_job(alone, workers, step_mm) for alone in job.alone))
 
     @property
     def jaws(self) -> Array:
-        """Those of the gripper, as a `Simulator` has them."""
+        """The jaws, as in `Simulator`."""
         return self.simulators[0].jaws
 
     @property
@@ -34,7 +34,7 @@ class Mixture:
 
     @property
     def outlines(self) -> tuple[Array, ...]:
-        """Those of the parts, as a `Simulator` has them."""
+        """The outlines of all parts, as in `Simulator`."""
         return tuple(simulator.outline for simulator in self.simulators)
 
     def squeeze(self, poses: Array, rng: np.random.Generator, traits: Traits) -> RollOut:
@@ -53,7 +53,7 @@ class Mixture:
         rng: np.random.Generator,
         traits: Traits,
     ) -> Array:
-        """As `Simulator.push_by_hand`."""
+        """See `Simulator.push_by_hand`."""
         final = np.empty((len(poses), 3))
         for k, rows in by_hypothesis(traits):
             part_world, each = self.simulators[k], (opening_mm[rows], way_mm[rows])

@@ -1,9 +1,9 @@
-"""A push: a rigid pusher follows a commanded path, and the part gives way.
+"""A push: a rigid pusher follows a commanded path, and the part yields.
 
-The pusher is a set of points, or the fingers of a hand that goes straight on. It is a boundary that is
-carried: the steps are those of a squeeze (`stepping.try_step`), seen from the pusher. The part never jams: to
-move along with the pusher is always possible. That is what it does where friction wedges it between two
-places of the pusher, and the LCP has no solution.
+The pusher is a set of points, or the fingers of a hand that goes straight on. It is a carried boundary: the
+steps are those of a squeeze (`stepping.try_step`), in the pusher's frame. The part never jams, since it can
+move along with the pusher. It does so where friction wedges it between two places of the pusher and the LCP
+has no solution.
 """
 
 from typing import NamedTuple
@@ -26,13 +26,13 @@ from planner.mechanics.stepping import (
 
 STUCK, SLID, LOST = 0, 1, 2
 PUSH_NAMES = ("stuck", "slid", "lost")
-APART_MM = 0.05  # A wider gap at the end of a push: the pusher has left the part
+APART_MM = 0.05  # Gap at the end of a push above which the pusher has left the part
 MAX_STEPS = 20_000
-FINISHED = 1e-12  # What may be left of a way that is followed to its end, as a share of it
+FINISHED = 1e-12  # Tolerated remainder of a completed way, as a share of it
 
 
 class Paths(NamedTuple):
-    """What n pushers of points do: they turn about a centre, which moves along a straight line meanwhile."""
+    """Paths of n pushers of points: each turns about a centre, which moves along a straight line."""
 
     points: Array  # (n, K, 2) at the start [mm]
     centres: Array  # (n, 2) of the rotation, at the start [mm]
@@ -41,18 +41,18 @@ class Paths(NamedTuple):
 
 
 class Pushers(NamedTuple):
-    """What is its own in each of n pushes: points, or fingers that look down at y = 0, and where they go."""
+    """Data of each of n pushes: points, or fingers that look down at y = 0, and their way."""
 
     paths: Paths
-    way: Array  # (n,) how far the farthest of the pusher goes [mm]
-    fingers: IntArray  # (n,) how many; 0: the points push
+    way: Array  # (n,) how far the pusher's farthest point goes [mm]
+    fingers: IntArray  # (n,) number of fingers; 0: the points push
     apart: Array  # (n,) x of the two fingers' middles, -apart and apart [mm]
     h: Array  # (n,) half a finger's length [mm]
     thickness: Array  # (n,) of a finger [mm]
     radius: Array  # (n,) of round tips about the points [mm]
 
     def of(self, rows: IntArray) -> "Pushers":
-        """Those of some pushes."""
+        """The pushers of some rows."""
         paths = Paths(*(values[rows] for values in self.paths))
         return self._replace(
             paths=paths,
@@ -66,21 +66,21 @@ class Pushers(NamedTuple):
 
 
 class Mechanics(NamedTuple):
-    """How n parts slide."""
+    """Mechanics of n sliding parts."""
 
     surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6) quartics
     mu: Array  # (n, 2) friction, as of two fingers
 
 
 class PushEnds(NamedTuple):
-    """How n pushes end."""
+    """Ends of n pushes."""
 
     poses: Array  # (n, 3) of the parts, in the pusher's frame at the start [mm, mm, rad]
     touching: IntArray  # (n,) 1 where the pusher touches the part
-    given_up: IntArray  # (n,) 1 where the stepping failed: the part was taken along from there
+    given_up: IntArray  # (n,) 1 where the stepping failed: from there the part moved along
 
     def of(self, rows: IntArray) -> "PushEnds":
-        """Those of some pushes."""
+        """The ends of some rows."""
         return PushEnds(self.poses[rows], self.touching[rows], self.given_up[rows])
 
 
@@ -102,9 +102,9 @@ def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
 
 
 def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm: float) -> Pushers:
-    """Hands that push down with the ends of their fingers, which stand side by side along x.
+    """Hands that push with the ends of their fingers, which stand side by side along x.
 
-    Where fingers touch one another (`opening_mm` (n,) is 0) they are one.
+    Fingers that touch one another (`opening_mm` (n,) is 0) count as one.
     """
     n, closed = len(opening_mm), opening_mm <= 0.0
     shifts = np.column_stack([np.zeros(n), -way_mm])
@@ -123,8 +123,8 @@ def _push(body: Body, way: float, q: Array, scratch: Scratch) -> tuple[bool, boo
     Both are in the pusher's frame at the start.
 
     Returns:
-        Whether the pusher touches the part at the end, and whether the stepping failed: the part was taken
-        along from there.
+        Whether the pusher touches the part at the end, and whether the stepping failed, so that the part
+        moved along with the pusher from there.
     """
     work, step = scratch.work, scratch.work.boundary.step
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
@@ -160,7 +160,7 @@ def _push(body: Body, way: float, q: Array, scratch: Scratch) -> tuple[bool, boo
 
 @inner_kernel
 def _carry(boundary: Boundary, way: float, q: Array) -> None:
-    """Where a pose (3,) of the pusher's frame lies in the frame at the start, once that has gone its way."""
+    """Converts a pose (3,) of the pusher's frame after its way to the frame at the start."""
     angle, centre = way * boundary.turn, boundary.centre
     c, s = np.cos(angle), np.sin(angle)
     dx, dy = q[0] - centre[0], q[1] - centre[1]
@@ -171,7 +171,7 @@ def _carry(boundary: Boundary, way: float, q: Array) -> None:
 
 @inner_kernel
 def _carry_by(boundary: Boundary, pushers: Pushers, i: int) -> None:
-    """Makes the boundary the pusher of row i."""
+    """Sets the boundary to the pusher of row i."""
     paths, way = pushers.paths, pushers.way[i]
     boundary.fingers, boundary.facing, boundary.apart = pushers.fingers[i], 1, pushers.apart[i]
     boundary.h, boundary.thickness = pushers.h[i], pushers.thickness[i]
@@ -196,7 +196,7 @@ def push_many(
 ) -> None:
     """Pushes every part of `ends.poses` (n, 3) with its pusher and mechanics; `ends` is filled in place.
 
-    Steps are at most `step` [mm]; the mechanics' surface takes the place of the body's.
+    Steps are at most `step` [mm]; the mechanics' surface replaces the body's.
     """
     mu, boundary = mechanics.mu, scratch.work.boundary
     for i in range(ends.poses.shape[0]):

@@ -3,8 +3,8 @@
 H(F) = sum_k a_k F^e_k over the 15 monomials of degree 4, with H = 1 on the surface; F and V are normalised as
 in `limit_surface`. A positive definite certificate Q (9, 9) shows that H is convex
 (`planner.part.quartic_form`; Zhou et al., arXiv 1602.06056). Every convex quartic form in three variables has
-such a Q (Ahmadi and Parrilo 2013). It is not unique: the surfaces made here carry the Q of largest
-determinant.
+such a Q (Ahmadi and Parrilo 2013). It is not unique: the surfaces of this module have the Q of
+largest determinant.
 
 By Euler's theorem V = s A(F) F with A(F) = hess H(F) / 3: an ellipsoid's law whose matrix depends on the
 wrench.
@@ -55,12 +55,12 @@ class QuarticSurface:
         return np.asarray(np.where(PAIRS[:, :1] == PAIRS[:, 1:], table, 0.5 * table))
 
     def twist(self, F: Array) -> Array:
-        """The unit twists (..., 3) that answer the wrenches F (..., 3)."""
+        """The unit twists (..., 3) of the wrenches F (..., 3)."""
         gradient = self.gradient(F)
         return np.asarray(gradient / np.linalg.norm(gradient, axis=-1, keepdims=True))
 
     def in_coordinates(self, S: Array) -> QuarticSurface:
-        """The surface H'(F) = H(S F), S (3, 3) regular; the certificate goes along by congruence."""
+        """The surface H'(F) = H(S F), S (3, 3) regular, with the certificate transformed by congruence."""
         both = np.kron(S, S)
         return from_certificate(both.T @ self.certificate @ both, self.rho_mm)
 
@@ -71,7 +71,7 @@ def of_ellipsoid(A: Array, rho_mm: float) -> QuarticSurface:
 
 
 def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
-    """The surface of a certificate Q (9, 9); what is not part of any quartic's Hessian is projected away.
+    """The surface of a certificate Q (9, 9); the part that belongs to no quartic's Hessian is removed.
 
     Raises:
         ValueError: Q is not positive definite, so that it certifies nothing.
@@ -91,8 +91,8 @@ def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
 def sample(surface: QuarticSurface, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
     """Draws n random quartics around a nominal one: tables (n, 6, 6) as `hessian_table`.
 
-    Each is the nominal one in other coordinates, those that take the nearest ellipsoid into a Wishart draw
-    with that mean and `dof`. So quartics scatter as ellipsoids do (an ellipsoid squared in just the same way)
+    Each is the nominal one in other coordinates, which take the nearest ellipsoid into a Wishart draw with
+    that mean and `dof`. So quartics scatter like ellipsoids (a squared ellipsoid in exactly the same way)
     and stay convex.
     """
     factor, white = _factor(surface), limit_surface.wishart(np.eye(3), dof, rng, n)
@@ -111,7 +111,7 @@ def _factor(surface: QuarticSurface) -> Array:
 
 
 def lifted(S: Array) -> Array:
-    """What S (n, 3, 3) makes of the six products of two coordinates, in the order of `PAIRS`: (n, 6, 6)."""
+    """Transforms (n, 6, 6) by S (n, 3, 3) of the six products of two coordinates, ordered as `PAIRS`."""
     (i, j), (k, m) = PAIRS.T[:, :, None], PAIRS.T[:, None, :]
     other = np.where(k == m, 0.0, 1.0)
     return np.asarray(S[:, i, k] * S[:, j, m] + other * S[:, i, m] * S[:, j, k])

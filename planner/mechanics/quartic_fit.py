@@ -20,13 +20,11 @@ from planner.part import quartic_form
 from runtime.shell.errors import ExpectedError
 
 MARGIN = 1e-3
-"""How much of the sphere's certificate every fitted one contains: strictly convex, so it can be checked."""
+"""Share of the sphere's certificate in every fitted one: strictly convex, so it can be checked."""
 
 REWEIGHTS = 2  # Rounds of a robust fit after the first
 
-TYPICAL_ERROR_RAD = (
-    0.1  # Twist errors above this pull with their size, not its square, in a robust fit
-)
+TYPICAL_ERROR_RAD = 0.1  # Twist errors above this count linearly, not squared, in a robust fit
 
 _SPHERE = quartic.of_ellipsoid(np.eye(3), 1.0)
 _DIRECTIONS = limit_surface.twist_directions(200)
@@ -39,7 +37,7 @@ class QuarticFitError(ExpectedError):
 
 
 def fit_pressure(points: Array, weights: Array, rho_mm: float) -> QuarticSurface:
-    """Fits the quartic to a pressure distribution; arguments as `limit_surface.about_centre`."""
+    """Fits the quartic to a pressure distribution; arguments as for `limit_surface.about_centre`."""
     F, V, shift = limit_surface.about_centre(points, weights, rho_mm)
     return fit(F, V, rho_mm).in_coordinates(shift)
 
@@ -54,9 +52,9 @@ def fit(
 ) -> QuarticSurface:
     """Fits a convex quartic to pairs of normalised wrenches (K, 3) and twists (K, 3) of any magnitude but 0.
 
-    `rho_mm` normalises both; `weights` (K,) are those of the pairs' squared residuals. `ridge` pulls towards
-    the ellipsoid fitted to the same pairs, as a number of pairs. `robust` fits the twist's angle, and that by
-    size instead of square, for measured pairs with outliers.
+    `rho_mm` normalises both; `weights` (K,) are those of the pairs' squared residuals. `ridge` pulls
+    towards the ellipsoid fitted to the same pairs, as a number of pairs. `robust` fits the absolute angle
+    of the twist instead of its square, for measured pairs with outliers.
 
     Raises:
         QuarticFitError: the solver fails.
@@ -80,7 +78,7 @@ def fit(
 
 
 def emphasis(gradient: Array, unit: Array) -> Array:
-    """Weights (K,) that turn squares across the twist into angles, large ones by their size."""
+    """Weights (K,) that turn squares across the twist into angles, large ones linearly."""
     size = np.linalg.norm(gradient, axis=1)
     angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))
     return np.asarray(1.0 / (size**2 * np.hypot(angle, TYPICAL_ERROR_RAD)))
@@ -114,7 +112,7 @@ def _program() -> _Program:
 
 
 def _independent(rows: Array) -> Array:
-    """An orthonormal basis of the row space: solvers dislike constraints that repeat each other."""
+    """An orthonormal basis of the row space: solvers cope badly with redundant constraints."""
     _, values, vectors = np.linalg.svd(rows, full_matrices=False)
     return np.asarray(vectors[values > 1e-9 * values[0]])
 

@@ -1,4 +1,4 @@
-"""Squeezes and pushes by the thousand, on all cores; the number of workers does not change the result."""
+"""Simulator of squeezes and pushes in batches on all cores; results do not depend on their number."""
 
 import math
 import os
@@ -45,35 +45,33 @@ from planner.work.scheduler import Threads
 DEFAULT_STEP_MM, LEAST_STEP_MM = 0.4, 1e-3
 MOST_JAWS_MM = 1e4
 SIMPLIFY_MM = 0.005
-"""Densely sampled curves lose the vertices that lie this near to the rest: less than the step resolves."""
+"""Distance within which densely sampled curves lose vertices: less than the step resolves."""
 CHUNK = 512
 TRACE_ROWS = 2000
 STUCK_MM, STUCK_DEG = (
     10.0,
     5.0,
-)  # How far a part that sticks to its pusher may lie off where that took it
+)  # Tolerated distance of a part that sticks to its pusher from where the pusher takes it
 
 
 class Parameters(NamedTuple):
-    """The uncertain mechanics of n roll-outs."""
+    """Random parameters of n roll-outs."""
 
-    surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6), as `surface.sample_each` makes them
+    surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6), as from `surface.sample_each`
     mu: Array  # (n, 2) friction at the upper and the lower finger
     release: Array | None = (
-        None  # (n, 3) what a held part does on opening [mm, mm, rad]; None: nothing
+        None  # (n, 3) motion of a held part on opening [mm, mm, rad]; None: none
     )
     share: Array | None = (
-        None  # (n,) of the closing that the upper finger makes; None: the gripper's
+        None  # (n,) share of the closing that the upper finger makes; None: the gripper's
     )
     deviation: Array | None = (
-        None  # (n, m) of the outline, for each of the simulator's shapes; None: 0
+        None  # (n, m) deviations of the outline, by the simulator's shapes; None: 0
     )
-    ellipsoid: BoolArray | None = (
-        None  # (n,) where a (6, 6) surface is an ellipsoid after all; None: nowhere
-    )
+    ellipsoid: BoolArray | None = None  # (n,) where a (6, 6) surface is an ellipsoid; None: nowhere
 
     def of(self, rows: IntArray) -> "Parameters":
-        """Those of some roll-outs."""
+        """The parameters of some rows."""
         chosen = {
             name: values[rows] for name, values in self._asdict().items() if values is not None
         }
@@ -81,13 +79,13 @@ class Parameters(NamedTuple):
 
 
 class Pushed(NamedTuple):
-    """What n pushes came to."""
+    """Results of n pushes."""
 
     moved: (
         Array  # (n, 3) displacements of the part's frame, along its axes at the start [mm, mm, rad]
     )
     status: IntArray  # (n,) index into `planner.mechanics.push.PUSH_NAMES`
-    given_up: IntArray  # (n,) 1 where the stepping failed and the push was cut short there
+    given_up: IntArray  # (n,) 1 where the stepping failed and cut the push short
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,10 +97,8 @@ class Simulator:
     jaws: Array  # (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing
     friction: tuple[float, float]  # bounds of the coefficient between finger and part
     wishart_dof: int  # degrees of freedom of the limit surface's scatter (paper, IV: n_df)
-    others: tuple[
-        Surface, ...
-    ] = ()  # limit surfaces that a part may have instead: 1, 2, ... of its traits
-    # (m, N, 2) how the outline may deviate: none, or `planner.mechanics.traits.shapes`
+    others: tuple[Surface, ...] = ()  # alternative limit surfaces, numbered 1, 2, ... in the traits
+    # (m, N, 2) shapes of outline deviations: none, or `planner.mechanics.traits.shapes`
     shapes: Array = field(default_factory=lambda: np.zeros((0, 1, 2)))
     release: tuple[float, float, float] = (
         0.0,
@@ -126,7 +122,7 @@ class Simulator:
 
     @classmethod
     def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
-        """The simulator of a job, on all cores unless told otherwise."""
+        """The simulator of a job, on all cores by default."""
         outline = np.array(simplified(job.part.outline_mm, SIMPLIFY_MM))
         return cls(
             outline=outline,
@@ -156,7 +152,7 @@ class Simulator:
     def sample(self, n: int, rng: np.random.Generator, traits: Traits | None = None) -> Parameters:
         """Random parameters of n roll-outs: Wishart limit surface, uniform friction, normal release.
 
-        What the `traits` (n,) of the parts say is not drawn.
+        Values in the `traits` (n,) of the parts are not drawn.
         """
         parts_traits = as_planned(arguments.count(n, "n", 0)) if traits is None else traits
         arguments.same_length(poses=range(n), traits=parts_traits)
@@ -180,10 +176,9 @@ class Simulator:
         return self.roll_out(poses, self.sample(len(poses), rng, traits))
 
     def trace(self, pose: Array, surface: Array, mu: float) -> tuple[Array, int]:
-        """One squeeze of a pose (3,), jaws open, step by step; `surface` is (3, 3) or (6, 6).
+        """Traces one squeeze of a pose (3,), jaws open, step by step; `surface` is (3, 3) or (6, 6).
 
-        Returns x, y, theta, width on the way (k, 4) [mm, mm, rad, mm], from the start to the end, and the
-        status.
+        Returns x, y, theta, width (k, 4) [mm, mm, rad, mm] along the path, and the status.
         """
         q = arguments.row(pose, "pose", 3)
         mu = arguments.number(mu, "mu", 0.0, MOST_FRICTION)
@@ -198,7 +193,7 @@ class Simulator:
         """Squeezes each pose (n, 3) in the hand frame once, jaws open [mm, mm, rad].
 
         Raises:
-            ValueError: a shape does not fit, or a number is none.
+            ValueError: a shape does not fit, or a number is not finite.
         """
         poses = arguments.rows(poses, "poses", 3)
         check(parameters, len(poses), len(self.shapes))
@@ -221,7 +216,7 @@ class Simulator:
         return result
 
     def _each(self, parameters: Parameters) -> Each:
-        """What the kernel needs of each squeeze, with nothing left out."""
+        """The complete kernel input for each squeeze."""
         n, share, deviation = len(parameters.mu), parameters.share, parameters.deviation
         if share is None:
             share = np.full(n, self.jaws[3])
@@ -242,8 +237,8 @@ class Simulator:
 
         The pusher's points are the centres of round tips of `radius_mm`, which start clear of the part.
 
-        A part is stuck where it ends within `STUCK_MM` and `STUCK_DEG` of where the pusher would have taken
-        it, lost where the pusher has left it or never met it, else it slid.
+        A part is "stuck" if it ends within `STUCK_MM` and `STUCK_DEG` of where the pusher would have taken
+        it, "lost" if the pusher has left it or never met it, else it "slid".
         """
         checked = Paths(
             arguments.rows(paths.points, "points", *np.shape(paths.points)[1:2], 2),
@@ -276,8 +271,8 @@ class Simulator:
     ) -> Array:
         """Pushes parts (n, 3) with the ends of the fingers, each with random mechanics.
 
-        Fingers that close unevenly stand beside the middle by then. Deviations of outlines, tenths of a
-        millimetre, are left out.
+        Fingers that close unevenly are off the middle by then. Deviations of outlines, tenths of a
+        millimetre, are ignored.
 
         Args:
             poses: in the hand's frame at the start, clear of the fingers [mm, mm, rad].
@@ -290,7 +285,7 @@ class Simulator:
             (n, 3) where they end, in the same frame.
 
         Raises:
-            ValueError: a shape does not fit, or a number is none or out of range.
+            ValueError: a shape does not fit, or a number is not finite or out of range.
         """
         start = arguments.rows(poses, "poses", 3)
         opening_mm = arguments.rows(opening_mm, "opening_mm", least=0.0, most=self.jaws[0])
@@ -300,14 +295,14 @@ class Simulator:
         assert parameters.share is not None
         beside = beside_mm(parameters.share, self.jaws[0] - opening_mm)
         pushers = of_fingers(opening_mm, np.asarray(way_mm, np.float64), self.jaws[1], self.jaws[2])
-        # Turned by a quarter, the hand's x axis points down: so fingers look that push.
+        # Turned by a quarter, the hand's x axis points down, as pushing fingers look.
         x, y, theta = start.T
         turned = np.column_stack([y - beside, 0.5 * self.jaws[1] - x, theta - 0.5 * math.pi])
         across, back, angle = (self._pushed(turned, pushers, parameters).poses - turned).T
         return np.asarray(start + np.column_stack([-back, across, angle]))
 
     def _pushed(self, poses: Array, pushers: Pushers, parameters: Parameters) -> PushEnds:
-        """How pushes of parts at poses (n, 3) end."""
+        """Ends of pushes of parts at poses (n, 3)."""
         n, final = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
         result = PushEnds(final, np.zeros(n, np.int64), np.zeros(n, np.int64))
         columns, farthest = np.ascontiguousarray(self.outline.T), reach(self.outline)
@@ -328,16 +323,16 @@ class Simulator:
 
 
 def _at_the_start(poses: Array) -> RollOut:
-    """Results of squeezes of poses (n, 3) that are yet to be made."""
+    """Empty results for squeezes of poses (n, 3)."""
     n, start = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
     return RollOut(start, np.zeros(n), np.zeros(n, np.int64), np.zeros(n, np.int64))
 
 
 def check(parameters: Parameters, n: int, shapes: int) -> None:
-    """Check that parameters are those of n roll-outs, with a deviation for each of so many shapes.
+    """Checks the parameters of n roll-outs with `shapes` deviations.
 
     Raises:
-        ValueError: a shape does not fit, or a number is none or out of range.
+        ValueError: a shape does not fit, or a number is not finite or out of range.
     """
     checked_surfaces(parameters.surfaces)
     arguments.rows(parameters.mu, "mu", 2, least=0.0, most=MOST_FRICTION)
@@ -351,14 +346,14 @@ def check(parameters: Parameters, n: int, shapes: int) -> None:
 
 
 def checked_traits(traits: Traits, surfaces: int) -> None:
-    """Check that traits (n,) are such, of parts on one of so many limit surfaces each.
+    """Checks traits (n,) of parts, each on one of `surfaces` limit surfaces.
 
     Raises:
-        ValueError: they are no traits, or a number is none or out of range.
+        ValueError: not an array of traits, or a number is not finite or out of range.
     """
     if np.shape(traits)[1:] or getattr(traits, "dtype", None) != TRAITS:
         raise ValueError(
-            "traits are no array (n,) of the planner's; pass what as_planned(n) gives, changed"
+            "traits are not an array (n,) of traits; change the result of as_planned(n)"
         )
     arguments.indices(traits["surface"], "surface of the traits", surfaces)
     for name in ("friction", "share", "encoder_mm", "gain", "across_mm"):
@@ -367,10 +362,10 @@ def checked_traits(traits: Traits, surfaces: int) -> None:
 
 
 def checked_surfaces(surfaces: Array) -> Array:
-    """Limit surfaces (n, 3, 3) or (n, 6, 6), finite.
+    """Checks limit surfaces (n, 3, 3) or (n, 6, 6).
 
     Raises:
-        ValueError: they are not.
+        ValueError: wrong shape, or not finite.
     """
     size = 6 if np.shape(surfaces)[1:] == (6, 6) else 3
     return arguments.rows(
@@ -379,12 +374,12 @@ def checked_surfaces(surfaces: Array) -> Array:
 
 
 def beside_mm(share: Array, closed_mm: Array) -> Array:
-    """How far (n,) beside the hand's middle, along y, fingers stand that have closed unevenly so far (n,)."""
+    """Offset (n,) of unevenly closing fingers from the hand's middle along y, once closed by (n,) [mm]."""
     return np.asarray((0.5 - share) * closed_mm)
 
 
 def by_form(parameters: Parameters) -> Iterator[tuple[IntArray, Parameters]]:
-    """The rows of the ellipsoids (n,) and of the quartics, and their own: kernels know one form at a time."""
+    """The parameters split by ellipsoids and quartics, with their rows: kernels handle one form at a time."""
     ellipsoid = parameters.ellipsoid
     if ellipsoid is None:
         yield np.arange(len(parameters.surfaces)), parameters
@@ -396,7 +391,7 @@ def by_form(parameters: Parameters) -> Iterator[tuple[IntArray, Parameters]]:
 
 
 def in_order(pieces: Sequence[tuple[slice | IntArray, RollOut]], n: int) -> RollOut:
-    """One roll-out of n parts, of the rows that each piece has."""
+    """Merges the roll-outs of several sets of rows into one of n parts."""
     first = pieces[0][1]
     whole = RollOut(*(np.empty((n, *column.shape[1:]), column.dtype) for column in first))
     for rows, piece in pieces:
@@ -406,7 +401,7 @@ def in_order(pieces: Sequence[tuple[slice | IntArray, RollOut]], n: int) -> Roll
 
 
 def commanded(paths: Paths) -> Array:
-    """Where each pusher takes a part that moves along with it (n, 3) [mm, mm, rad]."""
+    """Poses (n, 3) to which each pusher takes a part that moves along with it [mm, mm, rad]."""
     c, s = np.cos(paths.angles) - 1.0, np.sin(paths.angles)
     x, y = paths.centres[:, 0], paths.centres[:, 1]
     dx, dy = paths.shifts[:, 0] - c * x + s * y, paths.shifts[:, 1] - s * x - c * y

@@ -34,37 +34,37 @@ JAMMED = 3
 STATUS_NAMES = ("untouched", "slipped", "grasped", "jammed")
 MAX_STEPS = 20_000
 HELD_GAP = 0.001
-"""Contacts within this share of the part's reach hold it: what rounding and the steps' drift leave open."""
+"""Distance, as a share of the part's reach, within which contacts hold: rounding and drift of the steps."""
 HELD_PROBE = 0.005
-"""How far the fingers are tried to close further, as a share of the reach."""
+"""Trial distance of further closing, as a share of the reach."""
 LARGEST_ESCAPE = 1e4
-"""Motion of the part in units of the fingers', beyond which a frictionless part counts as blocked."""
+"""Motion of the part, in units of the fingers', above which a frictionless part counts as blocked."""
 
 
 class Part(NamedTuple):
-    """What n squeezes have in common: the part, in its own frame."""
+    """The part that n squeezes have in common, in its own frame."""
 
     outline: Array  # (2, N) counter-clockwise [mm]
-    shapes: Array  # (m, 2, N) how the vertices move for each of the part's deviations
+    shapes: Array  # (m, 2, N) motion of the vertices for each of the part's deviations
     rho: float  # length that normalises rotations [mm]
 
 
 class Each(NamedTuple):
-    """What is its own in each of n squeezes."""
+    """Parameters of each of n squeezes."""
 
     surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6) quartics
     mu: Array  # (n, 2) friction at the upper and the lower finger
-    share: Array  # (n,) of the closing that the upper finger makes
-    deviation: Array  # (n, m) of the outline, for each of the shapes that it may deviate by [mm]
+    share: Array  # (n,) share of the closing that the upper finger makes
+    deviation: Array  # (n, m) deviations of the outline, for each shape [mm]
 
 
 class RollOut(NamedTuple):
-    """What n squeezes came to."""
+    """Results of n squeezes."""
 
     poses: Array  # (n, 3) final poses in the hand frame [mm, mm, rad]
     width_mm: Array  # (n,) opening at which the fingers stopped
     status: IntArray  # (n,) index into `STATUS_NAMES`
-    given_up: IntArray  # (n,) 1 where the stepping failed and the squeeze was cut short there
+    given_up: IntArray  # (n,) 1 where the stepping failed and cut the squeeze short
 
     def of(self, rows: slice) -> "RollOut":
         """Views of some rows."""
@@ -74,7 +74,7 @@ class RollOut(NamedTuple):
 
 @inner_kernel
 def _close_freely(scratch: Scratch) -> float:
-    """Closes the fingers up to the first touch of the placed outline; returns how far, infinity for none."""
+    """Closes the fingers up to the first touch of the placed outline; returns the distance, or infinity."""
     work, boundary = scratch.work, scratch.work.boundary
     top_share, bottom_share = boundary.top_share, boundary.bottom_share
     top, bottom = work.fingers[0], work.fingers[1]
@@ -89,10 +89,10 @@ def _close_freely(scratch: Scratch) -> float:
 
 @inner_kernel
 def _held_as(body: Body, q: Array, scratch: Scratch) -> int:
-    """GRASPED where the part is blocked without friction too, else JAMMED; alike for parts of any size.
+    """GRASPED where the part is blocked without friction too, else JAMMED; independent of the part's size.
 
-    Without friction only the contact normals decide, so any limit surface will do. A motion out of all
-    proportion to the fingers' counts as none: exactly opposed contacts must not hang on rounding.
+    Without friction only the contact normals decide, so any limit surface will do. A motion much larger
+    than the fingers' counts as none: exactly opposed contacts must not depend on rounding.
     """
     find_contacts(q, HELD_GAP * body.reach, scratch)
     count, work = scratch.work.contacts, scratch.work.step
@@ -124,7 +124,7 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
 def _close_by(
     boundary: Boundary, jaws: Array, share: float, mu_top: float, mu_bottom: float, step: float
 ) -> None:
-    """Makes the boundary fingers that close: jaws (3,), the upper one's share, friction, step [mm]."""
+    """Sets the boundary to closing fingers: jaws (3,), share of the upper one, friction, step [mm]."""
     boundary.fingers, boundary.facing, boundary.apart = 2, -1, 0.0
     boundary.h, boundary.thickness = 0.5 * jaws[1], jaws[2]
     boundary.mu_top, boundary.mu_bottom, boundary.step = mu_top, mu_bottom, step
@@ -138,11 +138,11 @@ def _squeeze(
 ) -> tuple[float, int, int, int]:
     """Closes the fingers on one part at q (3,) in the hand frame [mm, mm, rad], modified into the final pose.
 
-    They are `opening` [mm] apart at first, else as `_close_by` says.
-    `trace` (rows, 4) receives poses and widths on the way; no rows for none.
+    They start `opening` [mm] apart, otherwise as set by `_close_by`. `trace` (rows, 4) receives poses and
+    widths along the path; it may have no rows.
 
     Returns:
-        Final width [mm], status, 1 where the squeeze had to be given up (else 0), rows of the trace.
+        Final width [mm], status, 1 where the squeeze was given up (else 0), rows of the trace.
     """
     work, boundary = scratch.work, scratch.work.boundary
     step = boundary.step
@@ -195,7 +195,7 @@ def squeeze_many(
     """Closes the fingers on every part of `result.poses` (n, 3), in steps of at most `step` [mm].
 
     `jaws` (3,) are opening, finger length and thickness [mm]; `result` is filled in place. `trace` (rows, 4)
-    receives poses and widths on the way of the last squeeze; no rows for none.
+    receives poses and widths along the path of the last squeeze; it may have no rows.
 
     Returns:
         Rows of the trace.

@@ -40,20 +40,17 @@ from planner.mechanics.contacts import (
 )
 from planner.mechanics.lcp import PIVOT_LIMIT, RAY, SOLVED, lemke, residual
 
-TOUCHING_MM = 1e-3  # Contacts with a smaller gap enter the step; the others are awaited as events
-PAST_END_MM = (
-    1e-4  # How far a contact goes past the end of its feature, so that the next feature takes over
-)
+TOUCHING_MM = 1e-3  # Gap below which contacts enter the step; the others are awaited as events
+PAST_END_MM = 1e-4  # Distance of a contact past the end of its feature: the next one takes over
 UNBOUNDED = 1e7
-"""A force beyond this, where 1 moves the part by about 1 mm, is an exact ray seen through rounding."""
+"""Force, where 1 moves the part by about 1 mm, above which a solution is a ray with rounding errors."""
 RESIDUAL = 5e-5  # Largest complementarity residual of an accepted solution [mm]
 ATTEMPTS = 3
 PERTURBATION_MM = 1e-8
-"""Flush grasps are degenerate; where rounding defeats the lexicographic order, the gaps move by this much."""
+"""Change of the gaps where rounding defeats the lexicographic order: flush grasps are degenerate."""
 LARGEST_ESCAPE_MM = 1e4
-"""A part is blocked where only a longer motion would let the fingers close: exactly opposed contacts must not
-hang on rounding."""
-OVERLAP_MM = 1e-7  # Overlap that a contact outside the active set may have after a step
+"""Motion above which a part counts as blocked: exactly opposed contacts must not depend on rounding."""
+OVERLAP_MM = 1e-7  # Tolerated overlap of a contact outside the active set after a step
 
 
 _N = 4 * MAX_CONTACTS
@@ -81,14 +78,14 @@ C, I: the contacts. A: the ellipsoid, or the quartic's local one, in the hand fr
 F: unit wrench of the last step, in the part's frame. V: the displacement. M, q, tableau, basis, z: the LCP.
 active: the rows of its contacts. G: the closed forms' matrix.
 
-One record is handed on as one pointer, without counting references (decision 0005).
+One record is passed as one pointer, without reference counting (decision 0005).
 """
 StepWork: TypeAlias = Any
 
 
 @inlined_kernel
 def rotate_surface(A: Array, c: float, s: float, out: Array) -> None:
-    """A in the hand frame for a part turned by an angle of cosine c and sine s, into `out` (3, 3)."""
+    """Writes A in the hand frame into `out` (3, 3), for a part turned by an angle of cosine c and sine s."""
     a, b, d = A[0, 0], A[0, 1], A[1, 1]
     out[0, 0] = c * c * a - 2.0 * c * s * b + s * s * d
     out[1, 1] = s * s * a + 2.0 * c * s * b + c * c * d
@@ -101,9 +98,9 @@ def rotate_surface(A: Array, c: float, s: float, out: Array) -> None:
 
 @inner_kernel
 def _assemble(mu_top: float, mu_bottom: float, work: StepWork, m: int) -> int:
-    """The LCP of the m active contacts; unknowns f_n (m), f_t+ (m), f_t- (m), lambda (m); returns its order.
+    """The LCP of the m active contacts, and its order; unknowns f_n (m), f_t+ (m), f_t- (m), lambda (m).
 
-    Without friction the unknowns are f_n alone.
+    Without friction the only unknowns are f_n.
     """
     A, C, I, M, q, active = work.A, work.C, work.I, work.M, work.q, work.active
     order = 4 * m if mu_top > 0.0 or mu_bottom > 0.0 else m
@@ -136,7 +133,7 @@ def _assemble(mu_top: float, mu_bottom: float, work: StepWork, m: int) -> int:
 
 @inner_kernel
 def _judge(work: StepWork, m: int, order: int) -> int:
-    """What Lemke's answer is worth: SOLVED, a ray in disguise, or nothing (PIVOT_LIMIT)."""
+    """Classifies Lemke's answer: SOLVED, a ray (despite rounding), or nothing (PIVOT_LIMIT)."""
     for a in range(m):
         if work.z[a] > UNBOUNDED:
             return RAY
@@ -145,11 +142,11 @@ def _judge(work: StepWork, m: int, order: int) -> int:
 
 @inner_kernel
 def _opposed(C: Array, I: IntArray, active: IntArray, m: int) -> bool:
-    """Whether the m active contacts oppose each other so that no motion lets the fingers close.
+    """Whether the m active contacts oppose each other, so that no motion lets the fingers close.
 
-    By Farkas' lemma eq. 3 has no solution V where forces f >= 0 balance, sum f_i N_i = 0, and
-    sum f_i (u_i - gap_i) > 0. Tried are forces of the outermost contacts of each finger that meet in one
-    line; what rounding leaves of their sum counts as balanced where V had to exceed `LARGEST_ESCAPE_MM`.
+    By Farkas' lemma eq. 3 has no solution V where forces f >= 0 balance, sum f_i N_i = 0, and sum f_i (u_i
+    - gap_i) > 0. The test uses forces of the outermost contacts of each finger that meet in one line; they
+    count as balanced, despite rounding, where V would have to exceed `LARGEST_ESCAPE_MM`.
     """
     top_low, top_high, bottom_low, bottom_high = -1, -1, -1, -1
     for a in range(m):
@@ -177,9 +174,9 @@ def _opposed(C: Array, I: IntArray, active: IntArray, m: int) -> bool:
 
 @inner_kernel
 def _all_touching(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
-    """All touching contacts: held or all sliding in closed form, else Lemke's method, with a check.
+    """Solves for all touching contacts: held or all sliding in closed form, else by Lemke's method.
 
-    One and two contacts have no other modes than those tried before.
+    The modes of one and two contacts were tried before.
     """
     A, C, I, V = work.A, work.C, work.I, work.V
     m = 0
@@ -285,8 +282,8 @@ def _tried(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
 def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
     """Solves the step for the touching contacts: `SOLVED`, `RAY` (jammed or grasped) or `PIVOT_LIMIT`.
 
-    A part can always move along with a single finger, but eq. 3 also asks it to leave an overlap, which no
-    motion does where that finger is wedged in a notch: such overlaps stay.
+    A part can always move along with a single finger, but eq. 3 also requires it to leave an overlap, which
+    is impossible where that finger is wedged in a notch: such overlaps remain.
 
     `work` has A and `count` contacts, completed by `directions`; it receives their forces, and the
     displacement V (dx, dy, rho dtheta) [mm].
@@ -301,7 +298,7 @@ def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
 
 @inlined_kernel
 def along(first: Array, V: Array, f: float, i: int) -> float:
-    """Component i of the displacement in a share f of a step: the midpoint rule's dense output.
+    """Component i of the displacement after a share f of a step: dense output of the midpoint rule.
 
     Of second order, from the displacements of the Euler step (`first`) and of the midpoint rule (`V`)
     (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6).
@@ -318,7 +315,7 @@ def _reached(gap: float, rate: float, bend: float) -> float:
 
 @inlined_kernel
 def event_fraction(C: Array, count: int, first: Array, V: Array) -> float:
-    """Share of a step (as `along`) up to the first event; 1 without one.
+    """Share of a step (see `along`) up to the first event; 1 without one.
 
     Events are: an awaited contact touches; a pressed contact slides off the end of its feature.
     """

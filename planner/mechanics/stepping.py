@@ -1,4 +1,4 @@
-"""One accepted, retried or refused step of a squeeze or a push: midpoint rule, error control and events.
+"""One step of a squeeze or a push, accepted, retried or refused: midpoint rule, error control and events.
 
 The difference between the midpoint and the explicit Euler step controls the length of a step; it ends where
 an awaited contact touches or a pressed one leaves its feature, by the rule's dense output, and is refused
@@ -38,10 +38,8 @@ EULER_ERROR = (
     0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
 )
 SMALLEST_STEP = 2.0**-18
-"""Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns that much faster."""
-LEAST_FACING = (
-    0.1  # Sine of the least angle to the closing direction, of a face that stops a finger
-)
+"""Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns much faster."""
+LEAST_FACING = 0.1  # Sine of the least angle to the closing direction of a face that stops a finger
 FURTHEST = 2.0  # How much nearer part and fingers may come in one step, in margins
 
 
@@ -63,16 +61,16 @@ SQUEEZE_WORK = np.dtype(
 )
 """Workspace of one squeeze.
 
-boundary: what moves against the part. before: places and normals of the contacts before the midpoint's turn.
+boundary: moves against the part. before: places and normals of the contacts before the midpoint's turn.
 step: the contacts, and the solution.
-contacts: how many there are. heading: cosine and sine of the part's angle. trial, half: pose after
+contacts: their number. heading: cosine and sine of the part's angle. trial, half: pose after
 the step and in its middle. euler: the displacement V of the explicit Euler step. fingers: y of the inner
 faces. done: how far the boundary has come [mm]. moved: 1 once the part has moved on the table.
 """
 SqueezeWork: TypeAlias = Any
 
 ACCEPTED, RETRY, HELD, GIVEN_UP = range(4)
-"""What came of a step: taken; to be tried again, shorter; no solution; neither."""
+"""Result of a step: taken; to be retried, shorter; no solution; neither."""
 
 
 class Body(NamedTuple):
@@ -103,7 +101,7 @@ def scratch_of(outline: Array) -> Scratch:
 
 @inlined_kernel
 def _turn_back(work: SqueezeWork) -> None:
-    """Undoes what `_midpoint` did to the contacts."""
+    """Undoes the changes of `_midpoint` to the contacts."""
     for k in range(work.contacts):
         for column in range(NY + 1):
             work.step.C[k, column] = work.before[k, column]
@@ -125,7 +123,7 @@ def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWor
 
 @merged_kernel
 def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int, float]:
-    """One midpoint step from pose q, for contacts already found there, into `work.euler` and `work.step.V`.
+    """One midpoint step from pose q, with its contacts given, into `work.euler` and `work.step.V`.
 
     Returns the status and the difference between the Euler and the midpoint step [mm], or -1.
     """
@@ -167,7 +165,7 @@ def find_contacts(q: Array, margin: float, scratch: Scratch) -> None:
 
 @inlined_kernel
 def touching(work: SqueezeWork) -> bool:
-    """Whether a found contact keeps a finger from closing any further without moving the part."""
+    """Whether a contact keeps a finger from closing any further without moving the part."""
     C, I = work.step.C, work.step.I
     for k in range(work.contacts):
         if C[k, GAP] <= TOUCHING_MM and I[k, FINGER] * C[k, NY] < -LEAST_FACING:
@@ -211,7 +209,7 @@ def _overlaps(scratch: Scratch) -> bool:
 
 @inlined_kernel
 def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: float) -> float:
-    """How much nearer any vertex may have come to a finger along x or y [mm]: part from q to `trial`."""
+    """Distance [mm] by which any vertex may have approached a finger along x or y, from q to `trial`."""
     dx, dy = trial[0] - q[0], trial[1] - q[1]
     return float(max(abs(dx), step_top + dy, step_bottom - dy) + abs(trial[2] - q[2]) * body.reach)
 
@@ -220,11 +218,11 @@ def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: f
 def try_step(
     body: Body, size: float, margin: float, q: Array, scratch: Scratch
 ) -> tuple[int, float]:
-    """Tries a step of `size` [mm] from pose q (3,); returns what came of it and the next size.
+    """Tries a step of `size` [mm] from pose q (3,); returns its result and the next size.
 
-    The scratch holds the contacts at q, and those again where the step is to be retried. An accepted step
-    ends at its first event, if it has one; it leaves the new pose in `work.trial`, the boundary advanced, and
-    the contacts found there, with gaps of at most `margin` [mm].
+    The scratch holds the contacts at q, also after a step to be retried. An accepted step ends at its first
+    event, if any; it leaves the new pose in `work.trial`, the boundary advanced, and the contacts at the
+    new pose, with gaps of at most `margin` [mm].
     """
     work, boundary = scratch.work, scratch.work.boundary
     step = boundary.step

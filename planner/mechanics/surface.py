@@ -1,4 +1,4 @@
-"""Either limit surface, ellipsoid or convex quartic, in the form that the kernels take."""
+"""Limit surfaces of both kinds, ellipsoid or convex quartic, in the form for kernels."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,8 +18,8 @@ from planner.part.pressure import Kind, Support, even, stances, support
 Surface: TypeAlias = LimitSurface | QuarticSurface
 Fit: TypeAlias = Callable[[Array, Array, float], Surface]
 
-MIDDLE = 0.6  # size of the area that a part with a bulge presses on, as a share of its outline's
-FEET = 8  # how many sets of three feet, at most, stand for all that a part may stand on
+MIDDLE = 0.6  # size of the area under a part with a bulge, as a share of its outline's
+FEET = 8  # most sets of three feet that represent all possible ones
 
 
 def of_job(job: Job) -> Surface:
@@ -43,12 +43,12 @@ def _fitted(fit: Fit, held: Support, rho_mm: float) -> Surface:
 
 @lru_cache(maxsize=256)
 def _kept(fit: Fit, points: bytes, weights: bytes, rho_mm: float) -> Surface:
-    """All the worlds that a plan is tried in fit the same few pressures again."""
+    """Caches fits: all worlds that a plan is tried in fit the same few pressures again."""
     return fit(np.frombuffer(points).reshape(-1, 2), np.frombuffer(weights), rho_mm)
 
 
 def _forms_of(job: Job) -> list[Fit]:
-    """What fits a surface to points, their weights and rho: the form that the job wants, then any doubted."""
+    """Functions that fit a surface to points, weights and rho: for the job's form, then any doubted one."""
     forms: list[Fit] = [limit_surface.fit_ellipsoid, quartic_fit.fit_pressure]
     if job.pressure.limit_surface == "quartic":
         forms.reverse()
@@ -56,15 +56,15 @@ def _forms_of(job: Job) -> list[Fit]:
 
 
 def others_of(job: Job) -> tuple[Surface, ...]:
-    """The limit surfaces that a part may have instead, as the job doubts."""
+    """Alternative limit surfaces of a part, by the job's doubts."""
     rho = radius_of_gyration(job.part.outline_mm)
     return tuple(_fitted(fit, held, rho) for fit, held in latent_surfaces(job))
 
 
 def shares_of(job: Job) -> Array:
-    """Shares of the nominal surface and of `others_of`, where each way to press is as likely as another.
+    """Shares of the nominal surface and of `others_of`; every kind of pressure is equally likely.
 
-    All sets of three feet together are one way.
+    All sets of three feet together are one kind.
     """
     spread, feet = _other_pressures(job)
     shares = np.ones(1 + len(spread) + len(feet))
@@ -74,7 +74,7 @@ def shares_of(job: Job) -> Array:
 
 
 def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
-    """What `others_of` are fitted with and to: other pressures, other forms of the surface, or both."""
+    """Fits of `others_of` with their inputs: other pressures, other forms of the surface, or both."""
     doubt = job.doubt
     if job.pressure.limit_surface is None or (
         doubt.pressure == "stated" and doubt.limit_surface != "any"
@@ -86,7 +86,7 @@ def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
 
 
 def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
-    """Loads that are spread out, over the rim, the area and its middle; and sets of three feet."""
+    """Distributed loads, over the rim, the area and its middle; and sets of three feet."""
     pressure, outline, rng = job.pressure, job.part.outline_mm, np.random.default_rng(FEET)
     if job.doubt.pressure == "stated":
         return [], []
@@ -100,12 +100,12 @@ def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
 
 
 def nominal(surface: Surface) -> Array:
-    """The surface for a kernel: (3, 3) the ellipsoid's A, or (6, 6) the quartic's table of its Hessian."""
+    """A surface for kernels: (3, 3) the ellipsoid's A, or (6, 6) the quartic's table of its Hessian."""
     return surface.A if isinstance(surface, LimitSurface) else surface.hessian_table()
 
 
 def sample(surface: Surface, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
-    """Physically consistent random surfaces as `nominal`, n of them (paper IV: Wishart with `dof`)."""
+    """Draws n random surfaces about the nominal one, physically consistent (paper IV: Wishart with `dof`)."""
     if isinstance(surface, LimitSurface):
         return limit_surface.wishart(surface.A, dof, rng, n)
     return quartic.sample(surface, dof, rng, n)
@@ -117,8 +117,8 @@ def sample_each(
     """`sample` for each of n parts, about the surface that `which` (n,) numbers, with dof (n,).
 
     Returns:
-        (n, 3, 3) ellipsoids or (n, 6, 6) quartics, and None. Where both forms occur, (n, 6, 6) whose
-        (3, 3) corner an ellipsoid fills, and where (n,) it does.
+        (n, 3, 3) ellipsoids or (n, 6, 6) quartics, and None. If both forms occur: (n, 6, 6), where an
+        ellipsoid fills the (3, 3) corner, and a mask (n,) of the ellipsoids.
     """
     rows = [
         (number, np.flatnonzero(which == number)) for number in np.unique(which).tolist() or [0]

@@ -1,7 +1,7 @@
 """The step for either limit surface: one LCP for the ellipsoid, a sequence of them for the quartic.
 
 A convex quartic answers V = s A(F) F with A(F) = hess H(F) / 3 (Euler's theorem). The step is solved with A
-at the wrench before, until the wrench's direction stands still: a fixed point of eqs 1-5 (paper, IV.A:
+at the previous wrench until the wrench's direction converges: a fixed point of eqs 1-5 (paper, IV.A:
 "solving a sequence of LCP problems").
 """
 
@@ -13,10 +13,10 @@ from planner.mechanics.contacts import FN, FT, N2, NX, NY, T2
 from planner.mechanics.lcp import PIVOT_LIMIT, SOLVED
 from planner.mechanics.step import StepWork, rotate_surface, solve
 
-DIRECTION_TOLERANCE = 1e-6  # Change of the unit wrench at which the sequence has converged
+DIRECTION_TOLERANCE = 1e-6  # Change of the unit wrench at convergence
 MOST_ITERATIONS = 60
 DAMPED_FROM = 8
-"""From this iteration on the wrench moves half way: two modes of sliding may otherwise take turns."""
+"""Iteration from which the wrench moves half way: otherwise two modes of sliding may alternate."""
 
 
 @inner_kernel
@@ -40,7 +40,7 @@ def local_matrix(table: Array, F: Array, out: Array) -> None:
 
 @inner_kernel
 def _wrench(C: Array, count: int, c: float, s: float, F: Array) -> float:
-    """Unit wrench of all contact forces in the part's frame into `F` (3,); returns its former length."""
+    """Writes the unit wrench of all contact forces in the part's frame into `F` (3,); returns its length."""
     f0, f1, f2 = 0.0, 0.0, 0.0
     for k in range(count):
         fn, ft = C[k, FN], C[k, FT]
@@ -57,7 +57,7 @@ def _wrench(C: Array, count: int, c: float, s: float, F: Array) -> float:
 def solve_surface(
     surface: Array, c: float, s: float, mu_top: float, mu_bottom: float, count: int, work: StepWork
 ) -> int:
-    """Solves the step for a part turned by an angle of cosine c and sine s; otherwise as `step.solve`.
+    """Solves the step for a part turned by an angle of cosine c and sine s; see `step.solve`.
 
     The surface is (3, 3) the ellipsoid's matrix, or (6, 6) the quartic's table, in the part's frame; `work.A`
     receives the matrix of the last LCP. A quartic starts from the wrench `work.F`, which receives the last

@@ -1,7 +1,7 @@
-"""What stays the same in all squeezes of one part, whatever the plan believed: traits of part and cell.
+"""Traits: latent parameters of part and cell that stay the same in all squeezes of a part.
 
-Traits are a structured array with a row for each particle or part. A further trait is a further field, and
-what it does belongs where it acts: in `Simulator.sample`, in `belief.transition` or in both.
+Traits are a structured array with a row for each particle or part. A new trait is a new field; its effect
+belongs in `Simulator.sample`, in `belief.transition` or in both.
 """
 
 from collections.abc import Iterable, Iterator
@@ -13,27 +13,27 @@ from numpy.typing import NDArray
 from planner.arrays import Array, BoolArray, IntArray
 from planner.part.outline import offsets, reach
 
-WAVES = 3  # of the deviations along a contour, the longest once around
+WAVES = 3  # number of wavelengths along a contour, the longest once around
 FRESH = -1.0
 SHAPES = 2 + 2 * WAVES
 
 TRAITS = np.dtype(
     [
-        ("hypothesis", np.int64),  # which of the job's parts it is
+        ("hypothesis", np.int64),  # hypothesis
         ("friction", np.float64),  # between fingers and part; `FRESH`: drawn anew for every squeeze
         (
             "share",
             np.float64,
-        ),  # what the upper finger makes of the closing, more than its share in the job
-        ("surface", np.int64),  # which of the simulator's limit surfaces
+        ),  # added to the upper finger's share of the closing
+        ("surface", np.int64),  # number of the limit surface in the simulator
         ("dof", np.int64),  # degrees of freedom of that surface's scatter; 0: those of the job
         ("deviation", np.float64, SHAPES),  # of the outline, for each of `shapes` [mm]
         ("encoder_mm", np.float64),  # added to every width before it is read
-        ("gain", np.float64),  # of the encoder: so much of a width is added to it
+        ("gain", np.float64),  # error of the encoder in proportion to the width
         (
             "across_mm",
             np.float64,
-        ),  # how far the hand stands off its place, along the closing direction
+        ),  # distance of the hand from its place, along the closing direction
     ]
 )
 Traits: TypeAlias = NDArray[np.void]
@@ -47,7 +47,7 @@ def as_planned(n: int) -> Traits:
 
 
 def joined(pieces: Iterable[Traits]) -> Traits:
-    """The traits of several groups of parts, one after the other.
+    """Joins the traits of several groups of parts.
 
     Joined as bytes: numpy would compare the fields of each group first, which takes longer than the copy.
     """
@@ -56,7 +56,7 @@ def joined(pieces: Iterable[Traits]) -> Traits:
 
 
 def ordinary(traits: Traits) -> BoolArray:
-    """Where (n,) nothing changes how a part moves in the hand."""
+    """Mask (n,) of the parts whose mechanics are as planned."""
     moved = (
         (traits["hypothesis"] != 0)
         | (traits["share"] != 0.0)
@@ -68,7 +68,7 @@ def ordinary(traits: Traits) -> BoolArray:
 
 
 def by_hypothesis(traits: Traits) -> Iterator[tuple[int, slice | IntArray]]:
-    """Each hypothesis that occurs, and its rows; all at once where there is but the first."""
+    """The hypotheses that occur, with their rows; one slice if there is only the first."""
     which = traits["hypothesis"]
     if not which.any():
         yield 0, slice(None)
@@ -78,22 +78,22 @@ def by_hypothesis(traits: Traits) -> Iterator[tuple[int, slice | IntArray]]:
 
 
 def hypothesis_alone(traits: Traits) -> Traits:
-    """Traits (n,) of the same parts in a world without anything off."""
+    """Traits (n,) of the same hypotheses with nothing off."""
     same = as_planned(len(traits))
     same["hypothesis"] = traits["hypothesis"]
     return same
 
 
 def with_hypothesis(poses: Array, traits: Traits) -> Array:
-    """Poses (n, 3) and, where another than the first hypothesis occurs, that as a fourth column."""
+    """Poses (n, 3), with the hypothesis as a fourth column if any is not the first."""
     which = traits["hypothesis"]
     return np.column_stack([poses, which]) if which.any() else poses
 
 
 def shapes(outline: Array) -> Array:
-    """How vertices (N, 2) move for 1 mm of each deviation, (SHAPES, N, 2).
+    """Motion (SHAPES, N, 2) of vertices (N, 2) for 1 mm of each deviation.
 
-    All edges outwards; larger by scale, 1 mm at the farthest vertex; waves along the contour, two of each.
+    All edges outwards; scaling, 1 mm at the farthest vertex; waves along the contour, two of each length.
     """
     outwards = offsets(outline)
     lengths = np.hypot(*(np.roll(outline, -1, axis=0) - outline).T)

@@ -1,1 +1,1 @@
-"""The paper as printed, for `method = "paper"`, and Goldberg's sensorless plans to compare with."""
+"""The paper's method as printed, for `method = "paper"`, and Goldberg's sensorless plans for comparison."""

@@ -1,4 +1,4 @@
-"""What the theory without sensors achieves: Goldberg's squeeze plan in the worlds that ours are judged in."""
+"""Baseline: Goldberg's sensorless squeeze plan, evaluated in the same worlds as the planner's."""
 
 import math
 from functools import partial
@@ -29,23 +29,23 @@ WIDTH_DIGITS = 1  # of a mm: parts of equal widths take equally long
 
 
 class Achieved(NamedTuple):
-    """What the plan does in one world."""
+    """Results of the plan in one world."""
 
     oriented: (
-        float  # share that ends within `ORIENTED_DEG` of the angle in theory, modulo the period
+        float  # share that ends within `ORIENTED_DEG` of the predicted angle, modulo the period
     )
-    located: float  # share within the job's goal of the pose(s) that most are within it of
+    located: float  # share within the job's goal of the best pose(s)
     located_modulo: float  # the same, modulo the plan's period
     seconds: float  # a part, by the table's model of time
 
 
 class Baseline(NamedTuple):
-    """The sensorless plan of a job, and what it comes to."""
+    """The sensorless plan of a job, and its results."""
 
     plan: SqueezePlan  # the squeezes
-    bound: int  # 2 n - 1 for a hull of n vertices, the most it could take
+    bound: int  # upper bound: 2 n - 1 for a hull of n vertices
     real: Achieved  # in the job's stochastic contact world
-    ideal: Achieved  # the same with long jaws and no friction: only the order of touching is left
+    ideal: Achieved  # the same with long jaws and no friction: only the order of contacts matters
     trials: int  # number of parts in both
 
     def figures(self) -> dict[str, Any]:

@@ -1,12 +1,12 @@
 """OpenLoopSearch and OpenLoopSearchBFSExpand: Algorithms 2 and 3 of the paper, as printed.
 
-A breadth-first search over sequences of actions, blind to what the squeezes would show. Four readings:
+A breadth-first search over sequences of actions, without the outcomes of squeezes. Four interpretations:
 
 - "while subtree depth < d" bounds the expansion: sequences of length d are judged, not expanded.
-- Ties go to the sequence found first. The root is no sequence: some action is found even if none gains.
+- Ties go to the first sequence. The root is no sequence: the result has an action even if none gains.
 - Algorithm 3 keeps a successor if r > alpha E.r, the text of VI drops one below alpha of its parent's. Where
-  both are 0, as for a belief of two modes, the print would end the tree at once, so the text is followed.
-- CollisionFree asks of the whole belief. A learned detector errs, so a small share is let through
+  both are 0, as for a belief of two modes, the printed form would end the tree at once, so the text is used.
+- CollisionFree tests the whole belief. A learned detector errs, so a small share is tolerated
   (`COLLIDING_SHARE`).
 """
 
@@ -24,13 +24,13 @@ from planner.paper.sensor import CollisionTree
 Motion: TypeAlias = Callable[[Array, np.random.Generator], Array]
 """ForwardMotionModel-KCDE: draws final poses for initial ones, both (n, 3) in the hand frame."""
 ALPHA = 0.75
-"""A sequence is dropped where its last action takes the singleton ratio below this share of what it was."""
+"""Share of its singleton ratio that a sequence must keep in its last action."""
 COLLIDING_SHARE = 0.005
-"""Share of the belief that may lie under an open finger of an action that counts as free of collision."""
+"""Share of the belief that may lie under an open finger of a collision-free action."""
 
 
 class Sequence(NamedTuple):
-    """A sequence of actions and what it comes to."""
+    """A sequence of actions and its result."""
 
     actions: tuple[
         int, ...
@@ -39,7 +39,7 @@ class Sequence(NamedTuple):
 
 
 class _Element(NamedTuple):
-    """An element of the queue: `poses` is empty where nothing will be expanded from it."""
+    """An element of the queue; `poses` is empty where it will not be expanded."""
 
     poses: Array
     ratio: float
@@ -56,13 +56,13 @@ class OpenLoop:
     ratio: Callable[[Array], float]  # singleton ratio of a belief (n, 3)
     depth: int  # d, the longest sequence
     alpha: float = ALPHA  # share of its ratio that a belief must keep
-    enough: float = 2.0  # a sequence that exceeds this ratio ends the search; above 1, none does
+    enough: float = 2.0  # a sequence above this ratio ends the search; above 1, none does
     budget: int | None = (
         None  # beliefs expanded before the search ends, in place of the paper's time limit
     )
 
     def search(self, poses: Array, rng: np.random.Generator) -> Sequence:
-        """Algorithm 2 up to a*, for particles (n, 3) in the world: the sequence of largest ratio."""
+        """The sequence of largest ratio for particles (n, 3) in the world: Algorithm 2 up to a*."""
         queue = deque([_Element(poses, self.ratio(poses), ())])
         best, expanded = Sequence((), -np.inf), 0
         while queue and best.ratio <= self.enough:
@@ -81,7 +81,7 @@ class OpenLoop:
         return bool(self.collision.collides(to_hand(poses, placement)).mean() <= COLLIDING_SHARE)
 
     def moved(self, poses: Array, placement: Array, rng: np.random.Generator) -> Array:
-        """ForwardMotionModel-KCDE(X, a), poses (n, 3) in the world."""
+        """Poses (n, 3) in the world after an action: ForwardMotionModel-KCDE(X, a)."""
         return to_world(self.motion(to_hand(poses, placement), rng), placement)
 
     def _expand(self, element: _Element, rng: np.random.Generator) -> Iterator[_Element]:
@@ -93,5 +93,5 @@ class OpenLoop:
             poses = self.moved(element.poses, placement, rng)
             ratio = self.ratio(poses)
             if ratio >= self.alpha * element.ratio:
-                # The last level is judged only; kept whole, its beliefs would fill the memory.
+                # The last level is only judged; keeping its beliefs would fill the memory.
                 yield _Element(poses[:0] if last else poses, ratio, (*element.actions, action))

@@ -1,4 +1,4 @@
-"""A job planned by the paper's method: roll-outs, learned models, and Algorithm 1."""
+"""Plans a job by the paper's method: roll-outs, learned models, and Algorithm 1."""
 
 from functools import partial
 
@@ -20,9 +20,9 @@ from planner.work.progress import Report, silent
 def plan_paper(job: Job, simulator: Simulator, report: Report = silent) -> Node:
     """Plans a job with method "paper" or "sensorless".
 
-    The paper's own numbers are used throughout: of the job's [search] only the method, the particles and the
-    longest path count; of its [actions] the angles and centres. The tree has one node if no first squeeze is
-    free of collision, or none keeps the ratio.
+    The constants are the paper's: of the job's [search] only the method, the particles and the longest path
+    are used; of its [actions] the angles and centres. The tree has one node if no first squeeze is free of
+    collision, or none keeps the ratio.
     """
     rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, report)
     encoder, rho_mm = encoder_of(job), radius_of_gyration(job.part.outline_mm)

@@ -1,8 +1,8 @@
-"""Projection of particles onto the subspace that their width stands for (paper V.C).
+"""Projection of particles onto the subspace of their width (paper V.C).
 
-A motion model that blurs leaves particles beside the poses that two fingers can hold a part in. The subspaces
-are kept as the final poses of roll-outs, and a particle moves to the nearest of its own subspace. Free space
-has all three dimensions, so nothing is moved there.
+A motion model that blurs leaves particles beside the poses that two fingers can hold a part in. The
+subspaces are kept as the final poses of roll-outs, and a particle moves to the nearest of its own subspace.
+Free space has all three dimensions, so particles there stay.
 """
 
 from __future__ import annotations
@@ -20,27 +20,25 @@ from planner.learned.neighbours import wrap_up
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-STILL_MM = 1e-6  # A particle this near to a stored pose is that pose already
+STILL_MM = 1e-6  # Distance below which a particle is already at a stored pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
     """The subspaces of one part, as final poses in the hand frame."""
 
-    stored: dict[
-        int, tuple[Array, cKDTree]
-    ]  # by subspace: the poses (n_k, 3) seen in it, and their tree
+    stored: dict[int, tuple[Array, cKDTree]]  # by subspace: its poses (n_k, 3) and their k-d tree
     rho_mm: float  # what one radian weighs
     order: int  # rotational order of the part
 
     @classmethod
     def fit(cls, final: Array, label: IntArray, rho_mm: float, order: int) -> Self:
-        """Stores final poses (n, 3) in the hand frame by the subspaces (n,) that `Subspaces.label` says.
+        """Stores final poses (n, 3) in the hand frame by their subspaces (n,), from `Subspaces.label`.
 
         Raises:
             ValueError: a subspace has no pose, though one with a higher number has.
         """
-        from scipy.spatial import cKDTree  # a tenth of what a command takes to start
+        from scipy.spatial import cKDTree  # importing scipy takes a tenth of a command's start-up
 
         stored = {}
         for k in range(1, int(label.max(initial=0)) + 1):
@@ -56,7 +54,7 @@ class Projection:
     def project(self, poses: Array, label: IntArray) -> Array:
         """BeliefUpdateProjection: the nearest stored poses for particles (n, 3) of subspaces `label` (n,).
 
-        At that of their equal angles which is nearest to the particle's; free particles stay. Idempotent.
+        Of symmetric angles, the one nearest to the particle's is used; free particles stay. Idempotent.
         """
         result = np.array(poses, dtype=np.float64)
         for k, (stored, tree) in self.stored.items():

@@ -30,23 +30,23 @@ from planner.search.tree import Action, Node, Progress, Squeeze
 Path: TypeAlias = tuple[int, ...]  # the branches taken on the way to a node
 PRINTED_ORDER = 2  # The paper maps theta to [cos 2 theta, sin 2 theta]
 METHODS = ("paper", "sensorless")
-"""Algorithm 1, and a whole open-loop sequence without any branching."""
+"""Algorithm 1, and a whole open-loop sequence without branching."""
 TOLERANCES = (2.5, 2.5, math.radians(5.0))
-"""Plus and minus each of these about the average pose (paper, VII): x, y [mm] and theta [rad]."""
+"""Half-widths of the box about the average pose (paper, VII): x, y [mm] and theta [rad]."""
 SINGLETON_SHARE = 0.95  # r_s
 MOST_SEQUENCES = 500
 DEEPEST = 3
 SENSORLESS_DEPTH = 5
 SENSORLESS_BUDGET = 400
-"""Beliefs expanded; four actions and five squeezes need 341, and the paper found no gain beyond four."""
+"""Beliefs expanded; four actions and five squeezes need 341, and the paper saw no gain beyond four."""
 
 
 def singleton(poses: Array, order: int, box: Sequence[float] = TOLERANCES) -> Mode:
     """SingletonRatio(X, eps) as printed (VI.1): the average of particles (m, 3), and the share near it.
 
-    Averaged are x, y, cos(n theta) and sin(n theta), n the order; near is within the box of plus and minus x,
-    y [mm] and theta [rad]. The average of two modes lies between them, so its ratio is near 0 whatever one
-    does: `planner.belief.metric` has the mode ratio that the default method uses instead.
+    The average is over x, y, cos(n theta) and sin(n theta), n the order; near means within a box of
+    half-widths x, y [mm] and theta [rad]. The average of two modes lies between them, so the ratio is
+    always near 0; the default method uses the mode ratio of `planner.belief.metric` instead.
     """
     turned = order * poses[:, 2]
     theta = math.atan2(np.sin(turned).mean(), np.cos(turned).mean()) / order
@@ -57,7 +57,7 @@ def singleton(poses: Array, order: int, box: Sequence[float] = TOLERANCES) -> Mo
 
 
 class Models(NamedTuple):
-    """What is learned from the roll-outs before planning (paper VI, pre-planning steps 1 and 2)."""
+    """Models learned from the roll-outs before planning (paper VI, pre-planning steps 1 and 2)."""
 
     motion: Motion
     sensor: SensorModel
@@ -71,7 +71,7 @@ def learn(
 ) -> Models:
     """Fits all models to roll-outs, of which some touch the part and some collide with it.
 
-    `rho_mm` is what one radian weighs, `order` the part's rotational order.
+    One radian counts as `rho_mm`; `order` is the part's rotational order.
 
     Raises:
         ValueError: no roll-out touches the part, or there are too few.
@@ -91,25 +91,25 @@ def learn(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PaperPlanner:
-    """Grows trees as the paper does."""
+    """Grows trees by the paper's algorithm."""
 
     placements: Array  # (k, 3) the actions: the hand frame in the world
-    models: Models  # what moves and observes beliefs
+    models: Models  # moves and observes beliefs
     encoder: Encoder  # turns expected widths into readings
     clearance: Callable[
         [Array, Array], float
-    ]  # open fingers at (3,) from poses (n, 3) [mm], < 0: collide
+    ]  # clearance of open fingers at (3,) from poses (n, 3) [mm], < 0: collision
     method: str = "paper"  # one of `METHODS`
     depth: int = DEEPEST  # d, the longest open-loop sequence
     max_depth: int = 12  # longest path of the tree, which the paper does not bound [squeezes]
     order: int = PRINTED_ORDER  # the part's rotational order; the paper's parts have 2
 
     def plan(self, belief: Array, seed: list[int], progress: Progress | None = None) -> Node:
-        """ExpandTree(C, eps, r_s, d) from particles (n, 3) in the world, breadth first, not recursive.
+        """ExpandTree(C, eps, r_s, d) from particles (n, 3) in the world, breadth first instead of recursive.
 
         A leaf whose ratio is not above r_s could not be expanded: no action was free of collision and kept
-        the ratio, or the path was too long. Every node draws from a
-        stream named after the seed and the branches on its way.
+        the ratio, or the path was too long. The random
+        stream of a node is seeded by the seed and the branches on its way.
         """
         root = Node(Belief.of(belief), 1.0, singleton(belief, self.order))
         waiting, done = deque[tuple[Node, Path]]([(root, ())]), 0
@@ -125,7 +125,7 @@ class PaperPlanner:
         return root
 
     def _expanded(self, node: Node, rng: np.random.Generator) -> list[Node]:
-        """Acts on a node; returns the nodes at the ends of what was added, for further expansion."""
+        """Gives a node an action; returns the new nodes for further expansion."""
         actions = self._search(self.max_depth - node.depth).search(node.belief.poses, rng).actions
         if self.method == "sensorless":
             for action in actions:
@@ -155,7 +155,7 @@ class PaperPlanner:
     def _squeezed(
         self, node: Node, placement: Array, rng: np.random.Generator, branching: bool
     ) -> list[Node]:
-        """Gives a node its action, and a child for each observation or one that every width leads to."""
+        """Gives a node its action, with a child for each observation, or one for all widths."""
         hand = self.models.motion(to_hand(node.belief.poses, placement), rng)
         width = self.models.sensor.predict(hand)
         subspace = np.zeros(len(width), np.int64)
@@ -185,7 +185,7 @@ def nearest_observation(
     """The paper's rule at run time: the child with the closest expected observation, whatever the width.
 
     Particles (n,) have an expected width [mm] and a subspace; subspaces whose mean widths fall on one reading
-    become one child: no reading could lead to the other. Returns the children's cells, which share out all
+    become one child, since no reading distinguishes them. Returns the children's cells, which share out all
     readings, and each particle's child (n,).
     """
     counts = np.clip(encoder.steps - width_mm / encoder.mm_per_step, 0, encoder.steps)
@@ -204,5 +204,5 @@ def nearest_observation(
 
 
 def search_depth(actions: int) -> int:
-    """The paper's d, which it does not print: up to 3, as long as that makes few enough sequences."""
+    """The paper's d, which it does not state: up to 3, while the sequences stay few enough."""
     return next((d for d in range(DEEPEST, 1, -1) if actions**d <= MOST_SEQUENCES), 1)

@@ -1,6 +1,7 @@
 """The sensor model and the collision detector (paper V.B): decision trees over poses.
 
-The trees see x, y and the angle as (cos n theta, sin n theta), n the part's rotational order: without a seam.
+The trees use x, y and the angle as (cos n theta, sin n theta), n the part's rotational order, which has no
+seam.
 """
 
 from __future__ import annotations
@@ -28,14 +29,14 @@ class SensorModel:
 
     @classmethod
     def fit(cls, final: Array, width_mm: Array, order: int) -> Self:
-        """Learns from final poses (n, 3) in the hand frame and the widths (n,) seen there [mm].
+        """Learns from final poses (n, 3) in the hand frame and their widths (n,) [mm].
 
         Raises:
             ValueError: there are fewer than `LEAST_ROLLOUTS` roll-outs.
         """
         from sklearn.tree import (
             DecisionTreeRegressor,
-        )  # takes two seconds; most plans learn nothing
+        )  # importing sklearn takes two seconds; most plans learn nothing
 
         if len(final) < LEAST_ROLLOUTS:
             raise ValueError(f"{len(final)} roll-outs are too few for a sensor model; ask for more")
@@ -49,17 +50,17 @@ class SensorModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CollisionTree:
-    """CollisionFree-DecisionTree: what roll-outs found. The planner itself goes by `mechanics.clearance`."""
+    """CollisionFree-DecisionTree, learned from roll-outs. The default planner uses `mechanics.clearance`."""
 
     tree: DecisionTreeClassifier
     order: int
 
     @classmethod
     def fit(cls, initial: Array, stands: BoolArray, order: int) -> Self:
-        """Learns from initial poses (n, 3) where an open finger stands on the part (n,)."""
+        """Learns from initial poses (n, 3) and whether an open finger stands on the part (n,)."""
         from sklearn.tree import (
             DecisionTreeClassifier,
-        )  # takes two seconds; most plans learn nothing
+        )  # importing sklearn takes two seconds; most plans learn nothing
 
         tree = DecisionTreeClassifier(random_state=0)
         return cls(tree.fit(features(initial, order), stands), order)
@@ -70,7 +71,7 @@ class CollisionTree:
 
 
 def features(poses: Array, order: int) -> NDArray[np.float32]:
-    """What the tree splits on: (n, 4) x, y, cos and sin of the angle under the symmetry."""
+    """Features of the trees: (n, 4) x, y, cos and sin of the angle under the symmetry."""
     turned = order * poses[:, 2]
     columns = [poses[:, 0], poses[:, 1], np.cos(turned), np.sin(turned)]
     return np.column_stack(columns).astype(np.float32)

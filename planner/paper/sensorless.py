@@ -1,14 +1,14 @@
 """Orienting a part without sensors: the frictionless squeeze plan of Goldberg (1993), Algorithmica 10.
 
-The width function tells how far apart two parallel jaws stand that both touch the part. Its argument is the
+The width function is the distance of two parallel jaws that both touch the part. Its argument is the
 closing direction phi in the part's frame: a part at angle theta in the hand frame, where the jaws close along
 y, has phi = pi / 2 - theta. The period is pi. Between the normals of the hull's edges two fixed vertices
 touch: maxima lie within such an arc and minima at its ends.
 
 Jaws that are long and frictionless and touch at once turn the part until its width is at a local minimum. The
 squeeze function maps each closing direction to that minimum: it is constant between two maxima of the width.
-A plan is a list of intervals of directions, each of which one squeeze takes into the next narrower one; it is
-found backwards, in O(n^2).
+A plan is a list of intervals of directions; one squeeze takes each into the next narrower one. It is built
+backwards, in O(n^2).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class WidthFunction:
         return np.abs(chord[..., 0] * np.cos(reduced) + chord[..., 1] * np.sin(reduced))
 
     def extrema(self, ripple_mm: float = 0.0) -> tuple[Array, Array]:
-        """The minima and maxima that are left when ripples shallower than `ripple_mm` are smoothed out.
+        """The minima and maxima that remain when ripples shallower than `ripple_mm` are smoothed out.
 
         A curve drawn as a polygon may have a minimum at an edge and a maximum at a vertex, a few micrometres
         apart. The shallowest pair goes first; at least one minimum and one maximum are kept.
@@ -90,7 +90,7 @@ def _extrema(knots: Array, chords: Array) -> tuple[Array, Array]:
 
 
 def _reduced(direction: Array) -> Array:
-    """Directions in [0, pi); what rounding put just below pi is 0."""
+    """Reduces directions to [0, pi); those just below pi by rounding become 0."""
     reduced = np.mod(direction, math.pi)
     return np.where(reduced > math.pi - FLUSH_RAD, 0.0, reduced)
 
@@ -101,22 +101,22 @@ def _slope(chords: Array, directions: Array) -> Array:
 
 
 RIPPLE_MM = (
-    0.05  # Minima of the width shallower than this hold no part: the facets of a sampled curve
+    0.05  # Depth below which minima of the width are facets of a sampled curve, which hold no part
 )
-ALIKE_RAD = 1e-6  # Steps of the squeeze function that differ by less are equal
+ALIKE_RAD = 1e-6  # Difference below which steps of the squeeze function are equal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SqueezeFunction:
-    """Where a frictionless squeeze takes a closing direction: a step function."""
+    """Maps a closing direction to that after a frictionless squeeze: a step function."""
 
     maxima: Array  # (k,) directions where a step begins, in one period, rising
-    minima: Array  # (k,) where each step leads, between its maximum and the next
-    period: float  # the function repeats, turned along, after this angle: pi, or less for a symmetric hull
+    minima: Array  # (k,) value of each step, between its maximum and the next
+    period: float  # period of the function, up to a rotation: pi, or less for a symmetric hull
 
     @classmethod
     def of(cls, outline: Outline, ripple_mm: float = RIPPLE_MM) -> Self:
-        """The squeeze function of a part (N, 2) [mm]; minima shallower than `ripple_mm` are left out."""
+        """The squeeze function of a part (N, 2) [mm], without minima shallower than `ripple_mm`."""
         minima, maxima = width_function(outline).extrema(ripple_mm)
         if minima[0] < maxima[0]:
             minima = np.append(minima[1:], minima[0] + math.pi)
@@ -132,7 +132,7 @@ class SqueezeFunction:
         return np.asarray(self.minima[np.maximum(step, 0)] + turns * self.period)
 
     def intervals(self) -> list[Interval]:
-        """All runs of steps, from every maximum to every later one, a period at most."""
+        """All runs of steps, from every maximum to every later one, at most one period."""
         k = len(self.maxima)
         starts = np.concatenate([self.maxima, self.maxima + self.period])
         ends = np.concatenate([self.minima, self.minima + self.period])
@@ -156,25 +156,25 @@ class Interval(NamedTuple):
     """A run of steps of the squeeze function."""
 
     start: float  # direction at which it begins
-    length: float  # how far it goes
-    image: float  # least direction it is squeezed to
-    spread: float  # length of the smallest interval that holds all it is squeezed to
+    length: float  # its length
+    image: float  # least direction of its image
+    spread: float  # length of the smallest interval that contains its image
 
 
 class SqueezePlan(NamedTuple):
     """A sensorless plan."""
 
     angles: Array  # (k,) of the hand in the world, one for each squeeze, the first one 0 [rad]
-    final: float  # angle of the part in the world after the last one, if the theory holds, modulo `period`
-    period: float  # what the plan cannot tell apart: pi, or less for a symmetric hull [rad]
-    slack: float  # least margin of an intermediate direction to where it would go elsewhere [rad]
+    final: float  # final angle of the part in the world by the theory, modulo `period`
+    period: float  # period of the ambiguity: pi, or less for a symmetric hull [rad]
+    slack: float  # least distance of an intermediate direction from the end of its interval [rad]
 
 
 def chain(function: SqueezeFunction) -> list[Interval]:
-    """The plan's intervals, the widest first: a whole period, and at last a single step.
+    """The plan's intervals, the widest first: from a whole period to a single step.
 
-    Backwards (Goldberg 1993): begin with the widest single step; as long as it is no whole period, put the
-    widest interval before it that is squeezed to less than its length.
+    Backwards (Goldberg 1993): start with the widest single step; until it is a whole period, prepend the
+    widest interval whose image is shorter than it.
     """
     intervals = function.intervals()
     whole = function.period - ALIKE_RAD
@@ -185,7 +185,7 @@ def chain(function: SqueezeFunction) -> list[Interval]:
         best = max(wider, key=lambda i: (i.length, -i.spread))
         if (
             best.length <= target + ALIKE_RAD
-        ):  # does not happen, by his theorem, but for steps alike to 1e-6
+        ):  # impossible by his theorem, except for steps equal to 1e-6
             break
         results.append(best)
     return results[::-1]

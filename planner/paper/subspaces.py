@@ -1,4 +1,4 @@
-"""The subspaces of final poses that a width stands for (paper V.A, Fig. 4), from all roll-outs of a part.
+"""Subspaces of final poses by width (paper V.A, Fig. 4), from all roll-outs of a part.
 
 k-means on the widths, as in the paper. k is the smallest number of clusters that explains nearly all of the
 variance of the held widths; for the paper's rectangle that is its k of 4. Clusters that the encoder cannot
@@ -14,25 +14,23 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.belief.observation import HOLE, Encoder, cut, resolution_of
 
-EXPLAINED = 0.97  # Share of the variance of held widths that lies between subspaces
-BIN_MM = 0.05  # Widths nearer than that are the same: finer than the simulator's step resolves
-ONE_WIDTH_MM = 0.1  # Root mean square spread at which a cluster is one width, and needs no cutting
+EXPLAINED = 0.97  # Least share of the variance of held widths between subspaces
+BIN_MM = 0.05  # Distance below which widths are the same: finer than the simulator's step resolves
+ONE_WIDTH_MM = 0.1  # Root mean square spread at which a cluster is one width and is not cut
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subspaces:
-    """Clusters of widths in rising order; the first is free space, even where no roll-out ended there."""
+    """Clusters of widths in ascending order; the first is free space, even if no roll-out ended there."""
 
     low_mm: Array  # (k,) least width in each
     mean_mm: Array  # (k,) mean width
     high_mm: Array  # (k,) greatest width
     size: IntArray  # (k,) roll-outs that ended in it
     edges_mm: Array  # (k - 1,) widths between neighbours
-    merged_mm: (
-        Array  # (m, 2) mean widths of the pairs of clusters that were made one, narrower first
-    )
-    apart_mm: float  # least distance of two mean widths that the encoder tells apart
-    overlooked: int  # roll-outs that ended held at a width that reads like an empty hand; they count as free
+    merged_mm: Array  # (m, 2) mean widths of the pairs of clusters that were merged, narrower first
+    apart_mm: float  # least distance of mean widths that the encoder distinguishes
+    overlooked: int  # held roll-outs with the reading of an empty hand; they count as free
 
     def __len__(self) -> int:
         return len(self.mean_mm)
@@ -55,7 +53,7 @@ class Subspaces:
         ]
 
     def notes(self) -> list[str]:
-        """What was merged or overlooked, a sentence each."""
+        """Merged and overlooked clusters, one sentence each."""
         sentences = [
             f"widths about {a:.2f} and {b:.2f} mm are one subspace: they are {b - a:.2f} mm apart, and the "
             f"encoder tells {self.apart_mm:.2f} mm apart"
@@ -98,7 +96,7 @@ def subspaces_of(width_mm: Array, encoder: Encoder) -> Subspaces:
 def _held_groups(
     held: Array, opening_mm: float, apart_mm: float, within: float
 ) -> tuple[list[Array], Array]:
-    """The widths (n,) of held parts, cluster by cluster in rising order, and the merged means (m, 2)."""
+    """The widths (n,) of held parts by cluster, in ascending order, and the merged means (m, 2)."""
     if not len(held):
         return [], np.empty((0, 2))
     bins = int(opening_mm / BIN_MM) + 1

@@ -16,21 +16,21 @@ from runtime.shell.errors import InputError
 
 Outline: TypeAlias = Array
 
-REPEAT_MM = 1e-6  # Vertices closer than this are one vertex written twice
+REPEAT_MM = 1e-6  # Distance below which vertices are one vertex written twice
 
 CENTRED = 1e-6
-"""An outline is centred if its centroid is this close to the origin, as a fraction of its reach."""
+"""Distance of a centred outline's centroid from the origin, as a fraction of its reach."""
 
 
 class Canonical(NamedTuple):
-    """A checked outline and where it came from."""
+    """A checked outline and its shift from the drawing."""
 
     outline_mm: Outline  # (N, 2), counter-clockwise, area centroid at the origin, read-only
-    shift_mm: Array  # (2,), what was added to the drawing's coordinates
+    shift_mm: Array  # (2,), added to the drawing's coordinates
 
 
 def canonical(points: ArrayLike) -> Canonical:
-    """Checks an outline (N, 2) as drawn [mm], turns it counter-clockwise and centres its area.
+    """Checks an outline (N, 2) as drawn [mm], makes it counter-clockwise and centres its area.
 
     The first vertex stays the first.
 
@@ -54,7 +54,7 @@ def checked(points: ArrayLike) -> Outline:
     """Checks an outline (N, 2) that claims to be canonical [mm]; does not move it by a rounding error.
 
     Raises:
-        InputError: as `canonical`, or the outline is clockwise or off centre.
+        InputError: see `canonical`; or the outline is clockwise or off centre.
     """
     vertices = _vertices(points)
     _check_simple(vertices)
@@ -90,7 +90,7 @@ def radius_of_gyration(outline: Outline) -> float:
     """The radius of gyration of the enclosed area about the origin, mm.
 
     This is the rho of the paper's metric (eq. 9) and of its normalised pose (V.B): a property of the part
-    alone, whatever the pressure under it. For a rectangle a x b it is sqrt((a^2 + b^2) / 12).
+    alone, independent of the pressure. For a rectangle a x b it is sqrt((a^2 + b^2) / 12).
     """
     following = np.roll(outline, -1, axis=0)
     squares = (outline**2 + outline * following + following**2).sum(axis=1)
@@ -109,7 +109,7 @@ def width(outline: Outline, angle: float) -> float:
 
 
 def min_width(outline: Outline) -> float:
-    """The least extent over all directions, mm: the narrowest jaws the outline passes between.
+    """The least extent over all directions, mm: the narrowest jaws that the outline fits between.
 
     The minima lie where one jaw is flush on an edge of the convex hull (Goldberg's diameter function, the
     paper's reference [12]).
@@ -179,7 +179,7 @@ def _check_simple(vertices: Outline) -> None:
 
 
 def offsets(outline: Outline) -> Array:
-    """How each vertex (N, 2) moves for every mm that all edges move outwards: along the mitre."""
+    """Motion of each vertex (N, 2) for every mm that all edges move outwards: along the mitre."""
     edges = np.roll(outline, -1, axis=0) - outline
     after = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(*edges.T)[:, None]
     before = np.roll(after, 1, axis=0)
@@ -193,10 +193,10 @@ def grown(outline: Outline, mm: float) -> Outline:
 
 
 def simplified(outline: Outline, tolerance_mm: float) -> Outline:
-    """The outline without the vertices that lie within a tolerance of the rest (Douglas and Peucker 1973).
+    """The outline without vertices that lie within a tolerance of the rest (Douglas and Peucker 1973).
 
-    The result is simple, and no point of the one outline is further than the tolerance from the other; 0
-    leaves out collinear vertices only.
+    The result is simple, and each outline lies within the tolerance of the other; 0 removes collinear
+    vertices only.
     """
     ring = shapely.Polygon(outline).simplify(tolerance_mm, preserve_topology=True)
     result: Outline = shapely.get_coordinates(shapely.orient_polygons(ring))[:-1]
@@ -204,7 +204,7 @@ def simplified(outline: Outline, tolerance_mm: float) -> Outline:
     return result
 
 
-LEAST_TURN_DEG = 0.05  # below, a drawing is called straight
+LEAST_TURN_DEG = 0.05  # below, a drawing counts as straight
 
 
 class Rectangle(NamedTuple):

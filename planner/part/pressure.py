@@ -1,4 +1,4 @@
-"""How the part presses on the table: the distribution that friction with the table is integrated over.
+"""Pressure of the part on the table: the distribution over which friction with the table is integrated.
 
 Everything is in the part's frame, whose origin is the outline's centroid. The centre of pressure need not lie
 there: then forces and torques are coupled in the limit surface.
@@ -18,10 +18,10 @@ from planner.part.outline import Outline, convex_hull
 Kind = Literal["boundary", "uniform", "points", "identified", "stated"]
 
 CELLS = 400
-"""Pieces that a boundary or an area is cut into at least: 0.1 % in the friction integral, or better."""
+"""Least number of pieces of a boundary or an area: 0.1 % in the friction integral, or better."""
 HULL_CORNERS = 24
-"""Corners of a hull that feet are sought at, at most: of a dense curve every few vertices will do."""
-ON_EDGE = 1e-9  # share of a triangle by which the part's centre may lie beside it
+"""Most corners of a hull at which feet are tried; every few vertices of a dense curve suffice."""
+ON_EDGE = 1e-9  # tolerance for the part's centre beside a triangle, as a share of the triangle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +37,7 @@ class Pressure:
         int  # degrees of freedom n_df of the random ellipsoids (paper section IV, footnote 1)
     )
     limit_surface: str | None = (
-        None  # "ellipsoid" or "quartic", fitted to the pressure; None: there is none
+        None  # "ellipsoid" or "quartic", fitted to the pressure; None: not fitted
     )
     points_mm: Array | None = None  # (M, 2) supports in the part's frame, for "points"
     weights: Array | None = (
@@ -57,7 +57,7 @@ def support(pressure: Pressure, outline: Outline) -> Support:
     """The pressure under an outline (N, 2) as weighted points, with exact centre and second moments.
 
     Raises:
-        ValueError: a limit surface is given in place of a pressure, so there is nothing to integrate over.
+        ValueError: a limit surface replaces the pressure, so there is no distribution.
     """
     if pressure.kind == "boundary":
         return _boundary_support(outline)
@@ -69,20 +69,20 @@ def support(pressure: Pressure, outline: Outline) -> Support:
 
 
 def even(points: Array) -> Support:
-    """The load shared evenly by some points (M, 2)."""
+    """Distributes the load evenly over points (M, 2)."""
     return _normalised(points, np.ones(len(points)))
 
 
 def stances(outline: Outline) -> Array:
     """Sets of three corners (k, 3, 2) of an outline's hull that the part stands on without tipping.
 
-    Its centre, the origin, lies between them or on an edge.
+    The part's centre, the origin, lies between them or on an edge.
     """
     hull = convex_hull(outline)
     corners = hull[:: -(-len(hull) // HULL_CORNERS)]  # counter-clockwise, and so are the triangles
     if not shapely.contains_xy(
         shapely.polygons(corners), 0.0, 0.0
-    ):  # most vertices on a curve far from it
+    ):  # most vertices of a curve are far from the chord
         turn = np.arange(HULL_CORNERS) * 2.0 * np.pi / HULL_CORNERS
         corners = hull[np.unique(np.argmax(hull @ np.stack([np.cos(turn), np.sin(turn)]), axis=0))]
     feet = corners[list(combinations(range(len(corners)), 3))]
@@ -112,7 +112,7 @@ def _boundary_support(outline: Outline) -> Support:
 
 
 def _area_support(outline: Outline) -> Support:
-    """Triangulates, cuts the triangles alike, three points each: exact up to second moments."""
+    """Cuts a triangulation into equal pieces, three points each: exact up to second moments."""
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.polygons(outline)))
     triangles = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]  # (T, 3, 2)
     total = shapely.area(parts).sum()
@@ -133,7 +133,7 @@ def _split_triangle(count: int) -> Array:
     inverted = upright[upright.sum(axis=1) < count - 1]
     # (count^2, 3, 2)
     small = np.concatenate([upright[:, None] + corners, inverted[:, None] + 1 - corners]) / count
-    # The rule of degree 2 with points at (2/3, 1/6, 1/6) and its turns.
+    # The rule of degree 2 with points at (2/3, 1/6, 1/6) and its permutations.
     rule = np.full((3, 3), 1.0 / 6.0) + 0.5 * np.eye(3)
     inner = (rule @ small).reshape(-1, 2)
     return np.column_stack([1.0 - inner.sum(axis=1), inner])

@@ -3,7 +3,8 @@
     H(F) = sum_k a_k F^e_k                        the 15 monomials of degree 4, `EXPONENTS`
     z^T hess H(F) z = y^T Q y, y = kron(z, F)     Q certifies H if positive definite
 
-A 9 x 9 matrix Q belongs to some quartic on 24 of its 45 dimensions, and 9 of those do not show in y^T Q y.
+The matrices Q (9, 9) of quartics form a subspace of 24 of the 45 dimensions, and 9 of those do not affect
+y^T Q y.
 """
 
 import itertools
@@ -17,14 +18,14 @@ EXPONENTS = np.array([(i, j, 4 - i - j) for i in range(4, -1, -1) for j in range
 """(15, 3) powers of fx, fy and tau / rho in each monomial, in the order of the coefficients."""
 
 CONSISTENT = 1e-9
-"""How far, relative to the largest entry, a certificate may be from the Hessian that it certifies."""
+"""Tolerated distance of a certificate from the Hessian that it certifies, relative to the largest entry."""
 
 PAIRS = np.array([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)])
 _MONOMIAL = {tuple(powers): k for k, powers in enumerate(EXPONENTS.tolist())}
 
 
 def _tensor_index() -> Array:
-    """(15, 9, 9): which coefficient each entry of the symmetric 4-tensor T_aibj belongs to, 0 or 1."""
+    """(15, 9, 9): 1 where an entry of the symmetric 4-tensor T_aibj belongs to the coefficient, else 0."""
     index = np.zeros((15, 3, 3, 3, 3))
     for axes in itertools.product(range(3), repeat=4):
         count = Counter(axes)
@@ -64,15 +65,15 @@ def coefficients_of(certificate: Array) -> Array:
 
 
 FORM = _form_index()
-"""(36, 81): times vec(Q), the coefficients of y^T Q y in z_a z_b F_i F_j, a <= b and i <= j."""
+"""(36, 81): maps vec(Q) to the coefficients of y^T Q y in z_a z_b F_i F_j, a <= b and i <= j."""
 
 COEFFICIENT_ROWS = _ENTRIES.reshape(15, 81) / 12.0
-"""(15, 81): times vec(Q), the coefficients of the quartic that Q certifies."""
+"""(15, 81): maps vec(Q) to the coefficients of the quartic that Q certifies."""
 
 HESSIAN_ROWS = FORM @ (np.eye(81) - 144.0 * COEFFICIENT_ROWS.T / _MULTIPLICITY @ COEFFICIENT_ROWS)
-"""(36, 81), of rank 21: zero on vec(Q) exactly for the Q whose y^T Q y is the Hessian of some quartic."""
+"""(36, 81), of rank 21: its null space is the Q whose y^T Q y is the Hessian of some quartic."""
 
-GAUGE = _null_space(FORM)  # (9, 9, 9) orthonormal directions of Q that do not show in y^T Q y
+GAUGE = _null_space(FORM)  # (9, 9, 9) orthonormal directions of Q that do not affect y^T Q y
 
 CERTIFICATES = _null_space(
     HESSIAN_ROWS

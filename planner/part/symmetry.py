@@ -1,4 +1,4 @@
-"""The rotational symmetry of an outline: which turns of the part nobody can tell apart."""
+"""The rotational symmetry of an outline: turns after which the part looks the same."""
 
 import math
 from typing import NamedTuple
@@ -9,20 +9,18 @@ from numpy.typing import NDArray
 
 from planner.part.outline import Outline, simplified
 
-TURNS = 8  # symmetries of up to so many turns are looked for
-TOLERANCE_MM = (
-    0.05  # How far boundaries may lie apart and still count as the same: far less than a count
-)
-FEW = 400  # vertices between which distances are measured; their number is squared
+TURNS = 8  # highest order that is tried
+TOLERANCE_MM = 0.05  # Distance of boundaries that count as the same: far less than a count
+FEW = 400  # vertices between which distances are measured; the cost is quadratic
 MOST_ORDER = 1000  # that a table can state
-SOME = 16  # vertices, of the least radius to the greatest, that are turned first
+SOME = 16  # vertices, by radius from least to greatest, that are turned first
 
 
 class Turn(NamedTuple):
-    """A turn that a part looks nearly the same after, but for which it has no symmetry."""
+    """A turn after which a part looks nearly the same, but which is no symmetry of it."""
 
     degrees: float  # about the centroid
-    apart_mm: float  # how far the outline lies from the turned one at most
+    apart_mm: float  # largest distance of the outline from the turned one
 
 
 def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
@@ -38,8 +36,9 @@ def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
 def has_order(outline: Outline, n: int, tolerance_mm: float = TOLERANCE_MM) -> bool:
     """Whether each turn by a multiple of 2 pi / n takes a centred outline (N, 2) onto itself.
 
-    All n - 1 turns must: a nearly round part passes any small one. The tolerance bounds the distance of a
-    turned vertex from the boundary, and so that of a vertex from the turned boundary, by the inverse turn.
+    All n - 1 turns are tested: a nearly round part passes any small one. The tolerance bounds the distance
+    of a turned vertex from the boundary, and so that of a vertex from the turned boundary, by the inverse
+    turn.
     """
     return _maps_onto_itself(_boundary(outline), outline, n, tolerance_mm)
 
@@ -47,7 +46,7 @@ def has_order(outline: Outline, n: int, tolerance_mm: float = TOLERANCE_MM) -> b
 def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_MM) -> bool:
     """Whether some turn takes a centred outline (M, 2) onto another (N, 2), to within a tolerance.
 
-    It takes a farthest vertex to a farthest vertex, so those are tried.
+    The turn takes a farthest vertex to a farthest vertex, so only such turns are tried.
     """
     boundary, far = _boundary(other), np.hypot(*other.T)
     x, y = outline[np.argmax(np.hypot(*outline.T))]
@@ -58,7 +57,7 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
 
 
 def nearest_turn(outline: Outline, symmetry: int) -> Turn:
-    """The turn by a whole part of a circle after which an outline differs least; no symmetry of its own."""
+    """The turn by a fraction of a circle, no symmetry of the outline, after which it differs least."""
     outline = _with_few_vertices(outline)
     ring, result = shapely.linearrings(outline), []
     for parts in range(2, TURNS + 1):
@@ -73,7 +72,7 @@ def nearest_turn(outline: Outline, symmetry: int) -> Turn:
 
 
 def _with_few_vertices(outline: Outline) -> Outline:
-    """An outline of at most `FEW` vertices, which deviates from the given one as little as that allows."""
+    """An outline of at most `FEW` vertices, as near to the given one as possible."""
     tolerance_mm = 0.1 * TOLERANCE_MM
     while len(outline) > FEW:
         outline, tolerance_mm = simplified(outline, tolerance_mm), 2.0 * tolerance_mm
@@ -83,9 +82,9 @@ def _with_few_vertices(outline: Outline) -> Outline:
 def _maps_onto_itself(
     boundary: shapely.LinearRing, outline: Outline, n: int, tolerance_mm: float
 ) -> bool:
-    """Checks the turns one by one, those first that a part without this symmetry is likeliest to fail.
+    """Tests the turns one by one, starting with those that are most likely to fail.
 
-    A few vertices are turned before all of them are. A part between two circles as near as the tolerance
+    A few vertices are turned first, then all of them. A part between two circles within the tolerance
     passes every turn.
     """
     radii = np.hypot(*outline.T)

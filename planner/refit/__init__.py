@@ -1,1 +1,1 @@
-"""What a cell's own journals tell of it: the posterior of what stays off in all its squeezes."""
+"""Refit: the posterior of a cell's constant errors, given its journals."""

@@ -1,4 +1,4 @@
-"""What a journal's seconds tell of a cell: the arm's acceleration, and what arm and jaws take to answer."""
+"""Times of a cell from its journals: the arm's acceleration, and the response times of arm and jaws."""
 
 import math
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from typing import NamedTuple
 from runtime.table import CLEAR_MM, Phases, Schedule, Table, Timing, job_of, trapezoid_s
 
 LEAST_SQUEEZES = 20
-LEAST, MOST = 10.0, 100_000.0  # accelerations that are looked among [mm/s2]
+LEAST, MOST = 10.0, 100_000.0  # range of accelerations tried [mm/s2]
 HALVINGS = 60
 
 
@@ -22,10 +22,10 @@ class Timed(NamedTuple):
 
 
 def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
-    """Keys of the job's section `cell`; those of which the journal tells nothing are missing.
+    """Values for the job's section `cell`; keys about which the journal has no data are missing.
 
-    The ways up are of two lengths, to the retreat height and to just above the part: what they differ by in
-    time is the acceleration, the rest is the answer.
+    The ways up have two lengths, to the retreat height and to just above the part: their difference in time
+    gives the acceleration, the rest is the response time.
     """
     timing, result = Schedule.of(table, job_of(table)).timing, dict[str, float]()
     if len(squeezes) < LEAST_SQUEEZES:
@@ -59,13 +59,13 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
 
 
 def _opened_s(table: Table, timing: Timing, squeeze: Timed) -> float:
-    """How long the jaws open for the next part while the hand rises; it may have to wait for them."""
+    """Seconds that the hand, as it rises, waits for jaws that open for the next part."""
     next_mm = table.nodes[0].squeeze.opening_um / 1e3
     return timing.opening_s(squeeze.width_mm, next_mm, _speed(table, squeeze))
 
 
 def _acceleration(gap_s: float, low_mm: float, high_mm: float, speed_mm_s: float) -> float:
-    """Of an arm that takes so much longer for the longer of two ways, by halving."""
+    """Acceleration of an arm that takes `gap_s` longer for the longer of two ways, by bisection."""
     least, most = LEAST, MOST
     for _ in range(HALVINGS):
         middle = math.sqrt(least * most)
@@ -75,7 +75,7 @@ def _acceleration(gap_s: float, low_mm: float, high_mm: float, speed_mm_s: float
 
 
 def _jaws(table: Table, timing: Timing, squeeze: Timed) -> float:
-    """What closing took beyond its strokes."""
+    """Time of closing beyond its strokes."""
     node, speed = table.nodes[squeeze.node], _speed(table, squeeze)
     contact = None if node.contact_um is None else node.contact_um / 1e3
     stated_s = timing.close_s(node.squeeze.opening_um / 1e3, contact, squeeze.width_mm, speed)
@@ -87,5 +87,5 @@ def _speed(table: Table, squeeze: Timed) -> float:
 
 
 def _stays(table: Table, squeeze: Timed) -> bool:
-    """Whether the hand lets go where it squeezed."""
+    """Whether the hand opens where it squeezed."""
     return table.nodes[squeeze.node].release is None

@@ -1,4 +1,4 @@
-"""The cells that a refit considers: what may be off in one, over which ranges, and trials in it."""
+"""Cells for a refit: their possible errors and ranges, and trials in them."""
 
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
@@ -24,15 +24,15 @@ LEAST_FRICTION, SLIPPERY, ROUGH = (
     0.05,
     1.0 / 3.0,
     1.5,
-)  # ends of the range, the latter of the job's bounds
-UNEVEN = 0.1  # how far off the fingers' share may be where the job states less, either way
-OFFSET_MM = 1.5  # the same for what widths read too much
-FEET = 20  # sets of three feet that parts may stand on, besides those that plans doubt
-INMOST = 0.4  # where such feet may stand at least, as a fraction of the way from the centre to the corner
+)  # ends of the range, the latter as factors of the job's bounds
+UNEVEN = 0.1  # least doubt of the fingers' share, either way
+OFFSET_MM = 1.5  # least doubt of the error of widths, either way
+FEET = 20  # sets of three feet, besides those that plans doubt
+INMOST = 0.4  # least distance of such feet from the centre, as a fraction of the way to the corner
 
 
 class Quantity(NamedTuple):
-    """What may be off, by the key of [doubt] or [friction] that states it, over an interval."""
+    """An uncertain quantity, by its key in [doubt] or [friction], over an interval."""
 
     key: str
     low: float
@@ -40,14 +40,14 @@ class Quantity(NamedTuple):
 
 
 class Space(NamedTuple):
-    """The quantities of a cell, and on which of how many limit surfaces its parts stand."""
+    """The quantities of a cell, and the number of its limit surfaces."""
 
     quantities: tuple[Quantity, ...]
     surfaces: int
 
     @classmethod
     def of(cls, job: Job, surfaces: int) -> Self:
-        """All that may be off about a job: its doubts, and no less than is usual."""
+        """All quantities that may be off in a job: its doubts, widened to usual ones."""
         doubt, friction = job.doubt, job.friction
         usual = {
             "finger_share": UNEVEN,
@@ -77,13 +77,13 @@ class Space(NamedTuple):
         return np.array([[q.low for q in self.quantities], [q.high for q in self.quantities]])
 
     def column(self, key: str) -> int:
-        """Where a quantity stands among the others."""
+        """The column of a quantity."""
         return [quantity.key for quantity in self.quantities].index(key)
 
     def draw(self, n: int, rng: np.random.Generator) -> Array:
-        """Points (n, d + 1) of the prior, uniform; the last column is the number of the surface.
+        """Draws points (n, d + 1) of the uniform prior; the last column is the number of the surface.
 
-        Half of the cells stand as the job states.
+        Half of the cells have the job's surface.
         """
         low, high = self.bounds
         points = rng.uniform(low, high, (n, len(low)))
@@ -93,7 +93,7 @@ class Space(NamedTuple):
         return np.column_stack([points, surface if self.surfaces > 1 else np.zeros(n)])
 
     def density(self, points: Array) -> Array:
-        """The prior's density (n,) at points, but for a factor."""
+        """The prior's density (n,) at points, up to a factor."""
         low, high = self.bounds
         inside = ((points[:, :-1] >= low) & (points[:, :-1] <= high)).all(axis=1) & self._ordered(
             points
@@ -116,7 +116,7 @@ def _on_feet(job: Job) -> list[Surface]:
 
 @dataclass(frozen=True, slots=True)
 class Off(Disturbance):
-    """A cell in which the traits of all parts are the same, but for their outlines."""
+    """A cell in which all parts have the same traits except for their outlines."""
 
     all_alike: Traits | None = None  # (1,)
 
@@ -130,7 +130,7 @@ class Off(Disturbance):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """Cells of one job that run one table, by points of their space."""
+    """Cells of one job that run one table, addressed by points of their space."""
 
     job: Job
     program: Program
@@ -139,7 +139,7 @@ class Cells:
 
     @classmethod
     def of(cls, job: Job, table: Table) -> Self:
-        """The cells of a job that run a table; their parts may press on the table in any way."""
+        """The cells of a job that run a table; their parts may have any pressure on the table."""
         any_pressure = job.replaced(doubt={"pressure": "any", "limit_surface": "stated"})
         simulator = Simulator.of_job(any_pressure, workers=1)
         if simulator.others:
@@ -147,7 +147,7 @@ class Cells:
         return cls(job, Program.of(table), simulator, Space.of(job, 1 + len(simulator.others)))
 
     def run(self, point: Array, parts: int, seed: int) -> Evaluation:
-        """Sends parts through the table in the cell at a point (d + 1,)."""
+        """Runs parts through the table in the cell at a point (d + 1,)."""
         values = self.values_at(point)
         simulator = replace(
             self.simulator, friction=(values["finger_part_min"], values["finger_part_max"])
@@ -165,7 +165,7 @@ class Cells:
         }
 
     def surface_entries(self) -> Array:
-        """The nominal limit surfaces, entry by entry (surfaces, k)."""
+        """The nominal limit surfaces as rows of entries (surfaces, k)."""
         surfaces = (self.simulator.surface, *self.simulator.others)
         return np.array([limit_surface.nominal(surface).ravel() for surface in surfaces])
 

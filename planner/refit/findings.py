@@ -1,4 +1,4 @@
-"""What a posterior says of a cell: a sentence for each quantity, and the job that follows from it."""
+"""Findings of a posterior about a cell: a sentence for each quantity, and the resulting job."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -11,31 +11,27 @@ from planner.mechanics.limit_surface import LimitSurface
 from planner.refit.cells import Cells, Quantity
 from planner.refit.posterior import Posterior
 
-LEARNED = (
-    0.4  # of the prior's standard deviation: what is not known better than that was not learned
-)
-ENDS = (0.05, 0.95)  # the interval that sentences and jobs name
-KEPT_DOUBT = 0.1  # share of particles with friction beyond the bounds that were learned
-SURE = (
-    0.8  # probability from which the limit surface of another pressure takes the place of the job's
-)
-OFF_MM = 0.5  # fingers that meet farther off than that want mending
-OFF = 0.02  # a share of the fingers that is off by more than that is a fault of the gripper
+LEARNED = 0.4  # of the prior's standard deviation, above which nothing was learned
+ENDS = (0.05, 0.95)  # interval stated in sentences and jobs
+KEPT_DOUBT = 0.1  # share of particles with friction beyond the learned bounds
+SURE = 0.8  # probability above which another limit surface replaces the job's
+OFF_MM = 0.5  # distance of the fingers' meeting point above which they need repair
+OFF = 0.02  # error of the fingers' share above which the gripper is faulty
 
 
 class Finding(NamedTuple):
-    """What was learned of one quantity, as JSON tells it."""
+    """Result for one quantity, in the form of the JSON output."""
 
     quantity: str
     mean: float
     low_5: float
     high_95: float
-    learned: bool  # whether the data say more than was believed before
+    learned: bool  # whether the data narrow the prior
     sentence: str
 
 
 def findings(posterior: Posterior, cells: Cells) -> list[Finding]:
-    """All quantities of the cell, in the order of its space."""
+    """The results for all quantities of the cell, in the order of its space."""
     results = [_finding(quantity, posterior, cells.job) for quantity in posterior.space.quantities]
     return results + ([_pressed(posterior)] if posterior.space.surfaces > 1 else [])
 
@@ -61,7 +57,8 @@ def _sentence(key: str, mean: float, low: float, high: float, job: Job) -> str:
         return f"the upper finger makes {share:.1f} +- {100.0 * half:.1f} % of the closing{advice}"
     if key == "middle_mm":
         message = f"the fingers meet {mean:+.2f} +- {half:.2f} mm off the hand's middle on the narrowest side"
-        # Where the hand was never centred on them, an uneven share of the closing is what takes them there.
+        # Where the hand was never centred on them, an uneven share of the closing has the same
+        # effect.
         share = job.gripper.upper_finger_share - mean / closing_mm(job)
         uneven = f"{100.0 * share:.1f} +- {100.0 * half / closing_mm(job):.1f} %"
         fault = min(abs(low), abs(high)) > OFF_MM and low * high > 0.0
@@ -119,13 +116,13 @@ def _pressed(posterior: Posterior) -> Finding:
 
 
 def surface_shares(posterior: Posterior) -> Any:
-    """How probable each limit surface is (surfaces,), the job's first."""
+    """Probability of each limit surface (surfaces,), the job's first."""
     numbers = posterior.cells[:, -1].astype(np.int64)
     return np.bincount(numbers, minlength=posterior.space.surfaces) / len(numbers)
 
 
 def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
-    """What the job has to say instead, by section and key; what the data do not tell stays as it is."""
+    """Changes of the job by section and key; values without data stay the same."""
     record = {
         finding.quantity: finding for finding in findings(posterior, cells) if finding.learned
     }
@@ -145,12 +142,12 @@ def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any
     if "pressure" in record:
         sections["pressure"], doubt["pressure"] = _pressure(posterior, cells)
         if sections["pressure"] and cells.job.doubt.limit_surface == "any":
-            doubt["limit_surface"] = "stated"  # as it says, not fitted to a pressure
+            doubt["limit_surface"] = "stated"  # a stated surface, not fitted to a pressure
     return {section: values for section, values in sections.items() if values}
 
 
 def _friction(learned: Mapping[str, Finding], job: Job) -> dict[str, Any]:
-    """Bounds of friction that were learned: where they may begin and where they may end."""
+    """Learned bounds of friction: ranges for their lower and upper ends."""
     keys = ("finger_part_min", "finger_part_max")
     if not any(key in learned for key in keys):
         return {}
@@ -166,7 +163,7 @@ def _friction(learned: Mapping[str, Finding], job: Job) -> dict[str, Any]:
 
 
 def _pressure(posterior: Posterior, cells: Cells) -> tuple[dict[str, Any], str]:
-    """The keys of [pressure] that change, and which other pressures are still doubted."""
+    """The keys of [pressure] that change, and the other pressures that remain doubted."""
     shares = surface_shares(posterior)
     best = int(np.argmax(shares))
     if best == 0:

@@ -1,10 +1,11 @@
-"""How likely what was seen is in a cell: a synthetic likelihood (Wood 2010) of scores, learned by simulation.
+"""Likelihood of observations in a cell: a synthetic likelihood (Wood 2010) of scores, learned by simulation.
 
-Each outcome of a part has scores: how much likelier it grows with each feature of the cell. Their sums over
-all parts are as many statistics as there are features, nearly normal, and all that tells of cells near each
-other. Their mean in a cell is regressed on its features, over simulated sets of as many parts as were seen;
-what the regression leaves is how they scatter, its own misfit included. Scores and regression take
-different sets, or chance would be taken for a slope. Bad scores make a likelihood less sharp, never too sure.
+Each outcome of a part has scores: the rates at which its log probability grows with each feature of the
+cell. Their sums over all parts, one statistic for each feature, are nearly normal and sufficient to
+distinguish neighbouring cells. The mean of the statistics in a cell is regressed on its features, over
+simulated sets of as many parts as were observed; the residuals of the regression, misfit included, give the
+scatter. Scores and regression use different sets, or chance would be taken for a slope. Bad scores make a
+likelihood less sharp, never too sure.
 """
 
 from dataclasses import dataclass
@@ -16,32 +17,32 @@ from scipy.sparse import csr_array
 from planner.arrays import Array, IntArray
 from planner.refit.outcomes import LINE
 
-RARE = 30.0  # simulated outcomes below which a score is drawn to 0
-CURVED = 3  # cells for each coefficient from which squares and products are regressed on, too
+RARE = 30.0  # simulated outcomes below which a score is shrunk to 0
+CURVED = 3  # cells per coefficient above which squares and products are regressed on, too
 RIDGE = 1e-6  # of the regression, in units of the features' variance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Likelihood:
-    """Of cells by k features: k statistics as seen, and their mean and scatter by p terms of the features."""
+    """Likelihood of cells by k features: k observed statistics, and their mean and scatter by p terms."""
 
     centre: Array  # (k,) of the features
     scale: Array  # (k,)
-    curved: bool  # whether the terms hold squares and products
+    curved: bool  # whether the terms include squares and products
     statistics: Array  # (k,)
     slopes: Array  # (p, k)
-    whiten: Array  # (k, k) what makes the scatter's covariance the unit matrix
+    whiten: Array  # (k, k) whitens the scatter
     doubt: Array  # (p, p) covariance of the slopes, in units of the scatter
 
     @classmethod
     def of(cls, features: Array, shown: IntArray, seen: Array, counts: int) -> Self:
-        """Learns the likelihood of what was seen.
+        """Learns the likelihood of the observations.
 
         Args:
             features: (m, k) of the simulated cells.
             shown: (m, 2, n, d) two sets of n parts in each, with the numbers of each part's outcomes.
             seen: (size,) how often n parts showed each outcome.
-            counts: so many outcomes stand for themselves; the others are steps along lines, `LINE` on each.
+            counts: number of unordered outcomes; the others are steps along lines, `LINE` on each.
         """
         centre, scale = features.mean(axis=0), features.std(axis=0) + 1e-12
         m, k = features.shape
@@ -58,7 +59,7 @@ class Likelihood:
         return cls(centre, scale, curved, seen @ scores[:-1], slopes, whiten, doubt)
 
     def log(self, features: Array) -> Array:
-        """Its logarithm (n,) at features (n, k), but for a constant."""
+        """Logarithm (n,) of the likelihood at features (n, k), up to a constant."""
         terms = _terms((features - self.centre) / self.scale, self.curved)
         wider = 1.0 + np.einsum(
             "ij,ij->i", terms @ self.doubt, terms
@@ -68,9 +69,9 @@ class Likelihood:
 
 
 def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
-    """Scores (size + 1, k) of outcomes by what cells (m, k) showed (m, c); of the last, none, they are 0.
+    """Scores (size + 1, k) of outcomes, from the outcomes (m, c) of cells (m, k); 0 for the last, none.
 
-    Along a line they rise evenly, beyond the steps that simulated parts showed, too.
+    Along a line they rise linearly, also beyond the steps of simulated parts.
     """
     ends = np.arange(0, shown.size + 1, shown.shape[1])
     often = csr_array((np.ones(shown.size), shown.ravel(), ends), shape=(len(shown), size + 1))
@@ -87,7 +88,7 @@ def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
 
 
 def _terms(features: Array, curved: bool) -> Array:
-    """What means are linear in (n, p): 1, features (n, k), and their products with each other."""
+    """Regressors of the means (n, p): 1, features (n, k), and their products with each other."""
     one, two = np.triu_indices(features.shape[1])
     products = features[:, one] * features[:, two] if curved else features[:, :0]
     return np.column_stack([np.ones(len(features)), features, products])

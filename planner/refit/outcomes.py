@@ -1,4 +1,4 @@
-"""What the parts of a cell show, as numbered outcomes: a reading at a node, or a measured pose at a leaf."""
+"""Outcomes of a cell's parts, numbered: a reading at a node, or a measured pose at a leaf."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,27 +12,27 @@ from planner.evaluation.outcome import Evaluation
 from planner.frames import wrap
 from runtime.table import Table, predicted_pose
 
-EMPTY_UM = 2000  # widths up to that may be an empty hand's
-LINE = 250  # steps in which residuals of measured poses are told apart
+EMPTY_UM = 2000  # widths up to this may be those of an empty hand
+LINE = 250  # step of the residuals of measured poses
 STEP_MM = 0.1  # one of them
 
 
 class Seen(NamedTuple):
-    """What a cell's journals hold."""
+    """Observations in a cell's journals."""
 
-    readings: IntArray  # (nodes, bins) how often each bin was read at each node
-    parts: int  # how many parts were squeezed
+    readings: IntArray  # (nodes, bins) count of each bin at each node
+    parts: int  # number of parts that were squeezed
     leaves: IntArray  # (m,) the leaves of audited parts
     residuals: Array  # (m, 3) measured less predicted poses there [mm, mm, rad]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcomes:
-    """Numbers of all outcomes of a table's parts, from 0 to `size` - 1; `size` stands for none.
+    """Numbering of all outcomes of a table's parts, from 0 to `size` - 1; `size` stands for none.
 
     A bin of readings at a node is one outcome, and so is each of the three numbers of a residual at a leaf,
-    in steps. Where a part lies is compared at leaves alone that were audited. The bins of a node are a row,
-    and so are the `LINE` steps of a residual; the rows of the nodes come first.
+    in steps. Poses are compared only at leaves that were audited. The bins of a node form a row, and so do
+    the `LINE` steps of a residual; the rows of the nodes come first.
     """
 
     table: Table
@@ -40,7 +40,7 @@ class Outcomes:
 
     @property
     def size(self) -> int:
-        """How many there are."""
+        """Number of outcomes."""
         return self._read + LINE * 3 * int(self.audited.sum())
 
     @property
@@ -48,7 +48,7 @@ class Outcomes:
         return self.table.gripper.bins * len(self.table.nodes)
 
     def of_parts(self, evaluation: Evaluation) -> IntArray:
-        """Those of simulated parts, (n, d + 3): of their squeezes, then of their poses."""
+        """Outcomes of simulated parts, (n, d + 3): of their squeezes, then of their poses."""
         bins = np.maximum(bins_of(self.table, evaluation.steps), self._empty)
         place = self.table.gripper.bins * evaluation.path + bins
         read = np.where(evaluation.path < 0, self.size, place)
@@ -62,7 +62,7 @@ class Outcomes:
         return np.column_stack([read, lies])
 
     def of_seen(self, seen: Seen) -> Array:
-        """How often each (size,) is in journals."""
+        """Count (size,) of each outcome in journals."""
         bins = self.table.gripper.bins
         read = bins * np.arange(len(seen.readings))[:, None]
         read = read + np.maximum(np.arange(bins), self._empty)
@@ -73,9 +73,10 @@ class Outcomes:
 
     @property
     def _empty(self) -> int:
-        """The bin that all stand for that an empty hand may read.
+        """The common bin of all readings that an empty hand may have.
 
-        Some grippers' zero is a stop that no offset of the encoder moves, others' is not; it tells nothing.
+        Some grippers' zero is a stop that no offset of the encoder moves, others' is not; it has no
+        information.
         """
         return self.table.gripper.bin_of(EMPTY_UM)
 

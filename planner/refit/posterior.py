@@ -1,7 +1,7 @@
-"""The posterior of a cell, given what was seen in it: rounds of simulated cells, nearer and nearer.
+"""The posterior of a cell given its journals: rounds of simulated cells that approach it.
 
-Each round's cells are drawn from what the rounds before make of what was seen (sequential neural likelihood,
-Papamakarios et al. 2019, with a polynomial in place of the network), wider than the posterior; at last the
+Each round's cells are drawn from the posterior estimated by the rounds before (sequential neural
+likelihood, Papamakarios et al. 2019, with a polynomial instead of the network), but wider; finally the
 posterior itself is drawn.
 """
 
@@ -22,14 +22,14 @@ from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 
 SURFACE_FEATURES = 2
-WIDE = 0.25  # power of the likelihood that rounds are drawn by: twice as wide as the posterior
-EFFECTIVE = 15.0  # cells that chains begin at, at least
-COARSE = 2  # so many times fewer parts are simulated in the first half of the rounds
+WIDE = 0.25  # power of the likelihood for drawing rounds: twice as wide as the posterior
+EFFECTIVE = 15.0  # least number of cells at which chains start
+COARSE = 2  # reduction of simulated parts in the first half of the rounds
 DRAWN = 2_000  # cells of the posterior
-CHAINS = 300  # at least, since each learns from the others how wide to step
+CHAINS = 300  # least number, since each chain learns its step width from the others
 STEPS = 200  # of each chain
-ROOM = 0.25  # of the range of cells tried that others lie beyond its ends, where polynomials still hold
-ACROSS = 0.1  # share of the steps as long as two chains are apart: from one mode to another
+ROOM = 0.25  # margin beyond the range of cells tried where polynomials still hold
+ACROSS = 0.1  # share of long steps, the distance of two chains: from one mode to another
 
 Task = tuple[
     Array, int, int
@@ -37,15 +37,15 @@ Task = tuple[
 
 
 class Effort(NamedTuple):
-    """How much is simulated."""
+    """Amount of simulation."""
 
     rounds: int = 7
     cells: int = 100  # in each round; twice as many in the first
     parts: int = 600  # in each cell, at least
-    parts_for_each: float = 4.0  # for each part seen
+    parts_for_each: float = 4.0  # for each part observed
 
     def pairs_for(self, seen: Seen) -> int:
-        """Pairs of sets to simulate in each cell, of as many parts as were seen."""
+        """Pairs of sets to simulate in each cell, each set as large as the observed one."""
         return max(1, round(max(self.parts / seen.parts, self.parts_for_each) / 2.0))
 
 
@@ -54,7 +54,7 @@ USUAL = Effort()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """Cells (n, d + 1) as likely as each other, given what was seen."""
+    """Equally likely cells (n, d + 1), given the journals."""
 
     cells: Array
     space: Space
@@ -89,7 +89,7 @@ def posterior(
             report("simulating cells", done + len(sets), total, f"round {turn + 1}")
         done += len(sets)
         rounds.append((np.repeat(points, pairs, axis=0), np.concatenate(sets)))
-        # The first rounds were far from what explains anything.
+        # Cells of the first rounds are far from explaining the observations.
         points, shown = (
             np.concatenate(column) for column in zip(*rounds[(turn + 1) // 2 :], strict=True)
         )
@@ -106,7 +106,7 @@ def _log(
 
 
 def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray:
-    """What pairs of sets of parts show, (pairs, 2, n, d); of the second as many are audited as were seen."""
+    """Outcomes of pairs of sets of parts (pairs, 2, n, d); in the second, audits are as many as observed."""
     point, pairs, seed = task
     result = outcomes.of_parts(cells.run(point, 2 * pairs * seen.parts, seed))
     shown = result.reshape(pairs, 2, seen.parts, -1)
@@ -118,7 +118,7 @@ def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray
 def _drawn(
     space: Space, log: Callable[[Array], Array], tried: Array, n: int, rng: np.random.Generator
 ) -> Array:
-    """Draws (n, d + 1) from the prior times a likelihood, by chains that begin at the best of cells tried.
+    """Draws (n, d + 1) from the prior times a likelihood, by chains that start at the best cells tried.
 
     A step is along the difference of two other chains (differential evolution, ter Braak 2006).
     """
@@ -151,7 +151,7 @@ def _drawn(
 
 
 def _power(likelihoods: Array, effective: float) -> float:
-    """The highest power up to 1 of likelihoods (n,) by which as many cells are effective."""
+    """The highest power, up to 1, of likelihoods (n,) at which enough cells are effective."""
     effective = min(effective, 0.9 * len(likelihoods))
 
     def short(power: float) -> float:
@@ -161,7 +161,7 @@ def _power(likelihoods: Array, effective: float) -> float:
 
 
 def _features(cells: Cells) -> Callable[[Array], Array]:
-    """What the likelihood is a function of: quantities, and what surfaces are like (n, k)."""
+    """Features of the likelihood: quantities, and properties of the surfaces (n, k)."""
     entries = cells.surface_entries()
     main = np.linalg.svd(entries - entries.mean(axis=0), full_matrices=False)
     alike = (main[0] * main[1])[:, :SURFACE_FEATURES]

@@ -10,21 +10,21 @@ QUESTION = "Can it be located by squeezing?"
 
 
 class Answer(NamedTuple):
-    """What is found of a part."""
+    """Result of a first look at a part."""
 
-    short: str  # a grade; where the search is not done "cut" or, for most parts, "unknown"
-    verdict: Verdict  # on the plan as it is
-    figures: dict[str, Any]  # as `Evaluation.summary` returns them
+    short: str  # a grade; for an unfinished search "cut" or, for most parts, "unknown"
+    verdict: Verdict  # on the plan
+    figures: dict[str, Any]  # from `Evaluation.summary`
     most_squeezes: int
     worst: Weakest | None
     limits: list[str]  # what limits the plan, one sentence each
     restrictions: list[
         str
-    ]  # what is assumed because the part is large, as clauses: "within 1 mm of ..."
-    confidence: float  # share of the parts that the goal asks for
+    ]  # assumptions made because the part is large, as clauses: "within 1 mm of ..."
+    confidence: float  # share of the parts that the goal requires
 
     def short_text(self) -> str:
-        """The answer in one sentence, with what it is restricted to and what it depends on."""
+        """The answer in one sentence, with its restrictions and conditions."""
         if self.short == "poor":
             return "Not well enough: see what limits it."
         if self.short == "unknown":
@@ -41,7 +41,7 @@ class Answer(NamedTuple):
         return ", ".join(filter(None, parts)) + "."
 
     def lines(self) -> list[str]:
-        """Everything there is to say, the answer first."""
+        """The complete answer, its sentence first."""
         figures, shares = self.figures, shares_of(self.figures)
         low, high = figures["success_ci95"]
         others = {"wrong": shares.wrong, "given up": shares.unresolved, "rejected": shares.rejected}

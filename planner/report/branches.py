@@ -1,4 +1,4 @@
-"""A table as nested branches for a page: each node and leaf with its picture and its facts."""
+"""A table as nested branches for a page: each node and leaf with its picture and figures."""
 
 from collections import Counter
 from typing import NamedTuple
@@ -13,53 +13,53 @@ from planner.report.tree import Line, Panel, drawing, names_parts, percent, sign
 from runtime.pages.charts import Band, histogram
 from runtime.table import PPM, REJECT, Branch, Leaf, Node, Table, wilson_interval
 
-MOST_SHOWN = 24  # panels that are not folded away
+MOST_SHOWN = 24  # unfolded panels
 MARGIN_MM = 3.0  # beside the branches of a node's chart
 LEAST_SHARES = (0.0, 0.001, 0.005, 0.01, 0.03, 0.1, 0.3)
 
 
 class Way(NamedTuple):
-    """One outcome of a node, as its row says."""
+    """One outcome of a node, as a row of text."""
 
     key: str  # of the panel it leads to
     low_mm: float
     expected_mm: float
     high_mm: float
     planned: float  # share of the parts at the node
-    parts: int  # that took it: of the cell where its journal is shown, else of the replay
+    parts: int  # parts that took it: in the cell if its journal is shown, else in the replay
 
 
 class Place(NamedTuple):
     """A node or a leaf, and what follows it."""
 
     panel: Panel
-    line: Line | None  # how one gets there; None for the root
-    came: str  # how many parts of the journal came, where one is shown
+    line: Line | None  # branch that leads to it; None for the root
+    came: str  # number of the journal's parts that came, if one is shown
     parent: str | None
     facts: dict[str, str]
-    chart: str  # HTML: what was read at a node
+    chart: str  # HTML: chart of the readings at a node
     ways: list[Way]
-    heavy: "list[Place]"  # what follows, and is shown
-    light: "list[Place]"  # and what is folded away, since few parts get there
+    heavy: "list[Place]"  # subtrees that are shown
+    light: "list[Place]"  # subtrees that are folded away, since few parts get there
 
     @property
     def light_words(self) -> str:
-        """How many places are folded away."""
+        """States how many places are folded away."""
         shares = [place.line.share for place in self.light if place.line]
         return f"1 more, {shares[0]}" if len(shares) == 1 else f"{len(shares)} more"
 
 
 class Tree(NamedTuple):
-    """All of it."""
+    """The whole tree."""
 
     root: Place
     places: list[Place]  # nodes, then leaves
-    reach: float  # half the side of what a panel shows [mm]
-    levels: int  # of panels that are shown beside each other
+    reach: float  # half the side of a panel [mm]
+    levels: int  # of panels shown beside each other
 
 
 def tree_of(table: Table, job: Job, beliefs: Replay, log: RunLog | None) -> Tree:
-    """The branches of a table; the counts of a journal's parts stand at them where there is one."""
+    """The branches of a table, with the counts of a journal's parts if there is one."""
     return _Places(table, job, beliefs, log).tree()
 
 
@@ -193,7 +193,7 @@ class _Places:
 
 
 def span_of(ways: list[Way]) -> tuple[float, float]:
-    """The widths that the chart of a node shows [mm]."""
+    """The range of widths in the chart of a node [mm]."""
     low, high = min(way.low_mm for way in ways), max(way.high_mm for way in ways)
     return max(low - MARGIN_MM, 0.0), high + MARGIN_MM
 

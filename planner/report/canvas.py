@@ -1,4 +1,4 @@
-"""What the pictures share: colours that colour-blind readers tell apart, outlines, fingers, whole files."""
+"""Shared elements of pictures: colours for colour-blind readers, outlines, fingers, files."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -36,13 +36,13 @@ STYLE: dict[Any, Any] = {
     "ytick.major.width": 0.6,
     "xtick.major.size": 2.0,
     "ytick.major.size": 2.0,
-    "svg.hashsalt": "squeezetree",  # ids of an SVG do not change from run to run
+    "svg.hashsalt": "squeezetree",  # keeps the ids of an SVG the same
     "svg.fonttype": "path",
     "pdf.fonttype": 42,
 }
 DPI = 200
-DARKNESS = 0.7  # of the place that all outlines of a belief cover
-# What to leave out of a file, by suffix, so that it does not change with the day.
+DARKNESS = 0.7  # of a place that all outlines of a belief cover
+# Metadata to omit from a file, by suffix, since they contain the date.
 UNSIGNED = {
     ".png": {"Software": None},
     ".svg": {"Creator": None, "Date": None},
@@ -51,23 +51,23 @@ UNSIGNED = {
 
 
 def style() -> AbstractContextManager[None]:
-    """The look of all pictures, for as long as one is drawn and saved."""
+    """The style of all pictures, as a context for drawing and saving."""
     return mpl.rc_context(STYLE)
 
 
 def save(path: Path, draw: Callable[[], Figure]) -> None:
-    """Writes what `draw` draws, in the format that the suffix names: the same bytes for the same figure."""
+    """Writes a picture in the format of the suffix: the same bytes for the same figure."""
     with style(), writing(path) as file:
         draw().savefig(file, dpi=DPI, metadata=UNSIGNED[path.suffix.lower()])
 
 
 def blank(width_in: float, height_in: float) -> Figure:
-    """A white figure that arranges its axes by itself."""
+    """A white figure with automatic layout."""
     return Figure(figsize=(width_in, height_in), facecolor="white", layout="constrained")
 
 
 def panels(figure: Figure, rows: int, columns: int, count: int) -> list[Axes]:
-    """The first so many panels of a grid with common axes, row by row; the rest of the grid stays empty."""
+    """The first `count` panels of a grid with common axes, row by row; the rest stays empty."""
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axes in grid.flat[count:]:
         axes.remove()
@@ -81,7 +81,7 @@ def faint_grid(axes: Axes, axis: Literal["both", "x", "y"] = "both") -> None:
 
 
 def caption(figure: Figure, x: str, y: str, size: float) -> None:
-    """Writes what all of a figure's axes have in common beside them."""
+    """Labels the common axes of a figure."""
     figure.supxlabel(x, fontsize=size)
     figure.supylabel(y, fontsize=size)
 
@@ -97,7 +97,7 @@ def polygons(
 ) -> None:
     """Draws closed polygons (n, N, 2) [mm]; the limits of the axes stay.
 
-    `width` of the edges is in points, `fill` and `edge` are opacities, a greater `order` covers a lesser.
+    `width` of the edges is in points, `fill` and `edge` are opacities, a higher `order` covers a lower one.
     """
     faces = to_rgba(colour, fill) if fill else "none"
     drawn = PolyCollection(
@@ -111,7 +111,7 @@ def polygons(
 
 
 def overlay_opacity(count: int, darkness: float) -> float:
-    """Opacity of each of so many outlines at which the place that all of them cover is this dark."""
+    """Opacity of each of `count` outlines such that a place covered by all of them has this darkness."""
     return float(1.0 - (1.0 - darkness) ** (1.0 / max(count, 1)))
 
 
@@ -121,7 +121,7 @@ def outlines(outline: Array, poses: Array) -> Array:
 
 
 def placed(points: Array, pose: Array) -> Array:
-    """Points (..., 2) of a body in the world, the body at a pose (3,) [mm, mm, rad]."""
+    """Transforms points (..., 2) of a body at a pose (3,) [mm, mm, rad] to the world."""
     unturned = np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
     return to_world(unturned, pose)[..., :2]
 
@@ -129,7 +129,7 @@ def placed(points: Array, pose: Array) -> Array:
 def finger_boxes(jaws: Array, width_mm: float) -> Array:
     """The upper and the lower finger (2, 4, 2) in the hand frame, closed to a width [mm].
 
-    `jaws` (4,) are those of `planner.mechanics.clearance.jaws_of`.
+    `jaws` (4,) are from `planner.mechanics.clearance.jaws_of`.
     """
     opening, length, thickness, share = jaws
     top = 0.5 * opening - share * (opening - width_mm)
@@ -140,7 +140,7 @@ def finger_boxes(jaws: Array, width_mm: float) -> Array:
 
 @cache
 def template(name: str) -> Template:
-    """A file of `planner/report/templates`."""
+    """Loads a file of `planner/report/templates`."""
     environment = Environment(
         loader=PackageLoader("planner.report", "templates"),
         autoescape=True,
@@ -170,7 +170,7 @@ def transform(pose: Array) -> str:
 
 
 def part(state: Array) -> int:
-    """Which hypothesis a state (3 or 4,) is of, as `planner.mechanics.traits.with_hypothesis` writes it."""
+    """The hypothesis of a state (3 or 4,), as from `planner.mechanics.traits.with_hypothesis`."""
     return int(state[3]) if len(state) > 3 else 0
 
 

@@ -10,7 +10,7 @@ from planner.report.run_log import RunLog
 from planner.report.worlds import evaluation_of
 from runtime.table import Table, wilson_interval
 
-LONGEST = 60  # letters of a job's value that are shown
+LONGEST = 60  # characters shown of a job's value
 
 
 class Row(NamedTuple):
@@ -22,7 +22,7 @@ class Row(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """All rows, below the names of the two."""
+    """All rows, under the names of the two."""
 
     this: str
     other: str
@@ -38,7 +38,7 @@ class Plan(NamedTuple):
 
 
 def of_plans(this: Plan, other: Plan, trials: int) -> Comparison:
-    """Two plans, each in the cell that its job states, by as many parts as their tables say or `trials`."""
+    """Compares two plans, each in the cell that its job states, by the trials of the table or `trials`."""
     columns = [dict(_plan_figures(plan, trials)) for plan in (this, other)]
     jobs = [_flat(json.loads(plan.job.canonical())) for plan in (this, other)]
     rows = [Row(name, value, columns[1][name]) for name, value in columns[0].items()]
@@ -50,7 +50,7 @@ def of_plans(this: Plan, other: Plan, trials: int) -> Comparison:
 
 
 def of_runs(this: tuple[str, RunLog], other: tuple[str, RunLog]) -> Comparison:
-    """The runs of two journals of one table, each with its name."""
+    """Compares the runs in two journals of one table, each with its name."""
     columns = [dict(_run_figures(log)) for _, log in (this, other)]
     names = list(dict.fromkeys([*columns[0], *columns[1]]))
     rows = [Row(name, *(column.get(name, "0") for column in columns)) for name in names]
@@ -87,7 +87,7 @@ def _run_figures(log: RunLog) -> Iterator[tuple[str, str]]:
 
 
 def _flat(value: Any, name: str = "") -> dict[str, Any]:
-    """A nested object with dotted keys."""
+    """Flattens a nested object to dotted keys."""
     if not isinstance(value, dict):
         return {name: value}
     pairs = (_flat(inner, f"{name}.{key}" if name else key) for key, inner in value.items())

@@ -1,7 +1,7 @@
-"""A table as one page of HTML: how good it is, the tree to walk through, what it was made from.
+"""A table as one page of HTML: its quality, the tree to walk through, and its job.
 
-Nothing comes from elsewhere, and the page tells the browser so (Content-Security-Policy). The same table and
-seed give the same bytes.
+The page loads nothing from elsewhere, which its Content-Security-Policy enforces. The same table and seed
+give the same bytes.
 """
 
 import hashlib
@@ -38,14 +38,14 @@ from runtime.table import Table
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000
-OTHER_TRIALS = 300  # in a world from elsewhere, which may take its time
-REJECTS = 100  # most rejects that a picture is drawn of, the latest
-LISTED = 5000  # most parts of a journal on the page: those that failed first, then the latest
+OTHER_TRIALS = 300  # in another world, which may be slow
+REJECTS = 100  # most rejects with a picture, the latest
+LISTED = 5000  # most parts of a journal on the page: failed ones first, then the latest
 GRADES = {"good": "Good:", "fair": "With a weakness:", "poor": "Not good enough:"}
 
 
 class Source(NamedTuple):
-    """What a page is about: the table's file name and bytes, its journal, bound and takt, if any."""
+    """Input of a page: the table's file name and bytes, its journal, bound and takt, if any."""
 
     name: str
     data: bytes
@@ -59,10 +59,10 @@ class Reject(NamedTuple):
     """A rejected reading: the fingers as they stopped, and the part as it would lie between them."""
 
     caption: str
-    belief: Array  # (m, 3 or 4) where parts may lie when the hand gets there
+    belief: Array  # (m, 3 or 4) possible states of the part when the hand arrives
     fingers: Array  # (2, 4, 2) [mm]
-    part: Array  # (3 or 4,) the pose, of those replayed at this node, whose width is nearest
-    reach: float  # half the side of what is shown [mm]
+    part: Array  # (3 or 4,) the replayed state at this node with the nearest width
+    reach: float  # half the side of the picture [mm]
 
 
 def page(
@@ -75,13 +75,13 @@ def page(
     *,
     sheet: bool = False,
 ) -> str:
-    """The page's text for a table and its job; beliefs and times are found with `trials` parts.
+    """The text of the page for a table and its job; beliefs and times come from `trials` parts.
 
-    A second world, "module:factory", judges the table too, with some parts. A `sheet` is what a customer
-    needs to know, on two sheets of paper.
+    `world`, "module:factory", evaluates the table in a second world. A `sheet` is a short version for a
+    customer, on two sheets of paper.
 
     Raises:
-        UsageError: there is no such world.
+        UsageError: the world does not exist.
     """
     beliefs = replay(table, job, trials, seed)
     branches = tree_of(table, job, beliefs, source.log)
@@ -136,7 +136,7 @@ def page(
 
 
 def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:
-    """What the page's script needs: where widths lead, and the parts of a journal."""
+    """Data for the page's script: targets of widths, and the parts of a journal."""
     nodes = {
         place.panel.key: {
             "span_mm": dict(zip(("low", "high"), span_of(place.ways), strict=True)),
@@ -149,7 +149,7 @@ def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:
 
 
 def _row(name: str, figures: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """A world, its figures, and its shares of all parts as they are printed."""
+    """A world, its figures, and its shares of all parts in percent."""
     return name, {**figures, "shares": _shown(figures)}
 
 
@@ -158,7 +158,7 @@ def _shown(figures: dict[str, Any]) -> dict[str, str]:
 
 
 def _width_chart(job: Job) -> str:
-    """The width function of an outline, and where it is least."""
+    """Chart of the width function of an outline, with its minima."""
     angles = range(181)
     widths = [outlines.width(job.part.outline_mm, float(np.radians(angle))) for angle in angles]
     closed = widths[:-1]  # 180 degrees is 0 degrees again
@@ -174,7 +174,7 @@ def _width_chart(job: Job) -> str:
 
 
 def _job_text(job: Job) -> str:
-    """The job, one value a line, the outline's rows as they are."""
+    """The job as text, one value a line, with the rows of the outline."""
     lines: list[str] = []
     for section, table in json.loads(job.canonical()).items():
         if section in (hypotheses.KEY, hypotheses.FOREIGN):
@@ -187,7 +187,7 @@ def _job_text(job: Job) -> str:
 
 
 def _section(name: str, table: dict[str, Any], head: str = "[{}]") -> list[str]:
-    """A section of the job's text, then those within it."""
+    """A section of the job's text, followed by its subsections."""
     inner = {key: value for key, value in table.items() if isinstance(value, dict)}
     values = (f"{key} = {json.dumps(value)}" for key, value in table.items() if key not in inner)
     below = [line for key, value in inner.items() for line in _section(f"{name}.{key}", value)]
@@ -195,7 +195,7 @@ def _section(name: str, table: dict[str, Any], head: str = "[{}]") -> list[str]:
 
 
 def _parts(table: Table, log: RunLog) -> list[dict[str, Any]]:
-    """Parts of a journal: those that failed first, then the latest, in their order."""
+    """Parts of a journal: failed ones first, then the latest, in their order."""
     failed = [number for number, part in enumerate(log.parts) if part.failed][-LISTED:]
     rest = [number for number, part in enumerate(log.parts) if not part.failed]
     shown = sorted(failed + rest[len(rest) - min(len(rest), LISTED - len(failed)) :])

@@ -1,4 +1,4 @@
-"""A picture of an episode of the environment, as pixels: the belief, the part and what the hand did last."""
+"""Picture of an episode of the environment, as pixels: belief, part and last action."""
 
 from typing import Any
 

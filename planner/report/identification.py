@@ -1,4 +1,4 @@
-"""What was identified from pushes: the limit surface among its data, predicted against measured twists."""
+"""Picture of an identification: the limit surface with its data, and predicted against measured twists."""
 
 from collections.abc import Callable, Sequence
 
@@ -17,14 +17,14 @@ AXES = ("fx / μN", "fy / μN", "τ / (ρ μN)")  # noqa: RUF001
 SECTIONS = ((0, 1), (0, 2), (1, 2))  # axes of each cross-section; the third is zero there
 
 NEAR = (
-    0.35  # wrenches out of a section's plane by less than this share of their length are drawn dark
+    0.35  # distance from a section's plane, as a share of the length, below which wrenches are dark
 )
 
 SIZE_IN = (7.4, 5.0)
 
 
 def figure(data: Normalised, fits: Sequence[Identified], title: str) -> Figure:
-    """Draws the pairs and one result for each kind of surface that was identified from them."""
+    """Draws the pairs and the results for each kind of surface."""
     result = canvas.blank(*SIZE_IN)
     grid = result.subplots(2, 3)
     for axes, plane in zip(grid[0], SECTIONS, strict=True):

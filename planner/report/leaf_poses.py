@@ -1,7 +1,7 @@
-"""Where the parts of each leaf lie in the stated cell, beside the pose that the leaf answers.
+"""Mean pose of the parts of each leaf in the stated cell, compared with the leaf's answer.
 
-A leaf's pose is the one that is within the goal of most parts in all cells that the job doubts. In the stated
-cell alone their mean may lie elsewhere, on purpose.
+A leaf's pose is within the goal of most parts over all cells that the job doubts. In the stated cell their
+mean may lie elsewhere, on purpose.
 """
 
 import math
@@ -14,8 +14,8 @@ from planner.evaluation.outcome import Evaluation
 from planner.frames import wrap
 from runtime.table import Table, predicted_pose
 
-WORTH_TELLING_MM = 0.1  # a mean pose farther than this from the answer is no rounding
-LEAST_PARTS = 20  # fewer have no mean that tells anything
+WORTH_TELLING_MM = 0.1  # distance of a mean pose from the answer above which it is not rounding
+LEAST_PARTS = 20  # fewer parts have no useful mean
 
 
 class Mean(NamedTuple):
@@ -24,16 +24,16 @@ class Mean(NamedTuple):
     x_mm: float
     y_mm: float
     theta_rad: float
-    apart_mm: float  # the goal's distance from the pose that the leaf answers
+    apart_mm: float  # distance from the leaf's pose, in the goal's metric
 
     @property
     def deliberate(self) -> bool:
-        """Whether the answer lies beside it."""
+        """Whether the leaf's pose differs from the mean on purpose."""
         return self.apart_mm > WORTH_TELLING_MM
 
 
 def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
-    """The mean for each leaf of a table, of the parts for which its first pose holds; None of too few."""
+    """The mean for each leaf of a table, over parts within its first pose; None for too few."""
     metric = metric_of_table(table)
     audit = metric._replace(kind="pose", distance_mm=metric.distance_mm or 1.0, identify=False)
     results: list[Mean | None] = []
@@ -43,7 +43,7 @@ def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
         pose = np.array(predicted_pose(leaf))
         off = evaluation.poses[here] - pose
         off[:, 2] = wrap(off[:, 2], order)
-        # The first pose alone: parts at one of the others lie where that one says.
+        # The first pose only: parts at another one lie there.
         state = np.array([*pose, leaf.hypothesis])
         near = audit.reached(
             np.column_stack([evaluation.poses[here], np.full(len(off), leaf.hypothesis)]), state

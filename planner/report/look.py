@@ -1,4 +1,4 @@
-"""The likeliest way through a table, step by step: where parts may lie after each squeeze, and one part."""
+"""The likeliest path through a table, step by step: possible poses after each squeeze, and one part."""
 
 from itertools import takewhile
 from typing import NamedTuple
@@ -16,11 +16,11 @@ from planner.report.replay import Replay
 from runtime.table import Table
 
 OUTLINES = 60  # most outlines of one belief
-SQUEEZES = range(1, 4)  # as many of them as a page shows beside each other
+SQUEEZES = range(1, 4)  # most of them beside each other on a page
 
 
 class Scene(NamedTuple):
-    """Where parts may lie at one moment, and where one of them does."""
+    """Possible poses of the parts at one moment, and the pose of one of them."""
 
     caption: str
     belief: Array  # (m, 4) states of the parts, as `with_hypothesis`
@@ -33,7 +33,7 @@ class Scene(NamedTuple):
 def scenes(table: Table, job: Job, beliefs: Replay) -> list[Scene]:
     """The moments before the first squeeze and after each."""
     whole = likeliest_path(table, beliefs, SQUEEZES)
-    # Of a table that dismisses all parts, as far as one gets.
+    # For a table that dismisses all parts, up to there.
     path = list(takewhile(lambda at: np.any(beliefs.visits[at.node].branch == at.branch), whole))
     part = track(beliefs, path)
     hypothesis = beliefs.arrivals[0][part.part, 3:]

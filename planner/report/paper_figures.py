@@ -19,15 +19,15 @@ from planner.report.replay import Replay
 from runtime.table import Table
 
 OUTLINES = 90  # most outlines drawn in one panel
-DARKNESS = 0.75  # of the place that all outlines of a panel cover
-WIDTH_IN = 8.3  # 800 pixels at a text of 8 to 9 points: what a README shows without shrinking it
+DARKNESS = 0.75  # of a place that all outlines of a panel cover
+WIDTH_IN = 8.3  # 800 pixels at a text of 8 to 9 points: fits a README without scaling
 FONT = 8.5
 
 COLUMNS = 4  # most panels beside each other
 
 
 class Step(NamedTuple):
-    """One squeeze on a path through a table: the node, and the branch that its width chose."""
+    """One squeeze on a path through a table: the node, and the branch of the reading."""
 
     node: int
     branch: int
@@ -36,15 +36,15 @@ class Step(NamedTuple):
 class Track(NamedTuple):
     """One part on its path."""
 
-    part: int  # among the parts at the root
+    part: int  # index among the parts at the root
     poses: list[Array]  # (3,) before the first squeeze and after each [mm, mm, rad]
-    widths_mm: list[float]  # that it is squeezed to
+    widths_mm: list[float]  # widths of its squeezes
 
 
 def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> list[Step]:
     """The path from the root to a leaf that most parts take.
 
-    It has one of these numbers of squeezes where some part takes such a path.
+    Its length is one of `squeezes`, where some part takes such a path.
     """
     results: list[tuple[int, list[Step]]] = []
     waiting: list[tuple[int, list[Step]]] = [(0, [])]
@@ -66,7 +66,7 @@ def sequence(
     squeezes: Collection[int] = (3,),
     holes: Sequence[Array] = (),
 ) -> Figure:
-    """Fig. 1: how widths shrink the beliefs of a table on a path of squeezes, and one part that takes it.
+    """Fig. 1: widths shrink the beliefs along a path of squeezes; one part is shown on it.
 
     The part is drawn with its holes (n, 2) [mm] in the outline's frame.
     """
@@ -136,10 +136,10 @@ def subspaces(
     jaws: Array,
     titles: Sequence[str],
 ) -> Figure:
-    """Fig. 4: the subspaces that widths tell apart, a panel, a title and an SVG group each.
+    """Fig. 4: the subspaces of widths, each with a panel, a title and an SVG group.
 
-    Shown are final poses (n, 3) in the hand frame [mm, mm, rad] by their labels (n,), as an outline (N, 2)
-    between jaws (4,) as of `planner.mechanics.clearance.jaws_of` [mm].
+    Final poses (n, 3) in the hand frame [mm, mm, rad] are drawn by their labels (n,), as an outline (N, 2)
+    between jaws (4,), from `planner.mechanics.clearance.jaws_of` [mm].
     """
     columns = min(COLUMNS, len(solved))
     rows = ceil(len(solved) / columns)
@@ -166,7 +166,7 @@ def _frame(axes: Axes, half: float) -> None:
 
 
 def _density(axes: Axes, outline: Array, poses: Array) -> None:
-    """A sample of the poses, so transparent that full overlap looks alike in all panels."""
+    """Draws a sample of the poses, so transparent that full overlap looks alike in all panels."""
     poses = subsample(poses, OUTLINES)
     fill = canvas.overlay_opacity(len(poses), DARKNESS)
     shapes = canvas.outlines(outline, poses)

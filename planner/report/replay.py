@@ -1,7 +1,7 @@
-"""Parts sent through a table, with their poses kept: the beliefs that the table itself does not hold.
+"""Replay: parts run through a table with their poses kept, which gives the beliefs of its nodes.
 
-They are found as the table was judged: many parts, squeezed in the stochastic world, each sent on by the
-encoder count it would read.
+The parts are squeezed in the stochastic world, as in an evaluation, and take the branches of their encoder
+counts.
 """
 
 from typing import NamedTuple
@@ -24,13 +24,13 @@ class Replay(NamedTuple):
     """All parts, node by node."""
 
     visits: tuple[Step, ...]  # one for each node of the table
-    # For each node, the states of the parts that come there, after its pushes, as `with_hypothesis`.
+    # For each node, the states of the parts on arrival, after its pushes, as `with_hypothesis`.
     arrivals: tuple[Array, ...]
     leaves: tuple[Array, ...]  # for each leaf, those of the parts that ended there
 
 
 def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
-    """Sends parts through the table of a job; the seed is that of poses, mechanics and encoder's noise."""
+    """Runs parts through the table of a job; the seed determines poses, mechanics and encoder noise."""
     rng = np.random.default_rng([seed, 0x5245504C])
     world, encoder = world_of(job, seed, ContactWorld), encoder_of(job)
     program = Program.of(table)
@@ -39,7 +39,7 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
     traits = [hypotheses_of(job, 0, rng)] * len(table.nodes)
     arrivals[0], traits[0] = initial(job, trials, rng), hypotheses_of(job, trials, rng)
     visits = []
-    for index, node in enumerate(table.nodes):  # each comes after the one that leads to it
+    for index, node in enumerate(table.nodes):  # each node comes after the one that leads to it
         at = np.full(len(arrivals[index]), index)
         arrivals[index], _ = pushed(
             program, at, arrivals[index], world, job, traits[index], NONE, rng

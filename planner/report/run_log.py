@@ -1,8 +1,8 @@
-"""The journal of a run, read for a picture: what each part was squeezed to, and how it ended.
+"""The journal of a run, read for pictures: the width of each squeeze, and each part's outcome.
 
-JSON lines, each with the SHA-256 of itself without that field and that of the line before: this is checked,
-through all files of a journal that was sealed in segments. Whether every decision follows from its widths is
-what `grasp-journal replay` tells.
+JSON lines, each with the SHA-256 of itself without that field, and of the line before: the chain is checked
+through all files of a journal that was sealed in segments. `grasp-journal replay` checks that every decision
+follows from its widths.
 """
 
 import base64
@@ -24,13 +24,13 @@ class Squeezed(NamedTuple):
     """One squeeze of a part."""
 
     node: int
-    width_um: int  # where the fingers rested
-    target: int | None  # where it leads; None where it is rejected
+    width_um: int  # where the fingers came to rest
+    target: int | None  # its target; None where it is rejected
 
 
 @dataclass(slots=True)
 class PartLog:
-    """One part; `outcome` stays "cut short" where the journal does not tell how it ended."""
+    """One part; `outcome` stays "cut short" where the journal has no outcome."""
 
     part: int
     squeezes: list[Squeezed] = field(default_factory=list)
@@ -38,47 +38,45 @@ class PartLog:
     leaf: int | None = None
     reason: str = ""
     audit: str | None = None
-    name: str | None = None  # of the part that was found, where there are several
+    name: str | None = None  # name of the located part, where there are several
     residual: tuple[float, float, float] | None = None  # measured less predicted pose [mm, mm, rad]
-    seconds: float | None = None  # from its first motion to its outcome, where that is told
-    phases: list[Phases] = field(
-        default_factory=list
-    )  # seconds of each squeeze, where they are told
+    seconds: float | None = None  # from its first motion to its outcome, if recorded
+    phases: list[Phases] = field(default_factory=list)  # seconds of each squeeze, if recorded
 
     @property
     def failed(self) -> bool:
-        """Whether it did not end in a resolved leaf, or the auditor found it elsewhere."""
+        """Whether the part did not end in a resolved leaf, or the audit contradicts the leaf."""
         return self.outcome != "leaf" or self.audit == "fail"
 
 
 class RunLog(NamedTuple):
     """All parts of the runs of one table, in order."""
 
-    parts: list[PartLog]  # one each
-    runs: int  # how many runs of this table
-    others: int  # runs of other tables in the same file, which are left out
+    parts: list[PartLog]  # parts
+    runs: int  # number of runs of this table
+    others: int  # runs of other tables in the same file, which are ignored
     first: str  # date of the first record
     last: str  # and of the last
 
     def branch_counts(self) -> Counter[tuple[int, int | None]]:
-        """How often each node led to each target; None for rejected readings."""
+        """Counts of each node's targets; None for rejected readings."""
         return Counter((each.node, each.target) for part in self.parts for each in part.squeezes)
 
     def outcomes(self) -> Counter[str]:
-        """How many parts ended how."""
+        """Number of parts with each outcome."""
         return Counter(part.outcome for part in self.parts)
 
     def times(self, takt_s: float | None = None) -> dict[str, float]:
-        """What parts took, as `runtime.table.takt.figures`, and how many tell it; empty where none does."""
+        """Seconds of parts, as `runtime.table.takt.figures`, and their number; empty without any."""
         seconds = Counter(part.seconds for part in self.parts if part.seconds is not None)
         return {"parts": seconds.total(), **takt_figures(seconds, takt_s)} if seconds else {}
 
 
 def read(path: Path, table_sha256: str) -> RunLog:
-    """Reads a journal; runs of other tables than that of this digest (hexadecimal) are left out.
+    """Reads a journal; runs of other tables than the one of this digest (hexadecimal) are ignored.
 
     Raises:
-        InputError: it cannot be read, does not verify, or tells of no run of this table.
+        InputError: it cannot be read, does not verify, or has no run of this table.
     """
     parts: list[PartLog] = []
     runs, others, ours = 0, 0, False
@@ -88,7 +86,7 @@ def read(path: Path, table_sha256: str) -> RunLog:
         first = first or last
         if entry["kind"] == "header":
             ours = entry.get("table_sha256") == table_sha256
-            begins = "after_part" not in entry  # it does not where a segment goes on with a run
+            begins = "after_part" not in entry  # it does not where a segment continues a run
             runs, others = runs + (ours and begins), others + (begins and not ours)
         elif ours:
             try:
@@ -103,7 +101,7 @@ def read(path: Path, table_sha256: str) -> RunLog:
 
 
 def table_of(path: Path) -> TableFile:
-    """The table that the first run of a journal was made with.
+    """The table of the first run in a journal.
 
     Raises:
         InputError: the journal cannot be read or does not verify, or holds no table.

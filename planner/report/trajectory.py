@@ -1,4 +1,4 @@
-"""Squeezes: panels as in the paper's Fig. 3, a GIF of one, or a page with a slider for several."""
+"""Squeezes as pictures: panels as in the paper's Fig. 3, a GIF of one, a page with a slider for several."""
 
 from collections.abc import Sequence
 from html import escape
@@ -22,7 +22,7 @@ from runtime.shell.files import write, writing
 MOST_PANELS = 12
 COLUMNS = 4
 COLUMNS_IF_TALL = 6
-TALL = 1.4  # height over width of a panel that counts as tall
+TALL = 1.4  # height over width above which a panel is tall
 BETWEEN = 4  # intermediate states drawn of one squeeze
 MARK_MM = 1.5  # distance between the marks of a trace
 WIDTH_IN = 2.1  # width of one panel
@@ -50,13 +50,15 @@ class Squeezed(NamedTuple):
     """One squeeze, step by step."""
 
     states: Array  # (k, 4) x, y, theta, width [mm, mm, rad, mm], k >= 2: the first row open, the last final
-    status: str  # one of the simulator's words
+    status: str  # a status of the simulator
 
 
 def along(states: Array, widths_mm: Array) -> Array:
     """The states (n, 4) of a squeeze (k, 4) at widths (n,) within it, interpolated between its steps."""
     latest = states[::-1]
-    rising, rows = np.unique(latest[:, 3], return_index=True)  # of states at one width, the last
+    rising, rows = np.unique(
+        latest[:, 3], return_index=True
+    )  # of states of the same width, the last
     columns = [np.interp(widths_mm, rising, latest[rows, j]) for j in range(3)]
     return np.stack([*columns, np.asarray(widths_mm, dtype=np.float64)], axis=-1)
 
@@ -70,7 +72,7 @@ def touch(states: Array) -> float:
 
 
 def trail(centres: Array) -> Array:
-    """Points (n, 2) at equal distances along a path (k, 2), its two ends among them [mm]."""
+    """Points (n, 2) at equal distances along a path (k, 2), both ends included [mm]."""
     passed = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(centres, axis=0).T))])
     marks = np.linspace(0.0, passed[-1], 1 + round(passed[-1] / MARK_MM))
     return np.stack([np.interp(marks, passed, centres[:, j]) for j in range(2)], axis=-1)
@@ -99,7 +101,7 @@ def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
 
 
 def extent(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> tuple[float, float]:
-    """Half width and half height that hold all of all squeezes, and a margin [mm]."""
+    """Half width and half height that contain all squeezes, with a margin [mm]."""
     reach = float(np.max(np.hypot(*outline.T)))
     centres = np.concatenate([np.abs(trace.states[:, :2]) for trace in traces])
     x = max(0.5 * float(jaws[1]), float(centres[:, 0].max()) + reach)
@@ -139,14 +141,14 @@ def _draw(axes: Axes, outline: Array, jaws: Array, states: Array) -> None:
 
 
 def timeline(states: Array) -> Array:
-    """States (n, 4) of a squeeze (k, 4), one a frame: a quick approach, then the contact, even in width."""
+    """States (n, 4) of a squeeze (k, 4), one a frame: a fast approach, then contact at a constant rate."""
     begun, end = touch(states), states[-1, 3]
     approach = np.linspace(states[0, 3], begun, APPROACH_FRAMES, endpoint=False)
     return along(states, np.concatenate([approach, np.linspace(begun, end, CONTACT_FRAMES)]))
 
 
 def gif(outline: Array, jaws: Array, trace: Squeezed, path: Path) -> None:
-    """Writes one squeeze of an outline (N, 2) [mm] as an animation that holds its last frame a second.
+    """Writes one squeeze of an outline (N, 2) [mm] as an animation, its last frame shown for a second.
 
     `jaws` (4,) are those of `planner.mechanics.clearance.jaws_of`; the path ends in .gif.
     """
@@ -167,7 +169,7 @@ def gif(outline: Array, jaws: Array, trace: Squeezed, path: Path) -> None:
         (centre,) = axes.plot([], [], color=blue, linewidth=1.0)
         title = axes.set_title("0.0 mm")
         figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # or the axes would shift from frame to frame
+        figure.set_layout_engine("none")  # or the axes would shift between frames
         writer = PillowWriter(fps=FRAMES_PER_S)
         with writer.saving(figure, str(file), GIF_DPI):
             for now in range(len(frames) + HOLD_FRAMES):

@@ -1,9 +1,9 @@
-"""A compiled table as a tree of panels, after the paper's Figs 2 and 6: for a page, or a picture of its own.
+"""A compiled table as a tree of panels, after the paper's Figs 2 and 6: for a page, or as a picture.
 
-Every node shows the belief when it is reached and the fingers of the squeeze that led there; arrow heads
-close along the next squeeze. Lengths are pixels; each panel is a small view of the world in mm. The tree is
-tidy (Reingold and Tilford, 1981): every depth has two slots, the panels and the gap below them, so that what
-stands in the gap (the branches of a node, the text of a leaf) is kept apart too.
+Every node shows its belief on arrival and the fingers of the squeeze that led there; arrow heads point
+along the next squeeze. Lengths are pixels; each panel is a small view of the world in mm. The tree is tidy
+(Reingold and Tilford, 1981): every depth has two slots, the panels and the gap below them, so that labels
+in the gap (the branches of a node, the text of a leaf) do not overlap either.
 """
 
 from dataclasses import dataclass, field
@@ -28,8 +28,8 @@ class Sizes(NamedTuple):
     """Half widths, and the distance between neighbours."""
 
     panel: float  # half the width of a panel
-    label: float  # half the width of what is written at a branch
-    text: float  # half the width of what is written below a leaf
+    label: float  # half the width of a branch's label
+    text: float  # half the width of a leaf's text
     margin: float  # least distance between two of these
 
 
@@ -43,15 +43,15 @@ class Spot(NamedTuple):
 class Layout(NamedTuple):
     """The places of all panels."""
 
-    nodes: tuple[Spot, ...]  # one a node of the table
-    leaves: tuple[Spot, ...]  # one a leaf
-    rows: int  # how many there are
-    width: float  # of the whole, from 0
+    nodes: tuple[Spot, ...]  # one for each node of the table
+    leaves: tuple[Spot, ...]  # one for each leaf
+    rows: int  # number of depths
+    width: float  # extent of the whole, from 0
 
 
 @dataclass(slots=True)
 class _Subtree:
-    """A target of the table with its children, places relative to its own middle."""
+    """A target of the table with its children, placed relative to its middle."""
 
     target: int
     contour: dict[int, tuple[float, float]]
@@ -97,7 +97,7 @@ def _subtree(table: Table, target: int, depth: int, sizes: Sizes) -> _Subtree:
 def _row(
     subtrees: list[_Subtree], margin: float
 ) -> tuple[list[float], dict[int, tuple[float, float]]]:
-    """Places of subtrees beside each other, as close as they may be, and their common contour."""
+    """Places of subtrees beside each other, as close as possible, and their common contour."""
     xs: list[float] = []
     merged: dict[int, tuple[float, float]] = {}
     for subtree in subtrees:
@@ -115,19 +115,19 @@ def _row(
 PANEL = 64.0
 EDGE = 8.0
 MOST = 40  # most outlines in one panel
-NAME = 11  # most letters of a part's name below a leaf
-BUDGET = 4000  # outlines that a page draws at once without a wait; shared by all panels
+NAME = 11  # most characters of a part's name below a leaf
+BUDGET = 4000  # outlines that a page draws without delay; shared by all panels
 TRIALS = 20_000
 NOTHING = np.empty((0, 3, 2))
 
 
 class Style(NamedTuple):
-    """Which way a tree grows; lengths in pixels."""
+    """Direction of growth and sizes of a tree; lengths in pixels."""
 
-    sideways: bool  # the root on the left, for trees that are too wide with it on top
-    sizes: Sizes  # of what stands beside each other
+    sideways: bool  # the root on the left, for trees that are too wide otherwise
+    sizes: Sizes  # of panels beside each other
     gap: float  # between a panel and its children
-    bus: float  # how far from a panel its branches part
+    bus: float  # distance from a panel at which its branches separate
 
 
 DOWNWARDS = Style(False, Sizes(panel=0.5 * PANEL, label=29.0, text=29.0, margin=6.0), 53.0, 14.0)
@@ -139,11 +139,11 @@ class Panel(NamedTuple):
 
     key: str  # "node-3" or "leaf-0"
     kind: str  # "node", "leaf", "untried" or "unresolved"
-    label: str  # in words, for those who do not see it
+    label: str  # alternative text
     x: float  # left edge [px]
     y: float  # upper edge [px]
     poses: Array  # (m, 3) of the outlines [mm, mm, rad], or (m, 4) with their hypotheses
-    opacity: float  # of one outline, so that full overlap looks alike in all panels
+    opacity: float  # of one outline; full overlap looks alike in all panels
     fingers: Array  # (0 or 2, 4, 2) of the squeeze that led here [mm]
     lines: list[str]  # text: the angle of the hand, or the leaf's pose and success
     text: tuple[float, float, str]  # where it begins [px, from the corner], and its SVG anchor
@@ -152,7 +152,7 @@ class Panel(NamedTuple):
 
 
 class Line(NamedTuple):
-    """One branch: `key` is that of the panel it leads to; `x`, `y` are the place of its interval [px]."""
+    """One branch: `key` is its target panel; `x`, `y` are the place of its interval [px]."""
 
     key: str
     path: str
@@ -165,7 +165,7 @@ class Line(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """A whole tree [px]; `reach` is half the side of what a panel shows [mm]."""
+    """A whole tree [px]; `reach` is half the side of a panel [mm]."""
 
     width: float
     height: float
@@ -175,7 +175,7 @@ class Drawing(NamedTuple):
 
 
 def drawing(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -> Drawing:
-    """Arranges the panels of a table; the job is the one it was compiled from, the beliefs are its own."""
+    """Arranges the panels of a table, given its job and its beliefs."""
     tree = _Tree(table, job, beliefs, style)
     along = tree.layout.rows * (PANEL + style.gap) + 2 * EDGE
     across = tree.layout.width + 2 * EDGE
@@ -192,7 +192,7 @@ def drawing(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -
 
 
 def picture(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -> str:
-    """The tree as an SVG of its own, with a legend; arguments as of `drawing`."""
+    """The tree as a standalone SVG with a legend; arguments as for `drawing`."""
     return template("tree.svg").render(
         table=table,
         drawing=drawing(table, job, beliefs, style),
@@ -202,12 +202,12 @@ def picture(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -
 
 
 def draw(table: Table, job: Job, path: Path, trials: int = TRIALS) -> None:
-    """Draws a table of a job as .svg, its beliefs found by sending so many parts through it."""
+    """Draws a table of a job as .svg, with beliefs from `trials` parts."""
     write(path, picture(table, job, replay(table, job, trials, 0)))
 
 
 class _Tree:
-    """What the panels of one table have in common; a target is a node, or ~leaf."""
+    """Common data of the panels of one table; a target is a node, or ~leaf."""
 
     def __init__(self, table: Table, job: Job, beliefs: Replay, style: Style) -> None:
         self.table, self.beliefs, self.style = table, beliefs, style
@@ -220,7 +220,8 @@ class _Tree:
         }
         self.trials = len(beliefs.visits[0].before)
         self.most = max(1, min(MOST, BUDGET // (len(table.nodes) + len(table.leaves))))
-        # Half the side of a square in the world that holds nearly all beliefs and closed fingers [mm].
+        # Half the side of a square in the world that contains nearly all beliefs and closed fingers
+        # [mm].
         spread = float(np.quantile(np.hypot(*beliefs.visits[0].before[:, :2].T), 0.9))
         reach = spread + max(
             float(np.max(np.hypot(*alone.part.outline_mm.T))) for alone in job.alone
@@ -236,7 +237,7 @@ class _Tree:
         pushed = {0: "", 1: "a push, "}.get(len(node.pushes), f"{len(node.pushes)} pushes, ")
         label = f"Node {index}: {pushed}squeeze at {angle:.0f} degrees, {len(node.branches)} outcomes, {seen}"
         text = (44.0, 74.0, "middle")
-        if self.style.sideways:  # in that lower corner which has no arrow head
+        if self.style.sideways:  # in the lower corner without an arrow head
             text = (
                 (3.0, 61.0, "start")
                 if np.sin(np.radians(2.0 * angle)) > 0.0
@@ -319,12 +320,12 @@ class _Tree:
 
 
 def names_parts(table: Table) -> bool:
-    """Whether leaves must tell which of several parts lies there."""
+    """Whether leaves must name one of several parts."""
     return bool(table.hypotheses) and table.goal.identify
 
 
 def leaf_label(index: int, leaf: Leaf, name: str | None = None, posed: bool = True) -> str:
-    """A leaf in words, with the name that it gives, if any; without a pose where none is asked for."""
+    """A leaf in words, with the name that it gives, if any; without a pose where the goal has none."""
     if not leaf.resolved:
         return f"Leaf {index}: unresolved, {leaf.trials} trials ended here"
     x, y, turn = predicted_pose(leaf)
@@ -335,7 +336,7 @@ def leaf_label(index: int, leaf: Leaf, name: str | None = None, posed: bool = Tr
 
 
 def leaf_lines(leaf: Leaf, name: str | None = None, posed: bool = True) -> list[str]:
-    """What stands at a leaf, in four lines at most; arguments as of `leaf_label`."""
+    """The text at a leaf, at most four lines; arguments as for `leaf_label`."""
     if not leaf.resolved:
         return ["unresolved", f"of {leaf.trials}" if leaf.trials else "untried"]
     x, y, turn = predicted_pose(leaf)
@@ -349,14 +350,14 @@ def leaf_lines(leaf: Leaf, name: str | None = None, posed: bool = True) -> list[
 
 
 def percent(share: float) -> str:
-    """A share of all parts, with a digit more where it is small."""
+    """Formats a share of all parts, with an extra digit where it is small."""
     if 0.0 < share < 0.001:
         return "< 0.1 %"
     return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"
 
 
 def signed(value: float, digits: int = 1) -> str:
-    """A rounded number, with a minus sign of the right length and no negative zero."""
+    """Formats a rounded number with a typographic minus sign and no negative zero."""
     return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
@@ -365,7 +366,7 @@ def _key(target: int) -> str:
 
 
 def _arrows(angle: float) -> Array:
-    """Two arrow heads (2, 3, 2) that close along the squeeze of a hand at an angle [px, y down]."""
+    """Two arrow heads (2, 3, 2) that point along the squeeze of a hand at an angle [px, y down]."""
     along = np.array([-np.sin(angle), np.cos(angle)])  # the hand's y in the world
     across = np.array([along[1], -along[0]])
     rim = min(0.5 * PANEL / np.max(np.abs(along)), 0.66 * PANEL) - 2.5

@@ -1,4 +1,4 @@
-"""What there is to say first: a plan's verdict in one sentence, and that of the cell that ran it."""
+"""The verdict on a plan in one sentence, and that on the cell that ran it."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -14,22 +14,20 @@ from planner.report.run_log import RunLog
 from planner.report.tree import names_parts
 from runtime.table import Node, Table
 
-GOOD_WRONG = (
-    0.005  # share of confident wrong answers that an assumption may cost before it is warned of
-)
+GOOD_WRONG = 0.005  # share of confident wrong answers that makes an assumption worth a warning
 POOR_SUCCESS = 0.9
-MOST_CONDITIONS = 3  # that a sentence states
+MOST_CONDITIONS = 3  # most assumptions in a sentence
 
 
 Grade = Literal["good", "fair", "poor"]
 
 
 class Weakest(NamedTuple):
-    """The broken assumption that does most harm."""
+    """The broken assumption that does the most harm."""
 
-    name: str  # of the world
+    name: str  # name of the world
     wrong: float  # share of confident wrong answers there
-    success: float  # share of the parts that are located there
+    success: float  # share of parts located there
 
     def text(self) -> str:
         """For people."""
@@ -39,17 +37,17 @@ class Weakest(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What there is to say first."""
+    """The verdict on a plan."""
 
     grade: Grade
     sentence: str
     error: str  # expected error, as a clause
-    conditions: list[str]  # what must hold for wrong answers to stay few, the most harmful first
-    warnings: list[str]  # what makes the answer worth less than it says
+    conditions: list[str]  # assumptions that keep wrong answers few, the most harmful first
+    warnings: list[str]  # reasons why the answer means less than it says
 
 
 def weakest(lines: Sequence[Line]) -> Weakest | None:
-    """The worst of some worlds, the first of which is as planned: most wrong answers, then least success."""
+    """The worst of some worlds besides the first, the planned one: most wrong answers, then least success."""
     if len(lines) < 2:
         return None
     line = max(lines[1:], key=_harm)
@@ -63,7 +61,7 @@ def verdict(job: Job, figures: dict[str, Any], lines: Sequence[Line] = ()) -> Ve
     Args:
         job: of the table.
         figures: as `Evaluation.summary` returns them; of several parts, also those of `Identities`.
-        lines: what came of other worlds, the first of which is as planned; none if none was tried.
+        lines: evaluations in worlds, the planned one first; empty if none was tried.
     """
     success, wrong, worst = figures["success_rate"], figures["wrong_rate"], weakest(lines)
     grade: Grade = "good"
@@ -89,7 +87,7 @@ def _harm(line: Line) -> tuple[float, float]:
 def _conditions(lines: Sequence[Line]) -> list[str]:
     """The assumptions without which wrong answers are too many, the most harmful first.
 
-    Of those that bound one quantity on the same side the strictest stands for all.
+    Among conditions on one side of a quantity, the strictest stands for all.
     """
     failing = [line for line in lines[1:] if float(line.evaluation.wrong.mean()) >= GOOD_WRONG]
     strictest: dict[tuple[str, str], Condition] = {}
@@ -111,7 +109,7 @@ def _conditions(lines: Sequence[Line]) -> list[str]:
 
 
 def listed(conditions: Sequence[str]) -> str:
-    """Some conditions as a clause: "if friction stays below 1.35 and ..."; nothing of none."""
+    """Conditions as a clause: "if friction stays below 1.35 and ..."; empty without any."""
     if not conditions:
         return ""
     shown = [*conditions[:MOST_CONDITIONS]]
@@ -122,7 +120,7 @@ def listed(conditions: Sequence[str]) -> str:
 
 
 def _found(job: Job, figures: dict[str, Any]) -> str:
-    """What is found, and how often; of several parts, also how often the name is right."""
+    """States what is located, and how often; for several parts, also how often the name is right."""
     share = f"in {in_percent(shares_of(figures).located)} of trials"
     if not job.hypothesis:
         return f"finds a {described(job)} lying {belief(job)} {aim(job)} {share}"
@@ -159,14 +157,14 @@ def described(job: Job) -> str:
 
 
 def belief(job: Job) -> str:
-    """Where the part may lie."""
+    """The uncertainty of the part's pose as a clause."""
     turn = job.uncertainty.orientation_halfwidth_deg
     angle = "at any angle" if turn >= 180.0 else f"and {turn:g} degrees"
     return f"within {job.uncertainty.radius_mm:g} mm {angle}"
 
 
 def aim(job: Job) -> str:
-    """How well it is to be located."""
+    """The goal as a clause."""
     goal = job.goal
     if goal.kind == "tolerances":
         return f"to {goal.tolerance_mm[0]:g} x {goal.tolerance_mm[1]:g} mm and {goal.tolerance_deg:g} degrees"
@@ -178,26 +176,26 @@ def aim(job: Job) -> str:
 
 
 def percent(share: float) -> str:
-    """A share, never rounded up to all or down to nothing."""
+    """Formats a share, never rounded up to all or down to nothing."""
     if share in (0.0, 1.0):
         return f"{100 * share:.0f} %"
     digits = next((n for n in (1, 2, 3) if 0.0 < round(100 * share, n) < 100.0), 4)
     return f"{100 * share:.{digits}f} %" if share < 0.1 or share > 0.9 else f"{100 * share:.0f} %"
 
 
-FAR_MM = 2.0  # from every planned width: not noise, but another part or another lie
-USUAL = 0.9  # share of located parts below which a cell needs a look
+FAR_MM = 2.0  # distance from every planned width that means another part or pose, not noise
+USUAL = 0.9  # share of located parts below which a cell needs attention
 
 
 class CellResult(NamedTuple):
-    """The cell's own result."""
+    """The result of a cell."""
 
     grade: Grade
     sentence: str
 
 
 def cell_result(table: Table, log: RunLog) -> CellResult:
-    """How the parts of a journal ended, and what the commonest reject looks like."""
+    """The outcomes of a journal's parts, with the commonest reject."""
     total = len(log.parts)
     if not total:
         return CellResult("fair", "no part was begun")
@@ -219,7 +217,7 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
         for part in log.parts
         if part.squeezes and part.squeezes[-1].target is None
     ]
-    if rejects:  # what was read at the node that rejected most parts
+    if rejects:  # the readings at the node that rejected most parts
         node = Counter(squeeze.node for squeeze in rejects).most_common(1)[0][0]
         widths = sorted(squeeze.width_um for squeeze in rejects if squeeze.node == node)
         middle = widths[len(widths) // 2]
@@ -229,7 +227,7 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
 
 
 def reject_text(table: Table, node: int, width_um: int) -> str:
-    """What was read where the table has no branch, and what was planned there."""
+    """States a reading without a branch, and the widths that were planned there."""
     read_mm = width_um / 1e3
     spans = planned_spans(table.nodes[node])
     planned = ", ".join(f"{low:.1f} to {high:.1f}" for low, high in spans)
@@ -238,7 +236,7 @@ def reject_text(table: Table, node: int, width_um: int) -> str:
 
 
 def planned_spans(node: Node) -> list[tuple[float, float]]:
-    """The widths that a node has branches for, those that meet put together [mm]."""
+    """The widths that a node has branches for, adjacent intervals merged [mm]."""
     spans: list[tuple[float, float]] = []
     for branch in sorted(node.branches, key=lambda branch: branch.low_um):
         low, high = branch.low_um / 1e3, branch.high_um / 1e3

@@ -1,6 +1,6 @@
-"""A table's figures: in the world that it was planned for, and in those where one assumption is broken.
+"""Figures of a table in its planned world, and in worlds that break one assumption each.
 
-Every command that tells figures of a plan tells these, so that they are the same everywhere.
+All commands use these figures, so that they are the same everywhere.
 """
 
 import time
@@ -18,13 +18,13 @@ from runtime.table import Table
 
 TRIALS = 2000  # in each world where an assumption is broken
 LEAST_TRIALS = 100  # the same where time is short
-TIMED_TRIALS = 200  # parts squeezed to estimate how long a world takes
+TIMED_TRIALS = 200  # parts squeezed to estimate the duration of a world
 
 
 def evaluation_of(
     table: Table, job: Job, trials: int, scheduler: Scheduler | None = None
 ) -> Evaluation:
-    """The evaluation whose figures the compiler put into a table; of so many trials where it put none in."""
+    """The evaluation with the compiler's figures of a table; by `trials` where it has none."""
     seed = job.seed + SEED_FIGURES
     worlds = ContactWorlds.of_job(job, seed)
     return evaluate(table, job, worlds, table.predicted.trials or trials, seed, scheduler)
@@ -38,9 +38,9 @@ def tried(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> list[Line]:
-    """A table in its own world, as `evaluation_of` has it, and in each where an assumption is broken.
+    """Evaluates a table in its own world, as `evaluation_of`, and in each with a broken assumption.
 
-    These are the assumptions that plans make, and what the job doubts at the ends of its intervals.
+    The worlds break the assumptions of plans, and set the job's doubts to the ends of their intervals.
     """
     seed, (stated, *others) = job.seed + SEED_FIGURES, _cases(job)
     worlds = partial(ContactWorlds.of_job, seed=seed)
@@ -51,19 +51,19 @@ def tried(
 
 
 def seconds_a_part(table: Table, job: Job, scheduler: Scheduler | None = None) -> float:
-    """Seconds that it takes to evaluate a part, of a short trial."""
+    """Seconds for the evaluation of a part, by a short trial."""
     began = time.monotonic()
     evaluate(table, job, ContactWorlds.of_job(job, job.seed), TIMED_TRIALS, job.seed, scheduler)
     return (time.monotonic() - began) / TIMED_TRIALS
 
 
 def affordable(job: Job, seconds: float, part_s: float) -> int:
-    """Trials for `tried` to take about so many seconds: at most `TRIALS`, at least `LEAST_TRIALS`.
+    """Trials for `tried` within a time: at most `TRIALS`, at least `LEAST_TRIALS`.
 
     Args:
-        job: which other worlds there are.
-        seconds: to spend.
-        part_s: as `seconds_a_part` tells.
+        job: determines the worlds.
+        seconds: the time.
+        part_s: from `seconds_a_part`.
     """
     return min(TRIALS, max(LEAST_TRIALS, int(seconds / (len(_cases(job)) * part_s))))
 

@@ -1,4 +1,4 @@
-"""Many outlines, planned and judged: what each came to, and one page of them all."""
+"""Plans for many outlines: the result for each, and one page of them all."""
 
 import math
 import time
@@ -21,10 +21,10 @@ from planner.work.limit import Limit
 from runtime.pages import frame
 from runtime.shell.errors import InputError, UnreachableError
 
-LOCATED = 0.99  # share of the parts from which an outline counts as located
-FITTING = 0.8  # share of the room between the open fingers that parts lie in
-MOST_MM = 10.0  # radius of the disc that they lie in at most
-LEAST_MM = 1.0  # and at least
+LOCATED = 0.99  # least share of parts located for an outline to count
+FITTING = 0.8  # radius of the disc, as a share of the room between the open fingers
+MOST_MM = 10.0  # greatest radius of the disc
+LEAST_MM = 1.0  # least radius
 LONGEST_NAME = 80  # of a part in a job
 ERROR = "error of the program"
 STYLE = """\
@@ -38,14 +38,14 @@ Figures = dict[str, Any]
 class Item(NamedTuple):
     """An outline to plan, fit to be sent to another machine."""
 
-    name: str  # it is kept under
+    name: str  # key
     outline_mm: list[list[float]]  # (N, 2)
-    base: str  # canonical text of the job that gripper, friction and goal are taken from
+    base: str  # canonical text of the job with gripper, friction and goal
     budget_s: float  # of planning, processor time
 
 
 def judge(item: Item) -> Figures:
-    """Plans an outline and evaluates its table; never raises but where the cluster is lost."""
+    """Plans an outline and evaluates its table; raises only where the cluster is lost."""
     started = time.thread_time(), time.perf_counter()
     figures: Figures = {
         "name": item.name,
@@ -60,7 +60,7 @@ def judge(item: Item) -> Figures:
     except InputError as error:
         kind = reasons.TOO_LARGE if isinstance(error, FitError) else ERROR
         figures |= {"kind": kind, "text": str(error)}
-    except Exception as error:  # whatever it is, the others go on
+    except Exception as error:  # on any error the others continue
         figures |= {"kind": ERROR, "text": f"{type(error).__name__}: {error}"}
     cpu, wall = time.thread_time() - started[0], time.perf_counter() - started[1]
     return figures | {"cpu_s": round(cpu, 2), "seconds": round(wall, 2)}
@@ -80,7 +80,7 @@ def _judged(item: Item) -> Figures:
         uncertainty={"radius_mm": radius_mm},
     )
     figures = {"symmetry": job.part.symmetry, "radius_mm": job.uncertainty.radius_mm}
-    limit = Limit(item.budget_s, time.thread_time)  # which other work on the machine does not spend
+    limit = Limit(item.budget_s, time.thread_time)  # not affected by other work on the machine
     try:
         plan = compile_job(job, workers=1, limit=limit)
     except NoPlanError as error:
@@ -103,7 +103,7 @@ def _judged(item: Item) -> Figures:
 
 
 def page(rows: Sequence[Figures]) -> str:
-    """All outlines with what they came to, failures first, as HTML without anything from elsewhere."""
+    """All outlines with their results, failures first, as self-contained HTML."""
     located = [row for row in rows if row["kind"] is None]
     kinds = Counter(row["kind"] for row in rows if row["kind"] is not None)
     graspable = [row for row in rows if row["kind"] not in (reasons.TOO_LARGE, reasons.BELOW)]
@@ -121,7 +121,7 @@ def page(rows: Sequence[Figures]) -> str:
 
 
 def _quantiles(rows: Sequence[Figures], key: str) -> list[float]:
-    """The median and the 90th percentile; not a number without any."""
+    """The median and the 90th percentile; nan without data."""
     values = [row[key] for row in rows if key in row]
     return (
         [float(value) for value in np.quantile(values, (0.5, 0.9))]

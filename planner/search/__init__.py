@@ -1,1 +1,1 @@
-"""Searching for the tree of squeezes (paper VI)."""
+"""Search for the tree of squeezes (paper VI)."""

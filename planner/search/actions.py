@@ -1,4 +1,4 @@
-"""The actions: where the open hand may be placed."""
+"""Actions: placements of the open hand."""
 
 import math
 from dataclasses import dataclass, replace
@@ -15,19 +15,19 @@ from planner.search.proposals import Proposals, along, placed, proposals_of
 
 MAIN_MODES = 2
 LEAST_MODE = 0.1
-"""Share of the belief below which placements are proposed about no mode but the first."""
+"""Share of the belief below which a mode other than the first gets no placements."""
 ASIDE = (0.25, 0.5)
-"""Shifts of the first squeeze along the fingers, in lengths of these."""
-ALIKE = 1e-3  # placements that differ by less are one [mm, mm, rad]
+"""Shifts of the first squeeze along the fingers, in finger lengths."""
+ALIKE = 1e-3  # distance below which placements are equal [mm, mm, rad]
 
 Key: TypeAlias = tuple[tuple[int, ...], ...]
 
 
 class Action(NamedTuple):
-    """What is done at a node."""
+    """The action at a node."""
 
     placement: Array  # (3,) the hand frame to squeeze at, in the world [mm, mm, rad]
-    pushes: tuple[Push, ...] = ()  # before that
+    pushes: tuple[Push, ...] = ()  # pushes before it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,10 +35,10 @@ class ActionSet:
     """Hand placements to choose from.
 
     Attributes:
-        placements: (k, 3) the fixed ones: the hand frame in the world [mm, mm, rad].
-        proposals: those relative to a belief, for each hypothesis; empty for none.
+        placements: (k, 3) fixed ones: the hand frame in the world [mm, mm, rad].
+        proposals: placements relative to a belief, for each hypothesis; empty for none.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
-        first: (m, 3) those of the first squeeze; None: as of any other.
+        first: (m, 3) placements of the first squeeze; None: the same as for any other.
     """
 
     placements: Array
@@ -50,7 +50,7 @@ class ActionSet:
         return len(self.placements)
 
     def followed(self, poses: Array) -> Array:
-        """The fixed placements (k, 3), and their angles about the middle of where parts (n, 3) lie now."""
+        """The fixed placements (k, 3), with their angles about the middle of the parts (n, 3)."""
         angles = np.unique(self.placements[:, 2])
         about = np.column_stack([np.tile(poses[:, :2].mean(axis=0), (len(angles), 1)), angles])
         return self.within(np.concatenate([self.placements, about]))
@@ -63,7 +63,7 @@ class ActionSet:
             metric: of the goal.
 
         Returns:
-            (k, 3) within the area; the fixed ones alone where nothing is proposed.
+            (k, 3) within the area; only the fixed ones where there are no proposals.
         """
         near = [
             placed(proposals.relative, mode.pose) for proposals, mode in self._modes(states, metric)
@@ -71,7 +71,7 @@ class ActionSet:
         return self.within(np.concatenate([self.placements, *near])) if near else self.placements
 
     def scattered(self, states: Array, metric: Metric, n: int) -> Array:
-        """Hands (k, 3), n at most, all about a belief's main modes; none where nothing is proposed."""
+        """Placements (k, 3), at most n, scattered about a belief's main modes; none without proposals."""
         modes = self._modes(states, metric)
         near = [
             placed(proposals.scattered[: n // len(modes)], mode.pose) for proposals, mode in modes
@@ -79,14 +79,15 @@ class ActionSet:
         return self.within(np.concatenate([self.placements[:0], *near]))
 
     def _modes(self, states: Array, metric: Metric) -> list[tuple[Proposals, Mode]]:
-        """A belief's main modes, each with the proposals for the part that it is of."""
+        """A belief's main modes, each with the proposals for its hypothesis."""
         modes = metric.main_modes(states, MAIN_MODES, LEAST_MODE) if self.proposals else []
         return [(self.proposals[mode.hypothesis[0]], mode) for mode in modes]
 
     def compared(self, placements: Array, squeezed: bool) -> Array:
-        """Placements (k, 3) as far as they make different squeezes.
+        """Placements (k, 3) in a form that is equal for equivalent squeezes.
 
-        First ones of parts that lie at any angle do so up to a turn about the origin, and one of the hand.
+        First squeezes of parts at any angle are equivalent up to a turn about the origin, and one of the
+        hand.
         """
         if self.first is None or squeezed:
             return placements
@@ -95,7 +96,7 @@ class ActionSet:
         return np.stack([side * x, side * y, np.zeros(len(x))], axis=1)
 
     def within(self, placements: Array) -> Array:
-        """Those of the placements whose hand centre lies in the area."""
+        """The placements whose hand centre lies in the area."""
         inside = np.all(
             (placements[:, :2] >= self.area[0]) & (placements[:, :2] <= self.area[1]), axis=1
         )
@@ -103,7 +104,7 @@ class ActionSet:
 
 
 def actions_of(job: Job) -> ActionSet:
-    """Every angle at every centre of the job, in the order stated, and the job's proposals."""
+    """Every angle at every centre of the job, in order, and the job's proposals."""
     angles = np.radians(np.array(job.actions.angles_deg))
     centers = job.actions.centers_mm
     grid = np.array([(x, y, angle) for x, y in centers for angle in angles], dtype=np.float64)
@@ -117,17 +118,18 @@ def turnable(job: Job) -> bool:
 
 
 def _first(job: Job, actions: ActionSet) -> Array:
-    """The fixed placements, and those beside a single centre where others are proposed, none equivalent."""
+    """The fixed placements, and with proposals those shifted from a single centre; no two equivalent."""
     shifts = (0.0, *ASIDE) if actions.proposals and len(job.actions.centers_mm) == 1 else (0.0,)
     beside = [along(actions.placements, share * job.gripper.finger_length_mm) for share in shifts]
     return inequivalent(actions.within(np.concatenate(beside)), actions.placements[:0], job)
 
 
 def inequivalent(placements: Array, common: Array, job: Job) -> Array:
-    """Of first placements (k, 3) those that no turn about the origin makes one before them.
+    """The first placements (k, 3) that no turn about the origin maps to an earlier one.
 
-    Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. It must
-    carry the placements (m, 3) common to all squeezes onto themselves; those about modes turn with the parts.
+    Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. The
+    turn must map the placements (m, 3) common to all squeezes onto themselves; those about modes turn with
+    the parts.
     """
     alike = (
         job.gripper.upper_finger_share == 0.5
@@ -142,7 +144,7 @@ def inequivalent(placements: Array, common: Array, job: Job) -> Array:
 
 
 def _key(placements: Array, turn: float, alike: bool) -> Key:
-    """A set of placements (k, 3) in a world turned back by an angle, equal for equal sets."""
+    """Key of a set of placements (k, 3) in a world turned back by an angle, equal for equal sets."""
     placements = to_hand(placements, np.array([0.0, 0.0, turn]))
     period = math.pi if alike else 2.0 * math.pi
     angle = np.round(np.mod(placements[:, 2] + 0.5 * ALIKE, period) / ALIKE - 0.5)

@@ -1,4 +1,4 @@
-"""How thoroughly the search looks: its passes, and the effort at a node by its probability."""
+"""Effort of the search: its passes, and the effort at a node by its probability."""
 
 from typing import NamedTuple
 
@@ -7,21 +7,21 @@ class Pass(NamedTuple):
     """The settings of one pass."""
 
     particles: float  # particles at the root, as a fraction of the job's
-    kept: int  # actions of the previous pass that a probable node tries again
+    kept: int  # actions of the previous pass that a probable node retries
     new: int  # further actions that such a node tries
     least: float  # leaves of smaller probability are not expanded
-    finer: float  # nodes of at least this probability also try a finer partition of the readings
+    finer: float  # least probability of nodes that also try a finer partition of the readings
     work: float  # share of the time of all passes, for progress
     frugal: bool = False  # whether all nodes are expanded as cursorily as improbable ones
 
 
 class Effort(NamedTuple):
-    """How thoroughly a node of at least some probability is expanded."""
+    """Effort of expanding a node of at least some probability."""
 
     least: float  # probability of the node
-    actions: int  # how many it tries
-    scattered: int  # grasp poses all about the part that are ranked
-    particles: int  # that the ranking uses at most
+    actions: int  # number of actions tried
+    scattered: int  # scattered grasp poses that are ranked
+    particles: int  # most particles in the ranking
 
 
 PASSES = (
@@ -31,10 +31,8 @@ PASSES = (
     Pass(1 / 2, 6, 0, 0.002, 0.1, work=0.25),
     Pass(1, 4, 0, 0.002, 0.1, work=0.15),
 )
-LEAVES = PASSES[-1]._replace(
-    kept=1, least=0.0
-)  # once fresh trials have come to the leaves of the last pass
-EXPLORING = PASSES[1]  # its first actions are followed until they are dearer than another
+LEAVES = PASSES[-1]._replace(kept=1, least=0.0)  # after fresh trials of the leaves of the last pass
+EXPLORING = PASSES[1]  # its first actions are continued until they cost more than another
 EFFORTS = (
     Effort(0.5, 16, 192, 400),
     Effort(0.1, 12, 192, 400),

@@ -1,7 +1,7 @@
-"""What is decided about a squeeze once its placement is chosen: opening, and where the part is released.
+"""Choices about a squeeze after its placement: the opening, and where the part is released.
 
-Neither changes where a squeeze ends in the hand frame: from any opening the fingers meet the part at the
-same place, for the jaws are one linkage.
+Neither affects where a squeeze ends in the hand frame: from any opening the fingers meet the part at the same
+place, since the jaws are one linkage.
 """
 
 import math
@@ -27,23 +27,23 @@ from planner.mechanics.traits import by_hypothesis
 from runtime.table import HELD_UM
 
 CONTACT_MARGIN_MM = 2.0
-"""How much wider than the particles of a belief say its parts may be met: particles are samples."""
+"""Margin of the first contact beyond the particles of a belief, since they are only samples."""
 SHARE_DECIMALS = 2
-"""To which shares of the closing are rounded, so that parts with like ones are looked at together."""
+"""Rounding of shares of the closing, so that parts with similar ones are processed together."""
 HERE = np.zeros(3)
 SPARE_MM = 2.0
-"""How much wider than the first contact an opening smaller than the full one must be."""
+"""Least excess of an opening, smaller than the full one, over the first contact."""
 LEAST_PARTICLES = 400
-"""Of a belief of fewer the first contact is too uncertain for any opening but the full one."""
+"""Number of particles below which the first contact is too uncertain for any but the full opening."""
 HELD_MM = HELD_UM / 1e3
-"""A branch whose expected width is less than this holds no part, and nothing is dragged."""
+"""Expected width below which a branch holds no part, and nothing is dragged."""
 
 
 class Opening(NamedTuple):
     """The jaws before a squeeze."""
 
     opening_mm: float
-    clearance_mm: float  # least distance between the open fingers and the believed part
+    clearance_mm: float  # least distance between the open fingers and the belief
     contact_mm: float  # greatest width at which closing jaws may meet it
 
 
@@ -54,7 +54,7 @@ class Handling:
     Attributes:
         outlines: (N, 2) of the part [mm], for each hypothesis.
         jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-        openings_mm: to choose from, rising; none: whatever the part leaves free.
+        openings_mm: to choose from, ascending; empty: any that clears the part.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         encoder: turns the branches' counts into widths.
     """
@@ -68,7 +68,8 @@ class Handling:
     def opening(self, belief: Belief, placement: Array, *, pushed: bool = False) -> Opening:
         """The least opening `SPARE_MM` wider than the first contact.
 
-        The full one for parts that were `pushed` before, and for few particles: their place is less certain.
+        The full opening for parts that were `pushed` before, and for few particles: their pose is less
+        certain.
         """
         contact_mm = self.contact_mm(belief, placement)
         uncertain = pushed or len(belief) < LEAST_PARTICLES
@@ -79,7 +80,7 @@ class Handling:
         return Opening(opening, clearance_mm, contact_mm)
 
     def contact_mm(self, belief: Belief, placement: Array) -> float:
-        """The greatest width read where closing jaws may meet a part of a belief, as its traits have them."""
+        """The greatest width at which closing jaws may meet a part of a belief, given its traits."""
         traits, hand = belief.traits, to_hand(belief.poses, placement)
         hand[:, 1] -= traits["across_mm"]
         part, widths = traits["hypothesis"], list[float]()
@@ -100,15 +101,15 @@ class Handling:
         return belief[verdict != STANDS_ON]
 
     def release(self, outcomes: Outcomes) -> Array | None:
-        """Where to release: at the area's middle if a held part may lie where the hand cannot follow it.
+        """Place of release: the area's middle, if a held part may lie where the hand cannot follow it.
 
         The paper's cell does the same near the edge of its table (VII.A).
 
         Args:
-            outcomes: what it came to.
+            outcomes: of the squeeze.
 
         Returns:
-            (2,) hand centre in the world; None: where it is.
+            (2,) hand centre in the world; None: the hand stays.
         """
         reach = max(float(np.max(np.hypot(*outline.T))) for outline in self.outlines)
         low, high = self.area[0] + reach, self.area[1] - reach
@@ -125,7 +126,7 @@ class Handling:
         return np.asarray(0.5 * (self.area[0] + self.area[1]))
 
     def released(self, placement: Array, release: Array | None, outcomes: Outcomes) -> list[Belief]:
-        """The beliefs after the jaws have opened: held parts have come along with the hand."""
+        """The beliefs after the jaws have opened: held parts have moved along with the hand."""
         if release is None:
             return outcomes.beliefs
         drag = np.array([*(release - placement[:2]), 0.0])

@@ -1,10 +1,10 @@
 """Hand placements relative to the belief: they distinguish poses that a fixed set of squeezes cannot.
 
-Centred squeezes leave a part without half-turn symmetry in two poses that no further centred squeeze can tell
-apart. Near a tip of the part, or over one of its arms, the jaws close to another width than over the
-opposite end. Placements are therefore computed from a node's own belief, too: the hand parallel to the
-part's stable sides, shifted along the fingers so that they cover all of it or only one end; hands scattered
-all about the part; and variants of the best of them.
+Centred squeezes leave a part without half-turn symmetry in two poses that no further centred squeeze can
+tell apart. Near a tip of the part, or over one of its arms, the jaws close to another width than over the
+opposite end. Placements are therefore computed from a node's belief, too: the hand parallel to the part's
+stable sides, shifted along the fingers so that they cover all of it or only one end; scattered hands about
+the part; and variants of the best of them.
 """
 
 from dataclasses import dataclass, field
@@ -23,9 +23,9 @@ APART_DEG = 12.0
 COVERED = (0.15, 0.35)
 """Shares of the part's length, from either end, that an off-centre finger covers."""
 SCATTERED = 1024
-"""Hands all about a part; the search takes as many of the first as it may."""
+"""Number of scattered hands about a part; the search uses a prefix of them."""
 ALONG, ACROSS = 0.8, 0.3
-"""How far they lie beside the part's origin, in its reaches: along the fingers beyond half of these."""
+"""Range of scattered hands about the part's origin, in its reaches: beyond half a finger, and across."""
 VARIED = ((3.0, np.radians(8.0)), (1.0, np.radians(3.0)))
 """Standard deviations of variants about a good placement, in each round [mm, rad]."""
 
@@ -44,7 +44,7 @@ class Proposals:
 
 
 def proposals_of(job: Job) -> tuple[Proposals, ...]:
-    """The proposals for each of a job's parts and its fingers; none where the job wants none."""
+    """The proposals for each of a job's parts; empty where the job disables them."""
     return () if job.actions.proposals == "none" else tuple(map(_of_part, job.alone))
 
 
@@ -58,19 +58,19 @@ def _of_part(job: Job) -> Proposals:
         shifts = [0.0]
         for share in COVERED:
             shifts.append(low + share * (high - low) - half)
-            if job.part.symmetry % 2:  # half a turn makes the other end the same
+            if job.part.symmetry % 2:  # by half a turn the other end is the same
                 shifts.append(high - share * (high - low) + half)
         rows += [(shift * np.cos(angle), shift * np.sin(angle), angle) for shift in shifts]
     return Proposals(np.array(rows), hands_about(reach(outline), half, SCATTERED))
 
 
 def hands_about(reach_mm: float, half_mm: float, n: int) -> Array:
-    """Hands all about a part, in every direction and as far aside as the fingers still touch it.
+    """Scattered hands about a part, in every direction and as far aside as the fingers still touch it.
 
     Args:
         reach_mm: of the part about its origin.
         half_mm: half the length of the fingers.
-        n: how many; fewer are the first of more.
+        n: their number; a smaller n gives a prefix of a larger one.
 
     Returns:
         (n, 3) the hand in the part's frame [mm, mm, rad].
@@ -100,7 +100,7 @@ def varied(
 
 
 def placed(relative: Array, pose: Array) -> Array:
-    """Hands (m, 3) in a part's frame, in the world for the part at a pose (3,)."""
+    """Transforms hands (m, 3) from a part's frame to the world, for the part at a pose (3,)."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     x, y, angle = relative.T
     return np.stack(

@@ -1,7 +1,7 @@
-"""Pushes proposed from a belief: the hand comes down beside all of it and goes straight on through it.
+"""Pushes proposed for a belief: the hand comes down clear of all particles and goes straight through them.
 
-A push yields no reading. It may leave less to locate, and bring parts to where open fingers clear them: one
-that takes the pusher past every believed part leaves all of them at its face.
+A push yields no reading. It may reduce the uncertainty, and bring parts to where open fingers clear them:
+after a push past every particle, all of them lie at the pusher's face.
 """
 
 import math
@@ -22,26 +22,24 @@ from planner.search.actions import turnable
 from planner.search.ranking import Asked, Ranking
 
 OPENINGS = (0.0, 0.25, 0.5)
-"""Of the jaws while they push, as shares of the full one."""
-BESIDE_MM = 2.0  # between the pusher and the nearest believed part where it comes down
-BEYOND_MM = 2.0  # how far it goes past where the farthest part begins
+"""Openings of the jaws while they push, as shares of the full opening."""
+BESIDE_MM = 2.0  # clearance between the pusher and the nearest particle where it comes down
+BEYOND_MM = 2.0  # distance past the near edge of the farthest part
 FARTHER = (0.0, 0.7)
-"""And how much farther, in reaches of the part: parts turn until a side lies at both fingers."""
-MOST = 2  # pushes before one squeeze
-JUDGED = 200  # particles that judge pushes in the first place
-KEPT = 3  # of single pushes, and of pairs of them
-FINALISTS = 2  # of these, that are judged as thoroughly as a squeeze without: the first that leave one clear
-LEAST_SHARE = 0.02  # of all parts, from which pushes are tried
-ROUND_MM = 0.01  # from the area's edge: tables hold whole micrometres
-SPREAD = (
-    1e3  # in place of J where no hand is clear of a belief, for each millimetre that it is spread
-)
+"""Further distances, in reaches of the part: parts turn until a side lies at both fingers."""
+MOST = 2  # most pushes before one squeeze
+JUDGED = 200  # particles for a first ranking of pushes
+KEPT = 3  # best single pushes, and pairs of them, that are continued
+FINALISTS = 2  # of these, those that are judged as thoroughly as a squeeze without pushes
+LEAST_SHARE = 0.02  # probability of a node from which pushes are tried
+ROUND_MM = 0.01  # margin to the area's edge, since tables hold whole micrometres
+SPREAD = 1e3  # cost in place of J where no hand clears a belief, for each millimetre of its spread
 
 Pushes: TypeAlias = tuple[Push, ...]
 
 
 class Pushed(NamedTuple):
-    """Pushes, and what they make of a belief."""
+    """Pushes, and the belief after them."""
 
     pushes: Pushes
     belief: Belief
@@ -54,10 +52,10 @@ class Pusher:
     Attributes:
         model: pushes beliefs.
         costs: of a push.
-        jaws: (4,) as a `Simulator` has them.
+        jaws: (4,) as in `Simulator`.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
-        turnable: whether a turn of a whole plan about the origin changes nothing: one direction of the first
-            push does for all.
+        turnable: whether a turn of a whole plan about the origin changes nothing, so that one direction of
+            the first push suffices.
         least_share: probability of a node from which pushes are tried.
     """
 
@@ -91,7 +89,7 @@ class Pusher:
     def best(
         self, belief: Belief, hand: Hand | None, ranking: Ranking, rng: np.random.Generator
     ) -> list[Pushes]:
-        """The most promising pushes, and pairs of them, by few particles and a squeeze each.
+        """The most promising pushes and pairs of pushes, by few particles and one squeeze each.
 
         Returns:
             At most `FINALISTS` after which open fingers clear the belief.
@@ -119,7 +117,7 @@ class Pusher:
         return finalists
 
     def pushed(self, belief: Belief, pushes: Pushes, rng: np.random.Generator) -> Belief:
-        """A belief after pushes, each particle twice: open fingers must clear what scatters, too."""
+        """A belief after pushes, each particle simulated twice: open fingers must clear the scatter, too."""
         belief = Belief.joined([belief, belief])
         for push in pushes:
             belief = self.model.push(belief, push, rng)
@@ -130,7 +128,7 @@ class Pusher:
     ) -> Array:
         """Cost-to-go (k,) after one squeeze of each pushed belief, with the price of its pushes.
 
-        Where no grasp pose is clear of a belief, the more the farther it is spread.
+        Where no grasp pose clears a belief, the cost grows with its spread.
         """
         costs = np.array([SPREAD * each.belief.poses[:, :2].std(axis=0).max() for each in tried])
         priced = [self.costs.pushes(hand, each.pushes) for each in tried]
@@ -146,7 +144,7 @@ class Pusher:
     def _from_beside_all(
         self, belief: Belief, pushes: Pushes, rng: np.random.Generator
     ) -> Pushed | None:
-        """The same pushes begun clear of all of a belief, and what they make of it; None outside the area."""
+        """The same pushes started clear of a whole belief, and the result; None outside the area."""
         beside = list[Push]()
         for push in pushes:
             beside.append(self._from_beside(push, belief))
@@ -156,7 +154,7 @@ class Pusher:
         return Pushed(tuple(beside), belief)
 
     def _from_beside(self, push: Push, belief: Belief) -> Push:
-        """The same push to the same end, begun far enough back to be clear of all of a belief."""
+        """The same push to the same end, started far enough back to clear a whole belief."""
         along = np.array([np.cos(push.start[2]), np.sin(push.start[2])])
         face = float(push.start[:2] @ along) + 0.5 * float(self.jaws[1])
         back = max(0.0, face + BESIDE_MM - float(self._begins(belief, along).min()))
@@ -177,7 +175,7 @@ class Pusher:
         return self.model.simulator.outlines
 
     def _angles(self, belief: Belief) -> list[float]:
-        """Directions to push in: both ways along and across a belief; one where a turn changes nothing."""
+        """Directions of pushes: both ways along and across a belief; one where a turn changes nothing."""
         if self.turnable and not belief.touched:
             return [0.0]
         x, y = (belief.poses[:, :2] - belief.poses[:, :2].mean(axis=0)).T
@@ -185,7 +183,7 @@ class Pusher:
         return [angle + quarter * 0.5 * np.pi for quarter in (-2, -1, 0, 1)]
 
     def _begins(self, belief: Belief, along: Array) -> Array:
-        """Where parts (n,) begin along a direction (2,) [mm]."""
+        """Near edges (n,) of parts along a direction (2,) [mm]."""
         begins = np.empty(len(belief))
         for k, rows in by_hypothesis(belief.traits):
             x, y, theta = belief.poses[rows].T
@@ -196,11 +194,11 @@ class Pusher:
 
 
 def pusher_of(problem: Problem) -> Pusher | None:
-    """What proposes pushes for a problem; None where its job wants none."""
+    """The pusher for a problem; None where its job disables pushes."""
     job = problem.job
     if job.actions.pushes is None:
         return None
-    # Pushes end less alike for unlike steps than squeezes do: they take those of the trials.
+    # Pushes depend more on the step than squeezes do: they use the step of the trials.
     model = replace(problem.model, simulator=Mixture.of_job(job, problem.mixture.workers))
     area = np.array(job.cell.work_area_mm)
     return Pusher(model, problem.costs, problem.mixture.jaws, area, turnable(job))

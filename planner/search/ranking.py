@@ -1,4 +1,4 @@
-"""The candidate squeezes of a belief, simulated once each and ranked by sequential halving."""
+"""Ranking of candidate squeezes of a belief, by simulation and sequential halving."""
 
 from __future__ import annotations
 
@@ -24,18 +24,14 @@ from planner.search.actions import ActionSet
 from planner.search.proposals import VARIED, varied
 from planner.work.scheduler import Threads
 
-LEAST_CLEARANCE_MM = 0.5  # open fingers are never planned nearer to a believed part
-FINALISTS = 8  # grasp poses that all particles judge; of more, half are dropped after each round
-FIRST_SHARE = (
-    0.04  # share of the particles that judge in the first round; each round takes twice as many
-)
-FIRST_PARTICLES = 16  # the least number of them
-VARIED_BEST = 4  # grasp poses of which variants are tried, and variants of each
-ALIKE_MM, ALIKE = 6.0, np.radians(20.0)  # grasp poses nearer than both are variants of one
+LEAST_CLEARANCE_MM = 0.5  # least distance between open fingers and a particle
+FINALISTS = 8  # grasp poses judged by all particles; of more, half are dropped after each round
+FIRST_SHARE = 0.04  # share of the particles in the first round; it doubles in each further round
+FIRST_PARTICLES = 16  # least number of particles in a round
+VARIED_BEST = 4  # grasp poses that get variants, and variants of each
+ALIKE_MM, ALIKE = 6.0, np.radians(20.0)  # distance below which grasp poses are variants of one
 TOGETHER = 32  # options that a thread judges at once
-GOLDEN = 0.5 * (
-    np.sqrt(5.0) - 1.0
-)  # its multiples, cut to their fractions, fill an interval evenly
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # fractions of its multiples fill an interval evenly
 
 
 class Asked(NamedTuple):
@@ -43,15 +39,15 @@ class Asked(NamedTuple):
 
     belief: Belief
     placements: Array  # (k, 3) of the hand in the world
-    hand: Hand | None  # where it stands before; None before the first squeeze
+    hand: Hand | None  # the hand before it; None before the first squeeze
 
 
 class Options(NamedTuple):
-    """Grasp poses of one belief with what one squeeze at each leaves, the cheapest first.
+    """Grasp poses of one belief, the cheapest first, with the cost of one squeeze at each.
 
     Attributes:
         placements: (k, 3) of the hand in the world.
-        cost_to_go: (k,) the squeeze and the leaf heuristic after it.
+        cost_to_go: (k,) cost of the squeeze plus the leaf heuristic after it.
     """
 
     placements: Array
@@ -59,32 +55,32 @@ class Options(NamedTuple):
 
     @classmethod
     def sorted(cls, placements: Array, cost_to_go: Array) -> Options:
-        """Options in any order."""
+        """Sorts options."""
         order = np.argsort(cost_to_go, kind="stable")
         return cls(placements[order], cost_to_go[order])
 
     def joined(self, other: Options) -> Options:
-        """These options and others of the same belief."""
+        """Merges these options with others of the same belief."""
         return Options.sorted(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
 
 
 @dataclass(slots=True, eq=False)
 class _Contest:
-    """The options of one belief while they are halved."""
+    """The options of one belief during sequential halving."""
 
     belief: Belief
     hand: Hand | None
-    placements: Array  # (k, 3) of those still in it
+    placements: Array  # (k, 3) of the remaining ones
     stop: int  # particles that will have squeezed after this round
     # By all particles so far, for each option: poses (k, n, 3), readings (k, n), and mean widths (k,).
     poses: Array
     reading: IntArray
     widths_mm: Array
-    cost_to_go: Array  # (k,) as judged last
+    cost_to_go: Array  # (k,) latest costs
 
     @classmethod
     def of(cls, asked: Asked) -> _Contest:
-        """The first round: fewer particles the more options there are, spread evenly through the belief."""
+        """The first round: the more options, the fewer particles, spread evenly through the belief."""
         belief, placements, hand = asked
         few, k = len(belief), len(placements)
         if k > FINALISTS:
@@ -95,12 +91,12 @@ class _Contest:
 
     @property
     def start(self) -> int:
-        """Particles that have squeezed."""
+        """Number of particles that have squeezed."""
         return int(self.reading.shape[1])
 
     @property
     def waiting(self) -> bool:
-        """Whether particles are left to squeeze with."""
+        """Whether particles are left to squeeze."""
         return self.start < len(self.belief)
 
     @property
@@ -109,7 +105,7 @@ class _Contest:
         return self.belief[self.start : self.stop]
 
     def add(self, squeezed: list[Squeezed]) -> None:
-        """Takes this round's outcomes, one for each option."""
+        """Adds this round's outcomes, one for each option."""
         widths_mm = np.array([new.width_mm for new in squeezed])
         self.widths_mm = (
             self.start * self.widths_mm + (self.stop - self.start) * widths_mm
@@ -121,7 +117,7 @@ class _Contest:
         self.reading = np.concatenate([self.reading, np.stack(reading)], axis=1)
 
     def states(self, hypotheses: bool) -> Array:
-        """Where all particles so far came to lie (k, n, m), with the number of their hypothesis if asked."""
+        """Final states (k, n, m) of all particles so far, with their hypothesis if asked."""
         if not hypotheses:
             return self.poses
         hypothesis = self.belief.traits["hypothesis"][: self.start].astype(np.float64)
@@ -149,7 +145,7 @@ class Ranking:
     actions: ActionSet
 
     def candidates(self, belief: Belief, about: Belief) -> Array:
-        """Grasp poses (k, 3) proposed about a belief, at which the open fingers stay clear of another."""
+        """Grasp poses (k, 3) proposed for the belief `about`, at which open fingers clear `belief`."""
         if self.actions.first is not None and not belief.touched:
             return self.free(belief, self.actions.first)
         options = self.actions.options(about.states, self.problem.metric)
@@ -158,9 +154,9 @@ class Ranking:
         return self.free(belief, options)
 
     def rank(self, asked: list[Asked], rng: np.random.Generator) -> list[Options]:
-        """The best of every belief's grasp poses (k, 3), each squeezed by all its particles.
+        """The best of every belief's grasp poses (k, 3), each judged by all its particles.
 
-        All grasp poses are squeezed by few particles first, the better half by twice as many, and so on,
+        All grasp poses are judged by few particles first, the better half by twice as many, and so on,
         until few are left (sequential halving: Karnin, Koren and Somekh, ICML 2013).
         """
         contests = [_Contest.of(each) for each in asked]
@@ -188,13 +184,13 @@ class Ranking:
         hand: Hand | None,
         rng: np.random.Generator,
     ) -> Options:
-        """The options and variants of the best of them, thinner each round: a random local search.
+        """The options and variants of the best of them, with decreasing spread: a random local search.
 
         Args:
-            belief: whose particles the open fingers stay clear of.
-            thin: those of it that are squeezed.
+            belief: the belief that open fingers must clear.
+            thin: its particles that are squeezed.
             options: of the belief.
-            hand: where it stands before.
+            hand: the hand before the squeeze.
             rng: source of randomness.
         """
         for spread in VARIED if self.actions.proposals and belief.touched else ():
@@ -205,11 +201,11 @@ class Ranking:
         return options
 
     def unlike(self, placements: Array, most: int, touched: bool = True) -> Array:
-        """At most so many of the grasp poses (k, 3), the best first, no two of them variants of one."""
+        """At most `most` of the grasp poses (k, 3), the best first, no two of them variants of one."""
         return placements[unlike(self.actions.compared(placements, touched), most)]
 
     def free(self, belief: Belief, placements: Array) -> Array:
-        """The grasp poses (k, 3) at which the open fingers clear a belief, or all but `crash_share` of it."""
+        """The grasp poses (k, 3) at which the open fingers clear a belief, except a share `crash_share`."""
         free = self._clear(belief, placements, LEAST_CLEARANCE_MM)
         crash_share = self.problem.job.goal.crash_share
         if crash_share > 0.0 and not free.any():
@@ -219,7 +215,7 @@ class Ranking:
     def _clear(
         self, belief: Belief, placements: Array, least_mm: float, share: float = 0.0
     ) -> BoolArray:
-        """Where the fingers keep clear of all but a share of the particles of each hypothesis."""
+        """Where the fingers clear all but a share of the particles of each hypothesis."""
         clear, mixture = np.ones(len(placements), np.bool_), self.problem.mixture
         for k, rows in by_hypothesis(belief.traits):
             clear &= free_placements(
@@ -228,7 +224,7 @@ class Ranking:
         return clear
 
     def _judge(self, contests: list[_Contest]) -> list[Array]:
-        """Squeezes left (k,) after each one's options."""
+        """Expected squeezes left (k,) after each option of the contests."""
         rule, costs = self.problem.rule, self.problem.rule.compiled()
         left = [np.zeros(len(contest.placements)) for contest in contests]
         pieces = list[tuple[Array, IntArray, Array]]()
@@ -248,7 +244,7 @@ class Ranking:
 
 @kernel
 def judged(states: Array, reading: IntArray, costs: Costs, left: Array) -> None:
-    """Cuts what options make of a belief into branches, and sums the squeezes left after each option.
+    """Partitions the readings of options and sums the expected squeezes left after each.
 
     Args:
         states: (k, n, m) of the particles after each option.
@@ -303,7 +299,7 @@ def judged(states: Array, reading: IntArray, costs: Costs, left: Array) -> None:
 
 
 def unlike(placements: Array, most: int) -> list[int]:
-    """Which of the grasp poses (k, 3), the best first, are no variants of one before; at most so many."""
+    """Indices of grasp poses (k, 3), the best first, that are no variants of earlier ones; at most `most`."""
     chosen = list[int]()
     for k, placement in enumerate(placements):
         x, y, turn = np.abs(placements[chosen] - placement).T

@@ -35,37 +35,31 @@ from planner.search.tree import Action, Node, Origin, Squeeze, breadth_first, di
 from planner.work.scheduler import Threads
 from runtime.table import MAX_BRANCHES
 
-PROBABLE = (
-    0.01  # a node of smaller probability tries one action of the previous pass and no further one
-)
-MARGIN = 0.4  # squeezes by which an action of the previous pass may exceed the best one to be tried again
-FURTHER = 0.2  # squeezes that an open leaf is taken to cost beyond the leaf heuristic
+PROBABLE = 0.01  # nodes of smaller probability try only one action of the previous pass
+MARGIN = 0.4  # excess over the best, in squeezes, of actions that are retried
+FURTHER = 0.2  # assumed cost of an open leaf beyond the leaf heuristic, in squeezes
 REMEMBERED = (
-    24  # grasp poses relative to the part, the last that won elsewhere, that every node also tries
+    24  # grasp poses relative to the part, recent winners elsewhere, that every node also tries
 )
 SPREAD = (
     2.0,
     np.radians(5.0),
 )  # standard deviation of variants of the best old grasp poses [mm, rad]
 VARIANTS = 8
-LEAST_PARTICLES = 400  # a smaller belief is repeated before its next squeeze
-RANKING_SHARE = 0.1  # of the particles of a job, at most, rank grasp poses
-LEAST_GAIN = 0.001  # gain in mode ratio below which a squeeze is in vain
-SELECTION_BIAS = (
-    0.5  # standard deviations of its ratio that a branch's mode gains by being the best one
-)
-MOST_STALLED = (
-    3  # squeezes in a row that may gain nothing: two or three may be needed to separate two poses
-)
+LEAST_PARTICLES = 400  # size up to which a belief is repeated before its next squeeze
+RANKING_SHARE = 0.1  # largest share of a job's particles that rank grasp poses
+LEAST_GAIN = 0.001  # gain in mode ratio below which a squeeze is without effect
+SELECTION_BIAS = 0.5  # selection bias of a branch's mode, in standard deviations of its ratio
+MOST_STALLED = 3  # allowed squeezes in a row without gain: separating two poses may take three
 LEAST_OVERLAP = 0.2  # of two histograms of readings, for nodes of two passes to be counterparts
-MOST_COARSER = 6  # doublings of the price of a branch, for no more of them than a table holds
-LEAST_STRAYS = 5  # readings far from all branches that make one of their own
+MOST_COARSER = 6  # doublings of the price of a branch, to stay below a table's limit
+LEAST_STRAYS = 5  # readings far from all branches that form a new one
 GROWN = 1.5  # growth of a belief by trials after which a dead end is searched again
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Candidate:
-    """A grasp pose, the pushes before it, and the belief as these leave it."""
+    """A grasp pose, the pushes before it, and the belief after these."""
 
     placement: Array
     lying: Belief
@@ -77,8 +71,8 @@ class Search:
     """The search for one problem.
 
     Attributes:
-        problem: what to plan.
-        rng: source of randomness of everything but the initial beliefs.
+        problem: the problem.
+        rng: generator of everything but the initial beliefs.
         stage: settings of the pass.
     """
 
@@ -96,7 +90,7 @@ class Search:
         self.handling, self.pusher = handling_of(job), pusher_of(self.problem)
 
     def begin(self, stage: Pass, previous: Node | None) -> Node:
-        """The root of a pass: newly drawn particles."""
+        """The root of a pass, with new particles."""
         self.stage, job = stage, self.problem.job
         rng = np.random.default_rng([job.seed, PASSES.index(stage)])
         belief = self.problem.belief(max(1, round(stage.particles * job.search.particles)), rng)
@@ -105,18 +99,18 @@ class Search:
         return root
 
     def grow(self, root: Node, over: Callable[[], bool], progress: Callable[[float], None]) -> bool:
-        """Expands leaves of the best partial plan until none is open: the loop.
+        """The main loop: expands leaves of the best partial plan until none is open.
 
         Args:
-            root: of the tree, modified in place; the tree is a whole plan after each step.
-            over: asked before each step whether to end.
+            root: of the tree, modified in place; the tree is a complete plan after each step.
+            over: called before each step; returns whether to end.
             progress: called with the share of the parts that is not located yet.
 
         Returns:
             Whether the search is complete.
         """
         while tips := [tip for tip in breadth_first(root) if self._is_due(tip)]:
-            if over() and root.best is not None:  # without its first squeeze a plan is none
+            if over() and root.best is not None:  # a plan needs its first squeeze
                 return False
             self._expand(max(tips, key=lambda tip: tip.share * tip.value))
             progress(sum(tip.share for tip in tips))
@@ -136,7 +130,7 @@ class Search:
         stopping, ratio = self.problem.stopping, node.mode.ratio
         back = self.problem.costs.back(node.hand, node.home)
         if not self.is_open(node) and (node.refuted or not stopping.reached(ratio)):
-            return back + stopping.failure * (2.0 - ratio)  # the plan gives all these parts up
+            return back + stopping.failure * (2.0 - ratio)  # the plan gives up all these parts
         # The heuristic distrusts small samples; later passes bring more particles.
         size = np.array([len(node.belief) / self.stage.particles**0.5])
         left = float(stopping.cost_to_go(ratio * size, size)[0])
@@ -170,16 +164,16 @@ class Search:
     def absorb(self, root: Node, ended: dict[int, Belief], strays: dict[int, Belief]) -> float:
         """Adds fresh trials to the beliefs of the leaves where they ended.
 
-        Alternative actions stay at the nodes above leaves that fail for good; elsewhere the plan is the one
-        that was tried.
+        Alternative actions remain at nodes above leaves that fail for good; elsewhere only the tried plan
+        remains.
 
         Args:
             root: the plan that was tried, modified in place.
-            ended: by the leaf's number, the parts that came to it.
-            strays: by the inner node's number, the parts whose readings fitted no branch.
+            ended: by leaf number, the parts that reached it.
+            strays: by number of the inner node, the parts whose readings fitted no branch.
 
         Returns:
-            The probability of the leaves that are open again.
+            The probability of the reopened leaves.
         """
         metric, again, failing = self.problem.metric, 0.0, set[int]()
         inner, ends = [node for node in breadth_first(root) if node.children], leaves(root)
@@ -207,9 +201,9 @@ class Search:
         return again
 
     def _reach(self, node: Node, strays: Belief) -> None:
-        """Makes the branches of a node reach the readings of parts that fitted none.
+        """Extends the branches of a node to the readings of parts that fitted none.
 
-        Readings far from all of them become branches of their own where there are several.
+        Several readings far from all branches become new ones.
         """
         assert node.best is not None
         free, most = self.problem.rule.resolution.free, 2 * self.problem.rule.resolution.margin
@@ -290,7 +284,7 @@ class Search:
         self._split(node)
 
     def _partitions(self, node: Node, squeezed: Squeezed) -> list[tuple[Rule, Outcomes]]:
-        """The readings cut by their prices; at probable nodes also without that of mistaken readings."""
+        """Partitions of the readings; at probable nodes also one without the price of mistaken readings."""
         plain = self._cut(squeezed, self.problem.rule)
         if node.share < self.stage.finer:
             return [plain]
@@ -326,7 +320,7 @@ class Search:
         return old + [each for each in fresh if not any(_same(each, other) for other in old)]
 
     def _again(self, node: Node, actions: list[Action], most: int) -> list[_Candidate]:
-        """Actions of the previous pass as candidates for a node's belief, variants of one grasp pose once."""
+        """Actions of the previous pass as candidates for a node's belief, no two of them variants."""
         plain = np.array([a.squeeze.placement for a in actions if not a.squeeze.pushes]).reshape(
             -1, 3
         )
@@ -348,9 +342,9 @@ class Search:
 
         Args:
             belief: to squeeze.
-            hand: where it stands before.
+            hand: the hand before the squeeze.
             effort: how many grasp poses are tried.
-            near: (m, 3) good ones, whose variants are tried, too.
+            near: (m, 3) good grasp poses, whose variants are tried, too.
         """
         most = min(effort.particles, round(RANKING_SHARE * self.problem.job.search.particles))
         ranking, thin = self.ranking, subsample(belief, most)
@@ -388,7 +382,7 @@ class Search:
         outcomes: Outcomes,
         crashes: float,
     ) -> Action:
-        """The action of a squeeze: a child of each interval's particles."""
+        """The action of a squeeze, with a child for each interval of readings."""
         problem, grasp = self.problem, candidate.placement
         release = self.handling.release(outcomes)
         cost, hand = problem.costs.pushes(node.hand, candidate.pushes)
@@ -429,9 +423,9 @@ class Search:
         return Action(squeeze, children, origin=origin)
 
     def _cut(self, squeezed: Squeezed, rule: Rule) -> tuple[Rule, Outcomes]:
-        """Cuts readings into no more branches than a table holds; the prices that did it, and the branches.
+        """Partitions readings into at most as many branches as a table holds; returns the prices used, too.
 
-        No leaf takes a width far from what any part read: a foreign part's, or one's out of tolerance.
+        No leaf takes a width far from all readings, which a foreign part may have, or one out of tolerance.
         """
         metric = self.problem.metric
         for _ in range(MOST_COARSER + 1):
@@ -447,7 +441,7 @@ class Search:
     def _split(self, node: Node) -> None:
         """Splits a node where its best action shows that its readings should be several intervals.
 
-        The partition of the action above was made before this one was known.
+        The partition of the parent action did not consider this one.
         """
         above, action = node.parent, node.best
         if above is None or above.best is None or node not in above.best.children:
@@ -483,7 +477,7 @@ class Search:
             self.back_up(child)
 
     def _narrowed(self, node: Node, action: Action, rows: BoolArray) -> Action:
-        """An action of a node for some of the particles that it was made of."""
+        """An action of a node, restricted to some of its particles."""
         assert action.origin is not None
         before, after, rule = action.origin
         squeeze, part = action.squeeze, after._replace(belief=after.belief[rows])
@@ -495,9 +489,9 @@ class Search:
 
 
 def most_similar(belief: Belief, nodes: list[Node], steps: int) -> Node | None:
-    """The node whose histogram of readings, in bins of so many steps, overlaps most with a belief's.
+    """The node whose histogram of readings, in bins of `steps`, overlaps most with a belief's.
 
-    None where it overlaps little.
+    None where the overlap is small.
     """
 
     def histogram(of: Belief) -> Array:
@@ -511,7 +505,7 @@ def most_similar(belief: Belief, nodes: list[Node], steps: int) -> Node | None:
 
 
 def _partition(action: Action, children: list[Node]) -> None:
-    """Makes the readings of children, in the order of rising width, the partition of an action."""
+    """Sets the partition of an action to the readings of children, in order of ascending width."""
     clusters = Partition.of([child.belief.reading for child in children])
     shares = np.array([child.share for child in children])
     size = np.maximum(1, np.rint(action.squeeze.clusters.size.sum() * shares / shares.sum()))
@@ -520,13 +514,13 @@ def _partition(action: Action, children: list[Node]) -> None:
 
 
 def _piece(action: Action, cuts: IntArray) -> IntArray:
-    """The interval (n,) between cuts that each particle of an action was read in before the squeeze."""
+    """The piece (n,) between cuts in which each particle of an action was read before the squeeze."""
     assert action.origin is not None
     return np.searchsorted(cuts, action.origin.before.reading, side="right")
 
 
 def _above(node: Node) -> Iterable[Node]:
-    """The nodes above one, up to the root."""
+    """The ancestors of a node, up to the root."""
     while node.parent is not None:
         node = node.parent
         yield node

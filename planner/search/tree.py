@@ -28,7 +28,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Squeeze:
-    """What the hand does at a node.
+    """The motions of the hand at a node.
 
     Attributes:
         placement: (3,) grasp pose: the hand frame in the world [mm, mm, rad].
@@ -52,10 +52,10 @@ class Squeeze:
 
 
 class Origin(NamedTuple):
-    """What an action's partition was made of."""
+    """The input of an action's partition."""
 
-    before: Belief  # particles as they lie when the jaws begin to close
-    after: Squeezed  # what the squeeze makes of them
+    before: Belief  # particles when the jaws begin to close
+    after: Squeezed  # their outcome
     rule: Rule  # prices that the partition minimises
 
 
@@ -67,7 +67,7 @@ class Action:
         squeeze: what the hand does.
         children: in the order of the partition.
         value: expected cost from the node on.
-        origin: what the partition was made of; None in plans of the paper's method.
+        origin: input of the partition; None in plans of the paper's method.
     """
 
     squeeze: Squeeze
@@ -82,7 +82,7 @@ class Node:
 
     Attributes:
         belief: where the part may lie.
-        share: probability of getting here.
+        share: probability of reaching the node.
         mode: the pose that explains most of the belief.
         depth: squeezes made so far.
         stalled: squeezes in a row before this node that gained nothing.
@@ -90,10 +90,10 @@ class Node:
         value: expected cost from here on.
         hand: where the hand stands; None before the first squeeze.
         home: (3,) grasp pose of the first squeeze, where the hand goes for the next part; None at the root.
-        fresh: number of particles, the first ones, that come from trials which had no part in the plan.
-        refuted: whether those speak against the mode as a leaf.
+        fresh: number of particles, the first ones, from trials after the plan.
+        refuted: whether those refute the mode as a leaf.
         parent: the node above; None at the root.
-        previous: the node of the pass before that the search takes for the same.
+        previous: the corresponding node of the previous pass.
     """
 
     belief: Belief
@@ -117,17 +117,17 @@ class Node:
 
     @property
     def squeeze(self) -> Squeeze | None:
-        """What the plan does here; None at a leaf."""
+        """The plan's squeeze at this node; None at a leaf."""
         return self.best.squeeze if self.best else None
 
     @property
     def children(self) -> Sequence[Node]:
-        """Those of the best action."""
+        """The children of the best action."""
         return self.best.children if self.best else ()
 
 
 def dilute(node: Node, factor: float) -> None:
-    """Scales the probability of getting to a node, and to all below it."""
+    """Scales the probability of a node and of all below it."""
     node.share *= factor
     for action in node.actions or ():
         for child in action.children:
@@ -150,7 +150,7 @@ def leaves(root: Node) -> list[Node]:
 
 
 def pruned(root: Node, kept: Sequence[Sequence[int]]) -> Node:
-    """The plan alone, with some children of each inner node, which `kept` names in the table's order."""
+    """The plan without alternatives, reduced to the children that `kept` names, in the table's order."""
     inner = [node for node in breadth_first(root) if node.children]
     chosen = {id(node): numbers for node, numbers in zip(inner, kept, strict=True)}
 

@@ -1,1 +1,1 @@
-"""A local page for a folder of drawings and plans: all work is done by commands, all state is in files."""
+"""Studio: a local page for a folder of drawings and plans; commands do all work, files hold all state."""

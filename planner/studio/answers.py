@@ -1,6 +1,6 @@
-"""What the studio answers: its page, the state and files of its folder, and what the page asks to be done.
+"""Responses of the studio: its page, the state and files of its folder, and requested actions.
 
-Others may write in the folder: a browser opens its files in a sandbox.
+Other programs may write in the folder, so a browser opens its files in a sandbox.
 """
 
 import json
@@ -48,7 +48,7 @@ class Answer(NamedTuple):
     kind: str = JSON
     policy: str = SANDBOX
     code: int = 200
-    name: str = ""  # of a file that a browser saves
+    name: str = ""  # suggested name of a file that a browser saves
 
 
 class Answers:
@@ -58,7 +58,7 @@ class Answers:
         self.folder, self.plans, self.reader = folder, Plans(folder), Reader(folder.path)
 
     def page(self) -> Answer:
-        """The page; what is in the folder it asks for."""
+        """The page, which requests the state of the folder."""
         text = self._templates.get_template("studio.html").render(
             folder=self.folder.path.name or "/",
             suffixes=SUFFIXES,
@@ -79,7 +79,7 @@ class Answers:
         return Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
 
     def static(self, name: str) -> Answer:
-        """A stylesheet or script of ours; `elements.js` is that of all pages."""
+        """A stylesheet or script of the studio; `elements.js` belongs to all pages."""
         kind = f"{KINDS[Path(name).suffix]}; charset=utf-8"
         if name == "elements.js":
             return Answer(asset(name).encode(), kind, PAGE)
@@ -89,7 +89,7 @@ class Answers:
         return Answer(text.encode(), kind, PAGE)
 
     def state(self) -> Answer:
-        """What is in the folder."""
+        """The content of the folder."""
         files = self.folder.files()
         drawings = [
             file.name
@@ -111,7 +111,7 @@ class Answers:
         )
 
     def film(self, query: dict[str, str]) -> Answer:
-        """What a simulated part of a plan did, squeeze by squeeze."""
+        """The squeezes of a simulated part of a plan."""
         named = query.get("plan", "")
         plan = next((plan for plan in self.plans.all() if plan.name == named), None)
         if plan is None or "table" not in plan.files:
@@ -120,18 +120,18 @@ class Answers:
         return _object(film(table, plan.log.parts, query.get("part", "")))
 
     def add(self, query: dict[str, str], body: bytes) -> Answer:
-        """Keep a drawing."""
+        """Stores a drawing."""
         return _object({"drawing": self.folder.add(query.get("name", ""), body)})
 
     def preview(self, query: dict[str, str], body: bytes) -> Answer:
-        """What a drawing shows with some settings."""
+        """Preview of a drawing with some settings."""
         drawing = query.get("drawing", "")
         arguments = self.plans.arguments(drawing, _settings(body))
         command = typed(["try", beginning(drawing), *arguments])
         return _object({**self.reader.ask([beginning(drawing), *arguments]), "command": command})
 
     def plan(self, query: dict[str, str], body: bytes) -> Answer:
-        """Begin to plan."""
+        """Starts a plan."""
         drawing = query.get("drawing", "")
         arguments = self.plans.arguments(drawing, _settings(body))
         refused = self.reader.ask([beginning(drawing), *arguments])["error"]
@@ -140,7 +140,7 @@ class Answers:
         return _object({"plan": self.plans.begin(drawing, arguments)})
 
     def stop(self, query: dict[str, str], _body: bytes) -> Answer:
-        """Ask a plan to end with what stands."""
+        """Asks a plan to end with the result so far."""
         self.plans.stop(query.get("plan", ""))
         return _object({})
 
@@ -164,5 +164,5 @@ def _object(values: dict[str, Any], code: int = 200) -> Answer:
 
 
 def refused(code: int, reason: str) -> Answer:
-    """Why something is not done."""
+    """The response that refuses a request, with the reason."""
     return _object({"error": reason}, code)

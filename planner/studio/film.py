@@ -1,6 +1,6 @@
-"""What simulated parts do between the fingers, for a page that shows one of them as an animation.
+"""Film of simulated parts between the fingers, for a page that animates one of them.
 
-`squeezetree run --world planner.studio.film:make` runs parts as ever, and prints each squeeze as JSON.
+`squeezetree run --world planner.studio.film:make` runs parts as usual, and prints each squeeze as JSON.
 """
 
 import json
@@ -19,7 +19,7 @@ class Filmed(ContactWorld):
     """The contact world of a job, which prints each squeeze: poses in the hand frame, width."""
 
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
-        """As the contact world; see there."""
+        """Squeezes as the contact world, and prints the squeeze."""
         final, width_mm, status = super().squeeze(pose_hand)
         before, after = _pose(*pose_hand), _pose(*final)
         say(json.dumps({"squeezed": {"before": before, "after": after, "width_mm": width_mm}}))
@@ -33,9 +33,9 @@ def film(table: Table, parts: Sequence[Mapping[str, Any]], number: str) -> dict[
     """The squeezes of a simulated part, with the hand's place at each, and the part's outline.
 
     Args:
-        table: that it was run by.
+        table: the table of the run.
         parts: of the plan's log, with `path` and `squeezes`.
-        number: of the part.
+        number: number of the part.
 
     Raises:
         UsageError: there is no such part, or its squeezes are not in the log.

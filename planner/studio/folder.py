@@ -1,4 +1,4 @@
-"""A project folder: its files, by names that cannot reach elsewhere. There is no other state."""
+"""A project folder and its files, by names that cannot point elsewhere. There is no other state."""
 
 import contextlib
 import os
@@ -9,7 +9,7 @@ from planner.part.importers.file import SUFFIXES
 from runtime.shell.errors import UsageError
 from runtime.shell.files import bring_to_disk, read_regular
 
-LONGEST_NAME = 120  # characters; room for the suffixes of what is written
+LONGEST_NAME = 120  # characters; leaves room for suffixes
 
 
 class File(NamedTuple):
@@ -20,13 +20,13 @@ class File(NamedTuple):
 
 
 class Folder:
-    """A project folder; names that come from a page are those of its own regular files."""
+    """A project folder; names from a page can only be those of its regular files."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.resolve()
 
     def files(self) -> list[File]:
-        """Its regular files, by name; no links, nothing hidden, no name that is not text."""
+        """Its regular files, by name: no links, hidden files, or names that are not text."""
         result = []
         with os.scandir(self.path) as entries:
             for entry in entries:
@@ -39,7 +39,7 @@ class Folder:
         """A file's content.
 
         Raises:
-            UsageError: the name is none of a file of this folder.
+            UsageError: the folder has no file of this name.
             OSError: it cannot be read.
         """
         path = self.path / checked(name)
@@ -48,7 +48,7 @@ class Folder:
         return read_regular(path, most_bytes)[0]
 
     def add(self, name: str, data: bytes) -> str:
-        """Keep a drawing; returns its name, numbered where another drawing has it.
+        """Stores a drawing; returns its name, numbered if another drawing has it.
 
         Raises:
             UsageError: the name cannot be that of a drawing.
@@ -65,7 +65,7 @@ class Folder:
             while True:
                 path = self.path / (name if number == 1 else f"{stem}-{number}{suffix}")
                 try:
-                    os.link(draft, path)  # never over a file that is there
+                    os.link(draft, path)  # never overwrites a file
                 except FileExistsError:
                     if not path.is_symlink() and path.is_file() and path.read_bytes() == data:
                         return path.name
@@ -77,7 +77,7 @@ class Folder:
 
 
 def checked(name: str) -> str:
-    """The name of a file in a folder, and of nothing elsewhere.
+    """Checks the name of a file in a folder.
 
     Raises:
         UsageError: it is empty, hidden, too long, no text, or has a slash or a control character in it.

@@ -1,4 +1,4 @@
-"""The log of a plan: lines of JSON, and between them what commands said in words."""
+"""The log of a plan: lines of JSON, with messages of commands in between."""
 
 import json
 import math
@@ -6,26 +6,26 @@ from typing import Any, NamedTuple
 
 from planner.evaluation.shares import in_percent, shares_of
 
-KERNELS = "kernels"  # the stage that compiles them, once an installation
+KERNELS = "kernels"  # the stage that compiles kernels, once an installation
 MOST_LINES = 40
 
 
 class Log(NamedTuple):
-    """What a page shows of a log."""
+    """Content of a log that a page shows."""
 
     drawing: str
     commands: list[str]
-    step: str  # the command under way, or the last one
-    progress: dict[str, Any]  # the last that it reported
+    step: str  # the current command, or the last one
+    progress: dict[str, Any]  # last reported stage
     answer: dict[str, Any] | None  # of `squeezetree try`, as texts
     parts: list[dict[str, Any]]  # simulated, as texts; `path` and `squeezes` are for `film`
     tried: list[dict[str, Any]]  # other discs and goals, as texts
-    lines: list[str]  # in words: why it failed
+    lines: list[str]  # messages: why it failed
     exit: int | None  # of the last command; None while it runs, or where it was killed
 
 
 def log_of(data: bytes) -> Log:
-    """Reads a log; others may have written in the folder, so whatever a line is, it does no harm."""
+    """Reads a log; others may write in the folder, so any content must be harmless."""
     log, squeezes = Log("", [], "", {}, None, [], [], [], None), list[dict[str, Any]]()
     for line in data.decode("utf-8", "replace").splitlines():
         try:
@@ -68,13 +68,13 @@ def _with(log: Log, record: dict[str, Any], squeezes: list[dict[str, Any]]) -> L
     if "exit" in record:
         code = int(record["exit"])
         return log._replace(exit=code, lines=log.lines if code else [])
-    if "output" not in record:  # what plan-report says
+    if "output" not in record:  # message of plan-report
         raise ValueError
     return log
 
 
 def _answer(record: dict[str, Any]) -> dict[str, Any]:
-    """The answer as texts for a page: a grade, sentences, and three numbers where there is a plan."""
+    """The answer as texts for a page: a grade, sentences, and three numbers if there is a plan."""
     answer: dict[str, Any] = {
         "grade": str(record["verdict"]),
         "answer": str(record["answer"]),

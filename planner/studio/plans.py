@@ -1,6 +1,6 @@
-"""The plans of a project folder: which are under way, what they came to, how one begins and ends.
+"""The plans of a project folder: running ones, results, start and stop.
 
-A plan's log is locked by the process that plans, so whoever opens the folder knows which plans are under way.
+The planning process locks the plan's log, so every reader of the folder knows which plans are running.
 """
 
 import contextlib
@@ -31,9 +31,9 @@ class Plan(NamedTuple):
 
     name: str
     running: bool
-    trying: bool  # whether other goals are tried, after the plan is done
+    trying: bool  # whether other goals are being tried, after the plan is done
     log: Log
-    files: dict[str, str]  # what it wrote so far, by what it is
+    files: dict[str, str]  # files written so far, by kind
 
 
 class Plans:
@@ -44,7 +44,7 @@ class Plans:
         self._lock = threading.Lock()
 
     def arguments(self, drawing: str, settings: Mapping[str, Any]) -> list[str]:
-        """A page's settings as options of `squeezetree try`; those left empty keep its defaults.
+        """Converts a page's settings to options of `squeezetree try`; empty ones keep its defaults.
 
         Raises:
             UsageError: the drawing is not there, or a setting is unknown.
@@ -61,7 +61,7 @@ class Plans:
         ]
 
     def begin(self, drawing: str, arguments: list[str]) -> str:
-        """Start to plan in a process of its own; returns the plan's name.
+        """Starts planning in a separate process; returns the plan's name.
 
         Raises:
             UsageError: another plan of this folder is under way.
@@ -72,7 +72,7 @@ class Plans:
             if under_way:
                 raise UsageError(f"{under_way[0]} is being planned; stop it, or wait for it")
             for plan in self.all():
-                if plan.trying:  # whoever waits for a plan comes first
+                if plan.trying:  # processes that wait for a plan have priority
                     self.stop(plan.name)
             name, log = self._begun(Path(drawing).stem)
             words = [name, drawing, *arguments]
@@ -85,14 +85,14 @@ class Plans:
                     cwd=self.folder.path,
                     start_new_session=True,
                 )
-            threading.Thread(target=child.wait, daemon=True).start()  # no zombie stays
+            threading.Thread(target=child.wait, daemon=True).start()  # reaps the process
         return name
 
     def stop(self, name: str) -> None:
-        """Ask a plan to end with what stands.
+        """Asks a plan to end with the result so far.
 
         Raises:
-            UsageError: it is not under way.
+            UsageError: it is not running.
             OSError: the folder cannot be written to.
         """
         if checked(name) not in (plan.name for plan in self.all() if plan.running or plan.trying):
@@ -100,12 +100,12 @@ class Plans:
         (self.folder.path / written_for(name)["stop"]).touch()
 
     def all(self) -> list[Plan]:
-        """All plans that have a log, the latest first."""
+        """All plans with a log, the latest first."""
         there = {file.name for file in self.folder.files()}
         logs = [self.folder.path / name for name in there if name.endswith(LOG)]
         plans = []
         for path in logs:
-            with contextlib.suppress(OSError):  # gone meanwhile
+            with contextlib.suppress(OSError):  # deleted meanwhile
                 plans.append((path.stat().st_mtime_ns, self._plan(path, there)))
         return [plan for _, plan in sorted(plans, key=lambda pair: pair[0], reverse=True)]
 
@@ -117,7 +117,7 @@ class Plans:
         return Plan(name, alive and log.exit is None, alive and log.exit is not None, log, kept)
 
     def _begun(self, stem: str) -> tuple[str, int]:
-        """The first name that no file of a plan has yet, and a descriptor of its log, locked."""
+        """The first name without files of a plan, and a locked descriptor of its log."""
         number = 1
         while True:
             name = stem if number == 1 else f"{stem}-{number}"

@@ -1,4 +1,4 @@
-"""Asks another process what a drawing shows: one that is hostile ends that process, not the page."""
+"""Reads drawings in a separate process: a hostile one ends that process, not the page."""
 
 import json
 import select
@@ -11,12 +11,12 @@ from typing import Any
 
 from runtime.shell.errors import InputError
 
-PATIENCE_S = 120.0  # the reader ends by itself after 30 s, unless a library does not let it
+PATIENCE_S = 120.0  # the reader ends by itself after 30 s, unless a library prevents it
 READER = [sys.executable, "-P", "-m", "planner.cli.preview"]
 
 
 class Reader:
-    """A process of `planner.cli.preview`, begun when it is needed; it ends with this one."""
+    """A process of `planner.cli.preview`, started on demand; it ends with this one."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -24,10 +24,10 @@ class Reader:
         self._lock = threading.Lock()
 
     def ask(self, arguments: Sequence[str]) -> dict[str, Any]:
-        """What the arguments of `squeezetree try` show; see `planner.cli.preview.preview`.
+        """Preview for the arguments of `squeezetree try`; see `planner.cli.preview.preview`.
 
         Raises:
-            InputError: the process died of them, or took too long.
+            InputError: the process died or took too long.
         """
         with self._lock:
             child = self._child if self._child and self._child.poll() is None else self._begun()
@@ -39,7 +39,7 @@ class Reader:
                 child.stdin.flush()
                 if select.select([child.stdout], [], [], PATIENCE_S)[0]:
                     line = child.stdout.readline()
-            except OSError:  # its end follows below
+            except OSError:  # its end is handled below
                 line = b""
             if not line.endswith(b"\n"):
                 self._end()
@@ -50,7 +50,7 @@ class Reader:
         return dict(json.loads(line))
 
     def close(self) -> None:
-        """End the process."""
+        """Ends the process."""
         with self._lock:
             self._end()
 

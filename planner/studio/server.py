@@ -1,7 +1,7 @@
-"""The studio's HTTP server: pages and files of one folder, for this machine's own browser.
+"""The studio's HTTP server: pages and files of one folder, for the browser on this machine.
 
-It listens on loopback, answers no other name (DNS rebinding) and obeys no other page (same origin). Nothing
-on its pages comes from elsewhere.
+It listens on loopback, refuses other host names (DNS rebinding) and other origins. Its pages load nothing
+from elsewhere.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from runtime.shell.errors import ExpectedError
 
 LOOPBACK = "127.0.0.1"
 NAMES = (LOOPBACK, "localhost")
-PATIENCE_S = 30.0  # that a client may stay silent
+PATIENCE_S = 30.0  # longest silence of a client
 MOST_SETTINGS_BYTES = 16 << 10
 STATIC = ("/studio.css", "/elements.js", "/studio.js", "/drawing.js", "/film.js")
 
@@ -29,14 +29,14 @@ class Studio(ThreadingTCPServer):
     allow_reuse_address = True
 
     def __init__(self, folder: Folder, port: int) -> None:
-        """Listens; an `OSError` tells that the port is taken."""
+        """Listens; raises `OSError` if the port is taken."""
         self.answers = Answers(folder)
         super().__init__((LOOPBACK, port), Handler)
         self.server_port = int(self.server_address[1])
         self.address = f"http://{LOOPBACK}:{self.server_port}/"
 
     def server_close(self) -> None:
-        """Stop listening, and reading drawings; plans go on."""
+        """Stops listening and reading drawings; plans continue."""
         super().server_close()
         self.answers.reader.close()
 
@@ -49,7 +49,7 @@ class Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "squeezetree", ""
 
     def do_GET(self) -> None:
-        """Answer with a page, the folder's state or a file."""
+        """Answers with a page, the folder's state or a file."""
         url, studio = urlsplit(self.path), self.server.answers
         pages: dict[str, Callable[[], Answer]] = {"/": studio.page, "/folder.json": studio.state}
         if url.path in pages:
@@ -64,7 +64,7 @@ class Handler(BaseHTTPRequestHandler):
             self._answer(lambda: refused(404, "there is no such page"))
 
     def do_POST(self) -> None:
-        """Do what the page asks for."""
+        """Performs an action for the page."""
         url, studio = urlsplit(self.path), self.server.answers
         actions = {
             "/drawings": (studio.add, MAX_BYTES),
@@ -116,9 +116,9 @@ class Handler(BaseHTTPRequestHandler):
         self.wfile.write(answer.body)
 
     def log_message(self, *_: object) -> None:
-        """Say nothing: the terminal has the address, and later errors are on the page."""
+        """Logs nothing: the terminal shows the address, and later errors are on the page."""
 
 
 def _first(query: str) -> dict[str, str]:
-    """The fields of a query; of those that stand twice the first."""
+    """The fields of a query; of duplicates the first."""
     return {key: values[0] for key, values in parse_qs(query).items()}

@@ -1,8 +1,8 @@
-"""What planning is to the studio: commands one after another, in a process that outlives the page.
+"""The steps of planning in the studio: commands in sequence, in a process that outlives the page.
 
 `python -m planner.studio.steps NAME DRAWING ARGUMENT ...` runs `squeezetree try`, `report` and `run` in the
-current folder, and then `planner.studio.what_if`; its output is the plan's log. The file `NAME.stop` asks for
-what Ctrl-C asks for.
+current folder, and then `planner.studio.what_if`; its output is the plan's log. The file `NAME.stop` acts
+as Ctrl-C.
 """
 
 import contextlib
@@ -18,14 +18,14 @@ from planner.studio.what_if import trials_of
 
 POLL_S = 0.2
 PARTS = 20
-PYTHON = [sys.executable, "-P", "-m"]  # no module is looked for in the folder of the project
+PYTHON = [sys.executable, "-P", "-m"]  # never imports modules from the project folder
 COMMAND = [*PYTHON, "runtime.commands.squeezetree"]
 FILMED = "planner.studio.film:make"
 PICTURE = ".look.svg"  # suffix
 
 
 def written_for(name: str) -> dict[str, str]:
-    """The files of a plan, by what they are; the drawing is not among them."""
+    """The files of a plan, by kind, without the drawing."""
     suffixes = {
         "log": ".plan.jsonl",
         "job": ".toml",
@@ -40,7 +40,7 @@ def written_for(name: str) -> dict[str, str]:
 
 
 def commands_of(name: str, drawing: str, arguments: Sequence[str]) -> list[list[str]]:
-    """The words after `squeezetree`, as a person would type them: the plan, its page, simulated parts."""
+    """The words after `squeezetree`, as typed by a person: the plan, its page, simulated parts."""
     files = {what: beginning(file) for what, file in written_for(name).items()}
     simulated = ["--port", "sim", "--time-scale", "max", "--count", str(PARTS)]
     return [
@@ -51,12 +51,12 @@ def commands_of(name: str, drawing: str, arguments: Sequence[str]) -> list[list[
 
 
 def beginning(name: str) -> str:
-    """A file's name as an argument, never taken for an option."""
+    """A file's name as an argument that is never taken for an option."""
     return f"./{name}" if name.startswith("-") else name
 
 
 def typed(words: Sequence[str]) -> str:
-    """The line that a person types for the words of a command."""
+    """The command line for the words of a command."""
     apart = [
         part for word in words for part in (word.split("=", 1) if word[:2] == "--" else [word])
     ]
@@ -64,7 +64,7 @@ def typed(words: Sequence[str]) -> str:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run the commands until one fails or there is no table; returns the exit code of the last."""
+    """Runs the commands until one fails or there is no table; returns the exit code of the last."""
     name, drawing, *arguments = argv
     files = written_for(name)
     code = 0
@@ -73,7 +73,7 @@ def main(argv: Sequence[str]) -> int:
         _say(drawing=drawing, step=words[0], command=typed(words))
         code = _ended([*words, "--json", *more.get(words[0], [])], files["stop"])
         with contextlib.suppress(OSError):
-            Path(files["stop"]).unlink(missing_ok=True)  # heard: what follows is begun all the same
+            Path(files["stop"]).unlink(missing_ok=True)  # the next command starts nevertheless
         if code or not Path(files["table"]).exists():
             break
     _say(exit=code)
@@ -83,7 +83,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def try_others(files: Mapping[str, str]) -> None:
-    """Plan for other discs and goals, and say what each came to, until the file `stop` is there."""
+    """Plans for other discs and goals and states the results, until the file `stop` exists."""
     stop, summary = Path(files["stop"]), Path(files["trials"]) / "summary.json"
     for trial in trials_of(Path(files["job"])):
         for value in trial.values:
@@ -100,7 +100,7 @@ def try_others(files: Mapping[str, str]) -> None:
 
 
 def _ended(words: Sequence[str], stop: str, *, aside: bool = False) -> int:
-    """The exit code of a command, interrupted once the file `stop` is there; `aside`: niced, silent."""
+    """Runs a command and returns its exit code; the file `stop` interrupts it. `aside`: niced, silent."""
     before, output = (["nice"], subprocess.DEVNULL) if aside else ([], None)
     child = subprocess.Popen(
         [*before, *COMMAND, *words], stdin=subprocess.DEVNULL, stdout=output, stderr=output

@@ -1,4 +1,4 @@
-"""What if the part lies farther off, or has to be located better: values that are planned for in turn."""
+"""What-if trials: larger uncertainties and tighter goals, planned in turn."""
 
 import json
 import tomllib
@@ -6,23 +6,23 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-FACTORS = (1.25, 1.6, 2.0, 2.5, 3.2)  # by which a disc grows and a goal shrinks
+FACTORS = (1.25, 1.6, 2.0, 2.5, 3.2)  # factors by which a disc grows and a goal shrinks
 EFFORT = ("--budget", "20s", "--trials", "3000")
 
 
 class Trial(NamedTuple):
-    """A key of the job, and values that are planned for until one is too much."""
+    """A key of the job, with values that are planned for until one fails."""
 
     key: str
     values: list[float]
-    confidence: float  # share of the parts that the job asks for
+    confidence: float  # share of the parts that the job requires
 
     def command(self, value: float, job: str, folder: str) -> list[str]:
         """The words after `squeezetree` that plan for a value, with the table in a folder."""
         return ["plan", job, "-o", folder, "--vary", f"{self.key}={value:g}", *EFFORT]
 
     def result(self, value: float, summary: Path) -> dict[str, Any]:
-        """What the plan for a value came to by the command's summary, as the log holds it."""
+        """The result for a value, from the command's summary, as stored in the log."""
         (row,) = json.loads(summary.read_text("utf-8"))
         located = row.get("success_rate", 0.0)
         enough = located >= self.confidence
@@ -30,7 +30,7 @@ class Trial(NamedTuple):
 
 
 def trials_of(job: Path) -> Iterator[Trial]:
-    """Larger discs of uncertainty, then nearer goals; none where the job file states neither."""
+    """Larger discs of uncertainty, then tighter goals; none where the job file states neither."""
     stated = tomllib.loads(job.read_text("utf-8")) if job.exists() else {}
     uncertainty, goal = stated.get("uncertainty", {}), stated.get("goal", {})
     if "radius_mm" not in uncertainty or "distance_mm" not in goal:

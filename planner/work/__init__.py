@@ -1,1 +1,1 @@
-"""Who does the work: threads of this machine or a Dask cluster, and how progress is told."""
+"""Workers, which are threads or a Dask cluster, and reports of progress."""

@@ -1,7 +1,6 @@
-"""Work on more than one machine: the workers of a Dask cluster (dask.distributed, the extra `cluster`).
+"""Work on several machines: the workers of a Dask cluster (dask.distributed, the extra `cluster`).
 
-All run in an environment with the same version of this package. The scheduler gives the work of a worker that
-dies to the others.
+All need the same version of this package. The scheduler gives the work of a dead worker to the others.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 
-AHEAD = 4  # Items handed out for each thread of the cluster before the first of their results has been taken
+AHEAD = 4  # Items submitted for each thread of the cluster before their first result is taken
 CONNECT_S = 10.0
-PATIENCE_S = 30.0  # How long a cluster may be without workers
+PATIENCE_S = 30.0  # Longest time without workers
 POLL_S = 1.0
 
 _ADDRESS = re.compile(r"(tcp|tls|ws|wss|inproc)://\S+")
@@ -37,7 +36,7 @@ class Cluster:
     def __init__(
         self, address: str, connect_s: float = CONNECT_S, patience_s: float = PATIENCE_S
     ) -> None:
-        """Remembers where to connect to; a `UsageError` tells that the address is not one."""
+        """Stores the address; raises `UsageError` if it is not one."""
         if not _ADDRESS.fullmatch(address):
             raise UsageError(f"--scheduler {address}: write the address as tcp://host:8786")
         self.address = address
@@ -50,7 +49,7 @@ class Cluster:
 
         Raises:
             UsageError: dask.distributed is not installed.
-            UnreachableError: nothing answers at the address in time, or no worker is there.
+            UnreachableError: nothing answers at the address in time, or there are no workers.
         """
         try:
             from distributed import Client
@@ -59,7 +58,7 @@ class Cluster:
             raise UsageError(
                 f"--scheduler needs the cluster extra ({error.name} is missing); {hint}"
             ) from error
-        # What its log would say on several lines, an UnreachableError says in one.
+        # An UnreachableError states in one line what the log would say in several.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
             self._client = Client(self.address, timeout=self._connect_s, set_as_default=False)
@@ -87,7 +86,7 @@ class Cluster:
 
     @property
     def workers(self) -> int:
-        """Threads of all workers that are there now."""
+        """Number of threads of all current workers."""
         try:
             return sum(self._connected().nthreads().values())
         except OSError as error:
@@ -117,7 +116,7 @@ class Cluster:
                 future.release()
 
     def _collect(self, running: dict[Future[R], int], results: dict[int, R]) -> None:
-        """Moves what has finished from `running` to `results`; waits at most `POLL_S` if nothing has."""
+        """Moves finished items from `running` to `results`; waits at most `POLL_S` if there are none."""
         from distributed import wait
 
         try:
@@ -133,7 +132,7 @@ class Cluster:
                 self._fail(future.exception())
             try:
                 results[running[future]] = future.result(timeout=POLL_S)
-            except TimeoutError:  # its worker died before it could be asked: it runs again
+            except TimeoutError:  # its worker died first: it runs again
                 continue
             except (
                 CancelledError,
@@ -143,7 +142,7 @@ class Cluster:
             del running[future]
 
     def _fail(self, error: BaseException | None) -> NoReturn:
-        """Raises what an item ended with: the function's own error, or one about the cluster."""
+        """Raises the error of an item: the function's, or one about the cluster."""
         from distributed import KilledWorker
 
         if isinstance(error, KilledWorker):
@@ -158,7 +157,7 @@ class Cluster:
         raise error or self._lost()
 
     def _await_workers(self) -> None:
-        """Returns once the cluster has a worker, or raises `UnreachableError` after `patience_s`."""
+        """Waits for a worker; raises `UnreachableError` after `patience_s`."""
         deadline = time.monotonic() + self.patience_s
         while self.workers == 0:
             if time.monotonic() > deadline:

@@ -1,4 +1,4 @@
-"""When work ends before it is done: its budget of time is spent, or somebody asks for what there is."""
+"""Limits of work: a budget of time, or a request to end with the result so far."""
 
 import math
 import time
@@ -6,16 +6,16 @@ from collections.abc import Callable
 
 
 class Limit:
-    """A budget of time, and a request to end with what stands; work looks at both between its steps."""
+    """A budget of time, and a request to end early; work checks both between its steps."""
 
     def __init__(
         self, budget_s: float = math.inf, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Begins to count; the clock tells seconds."""
+        """Starts counting; the clock returns seconds."""
         self.budget_s = budget_s
-        self.reserve_s = 0.0  # of the budget, what is kept for the work that follows
+        self.reserve_s = 0.0  # of the budget, kept for the work that follows
         self.asked = False  # whether to end at once
-        self.standing = False  # whether there is something that could be kept
+        self.standing = False  # whether there is a result to keep
         self._clock = clock
         self._start = clock()
 
@@ -35,15 +35,15 @@ class Limit:
         return math.isfinite(self.budget_s)
 
     def start(self) -> None:
-        """Counts from now on: what came before is not on the budget."""
+        """Restarts counting: earlier work is not charged to the budget."""
         self._start = self._clock()
 
     def ask(self) -> bool:
-        """Asks to end with what stands; False where nothing does, or where that was asked before."""
+        """Requests an early end; False if there is no result yet, or after an earlier request."""
         heard = self.standing and not self.asked
         self.asked = self.asked or heard
         return heard
 
     def over(self, kept_s: float = 0.0) -> bool:
-        """Whether to end now, with the reserve and so many seconds more left."""
+        """Whether to end now, given the reserve and `kept_s` more."""
         return self.asked or self.left_s < kept_s

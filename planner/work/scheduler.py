@@ -1,6 +1,6 @@
-"""Who does the work: the threads of this machine, or the workers of a Dask cluster.
+"""Scheduling of work: on threads of this machine, or on workers of a Dask cluster.
 
-Work is cut into items that carry all they depend on: results are the same bytes on any number of workers.
+Work is cut into self-contained items: results are the same bytes with any number of workers.
 """
 
 import os
@@ -18,12 +18,12 @@ from planner.work.cluster import Cluster
 T = TypeVar("T")
 R = TypeVar("R")
 
-AHEAD = 3  # Items handed out for each worker before the first of their results has been taken
-WORKER = "squeezetree worker"  # prefix of the names of threads that do alone what they map
+AHEAD = 3  # Items submitted for each worker before their first result is taken
+WORKER = "squeezetree worker"  # prefix of names of threads whose work is not divided further
 
 
 def pool_of(workers: int) -> ThreadPoolExecutor:
-    """Threads that do alone what they map: if one waited for others of its pool, all might wait."""
+    """A pool of threads; work inside one is not divided further, since it could wait for itself."""
     return ThreadPoolExecutor(workers, WORKER)
 
 
@@ -34,18 +34,16 @@ if hasattr(os, "register_at_fork"):  # a forked process has none of its parent's
 
 @dataclass(frozen=True, slots=True)
 class Threads:
-    """Threads of this process: for functions that spend their time in kernels."""
+    """Threads of this process, for functions that spend their time in kernels."""
 
-    workers: int = field(
-        default_factory=lambda: os.cpu_count() or 1
-    )  # all cores unless told otherwise
+    workers: int = field(default_factory=lambda: os.cpu_count() or 1)  # default: all cores
 
     def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-        """Yields the function's results in the order of the items, each as soon as all before it are there.
+        """Yields the function's results in the order of the items, as soon as they are available.
 
         Args:
-            function: of a module where a cluster may run it; what it raises ends the work.
-            items: its arguments; for a cluster they can be pickled.
+            function: a module-level function where a cluster may run it; its exceptions end the work.
+            items: its arguments, which must pickle for a cluster.
         """
         if self.workers == 1 or len(items) < 2 or current_thread().name.startswith(WORKER):
             yield from map(function, items)
@@ -64,7 +62,7 @@ class Threads:
             wait(waiting)
 
 
-Scheduler: TypeAlias = Threads | Cluster  # Where work runs; `workers` is how many items run at once
+Scheduler: TypeAlias = Threads | Cluster  # `workers` is the number of items that run at once
 
 
 @contextmanager

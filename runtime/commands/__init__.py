@@ -1,1 +1,1 @@
-"""The commands of the runtime: their arguments, what these mean, and what each command does."""
+"""The commands of the runtime: arguments, their meaning, and actions."""

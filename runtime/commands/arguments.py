@@ -16,7 +16,7 @@ DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
 SIMULATED = "sim"
 MANUAL = "manual"  # a person at the terminal
 SIMULATED_CAMERA = "{camera}"  # in --audit: the address of the simulated cell's camera
-# What --serve goes with; the other options are about devices, which a robot that asks moves by itself.
+# Options that --serve allows; the others are about devices, which the robot moves itself.
 SERVED = {
     "serve",
     "network",
@@ -72,7 +72,7 @@ def address(text: str) -> str:
 
 
 class PrintedMap(argparse.Action):
-    """Prints the registers of `--plc` and ends, as --help does."""
+    """Prints the registers of `--plc` and exits, as --help does."""
 
     def __call__(
         self,
@@ -81,9 +81,9 @@ class PrintedMap(argparse.Action):
         values: Any,
         option: Any = None,
     ) -> None:
-        """Print them."""
+        """Prints them."""
         del namespace, values, option
-        from runtime.plc import registers  # not loaded into a run without a PLC
+        from runtime.plc import registers  # not loaded by a run without a PLC
 
         say(json.dumps(registers.as_json()))
         parser.exit()
@@ -117,13 +117,13 @@ def parser() -> Parser:
         "--arm",
         type=address,
         help="the arm: tcp://host:port, ur://host, omnicore://host, manual (you move the hand as you are "
-        "asked to), or a driver's own scheme; with --port sim its own",
+        "asked to), or a driver's own scheme; not with --port sim, which has one",
     )
     add(
         "--count",
         type=positive_int,
         metavar="N",
-        help="number of parts, after a crash with those before it (default: 1; no end with --serve, --plc)",
+        help="number of parts, including those before a crash (default: 1; no end with --serve, --plc)",
     )
     add(
         "--activate",
@@ -145,7 +145,7 @@ def parser() -> Parser:
         "and calibration of this run (squeezetree pack)",
     )
     built.add_common(
-        "print one JSON object a part, or one of a --check or --dry-run; sentences go to standard error"
+        "print one JSON object a part, or one for --check or --dry-run; messages go to standard error"
     )
     _add_instead(built.add_argument_group("instead of a run"))
     _add_handling(built.add_argument_group("how parts are handled"))
@@ -166,7 +166,7 @@ def _add_instead(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--dry-run",
         action="store_true",
-        help="connect over links that cannot write, and tell what would be sent",
+        help="connect over links that cannot write, and print what would be sent",
     )
     group.add_argument(
         "--put-down",
@@ -176,7 +176,7 @@ def _add_instead(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--serve",
         metavar="tcp://HOST:PORT",
-        help="a robot asks: answer its lines there, one robot at a time (tools/docs/serve.md); port 0 takes "
+        help="answer a robot's lines there, one robot at a time (tools/docs/serve.md); port 0 takes "
         "a free one and says which",
     )
     group.add_argument(
@@ -264,7 +264,7 @@ def _add_policy(group: argparse._ArgumentGroup) -> None:
     add(
         "--jaws-empty",
         action="store_true",
-        help="begin although the fingers may hold something: you see that they do not (what they hold falls)",
+        help="start although the fingers may hold something: you see that they do not (a held part falls)",
     )
     add(
         "--on-reject",
@@ -282,15 +282,15 @@ def _add_policy(group: argparse._ArgumentGroup) -> None:
         "--after-crash",
         choices=("abort", "resume", "restart"),
         default="abort",
-        help="the journal's last run broke off: give it up and exit 25, go on with its part, or start that "
-        "part over (default: abort)",
+        help="if the journal's last run broke off: give it up and exit 25, continue its part, or restart "
+        "that part (default: abort)",
     )
     add(
         "--resume-within",
         type=positive,
         default=300.0,
         metavar="S",
-        help="go on with a part only if its last record is surely at most so many seconds old (default: 300)",
+        help="continue with a part only if its last record is at most so many seconds old (default: 300)",
     )
 
 
@@ -324,7 +324,7 @@ def _add_takt(group: argparse._ArgumentGroup) -> None:
         "--takt",
         type=seconds,
         metavar="6s",
-        help="also tell at the end how many parts were done within it",
+        help="also print at the end how many parts were done within it",
     )
 
 
@@ -335,7 +335,7 @@ def _add_simulated(group: argparse._ArgumentGroup) -> None:
         type=time_scale,
         default=1.0,
         metavar="S",
-        help="times as fast as life; max: in virtual time, in this process",
+        help="speed as a multiple of real time; max: virtual time, in this process",
     )
     add("--seed", type=int, default=0, metavar="N", help="of the simulated cell (default: 0)")
     add(
@@ -346,5 +346,5 @@ def _add_simulated(group: argparse._ArgumentGroup) -> None:
 
 
 def time_scale(text: str) -> float:
-    """How much faster than life a simulated cell is, infinite for virtual time."""
+    """Parses the speed of a simulated cell as a multiple of real time, infinite for virtual time."""
     return inf if text == "max" else positive(text)

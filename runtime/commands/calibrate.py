@@ -53,7 +53,7 @@ def parser() -> Parser:
     """The command's arguments."""
     built = Parser(
         prog="grasp-calibrate",
-        description="Measure what a cell has to know of itself.",
+        description="Measure the parameters of a cell.",
         epilog=EPILOG,
     )
     built.add_debug()
@@ -63,7 +63,7 @@ def parser() -> Parser:
     purpose = "what the gripper's widths truly are, with gauge blocks"
     width = add_command(subcommands, "width", purpose, EXAMPLE, EXIT_CODES)
     calibrate_middle.add_to(subcommands, EXIT_CODES)
-    # Those of the audit have a parser of their own, which is asked before this one.
+    # The audit's commands have a parser of their own, which is tried before this one.
     for name, help_text in OF_THE_AUDIT.items():
         subcommands.add_parser(name, help=help_text, add_help=False)
     calibrate_middle.add_shared(width)
@@ -103,7 +103,7 @@ def parser() -> Parser:
 
 
 def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
-    """Measure what the arguments name; returns 0. Errors are those of `run` and `calibrate_middle.run`."""
+    """Measures what the arguments name; returns 0. Errors are those of `run` and `calibrate_middle.run`."""
     if arguments.what == calibrate_middle.NAME:
         return calibrate_middle.run(arguments, drivers, _asking(arguments))
     return run(arguments, drivers.gripper)
@@ -114,15 +114,15 @@ def run(
     open_gripper: Callable[[str, GripperProfile], Gripper],
     ask: Callable[[str], object] | None = None,
 ) -> int:
-    """Measure and write as the arguments say; returns 0.
+    """Measures and writes a file by the arguments; returns 0.
 
     Args:
         arguments: parsed.
         open_gripper: opens a gripper by its port and profile, moving nothing.
-        ask: shows the operator a sentence and waits; None for the terminal.
+        ask: prompts the operator and waits; None for the terminal.
 
     Raises:
-        Exception: any error of ours or of the gripper; each carries its `exit_code`.
+        Exception: any error of this package or of the gripper; each has its `exit_code`.
     """
     ask = ask or _asking(arguments)
     widths_mm, tips, current = _checked(arguments)
@@ -142,7 +142,7 @@ def run(
             gauges = list(calibration.measure(gripper, widths_mm, arguments.grips, ask))
     fitted = calibration.fit(gauges, profile, arguments.gripper, SystemClock().stamp())
     fitted = replace(fitted, tips_mm=tips, current_ma=current)
-    interrupts.conclude()  # measured: a stop request would stop nothing
+    interrupts.conclude()  # measured: a stop request has nothing left to stop
     calibration.save(fitted, arguments.output)
     seen = figures(fitted)
     lines = (*report(seen), f"written to {arguments.output}")
@@ -151,7 +151,7 @@ def run(
 
 
 def report(measured: Measured) -> Iterator[str]:
-    """The measurement as a small table: readings, spread, and how far other maps are off."""
+    """The measurement as a small table: readings, spread, and deviations of other maps."""
     yield f"gripper {measured['gripper']}"
     yield "block mm  read mm               spread  without this block  nominal"
     for block in measured["blocks"]:
@@ -163,7 +163,7 @@ def report(measured: Measured) -> Iterator[str]:
 
 
 def figures(measured: GripperCalibration) -> Measured:
-    """The measurement in plain types, beside the nominal widths."""
+    """The measurement in plain types, with the nominal widths."""
     nominal = calibration.against_nominal_mm(measured)
     left_out = [None, *calibration.residuals_mm(measured)]
     blocks = [
@@ -185,7 +185,7 @@ def _asking(arguments: argparse.Namespace) -> Callable[[str], object]:
 
 def _ask_terminal(sentence: str, file: TextIO) -> None:
     say(sentence, file)
-    with suppress(OSError):  # a terminal that is gone
+    with suppress(OSError):  # the terminal is gone
         if sys.stdin.readline():
             return
     raise UsageError("standard input ended before Enter was pressed; run it in a terminal")
@@ -194,7 +194,7 @@ def _ask_terminal(sentence: str, file: TextIO) -> None:
 def _checked(
     arguments: argparse.Namespace,
 ) -> tuple[list[float], tuple[float, float] | None, tuple[int, int] | None]:
-    """Blocks in rising order, tips and current; looked at before anybody holds a block."""
+    """Checks blocks (in ascending order), tips and current, before anybody holds a block."""
     named = _blocks(arguments.model) if arguments.blocks is None else arguments.blocks
     widths_mm = sorted(_numbers("--blocks", named))
     if arguments.grips < 1 or widths_mm[0] < 0.0:

@@ -97,15 +97,15 @@ def add_shared(parser: Parser) -> None:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
-    """Measure and write as the arguments say; returns 0.
+    """Measures and writes a file by the arguments; returns 0.
 
     Args:
         arguments: parsed.
         drivers: opens the devices, moving nothing.
-        ask: shows the operator a sentence and waits.
+        ask: prompts the operator and waits.
 
     Raises:
-        Exception: any error of ours or of a device; each carries its `exit_code`.
+        Exception: any error of this package or of a device; each has its `exit_code`.
     """
     at, known = _checked(arguments)
     table = load(arguments.tree).table
@@ -149,7 +149,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
                     error.add_note(note)
                 raise
     completed = replace(known, middle=result)
-    interrupts.conclude()  # measured: a stop request would stop nothing
+    interrupts.conclude()  # measured: a stop request has nothing left to stop
     calibration.save(completed, arguments.output)
     _print(arguments, result, table)
     return 0
@@ -183,7 +183,7 @@ def _print(arguments: argparse.Namespace, known: Middle, table: Table) -> None:
 
 
 def _checked(arguments: argparse.Namespace) -> tuple[Pose2, GripperCalibration]:
-    """Where the block stands, and what is known of the gripper; looked at before anything is opened."""
+    """Checks the block's place and the gripper's calibration, before anything is opened."""
     if MANUAL in (arguments.port, arguments.arm) or SIMULATED in (arguments.port, arguments.arm):
         raise UsageError(
             "the middle is measured with a gripper on an arm; name both by their addresses "

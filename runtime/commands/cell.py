@@ -20,13 +20,13 @@ PLANNER_NEEDS = ("numpy", "scipy", "numba")
 
 
 class Devices(NamedTuple):
-    """What a run talks to; a scene and a camera's address only where the cell is simulated."""
+    """Devices of a run; scene and camera address only for a simulated cell."""
 
     gripper: Gripper
     arm: Arm
     scene: Scene | None
     camera: str = ""
-    clock: SystemClock | None = None  # the cell's own, where its time is not the machine's
+    clock: SystemClock | None = None  # the cell's clock, where its time is not the machine's
 
 
 def connect(
@@ -37,11 +37,11 @@ def connect(
     stack: ExitStack,
     report: Report,
 ) -> Devices:
-    """Connect to the devices of a run, the simulated ones as to hardware; nothing moves.
+    """Connects to the devices of a run, to simulated ones as to hardware; nothing moves.
 
-    The table is for a simulated cell's part; `console` is told which cell was started, `report` of retries
-    and failures on the gripper's link, and `stack` closes what was opened. A lock that is
-    taken, a cell that does not start and the drivers raise an `ExpectedError`.
+    The table states a simulated cell's part. `console` receives the name of the started cell, `report`
+    receives retries and failures on the gripper's link, and `stack` closes what was opened. A taken lock, a
+    cell that does not start, and the drivers raise an `ExpectedError`.
     """
     gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:
@@ -56,11 +56,9 @@ def connect(
         )
         cell = stack.enter_context(process).endpoints
         gripper_port, arm_url, scene_url, camera = cell.gripper, cell.arm, cell.scene, cell.camera
-        console.note(
-            f"simulated cell ({cell.world}), {arguments.time_scale:g} times as fast as life"
-        )
+        console.note(f"simulated cell ({cell.world}), {arguments.time_scale:g} times real time")
         if arguments.arm == MANUAL:
-            arm_url = f"{MANUAL}+{cell.arm}"  # which follows the person's hand, with the part in it
+            arm_url = f"{MANUAL}+{cell.arm}"  # follows the person's hand, with the part in it
     for port in (gripper_port, arm_url):
         stack.enter_context(PortLock(port))
     only, scale = arguments.dry_run, arguments.time_scale
@@ -80,7 +78,7 @@ def connect(
 def _virtual(
     arguments: argparse.Namespace, table: Table, console: Console, drivers: Drivers, report: Report
 ) -> Devices:
-    """A cell in this process, in virtual time."""
+    """Starts a cell in this process, in virtual time."""
     world = arguments.world or _default_world(table, console)
     cell = drivers.virtual(arguments.trees[0], world=world, seed=arguments.seed, report=report)
     console.note(f"simulated cell ({world}), in virtual time")
@@ -88,7 +86,7 @@ def _virtual(
 
 
 def _default_world(table: Table, console: Console) -> str:
-    """The contact world if it can run here, else the rehearsal, with a line that says so."""
+    """The contact world if it can run here, else the rehearsal, with a note that says so."""
     missing = [name for name in PLANNER_NEEDS if find_spec(name) is None]
     if table.job is not None and not missing:
         return CONTACT_WORLD

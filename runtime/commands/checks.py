@@ -1,7 +1,7 @@
-"""The checks of `grasp-doctor`: each looks at one thing and says in a sentence what it saw and what to do.
+"""Checks of `grasp-doctor`: each looks at one thing and states its result and the remedy.
 
-Nothing here moves anything or writes to a device. The port's file, its owner and its driver's settings are
-read from /dev, /proc and /sys; devices are opened by what the caller hands in.
+No check moves anything or writes to a device. The port's file, its owner and its driver's settings are read
+from /dev, /proc and /sys; the caller passes in how to open devices.
 """
 
 import os
@@ -19,7 +19,7 @@ from runtime.devices.clock import SystemClock
 from runtime.table import Area, Calibration, Limits, Table, misfits
 
 READS = 200
-READING_S = 10.0  # of fewer readings, where they take so long
+READING_S = 10.0  # least number of readings, where they are slow
 LEAST_READS = 3
 SLOW_MS, JITTER_MS = 12.0, 25.0  # Robotiq's SDK polls at 100 Hz; 16 ms is an untuned FTDI adapter
 USUAL_UNIT, USUAL_BAUD = 9, 115200
@@ -27,7 +27,7 @@ PSEUDO_TERMINALS = range(136, 144)  # major numbers (Linux, Documentation/admin-
 
 
 class Verdict(Enum):
-    """How a check ended."""
+    """Result of a check."""
 
     GOOD = "good"
     WARNING = "warning"
@@ -35,7 +35,7 @@ class Verdict(Enum):
 
 
 class Finding(NamedTuple):
-    """What a check found: a sentence, and for all but GOOD what to do."""
+    """Result of a check: a sentence, and unless GOOD a remedy."""
 
     verdict: Verdict
     sentence: str
@@ -103,7 +103,7 @@ def check_latency(port: str, system: System) -> Iterator[Finding]:
 
 
 def check_silence(port: str, scan: Callable[[str], Iterator[Answered]]) -> Iterator[Finding]:
-    """Why a gripper does not answer: another slave id, another baud rate, or nobody at all."""
+    """Why a gripper does not answer: another slave id, another baud rate, or no device."""
     for heard in scan(port):
         if (heard.unit, heard.baud) == (USUAL_UNIT, USUAL_BAUD):
             yield warning(
@@ -142,7 +142,7 @@ def check_gripper(gripper: Gripper) -> Iterator[Finding]:
 
 
 def check_rate(gripper: Gripper, clock: SystemClock, reads: int = READS) -> Iterator[Finding]:
-    """How often a second the gripper can be read, and how evenly."""
+    """How often the gripper can be read per second, and how evenly."""
     moments = [clock.now()]
     for _ in range(reads):
         gripper.state()
@@ -165,7 +165,7 @@ def check_rate(gripper: Gripper, clock: SystemClock, reads: int = READS) -> Iter
 
 
 def check_arm(arm: Arm, table: Table | None) -> Iterator[Finding]:
-    """Whether the arm tells where it is, and is near the work area."""
+    """Whether the arm reports its position, and is near the work area."""
     x_mm, y_mm, z_mm, _ = arm.pose()
     yield good(f"The arm answers; it stands at ({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm.")
     if table is not None and not _is_near(x_mm, y_mm, table.limits):
@@ -200,7 +200,7 @@ def _group(path: Path) -> str:
 
 
 def _holders(path: Path, proc: Path) -> Iterator[tuple[int, str]]:
-    """Other processes that have the device open, as permissions tell; not a pseudo-terminal's maker."""
+    """Other processes that have the device open, as far as visible; not a pseudo-terminal's creator."""
     wanted = path.stat().st_rdev
     pseudo = os.minor(wanted) if os.major(wanted) in PSEUDO_TERMINALS else None
     for folder in proc.glob("[0-9]*"):
@@ -210,7 +210,7 @@ def _holders(path: Path, proc: Path) -> Iterator[tuple[int, str]]:
             opened = any(_rdev(entry) == wanted for entry in (folder / "fd").iterdir())
             if opened and (pseudo is None or not _made(folder, pseudo)):
                 yield int(folder.name), (folder / "comm").read_text().strip()
-        except OSError:  # gone meanwhile, or not ours to look at
+        except OSError:  # gone meanwhile, or not readable for this user
             continue
 
 

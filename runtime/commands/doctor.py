@@ -1,4 +1,4 @@
-"""The command `grasp-doctor`: looks at a cell before it runs, moves nothing, and says what to do."""
+"""The command `grasp-doctor`: checks a cell before it runs, moves nothing, and names remedies."""
 
 import argparse
 import json
@@ -58,10 +58,10 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None = None) -> int:
-    """Check, and print a line for each finding, or one object of all; returns 0.
+    """Runs the checks, and prints a line for each finding, or one object of all; returns 0.
 
     Raises:
-        CheckFailedError: something is bad.
+        CheckFailedError: a check failed.
     """
     table = None if arguments.tree is None else load(arguments.tree).table
     profile = _profile(arguments, table)
@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
 
 @contextmanager
 def _devices(arguments: argparse.Namespace) -> Iterator[tuple[str, str | None]]:
-    """The addresses of gripper and arm; for `--port sim` those of a simulated cell, started for this."""
+    """The addresses of gripper and arm; for `--port sim` those of a simulated cell started for the check."""
     if arguments.port != SIMULATED:
         yield arguments.port, arguments.arm
         return
@@ -107,7 +107,7 @@ def findings(
     system: System,
     listens: Accepts = accepts,
 ) -> Iterator[Finding]:
-    """All checks in the order in which one depends on the other."""
+    """All checks, ordered by dependency."""
     if table is not None:
         yield from doctor.check_table(table, measured)
     yield from check_controllers(filter(None, (port, arm_url)), listens)
@@ -122,7 +122,7 @@ def findings(
 
 
 def _profile(arguments: argparse.Namespace, table: Table | None) -> GripperProfile:
-    """Of the table's gripper, else of the model that is named."""
+    """The profile of the table's gripper, else of the named model."""
     if table is not None:
         return table.gripper.profile
     return profile_of(arguments.gripper or next(iter(PROFILES)))
@@ -155,7 +155,7 @@ def _gripper_findings(
 
 
 def _failed(device: str, error: Exception, remedy: str) -> Finding:
-    """An error's own hint, after its semicolon, is the better remedy."""
+    """The finding for a failed device; the hint after an error's semicolon is the better remedy."""
     problem, _, hint = str(error).partition("; ")
     return Finding(
         Verdict.BAD,

@@ -1,4 +1,4 @@
-"""The command `grasp-evidence`: signs what is installed in a cell, and checks it."""
+"""The command `grasp-evidence`: signs the software of a cell, and verifies signatures."""
 
 import argparse
 import socket
@@ -37,7 +37,7 @@ EXAMPLES = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+    """Runs the command; returns its exit code."""
     return run(parser(), argv, lambda arguments: int(arguments.run(arguments)))
 
 
@@ -172,7 +172,7 @@ def _lines(arguments: argparse.Namespace, pack: Pack) -> list[str]:
 
 
 def _signing_key(path: Path | None) -> keys.SigningKey:
-    """The key to sign with; the default one is made where there is none yet."""
+    """The key to sign with; the default one is created if missing."""
     if path is not None:
         return keys.load_private(path)
     path = _default_key()
@@ -184,7 +184,7 @@ def _signing_key(path: Path | None) -> keys.SigningKey:
 
 
 def _default_key() -> Path:
-    """The default key's file; its folder is made, for its owner alone."""
+    """The default key's file; creates its folder, readable for its owner only."""
     path = keys.default_path()
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -196,7 +196,7 @@ def _default_key() -> Path:
 
 
 def _versions() -> dict[str, str]:
-    """What the pack was made with: of squeezetree, Python and what the base install needs."""
+    """Versions for the pack: of squeezetree, Python and the base install's dependencies."""
     from importlib import metadata
 
     versions = {"squeezetree": VERSION, "python": sys.version.split()[0]}
@@ -209,7 +209,7 @@ def _versions() -> dict[str, str]:
 def _person() -> str:
     try:
         user = getuser()
-    except (OSError, KeyError):  # of a user id that has no name
+    except (OSError, KeyError):  # of a user id without a name
         user = "somebody"
     return f"{user}@{socket.gethostname()}"
 

@@ -37,7 +37,7 @@ EXAMPLES = {"show": " --outcome reject", "export": " -o squeezes.csv"}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+    """Runs the command; returns its exit code."""
     return run(parser(), argv, lambda arguments: int(arguments.run(arguments)))
 
 
@@ -145,7 +145,7 @@ def _show(arguments: argparse.Namespace) -> int:
             continue
         try:
             print(json.dumps(entry) if arguments.json else cleaned(_line(entry)))
-        except BrokenPipeError:  # whoever reads has seen enough
+        except BrokenPipeError:  # the reader has seen enough
             break
     return 0
 
@@ -212,7 +212,7 @@ def _since(text: str) -> object:
 
 
 def _line(entry: Entry) -> str:
-    """Number, time, kind and what is left of a record that fits a line."""
+    """Number, time, kind and the remaining fields of a record that fit a line."""
     message = " ".join(
         f"{name}={_short(value)}" for name, value in entry.items() if name not in HIDDEN
     )

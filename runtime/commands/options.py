@@ -1,4 +1,4 @@
-"""What the arguments of `grasp-runtime` mean for a run, and which of them contradict one another."""
+"""Meaning of the arguments of `grasp-runtime` for a run, and contradictions between them."""
 
 import argparse
 from math import inf
@@ -16,11 +16,11 @@ from runtime.shell.errors import UsageError
 from runtime.table import Table, job_of
 from runtime.traversal.decision import Policy
 
-PATIENCE = 200.0  # how much longer than an arm a person may take for a squeeze: about half an hour
+PATIENCE = 200.0  # a person may take so much longer than an arm: about half an hour
 
 
 def check_usage(arguments: argparse.Namespace) -> None:
-    """Check what argparse alone cannot judge.
+    """Checks arguments beyond what argparse can.
 
     Raises:
         UsageError: arguments contradict one another, or one is missing.
@@ -89,14 +89,14 @@ def plc_options(arguments: argparse.Namespace) -> list[str]:
 
 
 def _check_virtual(arguments: argparse.Namespace) -> None:
-    """In virtual time nobody outside this process takes part."""
+    """Refuses options of outside participants in virtual time."""
     if arguments.dry_run:
         raise UsageError(
             "--dry-run moves nothing, so that time has no scale; leave out --time-scale max"
         )
     if arguments.arm == MANUAL or SIMULATED_CAMERA in (arguments.audit or ""):
         raise UsageError(
-            "--time-scale max has no camera and no person in it; name a number, e.g. --time-scale 20"
+            "--time-scale max allows no camera and no person; name a number, e.g. --time-scale 20"
         )
 
 
@@ -110,7 +110,7 @@ def _check_manual(arguments: argparse.Namespace) -> None:
 
 
 def views(arguments: argparse.Namespace) -> Views:
-    """Where the run is shown besides the console."""
+    """Views of the run besides the console."""
     return Views(arguments.http, arguments.takt, arguments.shifts, arguments.journal)
 
 
@@ -119,13 +119,13 @@ def _check_views(arguments: argparse.Namespace) -> None:
         return
     if arguments.check or arguments.dry_run:
         raise UsageError("--http follows a run; leave it out with --check and --dry-run")
-    from runtime.monitoring.live import server  # not loaded into a run that nobody watches
+    from runtime.monitoring.live import server  # not loaded by a run that nobody watches
 
     server.parse(arguments.http)
 
 
 def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
-    """What the run does besides what its table says.
+    """Options of the run besides its table.
 
     Raises:
         InputError: the calibration file is refused.
@@ -142,7 +142,7 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
         middle_mm=0.0 if measured is None else middle.off_mm(measured.middle, table),
     )
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
-    # A robot that asks carries the part wherever it likes.
+    # A robot that uses --serve delivers parts itself.
     asked = ["no"] if arguments.serve is not None else arguments.deliver
     person = _takes_part(arguments)
     return RunOptions(

@@ -1,6 +1,6 @@
-"""`grasp-runtime --plc`: a PLC is the master of the cell, and asks for part after part (`tools/docs/plc.md`).
+"""`grasp-runtime --plc`: a PLC is the master of the cell, and requests each part (`tools/docs/plc.md`).
 
-Parts are run as without it; only what begins the next one is the PLC's trigger.
+Parts run as without a PLC, except that its trigger starts the next one.
 """
 
 import argparse
@@ -36,7 +36,7 @@ from runtime.shell.exit_codes import ExitCode
 from runtime.traversal.results import Outcome, PartResult
 
 MODBUS, OPC_UA = "modbus-tcp", "opc.tcp"
-WAKE_S = 2.0  # between two words to the service manager
+WAKE_S = 2.0  # between two notifications of the service manager
 ENDING_S = 5.0  # for a PLC to end the handshake of the last part
 FAREWELL_S = 3.0  # the same where a stop request or an error ends the run
 GLANCE_S = 1.0  # for a PLC to read once more
@@ -51,11 +51,11 @@ OF_ONE_TABLE = ("http", "audit")
 
 
 def check(arguments: argparse.Namespace) -> Address:
-    """Check what `--plc` goes with; returns where to listen.
+    """Checks the options that `--plc` requires or excludes; returns the address to listen at.
 
     Raises:
-        UsageError: it names no address, one of another machine's reach that was not allowed, or comes
-            with an option that needs the only table, or with which no trigger begins the parts.
+        UsageError: the address is invalid, or reachable from other machines without permission; or an
+            option conflicts with several tables or with triggers.
     """
     defaults = parser()
     several = OF_ONE_TABLE if len(arguments.trees) > 1 else ()
@@ -87,14 +87,14 @@ def _check_security(arguments: argparse.Namespace, scheme: str) -> None:
 
 
 class ForPlc(Monitor):
-    """A monitor that also gives each part's result to the PLC, once it is in the journal."""
+    """A monitor that also reports each part's result to the PLC, once it is in the journal."""
 
     def __init__(self, recipe: Recipe, views: Views, exchange: Exchange) -> None:
         super().__init__(recipe.console, recipe.loaded, recipe.path, views)
         self._recipe, self._exchange = recipe, exchange
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """One part's end."""
+        """Handles the end of a part."""
         super().part(result, seen)
         if self._recipe.options.policy.ends_run(result.outcome):
             self._exchange.end()
@@ -102,14 +102,14 @@ class ForPlc(Monitor):
 
 
 class PlcRun:
-    """Runs the parts that a PLC triggers; each change of the table ends a run in the journal.
+    """Runs the parts that a PLC triggers; each change of the table starts a new run in the journal.
 
     Args:
         recipes: the tables, by their numbers.
         monitors: of each table.
-        server: what the PLC speaks with.
-        url: where it listens.
-        count: of parts in all, None for no end.
+        server: communicates with the PLC.
+        url: address of the server.
+        count: total number of parts, None for no end.
     """
 
     def __init__(
@@ -121,19 +121,19 @@ class PlcRun:
         count: int | None,
     ) -> None:
         self.recipes = recipes
-        self.monitor = monitors[0]  # the one that has views
+        self.monitor = monitors[0]  # the one with views
         self._monitors, self._server, self._exchange = monitors, server, server.exchange
         self._clock, self._url, self._count = server.clock, url, count
         self._parts = 0
         self._stopped = False  # whether a stop request ended a part
 
     def run(self, cell: Cell, scene: Scene | None, *, activate: bool) -> int:
-        """Serve until the parts are over, one ends the run or a stop request comes; returns the exit code.
+        """Serves until the parts are done, one ends the run or a stop request comes; returns the exit code.
 
         The journal has the header of the first table. A simulated scene brings parts for that table.
 
         Raises:
-            Exception: any error but those that a part ends with; a part under way ends with its code.
+            Exception: any error other than an outcome of a part; the current part ends with its code.
         """
         with ExitStack() as stack:
             return self._run(cell, scene, stack, activate=activate)
@@ -173,7 +173,7 @@ class PlcRun:
         return tally.exit_code
 
     def _numbers(self, table: int, journal: Journal) -> Iterator[int]:
-        """Numbers of parts while the PLC asks for this table."""
+        """Part numbers while the PLC selects this table."""
         while self._parts != self._count:
             order = self._exchange.glance.order
             if order is None:
@@ -191,22 +191,22 @@ class PlcRun:
             yield self._parts
 
     def _ended_withdrawn(self) -> bool:
-        """End a part whose enabling was withdrawn before anything moved; whether there was one."""
+        """Ends a part whose enable was withdrawn before anything moved; returns whether there was one."""
         withdrawn = self._exchange.glance.order is not None and not self._exchange.glance.enabled
         if withdrawn:
             self._exchange.finish(Answer(FAULT, int(ExitCode.STOPPED)))
         return withdrawn
 
     def _await_taken(self) -> None:
-        """The run is over: no trigger counts, and the last result stays until it is taken."""
+        """Ends the run: triggers are ignored, and the last result stays until it is taken."""
         self._exchange.end()
-        with suppress(KeyboardInterrupt):  # what ended the run came first
+        with suppress(KeyboardInterrupt):  # the error that ended the run has priority
             while self._exchange.glance.state in OPEN and not self._stopped:
                 self._wait()
             self._part_with(FAREWELL_S if self._stopped else ENDING_S)
 
     def _part_with(self, seconds: float) -> None:
-        """Leave a PLC that is connected time to end the handshake, and to see that it has ended."""
+        """Leaves a connected PLC time to end the handshake and to read the end of the run."""
         until = self._clock.now() + seconds
         while self._exchange.glance.state is not State.READY and self._left(until) > 0.0:
             self._wait(self._left(until))
@@ -215,7 +215,7 @@ class PlcRun:
             self._wait(self._left(until))
 
     def _left(self, until: float) -> float:
-        """Seconds that are left for a PLC; none once it is gone."""
+        """Seconds left for a PLC; none once it has disconnected."""
         return until - self._clock.now() if self._exchange.connected else 0.0
 
     def _wait(self, seconds: float = inf) -> None:
@@ -228,10 +228,10 @@ class PlcRun:
 def opened(
     arguments: argparse.Namespace, recipes: Sequence[Recipe], views: Views, stack: ExitStack
 ) -> PlcRun:
-    """Listen where `--plc` says, which `stack` ends; clients are answered once the run begins.
+    """Listens at the address of `--plc` until `stack` closes; clients are answered once the run begins.
 
     Raises:
-        UsageError: nothing can listen there, or the tables are for different grippers.
+        UsageError: the address is not available, or the tables are for different grippers.
         InputError: a key or certificate of an OPC UA server is refused.
     """
     first = recipes[0]
@@ -278,7 +278,7 @@ def _opc_ua(
 
 
 def _offers(recipes: Sequence[Recipe]) -> list[Offer]:
-    """The tables by the names of their files, with their numbers where two have the same name."""
+    """The tables by their file names, numbered where two have the same name."""
     names = Counter(recipe.path.stem for recipe in recipes)
     return [
         Offer(

@@ -1,4 +1,4 @@
-"""A table that is valid and fits the cell, and how it is run."""
+"""A recipe: a table that is valid and fits the cell, with the options of its run."""
 
 import argparse
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ from runtime.table import PPM, Table, TableFile, load, misfits
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """A table with its options and console, and what journal and log of installations say of its runs."""
+    """A table with its options and console, and its entries in the journal and the log of installations."""
 
     path: Path
     loaded: TableFile
@@ -33,14 +33,14 @@ class Recipe:
 
 
 def prepare(arguments: argparse.Namespace, tree: Path) -> Recipe:
-    """Load a table, validate it and check that it fits the cell as the arguments describe it.
+    """Loads a table, validates it and checks that it fits the cell of the arguments.
 
     Raises:
-        ExpectedError: it is missing or damaged, or does not fit; each class carries its `exit_code`.
+        ExpectedError: it is missing or damaged, or does not fit; each class has its `exit_code`.
     """
     loaded = load(tree)
     table, software = loaded.table, installed(arguments, tree, loaded)
-    if arguments.serve is None:  # a robot that asks may have any gripper
+    if arguments.serve is None:  # a robot that uses --serve may have any gripper
         check_table(table)
     options = run_options(arguments, table)
     console: Console = Objects(table, arguments.journal) if arguments.json else Lines(table)

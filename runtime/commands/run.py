@@ -1,4 +1,4 @@
-"""The command `grasp-runtime`: runs parts by a table, or checks it, or puts down what the fingers hold."""
+"""The command `grasp-runtime`: runs parts by a table, checks it, or puts down a held part."""
 
 import argparse
 import json
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
-    """Execute a table as the parsed arguments say; returns the exit code of the parts.
+    """Runs a table by the parsed arguments; returns the exit code of the parts.
 
     Args:
         arguments: of `arguments.parser`.
         drivers: opens the devices.
 
     Raises:
-        Exception: any error of ours or of a device; each carries its `exit_code`.
+        Exception: any error of this package or of a device; each has its `exit_code`.
     """
     check_usage(arguments)
     recipe = prepare(arguments, arguments.trees[0])
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What one call of the command asks for; `stack` closes what it opens."""
+    """One call of the command; `stack` closes everything that it opens."""
 
     arguments: argparse.Namespace
     recipe: Recipe
@@ -74,12 +74,13 @@ class _Asked:
     stack: ExitStack
 
     def execute(self) -> int:
-        """Look for a broken run, connect, refuse what must be; then begin the journal and run the parts."""
+        """Looks for a broken run, connects, and refuses early; then begins the journal and runs the parts."""
         arguments, table = self.arguments, self.recipe.loaded.table
         clock = SystemClock(arguments.time_scale)
         header, policy = self.recipe.header, arguments.after_crash
         plc = None if arguments.plc is None else self._plc()
-        # First of all, since it may be refused; what runs below closes before it, and is watched until then.
+        # Opened first, since it may be refused: everything below closes before it and is watched
+        # until then.
         monitor = self.stack.enter_context(
             Monitor(self.recipe.console, self.recipe.loaded, arguments.trees[0], views(arguments))
             if plc is None
@@ -93,9 +94,9 @@ class _Asked:
             carry.check(
                 options.delivery, recipe.loaded.table, devices.arm, options.handling.middle_mm
             )
-        # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
+        # A simulated gripper powers up in reset like a real one, and holds nothing real.
         activate = arguments.activate or arguments.port == SIMULATED
-        # What would be refused later is refused now: a run that never was leaves no record, and no file.
+        # Refused now instead of later: a refused run leaves no record and no file.
         if begun is None or begun.part is None:
             holds = self._holds(devices, journal, activate=activate)
             if arguments.put_down and holds is None:
@@ -126,7 +127,7 @@ class _Asked:
         return tally.exit_code
 
     def _plc(self) -> "PlcRun":
-        """Listen for a PLC, and prepare the further tables that it may choose."""
+        """Listens for a PLC, and prepares the further tables that it may select."""
         from runtime.commands import plc  # with a server, which no other run has to load
 
         arguments = self.arguments
@@ -134,7 +135,7 @@ class _Asked:
         return plc.opened(arguments, (self.recipe, *others), views(arguments), self.stack)
 
     def serve(self) -> int:
-        """Answer a robot that asks, part after part; the same journal, and nothing of ours moves."""
+        """Answers a robot, part after part, with the same journal; moves no device."""
         from runtime.commands import serve  # with a server, which no other run has to load
         from runtime.execution.asked import AskedParts, check_asked
         from runtime.monitoring.live.server import listening
@@ -172,7 +173,7 @@ class _Asked:
         return tally.exit_code
 
     def check(self) -> int:
-        """Tell that the table fits; look at the gripper where there is one. Nothing moves."""
+        """Reports that the table fits, and reads the gripper if there is one. Nothing moves."""
         arguments, table, console = self.arguments, self.recipe.loaded.table, self.recipe.console
         record: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
         origin = arguments.calibration or "its nominal widths"
@@ -195,7 +196,7 @@ class _Asked:
         return 0
 
     def dry_run(self) -> int:
-        """Tell what would be sent to the devices, over links that cannot write."""
+        """Prints what would be sent to the devices, over links that cannot write."""
         devices = self._connect(Incidents().record)
         lines = dry_run.tell(
             self.recipe.loaded.table, devices.gripper, devices.arm, self.recipe.options
@@ -223,7 +224,7 @@ class _Asked:
     def _look_back(
         self, clock: SystemClock, header: Mapping[str, object]
     ) -> tuple[Journal | None, Replay | None]:
-        """Open a journal that exists, and look for a run in it that broke off."""
+        """Opens an existing journal, and looks for a run in it that broke off."""
         arguments = self.arguments
         if not files.exists(arguments.journal):
             return None, None
@@ -258,7 +259,7 @@ class _Asked:
             )
 
     def _holds(self, devices: Devices, journal: Journal | None, *, activate: bool) -> Held | None:
-        """What the fingers may hold before a run begins, if they may be moved regardless; else raises."""
+        """Checks what the fingers may hold before a run; raises unless they may be moved anyway."""
         arguments = self.arguments
         state = devices.gripper.state()
         holds = held.look(state, self.recipe.options.handling.widths(self.recipe.loaded.table))
@@ -271,7 +272,7 @@ class _Asked:
         return holds
 
     def _auditor(self, devices: Devices) -> AuditProcess | None:
-        """Start the auditor, and ask it whether it can judge."""
+        """Starts the auditor, and checks that it can judge."""
         if self.arguments.audit is None:
             return None
         command = self.arguments.audit.replace(SIMULATED_CAMERA, devices.camera)
@@ -295,7 +296,7 @@ class _Asked:
 
 
 def _believed(table: Table) -> str:
-    """What of the table was held against something else, and what was not."""
+    """States which values of the table were compared with its job, and which were not."""
     figures = "whether its figures are right only an evaluation tells: plan-evaluate"
     if table.job is None:
         return (

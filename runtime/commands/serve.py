@@ -1,7 +1,7 @@
 """The server of `grasp-runtime --serve`: lines of one robot at a time, in the run's own thread.
 
-A second robot is told and sent away; whoever sends half a line, sends ahead of the answer or takes no answer
-is disconnected. Nothing here blocks longer than `PATIENCE_S`, but for the next line.
+A second robot gets an error and is disconnected, as is a client that sends half a line, sends before the
+answer or reads no answer. Nothing blocks longer than `PATIENCE_S`, except waiting for the next line.
 """
 
 import argparse
@@ -20,18 +20,19 @@ from runtime.shell import interrupts
 from runtime.shell.errors import UsageError
 from runtime.traversal.results import Outcome
 
-PATIENCE_S = 5.0  # for the rest of a line, for an answer to be taken, for a goodbye to be read
-MOST_LEAVING = 8  # connections whose goodbye may still be on its way
-# A robot that lost its power is noticed after 5 + 3 x 3 s without an answer, and its successor let in.
+PATIENCE_S = 5.0  # for the rest of a line, the reading of an answer, or a disconnect
+MOST_LEAVING = 8  # connections whose last message may still be unread
+# A robot that lost power is detected after 5 + 3 x 3 s without an answer; then the next one may
+# connect.
 KEEPALIVE = {socket.TCP_KEEPIDLE: 5, socket.TCP_KEEPINTVL: 3, socket.TCP_KEEPCNT: 3}
 
 
 def check(arguments: argparse.Namespace) -> server.Address:
-    """Check what `--serve` goes with; returns where to listen.
+    """Checks the options that `--serve` requires or excludes; returns the address to listen at.
 
     Raises:
-        UsageError: it names no address, one of another machine's reach that was not allowed, or comes
-            with an option for devices, of which a robot that asks has its own.
+        UsageError: the address is invalid, or reachable from other machines without permission; or an
+            option is about devices, which the robot moves itself.
     """
     defaults = parser()
     for name, given in vars(arguments).items():
@@ -48,17 +49,17 @@ def check(arguments: argparse.Namespace) -> server.Address:
 
 
 class RobotServer:
-    """Answers on a listening socket, which it closes, until the parts are over or a stop request comes."""
+    """Answers clients of a socket, which it closes, until the parts are done or a stop request comes."""
 
     def __init__(self, listener: socket.socket, parts: AskedParts, clock: SystemClock) -> None:
         self._listener, self._parts, self._clock = listener, parts, clock
         self._robot: socket.socket | None = None
-        self._read = b""  # what came of a line
-        self._line_s = 0.0  # by when its end has to come
-        self._leaving: dict[socket.socket, float] = {}  # by when each has to have hung up
+        self._read = b""  # received part of a line
+        self._line_s = 0.0  # deadline for the rest of it
+        self._leaving: dict[socket.socket, float] = {}  # deadlines for the others to disconnect
 
     def serve(self) -> None:
-        """Serve; whoever is connected at the end is told, and a part under way ends with the run.
+        """Serves; a client still connected at the end gets a message, and a part under way ends with the run.
 
         Raises:
             KeyboardInterrupt: a stop request between two parts. JournalError: the journal cannot be written.
@@ -76,12 +77,12 @@ class RobotServer:
             farewell = 41
             raise
         finally:
-            with contextlib.suppress(JournalError):  # which was raised before
+            with contextlib.suppress(JournalError):  # raised before
                 self._hang_up(farewell)
             self._close()
 
     def _wait(self) -> list[socket.socket]:
-        """Who has something to say; empty once a deadline has passed, or for the service manager's sake."""
+        """Waits for sockets to become readable; empty after a deadline, or to notify the service manager."""
         sockets = [self._listener, *self._leaving]
         ends = list(self._leaving.values())
         if self._robot is not None:
@@ -97,7 +98,7 @@ class RobotServer:
         now = self._clock.now()
         for gone in [one for one, until in self._leaving.items() if now >= until or one in ready]:
             self._dismiss(gone, late=now >= self._leaving[gone])
-        # A late line is not looked at: what it tells may be of any squeeze.
+        # A late line is ignored: its reading may be of any squeeze.
         if self._parts.deadline is not None and now >= self._parts.deadline:
             self._parts.give_up(Outcome.ABORTED, "the robot did not answer in time")
             self._hang_up(31)
@@ -109,7 +110,7 @@ class RobotServer:
             self._let_in()
 
     def _let_in(self) -> None:
-        with contextlib.suppress(OSError):  # gone again, or no descriptor is left
+        with contextlib.suppress(OSError):  # gone again, or out of descriptors
             robot = self._listener.accept()[0]
             robot.settimeout(PATIENCE_S)
             if self._robot is not None:
@@ -122,7 +123,7 @@ class RobotServer:
             self._robot, self._read = robot, b""
 
     def _hear(self) -> None:
-        """Take what came, and answer it if it is a whole line."""
+        """Receives data, and answers a complete line."""
         assert self._robot is not None
         try:
             piece = self._robot.recv(4096)
@@ -143,13 +144,13 @@ class RobotServer:
             self._answer(line)
 
     def _answer(self, line: bytes) -> None:
-        # Other letters than the protocol's are no request, whatever they are.
+        # Letters outside the protocol make no request.
         reply = self._parts.answer(line.decode("latin-1").removesuffix("\r"))
         if not _sent(self._robot, reply):
             self._hang_up(None)
 
     def _hang_up(self, number: int | None) -> None:
-        """End the robot's connection, with an error or without, and the part that it was about to squeeze."""
+        """Ends the robot's connection, with or without an error, and its current part."""
         if self._robot is None:
             return
         robot, self._robot, self._read = self._robot, None, b""
@@ -158,7 +159,7 @@ class RobotServer:
         self._parts.give_up(Outcome.ABORTED, message)
 
     def _part_with(self, robot: socket.socket, number: int | None) -> None:
-        """Tell why, and wait for the other side to hang up: closed at once, the line might be lost."""
+        """Sends the reason, and waits for the other side to disconnect, lest the line be lost."""
         if len(self._leaving) >= MOST_LEAVING:
             self._dismiss(next(iter(self._leaving)), late=True)
         self._leaving[robot] = self._clock.now() + PATIENCE_S

@@ -1,4 +1,4 @@
-"""What a run is about to use: which files, which versions, and whose signature covers them."""
+"""Software of a run: files, versions, and the signature that covers them."""
 
 import argparse
 import hashlib
@@ -11,7 +11,7 @@ from runtime.table import TableFile
 
 
 def installed(arguments: argparse.Namespace, tree: Path, loaded: TableFile) -> dict[str, object]:
-    """What the log of installed software says of a run besides its table's bytes.
+    """Entry of a run in the log of installed software, besides its table's bytes.
 
     Args:
         arguments: of `grasp-runtime`.
@@ -22,7 +22,7 @@ def installed(arguments: argparse.Namespace, tree: Path, loaded: TableFile) -> d
         InputError: the calibration's file is refused.
         InputError: the key of `--require-signed` cannot be used.
         PackError: no pack signed by it vouches for table and calibration.
-        UsageError: the extra that signatures need is missing.
+        UsageError: the extra for signatures is missing.
     """
     path = arguments.calibration
     measured = None if path is None else calibration.bytes_of(path)

@@ -1,6 +1,6 @@
-"""The command `squeezetree`: one way in to all commands, in the order in which a user meets them.
+"""The command `squeezetree`: a common entry point to all commands, ordered by a user's day.
 
-A subcommand is a program of its own: its entry point is called, so that nothing is loaded for the others.
+A subcommand calls the entry point of another program, so that nothing is loaded for the others.
 """
 
 import argparse
@@ -17,11 +17,11 @@ NAME = "squeezetree"
 
 
 class Program(NamedTuple):
-    """What a subcommand runs."""
+    """The program of a subcommand."""
 
-    name: str  # as installed
+    name: str  # name as installed
     parser: str  # the module with its `parser`
-    purpose: str  # what it is for
+    purpose: str  # its purpose
     before: tuple[str, ...] = ()  # arguments that come before the user's
 
 
@@ -116,7 +116,7 @@ A subcommand ends with the exit code of the program that it runs.
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a subcommand's program in this process, or print the overview; returns the exit code."""
+    """Runs a subcommand's program in this process, or prints the overview; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
     if not words or words[0].startswith("-"):
         return run(parser(), words, _overview)
@@ -129,7 +129,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parser() -> Parser:
-    """The command's arguments; each subcommand's own are its program's."""
+    """The command's arguments; a subcommand's arguments belong to its program."""
     built = Parser(
         prog=NAME,
         usage=f"{NAME} COMMAND ...",
@@ -144,7 +144,7 @@ def parser() -> Parser:
 
 
 def _described() -> str:
-    """All subcommands, each with the program that it is and what that is for."""
+    """All subcommands, each with its program and purpose."""
     lines = ["Locate planar parts by squeezing them: plan at a workstation, run in a cell."]
     for subject, group in GROUPS.items():
         lines += ["", f"{subject}:"]
@@ -161,7 +161,7 @@ def _overview(_: argparse.Namespace) -> int:
 
 
 def _call(program: Program, rest: list[str]) -> int:
-    """Run a program as if it had been called by its name."""
+    """Runs a program as if called by its name."""
     # an option of the program would take --help for its value
     asks = bool({"-h", "--help"} & set(rest))
     before = [word for word in program.before if not (asks and word.startswith("-"))]

@@ -1,4 +1,4 @@
-"""What `grasp-doctor` sees of a UR controller by who listens on it: usual traps of its gripper's URCap."""
+"""Checks of a UR controller by its open ports: common problems of its gripper's URCap."""
 
 import socket
 from collections.abc import Callable, Iterator
@@ -15,7 +15,7 @@ Accepts = Callable[[str, int], bool]
 
 
 def accepts(host: str, port: int) -> bool:
-    """Whether somebody accepts a connection there; nothing is sent."""
+    """Whether a connection to the port is accepted; nothing is sent."""
     try:
         with socket.create_connection((host, port), timeout=LOOK_S):
             return True
@@ -24,7 +24,7 @@ def accepts(host: str, port: int) -> bool:
 
 
 def check_controllers(addresses: Iterator[str], listens: Accepts) -> Iterator[Finding]:
-    """The controllers that ports and arms name, each once."""
+    """Checks the controllers that ports and arms name, each once."""
     seen = set()
     for address in addresses:
         try:
@@ -32,7 +32,7 @@ def check_controllers(addresses: Iterator[str], listens: Accepts) -> Iterator[Fi
             on_ur = parts.scheme in SCHEMES or (
                 parts.scheme == "rtu+tcp" and parts.port == FORWARDER
             )
-        except ValueError:  # what opens the device says so
+        except ValueError:  # the driver reports this when it opens the device
             continue
         wanted = {"urcap": parts.port or GRIPPER, "ur": parts.port or RTDE}.get(
             parts.scheme, FORWARDER

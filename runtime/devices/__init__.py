@@ -1,1 +1,1 @@
-"""What the executor works with: clock, locks, the auditor, the simulated cell."""
+"""Devices of the executor: clock, locks, auditor, simulated cell."""

@@ -1,15 +1,15 @@
-"""The auditor as a process of its own: one JSON line asked, one answered, within a deadline, or "unknown".
+"""The auditor as a separate process: one JSON line in, one out, within a deadline, or "unknown".
 
 ```
 -> {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0}
 <- {"verdict": "pass", "residual_x_mm": 0.02, ...}
 ```
 
-Before a run, `{"part": 0}` asks for no more than a verdict: a program that is not there, ends or says
-something else is refused then. Every question holds `table_sha256`, the digest of the run's table; an auditor
-that judges by a table answers the first one with the digest of its own, and the run is refused where the two
-differ. A camera never stops the cell: whatever is wrong with it, the verdict is "unknown" and the run goes
-on. Where several parts may lie there, the question holds the `hypothesis` that the leaf names, too.
+Before a run, `{"part": 0}` asks for a verdict only: a program that is missing, ends or answers otherwise is
+refused then. Every question holds `table_sha256`, the digest of the run's table; an auditor that judges by
+a table answers the first question with the digest of that table, and the run is refused where the two
+differ. A camera never stops the cell: if it fails, the verdict is "unknown" and the run continues. With
+several hypotheses, the question also holds the `hypothesis` that the leaf names.
 """
 
 import json
@@ -28,7 +28,7 @@ from runtime.table import Pose2
 VERDICTS = ("pass", "fail")
 UNKNOWN = "unknown"
 ANSWER_S = 10.0
-START_S = 60.0  # OpenCV is loaded meanwhile, perhaps on a busy machine
+START_S = 60.0  # time to load OpenCV, perhaps on a busy machine
 MAX_TEXT = 500
 
 
@@ -37,8 +37,8 @@ class AuditProcess(ChildProcess):
 
     Args:
         command: starts it.
-        answer_s: what it may take to judge one part.
-        table_sha256: digest of the table that is run, None: it is not compared.
+        answer_s: time limit for judging one part.
+        table_sha256: digest of the run's table; None: not compared.
 
     Raises:
         UsageError: the program cannot be started.
@@ -50,7 +50,7 @@ class AuditProcess(ChildProcess):
         self._command = command
         self._common = {} if table_sha256 is None else {"table_sha256": table_sha256}
         self._answer_s = answer_s
-        self._owed = 0  # answers still to come from questions that were not waited for
+        self._owed = 0  # outstanding answers to questions that were given up
         try:
             super().__init__(shlex.split(command))
         except (OSError, ValueError, IndexError) as error:
@@ -59,10 +59,10 @@ class AuditProcess(ChildProcess):
     def judge(
         self, part: int, x_mm: float, y_mm: float, theta_rad: float, hypothesis: str | None = None
     ) -> Mapping[str, object]:
-        """Ask for one part's verdict; the hypothesis is the name that its leaf gives it, if any.
+        """Asks for one part's verdict; `hypothesis` is the name in its leaf, if any.
 
         Raises:
-            OSError: the process is gone, or does not answer in time. ValueError: an answer that is no JSON.
+            OSError: the process is gone, or does not answer in time. ValueError: the answer is not JSON.
         """
         asked: dict[str, object] = {
             "part": part,
@@ -74,11 +74,10 @@ class AuditProcess(ChildProcess):
         return self._ask(asked, self._answer_s)
 
     def check(self) -> None:
-        """Ask a question without a pose, which any verdict answers.
+        """Asks a question without a pose, which any verdict answers.
 
         Raises:
-            UsageError: the program has ended, is silent, answers something else, or judges by another
-                table.
+            UsageError: the program has ended, does not answer, answers otherwise, or judges by another table.
         """
         try:
             reply = self._ask({"part": 0}, START_S)
@@ -124,10 +123,10 @@ class AuditProcess(ChildProcess):
 def answer_of(
     auditor: AuditProcess, part: int, pose: Pose2, hypothesis: str | None = None
 ) -> dict[str, object]:
-    """The auditor's answer as the journal holds it: "unknown" where it fails or says anything else.
+    """The auditor's answer in the form of the journal: "unknown" where it fails or is invalid.
 
     Returns:
-        `verdict`, and whatever else it told in plain numbers and short sentences: what it measured, and why.
+        `verdict`, and its other fields that are plain numbers or short sentences.
     """
     try:
         record = dict(auditor.judge(part, *pose, hypothesis))

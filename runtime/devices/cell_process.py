@@ -1,4 +1,4 @@
-"""The simulated cell as a process of its own: started, its endpoints read, ended with this process."""
+"""The simulated cell as a separate process: started, its endpoints read, ended with this process."""
 
 import json
 import os
@@ -15,22 +15,22 @@ MODULE = "drivers.sim.cli"
 
 
 class Endpoints(NamedTuple):
-    """Where the cell's devices are to be reached, as a port is named to `drivers.connect`."""
+    """Addresses of the cell's devices, as for `drivers.connect`."""
 
     gripper: str
     arm: str
     scene: str
     world: str
-    camera: str = ""  # the address of a picture, where the cell was started with a camera
+    camera: str = ""  # the address of a picture, if the cell was started with a camera
 
 
 class CellProcess(ChildProcess):
-    """A running `grasp-cell`; it reads our end of a pipe, so that it ends even if this process is killed.
+    """A running `grasp-cell`. It reads a pipe from this process, and so ends even if this one is killed.
 
     The arguments are those of the command; its devices are at `endpoints`.
 
     Raises:
-        UnreachableError: it cannot be started, ended or stayed silent; with what it said.
+        UnreachableError: it cannot be started, ended or gave no endpoints; the message includes its output.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class CellProcess(ChildProcess):
 
 
 def _environment() -> dict[str, str]:
-    """Our own, in which the packages are the ones we run from, whatever the working directory holds."""
+    """This process's environment, such that the same packages are imported in any working directory."""
     home = str(Path(__file__).resolve().parents[2])
     others = os.environ.get("PYTHONPATH")
     return {**os.environ, "PYTHONPATH": os.pathsep.join([home, others] if others else [home])}

@@ -1,4 +1,4 @@
-"""A program run as a child process that talks in lines and ends when its standard input does."""
+"""A program run as a child process that communicates by lines and ends when its standard input does."""
 
 import contextlib
 import os
@@ -16,10 +16,11 @@ MAX_LINE_BYTES = 65_536
 class ChildProcess:
     """A child with pipes for input and output, ended when its context is left.
 
-    It has a session of its own: a Ctrl-C on the terminal reaches only us, who need it for the safe state.
+    It runs in a new session: Ctrl-C on the terminal reaches only the parent, which needs it for the safe
+    state.
 
     Raises:
-        OSError: it cannot be started. ValueError, IndexError: the command is no command.
+        OSError: it cannot be started. ValueError, IndexError: the command is invalid.
     """
 
     def __init__(
@@ -40,7 +41,7 @@ class ChildProcess:
         self._unsent = b""
 
     def close(self) -> None:
-        """End it: ask by closing its input, then by signals. Closing twice is harmless."""
+        """Ends the child: closes its input, then sends signals. Idempotent."""
         process = self._process
         with contextlib.suppress(OSError):
             self._input.close()
@@ -60,7 +61,7 @@ class ChildProcess:
         self.close()
 
     def _tell(self, line: bytes, until: float) -> None:
-        """Send a line; TimeoutError where it is not taken until then: its rest goes before the next."""
+        """Sends a line; on TimeoutError its rest is sent before the next one."""
         pipe, self._unsent = self._input.fileno(), self._unsent + line + b"\n"
         while self._unsent:
             if not select.select([], [pipe], [], max(until - SystemClock().now(), 0.0))[1]:
@@ -69,7 +70,7 @@ class ChildProcess:
                 self._unsent = self._unsent[os.write(pipe, self._unsent) :]
 
     def _line(self, until: float) -> bytes:
-        """The next line; TimeoutError: none until then, EOFError: it has ended, or talks without end."""
+        """The next line; TimeoutError: none until then, EOFError: it has ended, or sends an endless line."""
         pipe = self._output.fileno()
         while b"\n" not in self._read:
             if not select.select([pipe], [], [], max(until - SystemClock().now(), 0.0))[0]:

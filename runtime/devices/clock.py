@@ -13,10 +13,10 @@ BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # random(4)
 
 
 def date(text: str) -> datetime:
-    """A date with or without a time, ISO 8601; UTC where it names no zone.
+    """Parses a date with or without a time, ISO 8601; UTC where it names no zone.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text is not a date.
     """
     stated = datetime.fromisoformat(text)
     return stated if stated.tzinfo else stated.replace(tzinfo=UTC)
@@ -33,15 +33,15 @@ class SystemClock:
         return time.monotonic()
 
     def deadline(self, seconds: float) -> float:
-        """Time by which a motion of so many seconds is over; the link's own margin is in real seconds."""
+        """Time by which a motion of `seconds` is over; the link's margin is in real seconds."""
         return time.monotonic() + seconds / self.time_scale + LINK_MARGIN_S
 
     def sleep(self, seconds: float) -> None:
-        """Pause for so many seconds."""
+        """Sleeps for `seconds`."""
         time.sleep(max(seconds, 0.0) / self.time_scale)
 
     def stamp(self) -> str:
-        """Date and time in UTC, ISO 8601 to the millisecond: what a record is dated with."""
+        """Date and time in UTC, ISO 8601 to the millisecond, for records."""
         return datetime.now(UTC).isoformat(timespec="milliseconds")
 
     def local(self) -> str:
@@ -49,19 +49,19 @@ class SystemClock:
         return time.strftime("%Y-%m-%d %H:%M")
 
     def local_of(self, stamp: str) -> str:
-        """What `local` was when `stamp` was taken."""
+        """The value of `local` when `stamp` was taken."""
         return time.strftime("%Y-%m-%d %H:%M", time.localtime(date(stamp).timestamp()))
 
     def shift(self, changes: Sequence[int]) -> str:
-        """When the shift under way began, as `local` writes it; shifts change at these hours of the day."""
+        """Start of the current shift, in the form of `local`; shifts change at these hours of the day."""
         passed = [hour for hour in changes if hour <= time.localtime().tm_hour]
         day = time.localtime(time.time() - (0 if passed else DAY_S))
         return f"{time.strftime('%Y-%m-%d', day)} {max(passed or changes):02}:00"
 
     def uptime(self) -> Mapping[str, object]:
-        """What nobody sets: `boot`, the first digits of the boot's id, and `up_s`, the seconds since.
+        """Time that nobody can set: `boot`, the first digits of the boot's id, and `up_s`, the seconds since.
 
-        They include the time that the machine was suspended. Empty where the machine does not tell them.
+        Includes the time that the machine was suspended. Empty where unavailable.
         """
         with suppress(OSError):
             up_s = time.clock_gettime(time.CLOCK_BOOTTIME)
@@ -70,10 +70,10 @@ class SystemClock:
 
 
 def age_s(record: Mapping[str, object], now: Mapping[str, object]) -> float | None:
-    """Seconds that have passed since a record was written; None where that is not clear.
+    """Seconds since a record was written; None if unclear.
 
-    Within one boot `up_s` tells. Later boots have the wall clock alone: it is believed if at least the time
-    since the machine was started has passed by it.
+    Within one boot `up_s` decides. After a reboot only the wall clock is left: it is trusted if it advanced
+    by at least the time since the boot.
 
     Args:
         record: with `time`, `boot` and `up_s`, as a journal holds them.
@@ -103,6 +103,6 @@ class Lap:
         self._scale = getattr(clock, "time_scale", 1.0)
 
     def lap(self) -> float:
-        """Seconds since the last lap, or since it was made."""
+        """Seconds since the last lap, or since its creation."""
         before, self._since = self._since, self._clock.now()
         return float((self._since - before) * self._scale)

@@ -1,7 +1,7 @@
-"""One process a device: a lock by the device's own name, whatever path or address it was named by.
+"""Lock of a device for one process, by the device's identity, whatever path or address names it.
 
-The lock is a socket in Linux's abstract namespace. It is no file: nothing can be planted in its place, it has
-no owner or folder that would differ between users and sessions, and it is gone with its process.
+The lock is a socket in Linux's abstract namespace. Unlike a file it cannot be replaced, has no owner or
+folder that differs between users and sessions, and ends with its process.
 """
 
 import errno
@@ -18,30 +18,30 @@ from urllib.parse import SplitResult, parse_qs, urlsplit
 from runtime.shell.errors import UnreachableError
 from runtime.shell.host_names import addresses_of
 
-CREDENTIALS = struct.Struct("3i")  # process, user and group, as SO_PEERCRED tells them
+CREDENTIALS = struct.Struct("3i")  # process, user and group, as in SO_PEERCRED
 MANUAL = "manual"  # a person, whom a simulated arm may follow: manual+tcp://host:port
 GATEWAYS = frozenset({"tcp", "rtu+tcp"})  # schemes at one port of which several units may listen
 USUAL_UNIT = 9
 LOOK_UP_S = 5.0  # wall
-# Where a device listens if its address names no port.
+# Port of a device whose address names none.
 USUAL = {"ur": 30004, "urcap": 63352, "omnicore": 443, "tcp": 502}
-# Ports of a host at which one and the same device is moved.
+# Ports of a host that move the same device.
 ONE_DEVICE = (
     frozenset({30001, 30002, 30003, 30004}),  # a UR arm: its interfaces
     # the gripper at its tool connector: Robotiq's URCap, and the forwarder
     frozenset({63352, 54321}),
     frozenset({443, 5000}),  # an ABB arm: Robot Web Services, and open_abb
 )
-SCRIPT_PORT_BELOW = 2  # below its RTDE, wherever that is, a UR arm takes its programs
+SCRIPT_PORT_BELOW = 2  # below its RTDE port, a UR arm takes programs
 
 
 class PortLock(ExitStack):
-    """Held while a process works with a device; released when the process ends, however it ends.
+    """Lock held while a process uses a device; released when the process ends, however it ends.
 
     Links such as /dev/serial/by-id are followed to the device, names of hosts to their addresses.
 
     Raises:
-        UnreachableError: another process holds it; the message tells which.
+        UnreachableError: another process holds it; the message says which.
     """
 
     def __init__(self, port: str) -> None:
@@ -59,7 +59,7 @@ def _bound(name: str, port: str) -> socket.socket:
     result = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         result.bind(address)
-        result.listen()  # so that who finds it taken can connect, and learns by whom
+        result.listen()  # so that a process that finds it taken can connect and learn the owner
     except OSError as error:
         result.close()
         if error.errno != errno.EADDRINUSE:
@@ -78,19 +78,19 @@ def _bound(name: str, port: str) -> socket.socket:
 
 
 def _owner(address: str) -> str:
-    """The number of the process that listens at an address."""
+    """The process id of the listener at an address."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
         asking.setblocking(False)
         try:
             asking.connect(address)
             credentials = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size)
-        except OSError:  # it let go meanwhile, or has been asked too often
+        except OSError:  # it was released meanwhile, or has been asked too often
             return "unknown"
     return str(CREDENTIALS.unpack(credentials)[0] or "of another container")
 
 
 def _devices(port: str) -> list[str]:
-    """The device's own names: all addresses of a host, the numbers of a tty; one that no port shares."""
+    """Identities of the device: all addresses of a host, the numbers of a tty."""
     port = port.removeprefix(f"{MANUAL}+")
     if port.partition(":")[0] == MANUAL:
         return []
@@ -109,7 +109,7 @@ def _devices(port: str) -> list[str]:
 
 
 def _addresses(url: str) -> list[str]:
-    """Hosts and ports of an address, the host as each of its numbers; this machine is one under all names."""
+    """Hosts and ports of an address, each host as its IP addresses; this machine is one under all names."""
     try:
         parts = urlsplit(url)
         host, number = (parts.hostname or "").rstrip("."), parts.port or USUAL.get(parts.scheme)
@@ -125,18 +125,18 @@ def _addresses(url: str) -> list[str]:
 
 
 def _unit(parts: SplitResult) -> str:
-    """What tells a unit behind a gateway from the usual one, which needs no name."""
+    """Name of a unit behind a gateway; empty for the usual one."""
     if parts.scheme not in GATEWAYS:
         return ""
     try:
         unit = int(parse_qs(parts.query).get("unit", [str(USUAL_UNIT)])[-1], 0)
-    except ValueError:  # no driver takes it
+    except ValueError:  # no driver accepts it
         return ""
     return "" if unit == USUAL_UNIT else f" unit {unit}"
 
 
 def _together(scheme: str, number: int | None) -> set[int | None]:
-    """All ports at which the device behind a port is moved."""
+    """All ports that move the device behind a port."""
     ports = {number}
     if scheme == "ur" and number is not None:
         ports.add(number - SCRIPT_PORT_BELOW)
@@ -154,11 +154,11 @@ def _canonical(text: str) -> str:
 
 
 def _is_own(address: str) -> bool:
-    """Whether it is an address of this machine, which is then what it speaks from; nothing is sent."""
+    """Whether an address belongs to this machine, by the source address of a route; nothing is sent."""
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     with socket.socket(family, socket.SOCK_DGRAM) as looking:
         try:
             looking.connect((address, 9))
-        except OSError:  # no way leads there
+        except OSError:  # no route
             return False
         return str(looking.getsockname()[0]) == address

@@ -1,7 +1,8 @@
-"""A world without physics: widths are drawn from the table's own statistics.
+"""A world without physics: draws widths from the table's statistics.
 
-It shows that runtime, gripper and arm play together; about the part it knows no more than the table does, so
-a success here says nothing about the plan. Where the planner is installed, its contact world stands here.
+It shows that runtime, gripper and arm work together. It knows no more about the part than the table does,
+so its success says nothing about the plan. Where the planner is installed, its contact world is used
+instead.
 """
 
 from math import dist, pi, remainder, tau
@@ -11,16 +12,16 @@ from runtime.shell.errors import UsageError
 from runtime.table import Branch, Node, Pose2, Table, decision_map
 from runtime.traversal.geometry import compose, placement
 
-# The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
+# The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree only to this.
 SAME_MM, SAME_RAD = 0.1, 0.01
 NOISE_SIGMAS = 3.0
 
 
 def make(job: object, seed: int) -> "Rehearsal":
-    """The rehearsal world of a table, as `module:factory` names it; a job alone has no statistics.
+    """World factory for a table, `module:factory`; a job has no statistics.
 
     Raises:
-        UsageError: `job` is no table.
+        UsageError: `job` is not a table.
     """
     if not isinstance(job, Table):
         raise UsageError(
@@ -32,9 +33,9 @@ def make(job: object, seed: int) -> "Rehearsal":
 class Rehearsal:
     """Draws a branch by its probability and a width inside it; the part itself never moves.
 
-    A squeeze at the place of the one before is the same squeeze again, and ends at the same width: so do the
-    later strokes of a regulated one, and a re-squeeze. One that does not continue the part of the one before
-    begins with a new part at the root.
+    A squeeze at the place of the previous one is a repetition and ends at the same width, as do later
+    strokes of a regulated squeeze, and a re-squeeze. A squeeze that does not continue the previous part
+    starts a new one at the root.
     """
 
     def __init__(self, table: Table, seed: int) -> None:
@@ -45,11 +46,11 @@ class Rehearsal:
         self._last, self._width_mm, self._status = 0, 0.0, "untouched"
 
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
-        """Squeeze a part that lies so in the hand frame, mm, mm, rad.
+        """Squeezes a part at a pose in the hand frame [mm, mm, rad].
 
         Returns:
             The same pose, the width in mm without encoder noise, and "grasped", or "untouched" where the
-            branch drawn says that nothing is held.
+            drawn branch holds nothing.
         """
         index = self._node_of(pose_hand)
         if index is None:
@@ -68,7 +69,7 @@ class Rehearsal:
         return pose_hand, self._width_mm, self._status
 
     def _node_of(self, pose_hand: Pose2) -> int | None:
-        """The node executed: None for the last one again, its child if the part lies there, else the root."""
+        """The executed node: None for a repetition, its child if the part lies there, else the root."""
         for index in (*self._next, self._last):
             seen = self._poses(index, pose_hand)
             if any(_same(one, other) for one in seen for other in self._lies):
@@ -76,12 +77,12 @@ class Rehearsal:
         return 0
 
     def _poses(self, index: int, pose_hand: Pose2) -> list[Pose2]:
-        """Where the part lies if the hand is as the node wants it, or half a turn round."""
+        """Poses of the part for a hand at the node's place, or half a turn round."""
         x_mm, y_mm, angle_rad = placement(self._table.nodes[index].squeeze)
         return [compose((x_mm, y_mm, angle), pose_hand) for angle in (angle_rad, angle_rad + pi)]
 
     def _width_um(self, node: Node, branch: Branch) -> float:
-        """A width that reads as this branch, with room for the encoder's noise where the interval has it."""
+        """A width of this branch, with a margin for encoder noise where the interval allows."""
         mine = node.branches.index(branch)
         meant = decision_map(node, self._table.gripper).either.intervals()
         low = min(start for start, _, number in meant if number == mine)

@@ -1,1 +1,1 @@
-"""The execution of a decision table: place, squeeze, read, release, deliver; recovery after a crash."""
+"""Execution of a decision table: place, squeeze, read, release, deliver; recovery after a crash."""

@@ -1,7 +1,7 @@
-"""Parts of a robot that asks: one line each way, the robot's own program moves hand and jaws.
+"""Parts of a robot that uses --serve: one line each way; the robot's program moves hand and jaws.
 
 Drives a part's program (`traversal.program`): its requests become lines. `tools/docs/serve.md` is the
-protocol. What the robot does between two lines is its own affair.
+protocol. The robot may do anything between two lines.
 """
 
 import re
@@ -34,14 +34,15 @@ from runtime.traversal.program import (
 from runtime.traversal.results import Outcome, PartResult, Step
 
 VERSION = 1
-MAX_LINE = 80  # with its end: what a string of RAPID holds (RAPID reference, data type string)
-MAX_NAME = 20  # of a part, so that its line stays within that
-SLOWEST_UM_S = 20_000  # of the stroke of a gripper that may be any
+MAX_LINE = 80  # including its end: limit of a string in RAPID (RAPID reference)
+MAX_NAME = 20  # of a part, so that its line stays below that
+SLOWEST_UM_S = 20_000  # of the stroke of an unknown gripper
 NUMBER = re.compile(r"[+-]?\d{1,4}(\.\d{0,9})?([eE][+-]?\d{1,2})?")
 FLAGS = {"OBJECT": ObjectState.CLOSING, "NONE": ObjectState.AT_TARGET}
-UNTRIED = -1.0  # in place of the success of a leaf where no trial ended
+UNTRIED = -1.0  # replaces the success of a leaf where no trial ended
 
-# What is due stays due after 10 to 12 and 20 to 23; the others end the connection and a part under way.
+# Errors 10 to 12 and 20 to 23 leave the request due; the others end the connection and the current
+# part.
 ERRORS = {
     10: "not understood; there are NEXT WIDTH COUNTS STATUS RESET TABLE VERSION",
     11: "no reading is due; send NEXT",
@@ -65,7 +66,7 @@ def refused(number: int) -> str:
 
 
 def check_asked(table: Table) -> None:
-    """Check that a robot that asks can do what a table wants: it knows squeezes, and no pushes.
+    """Checks that a robot can execute a table: it knows squeezes, but no pushes.
 
     Raises:
         TableError: the first node before which parts are pushed.
@@ -86,11 +87,11 @@ class RefusedError(Exception):
 
 @dataclass
 class _Part:
-    """The part under way."""
+    """The current part."""
 
     number: int
     requests: Requests
-    request: Request  # the one under way: an `Approach`, or a `Release` by a drag
+    request: Request  # the current request: an `Approach`, or a `Release` by a drag
     steps: tuple[Step, ...] = ()
     deadline: float = 0.0
 
@@ -105,9 +106,9 @@ class _Part:
 
 
 class AskedParts:
-    """Answers one robot's lines by a table, part after part.
+    """Answers the lines of one robot by a table, part after part.
 
-    `TABLE` tells the table's digest as its `name`; the journal has its header.
+    `name` is the table's digest in `TABLE`; the journal already has its header.
     """
 
     def __init__(
@@ -128,9 +129,9 @@ class AskedParts:
         self._middle_mm = options.handling.middle_mm
         self._program = Program(table, self._calibration, options.policy)
         self._part: _Part | None = None
-        self.over = False  # whether no further part follows
+        self.over = False  # whether the last part is done
         self._readings = {"WIDTH": self._width, "COUNTS": self._counts}
-        self._requests: dict[str, Callable[[], str]] = {  # those of a single word
+        self._requests: dict[str, Callable[[], str]] = {  # requests of a single word
             "NEXT": self._next,
             "STATUS": self._status,
             "RESET": self._reset,
@@ -147,7 +148,7 @@ class AskedParts:
         """The answer to a line, both without their ends.
 
         Raises:
-            JournalError: it cannot be written; nothing follows from the line then.
+            JournalError: it cannot be written; the line then has no effect.
         """
         name, *words = line.split(" ")
         try:
@@ -159,7 +160,7 @@ class AskedParts:
             return str(refusal)
 
     def give_up(self, outcome: Outcome, reason: str) -> bool:
-        """End the part under way, of which nobody knows where it lies; False: there is none."""
+        """Ends the current part, whose pose is unknown; False: there is none."""
         if self._part is None:
             return False
         self._end(PartResult.of(self._part.number, outcome, self._part.steps, reason))
@@ -224,7 +225,7 @@ class AskedParts:
     # -- readings -------------------------------------------------------------------------------------
 
     def _due(self, words: list[str], least: int) -> tuple[_Part, ObjectState | None]:
-        """The part whose reading is due, and the object state that the words give."""
+        """The part whose reading is due, and the object state of the words."""
         _check(self._part is not None and isinstance(self._part.request, Approach), 11)
         assert self._part is not None
         more = words[1:]
@@ -235,7 +236,7 @@ class AskedParts:
         return self._part, seen
 
     def _state_of(self, reading_um: int, decided: DecisionMap) -> ObjectState:
-        """What goes with a width alone: the state with a branch; where both have one, none felt."""
+        """The object state for a width alone: the one that has a branch; where both have one, none felt."""
         width_um = self._calibration.width_um(reading_um)
         felt, unfelt = (decide(decided, width_um, felt) for felt in (True, False))
         held = width_um >= HELD_UM if felt == unfelt else unfelt == REJECT
@@ -271,12 +272,12 @@ class AskedParts:
     # -- what follows ---------------------------------------------------------------------------------
 
     def _go_on(self, part: _Part) -> str:
-        """The part is let go of: what the program asks for next."""
+        """Continues after the part was released: the program's next request."""
         part.request = next(part.requests)
         return self._follow(part)
 
     def _follow(self, part: _Part) -> str:
-        """Where to squeeze next, or how the part ended."""
+        """The line of the next squeeze, or of the part's end."""
         request = part.request
         if isinstance(request, Done):
             self._end(request.result)
@@ -321,7 +322,7 @@ class AskedParts:
 
 
 def _plain(name: str) -> str:
-    """A part's name as the end of a line: ASCII, and cut where the line would become too long."""
+    """A part's name as the end of a line: ASCII, and truncated where the line would become too long."""
     return cleaned(name).encode("ascii", "replace").decode()[:MAX_NAME]
 
 

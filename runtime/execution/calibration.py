@@ -1,4 +1,4 @@
-"""What one gripper's nominal widths truly are, measured with gauge blocks; one JSON file a gripper."""
+"""True widths of one gripper, measured with gauge blocks; one JSON file a gripper."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -19,16 +19,16 @@ from runtime.table import PROFILES, Calibration
 
 FORMAT = 2
 LEAST_BLOCKS = 3
-LOOSE_UM = 9_400  # how far the jaws open between two grips
-# Points of a calibration: so many from 0 to the stroke, and as densely a little beyond either end.
+LOOSE_UM = 9_400  # opening of the jaws between two grips
+# Number of points of a calibration from 0 to the stroke, and their extension beyond either end.
 POINTS, BEYOND = 64, 8
 
 
 class Gauge(NamedTuple):
-    """One gauge block as the gripper read it."""
+    """Readings of one gauge block."""
 
     width_mm: float  # 0 for closed fingers
-    readings_um: tuple[int, ...]  # settled, one a grip
+    readings_um: tuple[int, ...]  # settled, one for each grip
 
     @property
     def mean(self) -> float:
@@ -37,35 +37,35 @@ class Gauge(NamedTuple):
 
     @property
     def spread_um(self) -> int:
-        """Greatest difference between two grips."""
+        """Largest difference between two grips."""
         return max(self.readings_um) - min(self.readings_um)
 
 
 @dataclass(frozen=True, slots=True)
 class GripperCalibration:
-    """What is known of one gripper."""
+    """The calibration of one gripper."""
 
     gripper: str  # its name or serial number, as the operator gave it
     date: str  # of the calibration, ISO 8601
-    gauges: tuple[Gauge, ...]  # the blocks, in the order of rising width
+    gauges: tuple[Gauge, ...]  # the blocks, in order of ascending width
     points_um: tuple[tuple[int, int], ...]  # nominal and true widths
-    # link and offset of the tips' arc, mm, where they were measured
+    # link and offset of the tips' arc, mm, if measured
     tips_mm: tuple[float, float] | None = None
-    # least and greatest current at rest on a part, where they were measured
+    # least and greatest current at rest on a part, if measured
     current_ma: tuple[int, int] | None = None
-    middle: Middle | None = None  # where the fingers meet, where that was measured
+    middle: Middle | None = None  # where the fingers meet, if measured
 
     def of(self, profile: GripperProfile) -> Calibration:
-        """Nominal to true widths of a gripper of that profile."""
+        """The map from nominal to true widths of a gripper of that profile."""
         return Calibration(profile, self.points_um)
 
 
 def measure(
     gripper: Gripper, widths_mm: Sequence[float], grips: int, ask: Callable[[str], object]
 ) -> Iterator[Gauge]:
-    """Grip each block so many times, and yield a gauge for each.
+    """Grips each block `grips` times, and yields a gauge for each.
 
-    The blocks come in rising order, 0 for none; `ask` shows the operator a sentence and waits.
+    The blocks come in ascending order, 0 for none; `ask` prompts the operator and waits.
 
     Raises:
         GripperStateError: the gripper is not ready, or closed without meeting the block.
@@ -96,7 +96,7 @@ def _open(gripper: Gripper) -> None:
 
 
 def _stroke(gripper: Gripper, width_um: int, *, fast: bool = False) -> Settled:
-    """A gentle stroke, as slow as the gripper can or as fast."""
+    """A gentle stroke, at the least or the greatest speed of the gripper."""
     profile = gripper.profile
     settled = stroke(gripper, width_um, profile.speed_mm_s[fast], profile.force_n[0])
     check_fresh(settled, width_um)
@@ -109,7 +109,7 @@ def fit(
     """The calibration that passes through gauged widths, at least `LEAST_BLOCKS` of them.
 
     Raises:
-        InputError: too few blocks, or a wider one that did not read more.
+        InputError: too few blocks, or a wider one without a larger reading.
     """
     ordered = sorted(gauges)
     if len({gauge.width_mm for gauge in ordered}) < max(LEAST_BLOCKS, len(ordered)):
@@ -132,7 +132,7 @@ def fit(
 
 
 def residuals_mm(calibration: GripperCalibration) -> list[float]:
-    """For each block but the outermost: what the fit without it says at its reading, less its width, mm."""
+    """For each block but the outermost: width by the fit without it, minus its true width, mm."""
     gauges = calibration.gauges
     return [
         Curve([*gauges[:k], *gauges[k + 1 :]]).at(gauges[k].mean) - gauges[k].width_mm
@@ -141,12 +141,12 @@ def residuals_mm(calibration: GripperCalibration) -> list[float]:
 
 
 def against_nominal_mm(calibration: GripperCalibration) -> list[float]:
-    """For each block: its nominal width, less its width, mm."""
+    """For each block: nominal width minus true width, mm."""
     return [gauge.mean / 1000 - gauge.width_mm for gauge in calibration.gauges]
 
 
 def save(calibration: GripperCalibration, path: Path) -> None:
-    """Write the file.
+    """Writes the file.
 
     Raises:
         OutputError: it cannot be written.
@@ -158,7 +158,7 @@ def save(calibration: GripperCalibration, path: Path) -> None:
 
 
 def load(path: Path) -> GripperCalibration:
-    """Read and check a file.
+    """Reads and checks a file.
 
     Raises:
         InputError: it cannot be read, was changed by hand, or is not monotone.
@@ -180,7 +180,7 @@ def bytes_of(path: Path) -> bytes:
     """The bytes of a file that `load` accepts.
 
     Raises:
-        InputError: as `load`.
+        InputError: see `load`.
     """
     load(path)
     try:
@@ -222,7 +222,7 @@ def _body(calibration: GripperCalibration) -> dict[str, object]:
 class Curve:
     """The monotone cubic through gauged (reading in um, width in mm), straight beyond its ends.
 
-    Its slope is continuous, as that of the fingers' arc is (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
+    Its slope is continuous, like that of the fingers' arc (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
     """
 
     def __init__(self, gauges: Sequence[Gauge]) -> None:

@@ -1,7 +1,7 @@
-"""The last grasp of a localised part and its path to the drop-off: choice, checks, execution.
+"""Delivery of a localised part: the last grasp and the path to the drop-off; choice, checks, execution.
 
-Of the equivalent ways that stay in their areas, in reach and within the wrist's range (turned by the part's
-symmetry, or the hand half a turn round where both fingers close alike) the one of least turn is gone.
+Equivalent paths differ by the part's symmetry, and by half a turn of the hand where both fingers close
+alike. Of those within their areas, the reach and the wrist's range, the one of least turn is used.
 """
 
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ from runtime.traversal.geometry import compose, placement, same_turns, sent
 
 
 class Way(NamedTuple):
-    """The hand where it takes the part and where it puts it down; mm, mm, rad with whole turns counted."""
+    """The hand where it takes the part and where it puts it down; mm, mm, rad including whole turns."""
 
     taken: Pose2
     put: Pose2
@@ -44,9 +44,9 @@ def check(
     arm: Arm | None = None,
     middle_mm: float = 0.0,
 ) -> None:
-    """Check before anything moves that the part can be delivered from every leaf that may name its pose.
+    """Checks, before anything moves, that the part can be delivered from every leaf that may state its pose.
 
-    Without a connected arm, which tells its reach and its wrist's range, only the areas are checked. The
+    Without a connected arm, which reports its reach and its wrist's range, only the areas are checked. The
     fingers meet `middle_mm` off the hand's middle. MotionRefusedError names the first leaf without a way.
     """
     if delivery is None:
@@ -75,15 +75,15 @@ def choose(
     arm: Arm | None,
     middle_mm: float = 0.0,
 ) -> Way:
-    """The path that turns the hand least, among equivalent ones, for the part of a leaf.
+    """Chooses the path that turns the hand least, among equivalent ones, for the part of a leaf.
 
-    The hand comes from `start`; without an arm, which tells reach and wrist, only the areas are looked at.
-    Areas and reach are asked for where the arm is sent, `middle_mm` beside the places where fingers meet.
+    The hand comes from `start`; without an arm, which reports reach and wrist, only the areas are checked.
+    Areas and reach are checked where the arm is sent, `middle_mm` beside the places where fingers meet.
 
     Raises:
-        MotionRefusedError: there is none; why the plainest one cannot be gone.
+        MotionRefusedError: there is none; the message says why the simplest one is refused.
     """
-    refusals: dict[tuple[float, ...], str] = {}  # the hand's angle has no part in them
+    refusals: dict[tuple[float, ...], str] = {}  # the hand's angle does not matter for them
     results: list[tuple[float, Way]] = []
     for taken, put in _same(delivery, table, leaf):
         to = Way(sent(taken, middle_mm), sent(put, middle_mm))
@@ -106,11 +106,11 @@ def choose(
 
 
 def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | None:
-    """Grasp the part of a leaf with the root's speed and force, carry it and put it down.
+    """Grasps the part of a leaf with the root's speed and force, carries it and puts it down.
 
     Returns:
-        None where the part was put down, else why it was left where it lay: no way leads there, or the
-        fingers read another width.
+        None if the part was put down, else why it was left: no path exists, or the fingers read another
+        width.
 
     Raises:
         GripperStateError: the part slipped out while it was carried, or the gripper is not ready.
@@ -157,7 +157,7 @@ def _same(delivery: Delivery, table: Table, leaf: Leaf) -> Iterator[Way]:
 def _refusal(
     delivery: Delivery, limits: Limits, start: PoseOfHand, to: Way, arm: Arm | None
 ) -> str:
-    """Why the arm cannot be sent to take a part there and put it down there, or an empty string."""
+    """Why the arm cannot take a part at one place and put it down at the other, or an empty string."""
     taken, put = to
     low_mm, high_mm = limits.squeeze_height_um / 1000, limits.retreat_height_um / 1000
     carrying = _carrying(delivery, limits)
@@ -187,7 +187,7 @@ def _refusal(
 
 
 def _turns(place: Pose2, near_rad: float, arm: Arm | None) -> list[Pose2]:
-    """A place with every angle that the wrist can turn the hand to there."""
+    """A place with every angle to which the wrist can turn the hand there."""
     x_mm, y_mm, angle_rad = place
     low_rad, high_rad = (-inf, inf) if arm is None else arm.turn_range(x_mm, y_mm)
     return [(x_mm, y_mm, turn) for turn in same_turns(angle_rad, low_rad, high_rad, near_rad)]
@@ -198,7 +198,7 @@ def _carrying(delivery: Delivery, limits: Limits) -> Limits:
 
 
 def _grasp_node(table: Table) -> Node:
-    """The root's squeeze with the jaws wide, and one outcome that any width is."""
+    """The root's squeeze with the jaws wide, and one branch for any width."""
     opening_um = table.gripper.opening_um
     squeeze = table.nodes[0].squeeze._replace(opening_um=opening_um)
     widest_um = max(branch.high_um for node in table.nodes for branch in node.branches)

@@ -18,7 +18,7 @@ from runtime.traversal.results import Outcome, PartResult
 
 ABORT, RESUME, RESTART = "abort", "resume", "restart"
 GIVEN_UP = {"exit_code": ExitCode.JOURNAL, "reason": "given up after a crash"}
-# What of its header a run that is gone on with must share, and what it is called.
+# Fields of the header that a resumed run must share, and their names.
 SAME = {
     "table_sha256": "table",
     "calibration_um": "calibration",
@@ -39,20 +39,20 @@ def look(
     now: Entry,
     most_s: float,
 ) -> Replay | None:
-    """Look for a run that broke off, and give it up if that is the policy; nothing else is written.
+    """Looks for a run that broke off, and gives it up if that is the policy; writes nothing else.
 
-    Returns the run that can be gone on with, None where the last one ended. BrokenRunError where the policy
-    is to give it up, or it cannot be gone on with: another table, another calibration, a record of its last
-    part that its counts do not justify, or too old a part.
+    Returns the run that can be resumed, None where the last one ended. Raises BrokenRunError where the
+    policy is to give it up, or it cannot be resumed: another table, another calibration, a record of its
+    last part that its counts do not justify, or too old a part.
 
     Args:
-        journal: open; what a crash cut short is cut off.
+        journal: open; an incomplete last line is removed.
         table: the table's bytes.
-        fields: what the header of a new run would tell.
+        fields: the header of a new run.
         policy: `ABORT`, `RESUME` or `RESTART`.
-        console: told what was found.
+        console: receives the result.
         now: `time`, `boot` and `up_s` as a record would hold them now.
-        most_s: age of the last record from which on a part is not gone on with, s.
+        most_s: age of the last record above which a part is not continued, s.
     """
     try:
         broken = broken_run(journal.path, journal.last_part)
@@ -65,7 +65,7 @@ def look(
         return None
     message = f"the last run in {journal.path} broke off {_where(broken)}"
     if policy == ABORT:
-        interrupts.conclude()  # given up in the journal and told so, or neither
+        interrupts.conclude()  # given up in the journal and on the console, or neither
         _give_up(journal, broken)
         raise BrokenRunError(
             f"{message}; it is given up and nothing was moved: "
@@ -87,7 +87,7 @@ def look(
     console.note(
         f"{message}; {'going on with it' if policy == RESUME else 'starting that part over'}"
     )
-    if policy == RESTART:  # from the root; what the hand may hold is kept
+    if policy == RESTART:  # from the root; the hand keeps what it may hold
         broken.traversal, broken.steps = TraversalState(), []
     return broken
 
@@ -95,7 +95,7 @@ def look(
 def begin(
     journal: Journal, broken: Replay | None, table: bytes, fields: Mapping[str, object], policy: str
 ) -> None:
-    """Write a new run's header, or that the broken one is gone on with.
+    """Writes a new run's header, or that the broken one is resumed.
 
     Raises:
         JournalError: the journal cannot be written.
@@ -130,7 +130,7 @@ def broken_run(path: Path, entries: Iterable[Entry]) -> Replay | None:
 
 
 def _check_recent(last: Entry, now: Entry, most_s: float) -> None:
-    """Check that a part's last record is recent enough for the part to be unchanged since."""
+    """Checks that a part's last record is recent enough for the part to be unchanged since."""
     written = f"the run that broke off wrote its last record at {last['time']}"
     passed_s = age_s(last, now)
     if passed_s is None:

@@ -1,4 +1,4 @@
-"""What becomes of a localised part: where it is grasped for the last time, and where it is put down.
+"""Delivery of a localised part: where it is grasped for the last time, and where it is put down.
 
 Declared in a job's section `delivery`, in a TOML file of the same keys (OUTCOMES.md), or on the command line.
 """
@@ -22,8 +22,8 @@ KEYS = {
     "width_mm": 0,
     "area_mm": 4,
 }
-WIDTH_TOLERANCE_MM = 1.5  # by which a stated width at the grasp may be missed: encoder and contour
-LARGEST = 10_000.0  # mm or degrees; no cell is larger
+WIDTH_TOLERANCE_MM = 1.5  # tolerance of a stated width at the grasp: encoder and contour
+LARGEST = 10_000.0  # mm or degrees; larger than any cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Delivery:
     area_um: Area | None = None
 
     def record(self) -> dict[str, object]:
-        """As a journal's header keeps it; no upper limit of a width is None."""
+        """The delivery in a journal's header; an unlimited width is None."""
         low, high = self.width_mm
         return {
             "drop": list(self.drop),
@@ -48,31 +48,31 @@ class Delivery:
         }
 
     def of(self, hypothesis: int) -> Self:  # noqa: ARG002
-        """That of the only part."""
+        """The delivery of the only part."""
         return self
 
     def each(self) -> list[tuple[str, Self]]:
-        """What is delivered, in words, and how."""
+        """Each delivery with its name for people."""
         return [("the part", self)]
 
 
 @dataclass(frozen=True, slots=True)
 class Sorting:
-    """Where each of several parts is put down; one that is not named stays where it lies."""
+    """Where each of several parts is put down; a part without an entry stays where it lies."""
 
     named: Mapping[str, Delivery]
     numbers: Mapping[int, str]  # the names by hypothesis
 
     def record(self) -> dict[str, object]:
-        """As a journal's header keeps it."""
+        """The deliveries in a journal's header."""
         return {name: place.record() for name, place in self.named.items()}
 
     def of(self, hypothesis: int) -> Delivery | None:
-        """That of a hypothesis."""
+        """The delivery of a hypothesis."""
         return self.named.get(self.numbers[hypothesis])
 
     def each(self) -> list[tuple[str, Delivery]]:
-        """What is delivered, by its name, and how."""
+        """Each delivery with the part's name."""
         return list(self.named.items())
 
 
@@ -95,8 +95,8 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
     """The deliveries of words `NAME=x,y,angle` or `NAME=FILE`, for a table of several parts.
 
     Raises:
-        UsageError: a name is missing, unknown or stands twice; a place is wrong; or leaves do not tell
-            which part lies where.
+        UsageError: a name is missing, unknown or repeated; a place is invalid; or leaves do not state both
+            part and pose.
     """
     goal, numbers = table.goal, dict(enumerate(hypothesis.name for hypothesis in table.hypotheses))
     if goal.kind == "identity" or not goal.identify:
@@ -163,10 +163,10 @@ def from_job(job: Mapping[str, object] | None) -> Delivery | None:
 
 
 def from_keys(keys: object, where: str) -> Delivery:
-    """The delivery of its keys.
+    """The delivery of parsed keys.
 
     Raises:
-        InputError: these are no keys, one is unknown, missing, or not as many numbers as it takes.
+        InputError: not a section of keys, or a key is unknown, missing or has the wrong number of values.
     """
     if not isinstance(keys, Mapping):
         raise InputError(f"{where}: delivery is no section of keys and values")

@@ -1,4 +1,4 @@
-"""Tells what a run would send, without sending it."""
+"""Prints what a run would send, without sending it."""
 
 from math import degrees
 
@@ -10,7 +10,7 @@ from runtime.traversal.geometry import end_of, placement, sent
 
 
 def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[str]:
-    """Read both devices, over links that cannot write, and go through every node of a table.
+    """Reads both devices, over links that cannot write, and goes through every node of a table.
 
     Returns:
         One sentence for each device, one for each node, and one for the delivery if there is one.

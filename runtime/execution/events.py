@@ -1,4 +1,4 @@
-"""What a run tells those who watch it: phases, squeezes, parts, their sum."""
+"""Events of a run for observers: phases, squeezes, parts, their sum."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 
 class Phase(Enum):
-    """What the cell is doing; the value is its name in the status."""
+    """Phase of the cell; the value is its name in the status."""
 
     IDLE = "idle"
     RESUME = "resume"  # freeing the hand after a run that broke off
@@ -27,40 +27,40 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Where a simulated part really lies, and how far the prediction is off."""
+    """True pose of a simulated part, and the error of the prediction."""
 
     true: Pose2 | None  # mm, mm, rad; None in a rehearsal, whose part has no pose
     # by the goal's metric; None without a prediction, or where the goal has none
     error_mm: float | None
     within: bool | None  # whether the prediction meets the goal, None without one
     crashes: int  # times open fingers were placed onto this part
-    hypothesis: str | None = None  # which part it really is, where the table leaves that open
+    hypothesis: str | None = None  # the true hypothesis, where the table leaves that open
 
 
 @dataclass(slots=True)
 class Tally:
-    """The sum over a run's parts; its size does not grow with their number."""
+    """Sums over a run's parts, of constant size."""
 
     takt_s: float | None = None  # the time within which parts should be done
-    # whether its seconds are the cell's; not those of a clock that runs faster than life
+    # whether its seconds are those of the cell, not of a clock faster than real time
     timed: bool = True
     parts: int = 0
     outcomes: Counter[Outcome] = field(default_factory=Counter)
     squeezes: int = 0
-    exit_code: int = 0  # the highest of the parts' codes, which are numbered by gravity
-    # parts whose leaf met the goal, None where no truth is known or they are gone
+    exit_code: int = 0  # the highest of the parts' codes, which increase with severity
+    # parts whose leaf met the goal; None where the truth is unknown
     within: int | None = None
     crashes: int | None = None  # times open fingers were placed onto a part, None on a real cell
     # of parts with an outcome, to hundredths
     seconds: Counter[float] = field(default_factory=Counter)
 
     def add(self, result: PartResult, seen: Sighting | None) -> None:
-        """One more part."""
+        """Adds one part."""
         self.parts += 1
         self.squeezes += len(result.steps)
         self.outcomes[result.outcome] += 1
         self.exit_code = max(self.exit_code, result.exit_code)
-        if result.seconds:  # a clock that stands still times nothing
+        if result.seconds:  # a clock that does not advance times nothing
             self.seconds[round(result.seconds, 2)] += 1
         if seen is None:
             return
@@ -81,27 +81,27 @@ class Tally:
         }
 
     def times(self) -> dict[str, float]:
-        """What parts took, of `runtime.table.takt`; nothing before the first or of a clock faster than life.
+        """Times of parts, see `runtime.table.takt`; empty before the first, and in accelerated time.
 
-        Where a simulated cell runs faster than life, programs that are no faster count as much longer.
+        In a simulated cell faster than real time, the time of programs would be multiplied.
         """
         return takt_figures(self.seconds, self.takt_s) if self.seconds and self.timed else {}
 
 
 class Console:
-    """Told what happens, in order; must not raise. Who derives from it need not listen to all of it."""
+    """Observer of run events, called in order. Implementations must not raise and may override any subset."""
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """A change of phase, and the node where there is one."""
+        """The phase changed; `node` where there is one."""
 
     def note(self, sentence: str) -> None:
-        """Something the reader should know."""
+        """A message for the reader."""
 
     def step(self, part: int, step: Step) -> None:
-        """One squeeze."""
+        """A squeeze ended."""
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """One part's end."""
+        """A part ended."""
 
     def summary(self, tally: Tally, journal: Path) -> None:
-        """The run's end."""
+        """The run ended."""

@@ -1,7 +1,7 @@
 """Performs a part's program with arm and gripper, until the part's outcome is known.
 
-What is asked for is `traversal.program`'s, how the hand moves `hand`'s. Any fault and any Ctrl-C end in
-`safe_state` and in a terminal outcome.
+`traversal.program` yields the requests, `hand` moves the hand. Any fault and any Ctrl-C end in `safe_state`
+and in a terminal outcome.
 """
 
 from dataclasses import dataclass, field, replace
@@ -42,7 +42,7 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """The devices and records one executor works with; an auditor where there is one."""
+    """The devices and records of an executor, with an auditor if there is one."""
 
     gripper: Gripper
     arm: Arm
@@ -53,7 +53,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """What a run does besides what its table says; without a delivery a localised part stays in place."""
+    """Options of a run besides its table; without a delivery a localised part stays in place."""
 
     policy: Policy = field(default_factory=Policy)
     handling: Handling = field(default_factory=Handling)
@@ -74,7 +74,7 @@ class Executor:
     """Executes one valid table with one cell, connected and not yet moved.
 
     Raises:
-        TableError: the gripper cannot do what the table asks.
+        TableError: the gripper cannot execute the table.
     """
 
     def __init__(
@@ -89,17 +89,17 @@ class Executor:
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
         self._cell = replace(cell, journal=self._hand.watch.watched(cell.journal, MACHINE))
         self._plan = Program(table, self._hand.calibration, options.policy)
-        self._program = self._plan  # turned for the part under way
+        self._program = self._plan  # turned for the current part
 
     def run_part(self, part: int, broken: Replay | None = None) -> PartResult:
-        """Squeeze one part until its outcome is known, or go on with it where a run broke off.
+        """Squeezes one part until its outcome is known, or continues it where a run broke off.
 
         Returns:
             The outcome; LEAF, REJECT and UNRESOLVED leave the jaws open above the part, FAULT and STOPPED
             leave the declared safe state.
 
         Raises:
-            Exception: an error that no device makes is a bug, and raised once the safe state is reached.
+            Exception: any error not from a device is a bug, and is raised once the safe state is reached.
         """
         self._steps = () if broken is None else tuple(broken.steps)
         self._found, began = None, Lap(self._cell.clock)
@@ -134,9 +134,9 @@ class Executor:
         return result
 
     def _turned(self, part: int, broken: Replay | None) -> int:
-        """Turn the plan for a part to where the hand stands, or as a run that broke off had it; by what.
+        """Turns the plan for a part to the hand's angle, or as in the broken run; returns the angle.
 
-        Not where parts are delivered: the ways to the drop-off are checked for the leaves as planned.
+        Not where parts are delivered: paths to the drop-off are checked for the leaves as planned.
         """
         turn_urad = 0
         if broken is not None:
@@ -149,7 +149,7 @@ class Executor:
         return turn_urad
 
     def _descend(self, part: int, state: TraversalState) -> PartResult:
-        """Perform the part's program; each squeeze has its deadline."""
+        """Performs the part's program; each squeeze has its deadline."""
         self._phases.clear()
         requests = self._program.part(part, state, self._steps)
         request = next(requests)
@@ -164,7 +164,7 @@ class Executor:
         return request.result
 
     def _squeeze(self, part: int, requests: Requests, approach: Approach) -> Release:
-        """One squeeze, from the hand above the part to the hand above the part."""
+        """One squeeze, from and to the hand above the part."""
         index, node, lap = approach.index, approach.node, Lap(self._cell.clock)
         if not approach.again:
             self._push(part, approach)
@@ -173,7 +173,7 @@ class Executor:
         travel_s = lap.lap()
         self._hand.descend(*placement(node.squeeze)[:2], angle_rad)
         lower_s = lap.lap()
-        # Before the part is touched: who resumes this run has to know that it may have been.
+        # Before the part is touched: a resumed run has to know that it may have been.
         document = {"part": part, "number": approach.number, "node": index}
         self._cell.journal.record("placed", document)
         self._console.phase(part, Phase.SQUEEZE, index)
@@ -210,7 +210,7 @@ class Executor:
             self._hand.retreat()
             self._hand.jaws.set_to(push, node.squeeze)
             self._hand.travel(*placement(push))
-            # From here on the part may have been moved: who resumes this run has to start it over.
+            # From here on the part may have been moved: a resumed run has to restart it.
             document = {"part": part, "number": approach.number, "node": index}
             self._cell.journal.record("pushing", document)
             self._hand.push(push)
@@ -219,7 +219,7 @@ class Executor:
             self._hand.jaws.open(node.squeeze)
 
     def _travel(self, part: int, index: int, squeeze: Squeeze, *, first: bool) -> float:
-        """Go above a squeeze's place, the jaws on their way to its opening; the angle of the hand there."""
+        """Moves above a squeeze's place while the jaws go to its opening; returns the hand's angle there."""
         self._console.phase(part, Phase.PLACE, index)
         if first:
             self._hand.retreat()
@@ -233,12 +233,12 @@ class Executor:
         return angle_rad
 
     def _drag(self, point: Place | None) -> None:
-        """Take what the jaws hold to where the node wants it let go."""
+        """Drags the held part to the node's place of release."""
         if point is not None:
             self._hand.drag(point.x_um / 1000, point.y_um / 1000)
 
     def _free(self, part: int, broken: Replay) -> None:
-        """Let go of what a run that broke off may still hold, where it holds it."""
+        """Releases what a run that broke off may still hold, where it holds it."""
         self._console.phase(part, Phase.RESUME, broken.traversal.node)
         try:
             self._hand.await_stillness()
@@ -254,7 +254,7 @@ class Executor:
         self._hand.retreat()
 
     def _finish(self, result: PartResult) -> PartResult:
-        """At a leaf: ask the auditor, then deliver; other outcomes pass as they are."""
+        """At a leaf: asks the auditor, then delivers; other outcomes pass unchanged."""
         if result.outcome is not Outcome.LEAF or result.leaf is None:
             return result
         leaf = self._program.table.leaves[result.leaf]
@@ -270,7 +270,7 @@ class Executor:
         delivery = None if places is None else places.of(leaf.hypothesis)
         if delivery is not None:
             self._console.phase(result.part, Phase.DELIVER, None)
-            # With the pose, which is the answer even where the delivery comes to nothing.
+            # Includes the pose, which is the answer even if the delivery fails.
             document = {
                 "leaf": result.leaf,
                 "x_um": leaf.x_um,
@@ -306,7 +306,7 @@ class Executor:
         return self._ended(replace(result, leaf=self._found))
 
     def _ended(self, result: PartResult) -> PartResult:
-        """Record a fault's result; a journal that fails now is noted there instead of hiding the fault."""
+        """Records a fault's result; a journal that fails now is noted there instead of hiding the fault."""
         try:
             self._cell.journal.record("outcome", outcome_fields(self._program.table, result))
         except ExpectedError as error:

@@ -1,8 +1,8 @@
 """The hand: arm and gripper moved together, one checked motion after the other.
 
-No motion is commanded before the gripper has answered that it is ready and the arm that it stands where its
+No motion is commanded before the gripper has reported that it is ready and the arm that it stands where its
 last motion left it. Between two squeezes the hand goes straight up, travels, and comes straight down; jaws
-that are free of the part may go on opening meanwhile, and have arrived before it comes down.
+that are clear of the part may continue to open meanwhile, and have arrived before it comes down.
 
 The arm is read before and after each of its motions and after each squeeze, and compared with where it was
 sent (`safety.check_placed`): what displaced it may have moved the part, too.
@@ -42,9 +42,10 @@ from runtime.table import (
 )
 from runtime.traversal.geometry import end_of, placement, same_turns, sent
 
-# Nearer than this to a height the arm counts as standing there.
+# Distance from a height within which the arm counts as standing there.
 LEVEL_MM = 0.05
-# How long a motion begun before a crash may still take (full stroke at the slowest speed, and some).
+# Longest remaining time of a motion begun before a crash (full stroke at the slowest speed, and a
+# margin).
 STILL_S = 8.0
 MOST_TURN_RAD = 2.5
 LOOK_S = 0.05
@@ -79,11 +80,11 @@ class Hand:
         self._half_turn = pi if close_alike(job_of(table)) else tau
         self._may_turn = may_turn(table, job_of(table), self.middle_mm)
         self.jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
-        # where the arm should stand, None where nobody knows
+        # where the arm should stand, None: unknown
         self._sent_to: PoseOfHand | None = None
 
     def await_stillness(self) -> None:
-        """Wait until a motion that was begun before this run is over.
+        """Waits until a motion begun before this run is over.
 
         Raises:
             GripperStateError: the fingers do not come to rest, or are not ready.
@@ -94,10 +95,10 @@ class Hand:
         self.jaws.ready()
 
     def where(self) -> PoseOfHand:
-        """Read where the arm stands.
+        """Reads where the arm stands.
 
         Raises:
-            MotionRefusedError: something else than its last motion brought it there.
+            MotionRefusedError: it does not stand where its last motion left it.
         """
         self.arm_known = False  # until it answers
         pose = (
@@ -110,9 +111,9 @@ class Hand:
         return _beside(pose, -self.middle_mm)
 
     def turn_of_plan(self, first: Squeeze) -> float:
-        """By which angle a part's plan is turned about the origin so that the hand need not turn to begin it.
+        """Angle by which to turn a part's plan about the origin so that the hand need not turn first.
 
-        Not at all where the table does not allow it, or the wrist has no room for turns either way.
+        0 where the table does not allow it, or the wrist has no room for turns either way.
         """
         if not self._may_turn:
             return 0.0
@@ -125,11 +126,11 @@ class Hand:
         return Stand(x_mm, y_mm, angle_rad).turn_from(Stand.at(first))
 
     def retreat(self) -> None:
-        """Go straight up, from wherever the arm stands; nothing to do if it is up already."""
+        """Moves straight up from anywhere; does nothing if the arm is up already."""
         self._rise(self.limits.retreat_height_um / 1000)
 
     def rise(self) -> None:
-        """Go straight up, as high as the ways between two squeezes of one part are gone."""
+        """Moves straight up to the height of travel between two squeezes of one part."""
         self._rise(self.timing.regrasp_mm)
 
     def _rise(self, height_mm: float) -> None:
@@ -139,11 +140,11 @@ class Hand:
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float) -> float:
-        """The angle as the wrist is to count it, so that the hand turns least.
+        """The angle, whole turns counted, to which the hand turns least.
 
-        Half a turn off it where the wrist's range leaves no other but the long way round, if both fingers are
-        to close alike: in a cell in which they do not, such a part ends elsewhere than planned. The angle
-        itself where the wrist reaches neither.
+        It is half a turn off only if the wrist could otherwise just turn the long way round, and both fingers
+        are to close alike: in a cell where they do not, such a part ends elsewhere than planned. It is the
+        angle itself where the wrist reaches neither.
         """
         turns = self._turns(x_mm, y_mm, angle_rad, tau)
         if not turns or abs(turns[0] - self._place()[3]) > pi:
@@ -165,9 +166,9 @@ class Hand:
     def travel(
         self, x_mm: float, y_mm: float, angle_rad: float, *, to_squeeze: bool = False
     ) -> None:
-        """Go to a place at the height where `rise` or `retreat` left the hand, by the wrist's nearest turn.
+        """Travels to a place at the current height, by the wrist's nearest turn.
 
-        To squeeze there, from nearby, it comes down to the height of `rise` on the way.
+        If it is to squeeze there and is near, it descends to the height of `rise` on the way.
 
         Raises:
             MotionRefusedError: the place is outside the area, or the wrist cannot be turned so far.
@@ -184,7 +185,7 @@ class Hand:
     def travel_as_counted(
         self, x_mm: float, y_mm: float, angle_rad: float, *, to_squeeze: bool = False
     ) -> None:
-        """Go to a place as `travel`, whole turns of the angle counted."""
+        """Travels to a place as `travel`, whole turns of the angle counted."""
         low_mm, high_mm = self.timing.regrasp_mm, self.limits.retreat_height_um / 1000
         from_x_mm, from_y_mm, from_z_mm, from_rad = self._place()
         risen = abs(from_z_mm - low_mm) <= LEVEL_MM
@@ -194,24 +195,24 @@ class Hand:
         self._go_as_counted((x_mm, y_mm, low_mm if risen else high_mm, angle_rad))
 
     def descend(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
-        """Come straight down with the jaws open, the tips to the squeeze height."""
+        """Moves straight down with the jaws open, the tips to the squeeze height."""
         self.lower(x_mm, y_mm, angle_rad, self.jaws.open_mm)
 
     def lower(self, x_mm: float, y_mm: float, angle_rad: float, width_mm: float) -> None:
-        """Come straight down with a part of that width in the fingers."""
+        """Moves straight down with a part of that width in the fingers."""
         arc = self._handling.arc
         advance_mm = 0.0 if arc is None else arc.advance_mm(width_mm)
         self._go((x_mm, y_mm, self._low_mm(advance_mm), angle_rad))
 
     def drag(self, x_mm: float, y_mm: float) -> None:
-        """Take what the fingers hold along the table to another place, without turning it."""
+        """Drags what the fingers hold along the table to another place, without turning it."""
         self._slide(x_mm, y_mm, self.limits.arm_speed_um_s)
 
     def push(self, push: Push) -> None:
-        """Come down at the start of a push, with the jaws set for it, and go to its end.
+        """Comes down at the start of a push, with the jaws set for it, and moves to its end.
 
         Raises:
-            GripperStateError: the jaws do not stand as they were set any more.
+            GripperStateError: the jaws are no longer where they were set.
         """
         self.descend(*placement(push))
         self._slide(*end_of(push)[:2], push.speed_um_s)
@@ -220,12 +221,12 @@ class Hand:
 
     def _slide(self, x_mm: float, y_mm: float, speed_um_s: int) -> None:
         _, _, z_mm, angle_rad = self._place()
-        # An arm that was only read may stand below the squeeze height by what its reading is rounded.
+        # An arm that was only read may stand below the squeeze height by its rounding.
         self._go((x_mm, y_mm, max(z_mm, self._low_mm(0.0)), angle_rad), speed_um_s)
 
     @contextmanager
     def limited(self, limits: Limits) -> Iterator[None]:
-        """Within the context other limits hold: those of a delivery."""
+        """Context in which other limits apply: those of a delivery."""
         before, self.limits = self.limits, limits
         try:
             yield
@@ -233,16 +234,16 @@ class Hand:
             self.limits = before
 
     def release(self, squeeze: Squeeze) -> None:
-        """Open the jaws at the part as wide as a squeeze wants them, and wait until they are."""
+        """Opens the jaws at the part as wide as the squeeze requires, and waits for them."""
         self.let_go(squeeze, squeeze)
         self.jaws.wait()
 
     def let_go(self, squeeze: Squeeze, following: Squeeze) -> None:
-        """Open the jaws until they are free of the part, and on, as wide as the squeeze that follows wants.
+        """Opens the jaws until they are clear of the part, and further to the opening of the next squeeze.
 
         The tips stay level until they are clear of the part's sides; `open` waits for the rest.
         """
-        self.where()  # a part that was displaced with the hand is not let go
+        self.where()  # a part that was displaced with the hand is not released
         held_mm = self.jaws.width_mm(self.jaws.ready().width_um)
         wide = max(squeeze, following, key=lambda each: each.opening_um)
         free_mm = min(held_mm + CLEAR_MM, wide.opening_um / 1000)
@@ -263,20 +264,20 @@ class Hand:
         self.jaws.set_out(squeeze._replace(opening_um=following.opening_um), fast=True)
 
     def close(self, node: Node) -> Settled:
-        """Close the jaws at a node, and hold what they met with its force.
+        """Closes the jaws at a node, and holds what they met with its force.
 
         Returns and raises as `meet`.
         """
         return self.tighten(node, self.meet(node))
 
     def meet(self, node: Node) -> Settled:
-        """Close the jaws at a node; with the least force where that is regulated.
+        """Closes the jaws at a node; with the least force if regulated.
 
         Returns:
             The last stroke's reading, of jaws that closed where the arm was sent.
 
         Raises:
-            GripperStateError: it is not fresh, or contradicts itself.
+            GripperStateError: the reading is not fresh, or contradicts itself.
             MotionRefusedError: the arm was displaced meanwhile.
         """
         handling, profile = self._handling, self._profile
@@ -298,7 +299,7 @@ class Hand:
         return self._checked(self.jaws.stroke(plan[-1]))
 
     def tighten(self, node: Node, reading: Settled) -> Settled:
-        """Raise the force on what a regulated squeeze met to the node's; the reading after that."""
+        """Raises the force after a regulated squeeze to the node's; returns the last reading."""
         if not self._is_regulated(node) or reading.object is not ObjectState.CLOSING:
             return reading
         limit_ma, speed = self._handling.grip_current_ma, node.squeeze.speed_um_s / 1000
@@ -307,7 +308,7 @@ class Hand:
                 break
             reading = self.jaws.stroke(Stroke(CLOSED_UM, speed, force, 0.0))
             check_fresh(reading, CLOSED_UM)
-            if reading.object is ObjectState.AT_TARGET:  # it slipped out: the width tells
+            if reading.object is ObjectState.AT_TARGET:  # it slipped out: the width shows it
                 break
         return self._checked(reading)
 
@@ -321,7 +322,7 @@ class Hand:
         return reading
 
     def _level(self, advance_mm: float) -> None:
-        """Bring the arm to the height at which tips that advance so far are at the squeeze height."""
+        """Moves the arm to the height at which tips that advance so far are at the squeeze height."""
         if self._handling.arc is None:
             return
         x_mm, y_mm, z_mm, angle_rad = self._place()
@@ -330,16 +331,16 @@ class Hand:
             self._go((x_mm, y_mm, height_mm, angle_rad))
 
     def _go(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
-        """Go to a place by the smallest turn of the hand."""
+        """Moves to a place by the smallest turn of the hand."""
         now_rad = self._place()[3]
         self._go_as_counted(
             (*target[:3], now_rad + remainder(target[3] - now_rad, tau)), speed_um_s
         )
 
     def _go_as_counted(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
-        """Go straight to a place, in several motions where the hand turns by about half a turn or more.
+        """Moves straight to a place, in several motions where the hand turns by about half a turn or more.
 
-        At the arm's speed, unless another is stated.
+        At the arm's speed, unless another is given.
         """
         safety.check_target(_beside(target, self.middle_mm), self.limits)
         start = self._place()
@@ -373,7 +374,7 @@ class Hand:
 
 
 def _beside(place: PoseOfHand, middle_mm: float) -> PoseOfHand:
-    """Where the arm has to stand for the fingers to meet at a place, so far off the hand's middle."""
+    """Where the arm has to stand for the fingers to meet at a place, `middle_mm` off the hand's middle."""
     x_mm, y_mm, z_mm, angle_rad = place
     x_mm, y_mm, _ = sent((x_mm, y_mm, angle_rad), middle_mm)
     return x_mm, y_mm, z_mm, angle_rad

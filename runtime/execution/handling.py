@@ -1,4 +1,4 @@
-"""How a hand is used in a cell: its calibration, the arc of its tips, and how it grips."""
+"""Handling of a hand in a cell: its calibration, the arc of its tips, and its way of gripping."""
 
 from dataclasses import dataclass, replace
 
@@ -10,27 +10,27 @@ from runtime.table import CLEAR_MM, Calibration, Limits, Table, Timing
 
 @dataclass(frozen=True, slots=True)
 class Handling:
-    """How the hand is used; what differs from cell to cell and not from table to table."""
+    """Properties of the hand that differ from cell to cell and not from table to table."""
 
     # nominal to true widths as measured, None where they were not
     calibration: Calibration | None = None
     arc: TipArc | None = None  # the tips' arc; None where they move straight
     regulated: bool = False  # whether squeezes close gently and raise their force after contact
-    # whether jaws close fast to just before the part, which nobody asks of a person
+    # whether jaws close fast to just before the part; not for a person
     approaches: bool = True
     # motor current at which a regulated squeeze raises its force no further, or None
     grip_current_ma: int | None = None
     # least and greatest motor currents a gripper at rest may report
     current_ma: tuple[int, int] = CURRENT_MA
-    # how far the fingers meet off the hand's middle, along its y, as measured
+    # distance from the hand's middle, along its y, where the fingers meet
     middle_mm: float = 0.0
 
     def widths(self, table: Table) -> Calibration:
-        """Nominal to true widths: as measured, else the same."""
+        """Nominal to true widths: as measured, else the identity."""
         return self.calibration or Calibration(table.gripper.profile)
 
     def lifted(self, timing: Timing, calibration: Calibration) -> Timing:
-        """The timing with the arm as much higher between two squeezes as tips on an arc may hang lower."""
+        """The timing with the arm raised between two squeezes by as much as tips on an arc may hang lower."""
         if self.arc is None:
             return timing
         lower_mm = max(self.arc.most_mm(0.0, calibration.widest_um / 1000), 0.0)

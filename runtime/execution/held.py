@@ -1,7 +1,7 @@
-"""What the fingers may hold when a run begins, and how it is put down.
+"""What the fingers may hold when a run begins, and how to put it down.
 
-Jaws that stand short of a request to close may hold something: the flag tells if they met it, but not after a
-stop or a loss of power. Jaws that stand where they were sent, wide open or closed hold nothing.
+Jaws that stand short of a closing request may hold something: the object flag says whether they met it, but
+not after a stop or a loss of power. Jaws at their requested width, wide open or closed, hold nothing.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,20 +20,21 @@ from runtime.journal.lines import Entry
 from runtime.journal.replay import UNDECIDED
 from runtime.table import CLEAR_MM, Calibration, Table
 
-# Jaws within this of their widest are open: some settle up to 3.7 mm short of it; the thinnest part.
+# Jaws within this of their widest are open: some settle up to 3.7 mm short; less than the thinnest
+# part.
 OPEN_UM, CLOSED_UM = 4_000, 1_000
 
 
 class Held(NamedTuple):
-    """What the fingers hold, or may hold."""
+    """A part that the fingers hold, or may hold."""
 
     reading_um: int
     width_mm: float
-    certain: bool  # the gripper tells of contact
+    certain: bool  # the gripper reports contact
     active: bool  # the gripper is activated and reports no fault
 
     def sentence(self) -> str:
-        """What is known of it, and what is not."""
+        """States what is known of it, and what is not."""
         if self.certain:
             known = "they met it while closing"
         elif self.active:
@@ -44,7 +45,7 @@ class Held(NamedTuple):
         return f"{stands}{'hold' if self.certain else 'may hold'} something: {known}"
 
     def refusal(self, arm_mm: float, journal: Journal | None) -> GripperStateError:
-        """Why a run does not begin, where the arm stands, how the journal's last run ended, what to do."""
+        """States why a run does not begin, where the arm stands, how the last run ended, and what to do."""
         before = "" if journal is None else _last_end(journal.path, journal.last_part)
         remedy = "start with --put-down: straight down where the arm stands, open, retreat"
         if not self.active:
@@ -70,10 +71,10 @@ def look(state: GripperState, calibration: Calibration) -> Held | None:
 def put_down(
     hand: Hand, table: Table, delivery: Delivery | Sorting | None, journal: Journal
 ) -> Mapping[str, object]:
-    """Lower what the fingers hold straight down where the arm stands, let go of it, retreat.
+    """Lowers what the fingers hold straight down where the arm stands, releases it and retreats.
 
-    Done within the work area, or else within the area of the delivery. The journal is told before and after
-    where it was put down, and its width, which is returned.
+    Works within the work area, or else within the area of the delivery. The place and the width are
+    journalled before and after, and returned.
 
     Raises:
         MotionRefusedError: the arm stands outside the work area, and the area in which parts are carried.
@@ -84,7 +85,7 @@ def put_down(
     wide_um = min(round(1000 * (width_mm + CLEAR_MM)), table.gripper.opening_um)
     limits = hand.limits
     inside = limits.work_area_um.contains(pose[0], pose[1])
-    # Of several parts nobody knows which one they hold, and so in which area it was carried.
+    # With several parts it is unknown which one they hold, and so in which area it was carried.
     if isinstance(delivery, Delivery) and delivery.area_um is not None and not inside:
         limits = replace(limits, work_area_um=delivery.area_um)
     document = {
@@ -103,7 +104,7 @@ def put_down(
 
 
 def _last_end(path: Path, entries: Iterable[Entry]) -> str:
-    """How a journal's last part ended, if it is one of those that may leave a part in the fingers."""
+    """How a journal's last part ended, if its outcome may leave a part in the fingers."""
     last: Entry = {}
     for entry in entries:
         if entry["kind"] in ("header", "outcome", "put_down"):

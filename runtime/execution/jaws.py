@@ -1,7 +1,7 @@
-"""The jaws of one gripper: strokes that are waited for, and strokes that go on while the hand moves.
+"""The jaws of one gripper: strokes that are waited for, and strokes that continue while the hand moves.
 
-No stroke is asked for before the gripper has answered that it is ready: at rest, or on its way to where these
-jaws were asked to go.
+No stroke is requested before the gripper has reported that it is ready: at rest, or moving to the last
+request.
 """
 
 from collections.abc import Callable
@@ -13,18 +13,18 @@ from runtime.execution.reading import check_fresh, check_opened, check_passed, c
 from runtime.execution.strokes import Stroke
 from runtime.table import CLEAR_MM, LEAD_MM, Calibration, Push, Squeeze, Timing
 
-# Between two looks at jaws on their way; how much longer than a stroke takes they are looked at.
+# Time between two polls of moving jaws; time beyond a stroke for which they are polled.
 GLANCE_S, LATE_S = 0.005, 0.3
 
 
 class Jaws:
-    """The jaws; `may_hold` tells whether they may hold something: they have not opened since they closed.
+    """The jaws; `may_hold`: whether they may hold something, since they have not opened since they closed.
 
     Args:
-        gripper: whose jaws they are.
+        gripper: the gripper.
         clock: of the cell.
         calibration: nominal to true widths.
-        timing: says how fast they go where they touch nothing.
+        timing: their speed where they touch nothing.
     """
 
     def __init__(
@@ -37,29 +37,29 @@ class Jaws:
         self.gripper, self.calibration, self.profile = gripper, calibration, calibration.profile
         self.may_hold = True
         self.open_mm = 0.0  # where they stood open last
-        # where jaws on their way were asked to go; None: they are not
+        # target of moving jaws; None: they do not move
         self.asked: int | None = None
         self._clock, self._timing = clock, timing
 
     @property
     def holds(self) -> bool:
-        """Whether they may hold something, and are not on their way to let go of it."""
+        """Whether they may hold something, and are not about to release it."""
         return self.may_hold and self.asked is None
 
     def ready(self) -> GripperState:
-        """Read the gripper, as `safety.ready_gripper`."""
+        """Reads the gripper, see `safety.ready_gripper`."""
         return safety.ready_gripper(self.gripper, self.asked)
 
     def open(self, squeeze: Squeeze) -> None:
-        """Have the jaws open as wide as the squeeze wants them; the check for collisions counts on it.
+        """Makes sure that the jaws are open as wide as the squeeze requires; collision checks rely on it.
 
-        Nothing moves where they stand there already, or are on their way.
+        They do not move if they are there already, or on their way.
         """
         self.set_out(squeeze)
         self.wait()
 
     def set_out(self, squeeze: Squeeze, *, fast: bool = False) -> None:
-        """Ask jaws that hold nothing to open so wide, and return at once; `open` waits for them."""
+        """Starts to open empty jaws, and returns at once; `open` waits for them."""
         request = self.calibration.opening_um(squeeze.opening_um)
         if self.asked == request:
             return
@@ -69,7 +69,7 @@ class Jaws:
         self._ask(request, self._timing.fastest_mm_s if fast else _slow(squeeze), squeeze)
 
     def _stands_open(self, state: GripperState, request: int) -> bool:
-        """Whether a fresh reading shows jaws that opened as they were asked to, and still stand there."""
+        """Whether a fresh reading shows jaws that opened as requested, and are still there."""
         arrived = state.object is ObjectState.AT_TARGET
         stands = state.target_um == request and arrived and not self.may_hold
         stands = stands and is_open(state.width_um, request, self.calibration)
@@ -78,12 +78,12 @@ class Jaws:
         return stands
 
     def _ask(self, request: int, speed_mm_s: float, squeeze: Squeeze) -> None:
-        """Ask the jaws to go somewhere, also from where they go."""
+        """Requests a position of the jaws, also while they move."""
         self.asked = request
         self.gripper.move(request, speed_mm_s, squeeze.force_mn / 1000)
 
     def wait(self) -> None:
-        """Wait for jaws that were asked to open, and check that they did."""
+        """Waits for opening jaws, and checks that they have opened."""
         if self.asked is None:
             return
         settled, request = self.gripper.wait(), self.asked
@@ -93,7 +93,7 @@ class Jaws:
         self.open_mm = self.width_mm(settled.width_um)
 
     def set_to(self, push: Push, squeeze: Squeeze) -> None:
-        """Bring the jaws, with nothing between them, to the opening of a push before a squeeze."""
+        """Moves the jaws, with nothing between them, to the opening of a push before a squeeze."""
         request = self.calibration.nearest_um(push.opening_um)
         settled = self.stroke(Stroke(request, _slow(squeeze), squeeze.force_mn / 1000, 0.0))
         self.may_hold = False
@@ -102,13 +102,13 @@ class Jaws:
         self.open_mm = self.width_mm(settled.width_um)
 
     def open_to(self, squeeze: Squeeze, width_mm: float) -> None:
-        """Open to a width at the squeeze's speed, and wait until the jaws stand there."""
+        """Opens to a width at the squeeze's speed, and waits until the jaws are there."""
         request = self.calibration.opening_um(round(1000 * width_mm))
         self._ask(request, _slow(squeeze), squeeze)
         self.wait()
 
     def set_free(self, squeeze: Squeeze, following: Squeeze, free_mm: float) -> None:
-        """Open at the squeeze's speed until the jaws are free, then as fast as they can, and return."""
+        """Opens at the squeeze's speed until clear of the part, then starts to open fast, and returns."""
         request = self.calibration.opening_um(following.opening_um)
         self._ask(request, _slow(squeeze), squeeze)
         free = self.calibration.opening_um(round(1000 * free_mm))
@@ -121,23 +121,23 @@ class Jaws:
             self._ask(request, self._timing.fastest_mm_s, squeeze)
 
     def _on_the_way(self, there: Callable[[int], bool], seconds: float) -> int | None:
-        """Look at jaws on their way until they are somewhere; the reading, None where they are late."""
+        """Polls moving jaws until `there` holds; the reading, None where they are late."""
         watch, left_s = Lap(self._clock), seconds + LATE_S
         while True:
             left_s -= watch.lap()
             state = self.ready()
             if state.target_um == self.asked and there(state.width_um):
                 return state.width_um
-            if left_s < 0.0:  # `wait` has a deadline of its own, and says what is wrong
+            if left_s < 0.0:  # `wait` has its own deadline, and reports what is wrong
                 return None
             self._clock.sleep(GLANCE_S)
 
     def arrives(self, stroke: Stroke) -> bool:
-        """Close to an intermediate width and stop there; whether the jaws got there, or met something."""
+        """Closes to an intermediate width and stops; returns whether the jaws got there, or met something."""
         return check_passed(self.stroke(stroke), stroke.request_um, self.calibration)
 
     def passes(self, stroke: Stroke) -> bool:
-        """Close towards an intermediate width, as `arrives`, but return just before the jaws stop there."""
+        """Closes towards an intermediate width, as `arrives`, but returns just before the jaws stop."""
         self.ready()
         self.may_hold, self.asked = True, stroke.request_um
         self.gripper.move(stroke.request_um, stroke.speed_mm_s, stroke.force_n)
@@ -150,7 +150,7 @@ class Jaws:
         return check_passed(self.gripper.wait(), stroke.request_um, self.calibration)
 
     def stroke(self, stroke: Stroke) -> Settled:
-        """Close, and wait until the jaws have settled."""
+        """Closes, and waits until the jaws have settled."""
         asked, self.may_hold, self.asked = self.asked, True, None
         return safety.stroke(self.gripper, *stroke[:3], asked)
 

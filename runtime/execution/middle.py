@@ -1,6 +1,6 @@
-"""Where the fingers meet: measured on a block held fast, by a hand that is turned half round in between.
+"""Measures where the fingers meet, on a fixed block, by a hand that is turned half round in between.
 
-On a block that cannot give way the first finger that touches stops both. With h the hand's place and b the
+On a block that cannot move the first finger that touches stops both. With h the hand's place and b the
 block's along the hand's y, W the block's width, m how far off the hand's middle the fingers meet on it, and s
 the upper finger's share of the closing, the jaws stop at a width w = W + v,
 
@@ -22,32 +22,32 @@ from runtime.shell.errors import InputError
 from runtime.table import HELD_UM, PPM, Branch, Node, Pose2, Table, job_of
 from runtime.traversal.geometry import compose
 
-ROOM_MM = 15.0  # between a block in the middle and each open finger
-COARSE_MM = 6.0  # beside its stated place where the block is looked for
-NEAR_MM = 4.0  # as far off it may be found
+ROOM_MM = 15.0  # clearance between a block in the middle and each open finger
+COARSE_MM = 6.0  # distance from its stated place at which the block is searched
+NEAR_MM = 4.0  # largest distance at which it may be
 # beside where it was found, on either side; rounding averages out
 FINE_MM = (1.5, 2.5, 3.7, 5.0, 6.4, 8.0)
 ROUGH_MM = 0.4  # how well the readings must fit a block held fast, standard deviation
 MOST_MM = 10.0  # fingers that meet farther off are a fault of the tool frame
 EVEN = 0.5
-SURE = 2.0  # standard deviations that are left as a doubt
+SURE = 2.0  # standard deviations that remain as a doubt
 
 
 class Middle(NamedTuple):
-    """Where the fingers meet, as measured; errors are standard deviations."""
+    """Measured place where the fingers meet; errors are standard deviations."""
 
     block_mm: float  # width of the block
-    across_mm: float  # how far off the hand's middle they met on it, along the hand's y
+    across_mm: float  # distance from the hand's middle there, along the hand's y
     across_error_mm: float
-    share: float  # what the finger at +y makes of the closing
+    share: float  # share of the closing of the finger at +y
     share_error: float
 
     @classmethod
     def parsed(cls, record: object) -> Self | None:
-        """As a file holds it; None where it was not measured.
+        """Parses the entry of a file; None where it was not measured.
 
         Raises:
-            TypeError, ValueError: it is none.
+            TypeError, ValueError: it is invalid.
         """
         if record is None:
             return None
@@ -59,23 +59,23 @@ class Middle(NamedTuple):
         return result
 
     def at(self, width_mm: float) -> tuple[float, float]:
-        """How far off they meet at another width, and the error of that [mm]."""
+        """Distance from the middle at another width, and its error [mm]."""
         further = width_mm - self.block_mm
         across = self.across_mm + (self.share - EVEN) * further
         return across, hypot(self.across_error_mm, self.share_error * further)
 
 
 class Grip(NamedTuple):
-    """The jaws closed on the block once."""
+    """One grip of the block."""
 
-    hand_mm: float  # place of the hand along its y, from where the block was said to be
-    width_mm: float  # at which they stopped
+    hand_mm: float  # place of the hand along its y, relative to the stated place of the block
+    width_mm: float  # at which the jaws stopped
 
 
 def off_mm(measured: Middle | None, table: Table) -> float:
-    """How far beside its places the fingers of a table meet on the part's narrowest side, by a measurement.
+    """Distance between the places of a table and where the fingers meet on the part's narrowest side.
 
-    What the table was planned with, an uneven share that its job states, is no error.
+    An uneven share stated in the job is part of the plan and no error.
     """
     if measured is None:
         return 0.0
@@ -85,7 +85,7 @@ def off_mm(measured: Middle | None, table: Table) -> float:
 
 
 def left(measured: Middle, table: Table) -> dict[str, list[float]]:
-    """What correcting by a measurement leaves to doubt, as `[doubt]` of the table's job says it."""
+    """Doubts that remain after the correction by a measurement, as keys of `[doubt]`."""
     error_mm = SURE * measured.at(narrowest_mm(table))[1]
     more, spread = measured.share - _planned_share(table), SURE * measured.share_error
     return {
@@ -95,7 +95,7 @@ def left(measured: Middle, table: Table) -> dict[str, list[float]]:
 
 
 def narrowest_mm(table: Table) -> float:
-    """The least width at which a part of the table is expected to be held."""
+    """The least expected width of a held part of the table."""
     expected = [branch.expected_um for node in table.nodes for branch in node.branches]
     return min((width for width in expected if width >= HELD_UM), default=HELD_UM) / 1000
 
@@ -107,7 +107,7 @@ def _planned_share(table: Table) -> float:
 
 
 def gripping(table: Table, block_mm: float) -> Node:
-    """A squeeze of the block: gentle, the jaws opened for it, and one outcome that any width is.
+    """A squeeze of the block: gentle, the jaws opened for it, and one branch for any width.
 
     Raises:
         InputError: the block is too wide for the gripper.
@@ -127,7 +127,7 @@ def gripping(table: Table, block_mm: float) -> Node:
 
 
 def places(at: Pose2) -> Iterator[Pose2]:
-    """The outermost places that the hand may be sent to about a block [mm, mm, rad]."""
+    """The outermost places of the hand about a block [mm, mm, rad]."""
     most = max(COARSE_MM, NEAR_MM + max(FINE_MM))
     for turn in (0.0, pi):
         for off in (-most, most):
@@ -137,18 +137,18 @@ def places(at: Pose2) -> Iterator[Pose2]:
 def measure(
     hand: Hand, node: Node, block_mm: float, at: Pose2, tell: Callable[[str], object]
 ) -> Middle:
-    """Grip a block that is held fast, from both sides, with the hand one way round and the other.
+    """Grips a fixed block from both sides, with the hand at two angles half a turn apart.
 
     Args:
-        hand: retreated, with nothing between the fingers; it has no middle of its own yet.
+        hand: retreated, with nothing between the fingers, and without a measured middle.
         node: of `gripping`.
         block_mm: the block's width.
         at: its centre, and the hand's angle at which the jaws close square on it [mm, mm, rad].
-        tell: told of each half.
+        tell: receives a message for each half.
 
     Raises:
         GripperStateError: the gripper is not ready, or closed without meeting the block.
-        InputError: the readings are not those of such a block there.
+        InputError: the readings do not fit such a block there.
     """
     halves = []
     for turn in (0.0, pi):
@@ -195,7 +195,7 @@ def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
 
 
 def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Middle:
-    """What both halves say, each where it found the block and its grips; or InputError."""
+    """The result of both halves, each with the place of the block and the grips; or InputError."""
     lines = [_line(block_mm, result, grips) for result, grips in halves]
     rough = max(line.residual_mm for line in lines)
     if not rough <= ROUGH_MM:
@@ -217,9 +217,9 @@ def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Midd
 
 
 class _Line(NamedTuple):
-    """Hand places over widths, for one way round of the hand."""
+    """Hand places as a function of widths, for one angle of the hand."""
 
-    both_mm: float  # where both fingers touch at once
+    both_mm: float  # place where both fingers touch at once
     slope: float  # minus the upper finger's share
     both_error_mm: float
     slope_error: float
@@ -228,7 +228,7 @@ class _Line(NamedTuple):
 
 def _line(block_mm: float, measured_mm: float, grips: Sequence[Grip]) -> _Line:
     wider = [grip.width_mm - block_mm for grip in grips]
-    # Where the lower finger touches first, v is taken off, which leaves the line of the other side.
+    # Where the lower finger touches first, v is subtracted, which gives the line of the other side.
     hand = [
         grip.hand_mm - (v if grip.hand_mm > measured_mm else 0.0)
         for grip, v in zip(grips, wider, strict=True)

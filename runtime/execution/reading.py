@@ -6,24 +6,24 @@ from drivers.ports import GripperProfile, ObjectState, Settled
 from runtime.errors import GripperStateError
 from runtime.table import Calibration
 
-CLOSED_UM = -1  # asked for, the jaws close as far as they go
-STANDS_UM = 750  # how far from where they were asked to go jaws may stand
-STANDS_STEPS = 2  # and by how many steps of their reading
-SET_UM = 1_000  # how far off jaws that push may stand
+CLOSED_UM = -1  # request on which the jaws close as far as they go
+STANDS_UM = 750  # tolerated distance of the jaws from their request
+STANDS_STEPS = 2  # the same in steps of their reading
+SET_UM = 1_000  # tolerated error of jaws that push
 
 
-# Motor currents that a gripper at rest on a part may report: the 2F-85 manual's own example of a held object
-# reads 0 mA, so a least one is a matter of calibration; more than 1 A is what the gripper calls overcurrent.
+# Motor currents of a gripper at rest on a part: the 2F-85 manual's example of a held object reads 0
+# mA, so a lower limit needs calibration; more than 1 A is what the gripper calls overcurrent.
 CURRENT_MA = (0, 1_000)
 
 
 def room_um(profile: GripperProfile) -> int:
-    """How far from where it was asked to go a gripper may stand."""
+    """Tolerated distance of a gripper from its request."""
     return max(STANDS_UM, ceil(STANDS_STEPS * profile.resolution_um))
 
 
 def check_fresh(settled: Settled, requested_um: int) -> None:
-    """Check that a settled reading belongs to the request.
+    """Checks that a settled reading belongs to the request.
 
     Raises:
         GripperStateError: it belongs to another request, or is not settled.
@@ -39,11 +39,11 @@ def check_fresh(settled: Settled, requested_um: int) -> None:
 
 
 def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[int, int]) -> None:
-    """Check that a settled closing motion's flag and current agree with its width.
+    """Checks that a settled closing motion's flag and current agree with its width.
 
     Raises:
-        GripperStateError: the flag tells of nothing where the fingers are apart, or of an opening motion; or
-            the current is none a gripper at rest on a part draws.
+        GripperStateError: the flag reports nothing although the fingers are apart, or an opening motion; or
+            the current is impossible for a gripper at rest on a part.
     """
     width_um = calibration.width_um(settled.width_um)
     if settled.object is ObjectState.OPENING:
@@ -64,11 +64,11 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
 
 
 def check_opened(settled: Settled, requested_um: int, calibration: Calibration) -> None:
-    """Check that the jaws stand as wide as requested; the check for collisions of the descent counts on it.
+    """Checks that the jaws are open as requested; collision checks of the descent rely on it.
 
     Raises:
-        GripperStateError: the reading is stale, the jaws are blocked, or they met something as they were
-            set to a smaller opening.
+        GripperStateError: the reading is stale, the jaws are blocked, or met something while closing to a
+            smaller opening.
     """
     check_fresh(settled, requested_um)
     if settled.object is ObjectState.CLOSING:
@@ -92,7 +92,7 @@ def is_open(reading_um: int, requested_um: int, calibration: Calibration) -> boo
 
 
 def check_set(reading_um: int, requested_um: int, calibration: Calibration) -> None:
-    """Check that the jaws stand, with nothing between them, about where they were set to push.
+    """Checks that the jaws stand, with nothing between them, about where they were set to push.
 
     Raises:
         GripperStateError: they do not.
@@ -106,7 +106,7 @@ def check_set(reading_um: int, requested_um: int, calibration: Calibration) -> N
 
 
 def check_passed(settled: Settled, requested_um: int, calibration: Calibration) -> bool:
-    """Check a closing motion to an intermediate width; whether it got there, or met something before.
+    """Checks a closing motion to an intermediate width; returns whether it got there, or met something.
 
     Raises:
         GripperStateError: the reading is stale, or object state and width contradict one another.
@@ -125,7 +125,7 @@ def check_passed(settled: Settled, requested_um: int, calibration: Calibration) 
 
 
 def reading_fields(reading: Settled) -> dict[str, object]:
-    """A settled reading as a journal record holds it."""
+    """The fields of a settled reading in a journal record."""
     return {
         "object_flag": int(reading.object),
         "target_um": reading.target_um,

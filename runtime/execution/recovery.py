@@ -1,9 +1,9 @@
-"""The state that a broken run left behind, and how the hand is freed without moving the part.
+"""State of a broken run, and how to free the hand without moving the part.
 
-A part's last record tells what the hand may be doing: after `pushing` it stands anywhere on the ways to, of
-and from the node's pushes, and holds nothing; after `placed` the fingers may be anywhere between
-open and closed at that node's place; after `squeeze` they hold the part, drag it, have let go of it, or are
-on their way; after `freed`, and before the first, they touch nothing. A squeeze cut short is repeated.
+A part's last record determines what the hand may be doing: after `pushing` it stands anywhere on the ways
+to, of and from the node's pushes, and holds nothing; after `placed` the fingers may be anywhere between
+open and closed at that node's place; after `squeeze` they hold the part, drag it, have released it, or are
+moving; after `freed`, and before the first, they touch nothing. A squeeze cut short is repeated.
 """
 
 from math import pi, remainder, tau
@@ -22,7 +22,7 @@ ABORT_REMEDY = "clear the cell, then start with --after-crash abort"
 
 
 def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None:
-    """The release that a broken run has not done yet, by its journal and the state of the hand at rest.
+    """The release that a broken run has not done yet, from its journal and the hand at rest.
 
     Returns:
         Node and branch, or None.
@@ -45,7 +45,7 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
     retreat_mm = hand.limits.retreat_height_um / 1000
     low = pose[2] < (hand.timing.regrasp_mm if broken.steps else retreat_mm) - LEVEL_MM
     alike = close_alike(job_of(table))
-    closed = state.target_um < 0  # not: set to 0 for a push
+    closed = state.target_um < 0  # not if set to 0 for a push
     held = broken.last is Last.SQUEEZED and (closed or state.object is not ObjectState.AT_TARGET)
     if held or broken.last is Last.PLACED:
         if not (low and _between(pose, place, let_go, alike)):
@@ -59,7 +59,7 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
                 )
         return node, branch
     if not broken.steps:
-        return None  # nothing is believed of the part that it could not have moved away from
+        return None  # no belief about the part is left that could be wrong
     after, again = table.nodes[broken.traversal.node], broken.traversal.again
     first = after.squeeze if again or not after.pushes else after.pushes[0]
     coming = let_go if broken.traversal.outcome else placement(first)
@@ -77,7 +77,7 @@ def _moved(pose: PoseOfHand, where: str) -> BrokenRunError:
 
 
 def _between(pose: PoseOfHand, start: Pose2, end: Pose2, alike: bool) -> bool:
-    """Whether the arm stands on the way from one place to another, whatever its height.
+    """Whether the arm stands between two places, at any height.
 
     Hands whose fingers close alike may be half a turn round.
     """

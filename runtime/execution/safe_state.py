@@ -1,4 +1,4 @@
-"""The one safe sequence every fault and every stop ends in.
+"""The safe sequence in which every fault and every stop ends.
 
 The declared safe state, in this order, each step tried even if the one before failed:
 
@@ -27,17 +27,17 @@ HOLDS_FIXED = (
 def reach_safe_state(
     gripper: Gripper, arm: Arm, limits: Limits, *, arm_known: bool, may_hold_fixed: bool = False
 ) -> list[str]:
-    """Bring the cell into the declared safe state as far as its devices respond; no error is raised.
+    """Brings the cell into the declared safe state as far as its devices respond; raises no error.
 
     Args:
-        gripper: whose fingers stop.
-        arm: that goes up.
-        limits: of the table, with the retreat height.
+        gripper: whose fingers are stopped.
+        arm: which is raised.
+        limits: of the table, including the retreat height.
         arm_known: whether it is known where the arm stands: its last motion was acknowledged.
         may_hold_fixed: whether the fingers may hold something that may be fixed to the table.
 
     Returns:
-        One sentence a step: what was reached, and what failed.
+        One sentence a step: its success or failure.
     """
     fingers = _stop_fingers(gripper)
     if not arm_known:
@@ -47,7 +47,7 @@ def reach_safe_state(
 
 @contextmanager
 def fingers_stop(gripper: Gripper) -> Iterator[None]:
-    """Stop the fingers on every exception; what came of it is a note of the error, told with it."""
+    """Context that stops the fingers on every exception, and notes the result in the error."""
     try:
         yield
     except BaseException as error:
@@ -59,7 +59,7 @@ def _stop_fingers(gripper: Gripper) -> str:
     try:
         gripper.stop()
         seen = gripper.state()
-    except Exception as error:  # whatever it is, the arm still has to be brought up
+    except Exception as error:  # on any error the arm still has to be brought up
         return f"fingers: NOT KNOWN TO BE STOPPED: {error}"
     if seen.moving:
         return "fingers: NOT KNOWN TO BE STOPPED: they still move"

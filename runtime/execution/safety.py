@@ -1,4 +1,4 @@
-"""The checks before every motion: what the table asks for, the gripper, the target, the place reached."""
+"""Checks before every motion: the table, the gripper, the target, the place reached."""
 
 from math import hypot, isfinite, remainder, tau
 
@@ -8,14 +8,13 @@ from runtime.table import Limits, Table
 from runtime.traversal.decision import release_point
 from runtime.traversal.geometry import MOST_TURNS, end_of, placement, sent
 
-# How far an arm, as it tells itself, may stand from where it was sent; farther off, it was displaced.
-# It reads back 0.01 mm and a quaternion of three decimals, about 0.1 deg (open_abb, SERVER.mod).
+# Largest distance of an arm, by its own reading, from where it was sent; beyond, it was displaced.
 PLACED_MM = 0.5
 PLACED_RAD = 0.01
 
 
 def check_table(table: Table) -> None:
-    """Check that the gripper can do what the table asks, before anything is connected.
+    """Checks that the gripper can execute the table, before anything is connected.
 
     Raises:
         TableError: naming the first node whose speed or force lies outside the gripper's range.
@@ -38,17 +37,17 @@ def check_table(table: Table) -> None:
 
 
 def needs_activation(state: GripperState) -> bool:
-    """Whether only an activation, which clears faults, makes it ready to move."""
+    """Whether the gripper needs an activation, which clears faults, before it can move."""
     return not state.activated or state.fault != 0
 
 
 def ready_gripper(gripper: Gripper, asked_um: int | None = None) -> GripperState:
-    """Read the gripper and check that it, or the arm, may be moved.
+    """Reads the gripper and checks that it, or the arm, may be moved.
 
-    It may be on its way to `asked_um`, where this run asked it to go there.
+    It may be moving to `asked_um`, the last request of this run.
 
     Raises:
-        GripperStateError: not activated, in fault, or moving without having been asked to.
+        GripperStateError: not activated, in fault, or moving without a request.
     """
     state = gripper.state()
     if state.fault:
@@ -75,9 +74,9 @@ def stroke(
     force_n: float,
     asked_um: int | None = None,
 ) -> Settled:
-    """Move the jaws of a gripper that is ready, and wait until they have settled.
+    """Moves the jaws of a gripper that is ready, and waits until they have settled.
 
-    They may be on their way to `asked_um`, as of `ready_gripper`.
+    They may be moving to `asked_um`, see `ready_gripper`.
 
     Raises:
         GripperStateError: it is not ready.
@@ -88,10 +87,10 @@ def stroke(
 
 
 def check_target(pose: PoseOfHand, limits: Limits) -> None:
-    """Check where the arm is about to be sent.
+    """Checks a target of the arm.
 
     Raises:
-        MotionRefusedError: not a number, outside the work area, or at a height nobody planned for.
+        MotionRefusedError: not a number, outside the work area, or at a height outside the planned range.
     """
     x_mm, y_mm, z_mm, angle_rad = pose
     area = limits.work_area_um
@@ -113,7 +112,7 @@ def check_target(pose: PoseOfHand, limits: Limits) -> None:
 
 
 def check_places(table: Table, middle_mm: float) -> None:
-    """Check that the arm may be sent to all places of a table, as far beside them as the fingers meet.
+    """Checks that the arm may be sent to all places of a table, shifted to where the fingers meet.
 
     Raises:
         MotionRefusedError: one of them lies outside the work area then.
@@ -129,7 +128,7 @@ def check_places(table: Table, middle_mm: float) -> None:
 
 
 def check_placed(arm: Arm, target: PoseOfHand) -> PoseOfHand:
-    """Read the arm and check that it stands where it was sent, the hand turned as it was sent.
+    """Reads the arm and checks that it stands where it was sent, with the hand at the requested angle.
 
     Returns:
         Where it stands.
@@ -140,7 +139,7 @@ def check_placed(arm: Arm, target: PoseOfHand) -> PoseOfHand:
     pose = x_mm, y_mm, z_mm, angle_rad = arm.pose()
     off_mm = hypot(x_mm - target[0], y_mm - target[1], z_mm - target[2])
     off_rad = abs(remainder(angle_rad - target[3], tau))
-    # Written so that a reading that is no number fails too.
+    # Written so that a reading that is not a number fails, too.
     if not (off_mm <= PLACED_MM and off_rad <= PLACED_RAD):
         raise MotionRefusedError(
             f"the arm stands {off_mm:.2f} mm and {off_rad:.3f} rad off the place it was sent to; "

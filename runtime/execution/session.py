@@ -1,4 +1,4 @@
-"""A run of many parts: feed, execute, compare with the truth where there is one, sum up."""
+"""A run of many parts: feed, execute, compare with the truth if known, sum up."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -24,7 +24,7 @@ CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
 
 
 def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> None:
-    """Make sure that the gripper may be moved; only `activate` lets the fingers sweep.
+    """Makes sure that the gripper may be moved; the fingers sweep only with `activate`.
 
     Raises:
         GripperStateError: it is inactive or in fault, and must not be activated or stays so.
@@ -47,12 +47,11 @@ def run_journalled(
     options: RunOptions = PLAIN,
     broken: Replay | None = None,
 ) -> Tally:
-    """Prepare the gripper, run the parts until one ends the run, and write its last record however it ends.
+    """Prepares the gripper, runs the parts until one ends the run, and writes its last record in any case.
 
-    The journal has its header. `count` includes the parts that a broken run did before; the part at which it
-    broke off comes to its outcome whatever the count. Only where `activate` says so is a gripper activated
-    that is inactive or in fault. JournalError where the last record cannot be written; any other error once
-    it is recorded.
+    The journal has its header. `count` includes the parts before a crash; the part at which the run broke
+    off is finished whatever the count. An inactive or faulty gripper is activated only with `activate`.
+    Raises JournalError where the last record cannot be written, and any other error once it is recorded.
     """
     with ending(cell.journal) as tally:
         first = 1 if broken is None else broken.parts + 1
@@ -67,7 +66,7 @@ def run_journalled(
 
 
 class Batch(NamedTuple):
-    """Parts that are run one after the other."""
+    """Parts to run in sequence."""
 
     # of the parts; the next one is asked for once the one before has its outcome
     numbers: Iterable[int]
@@ -84,14 +83,14 @@ def run_batch(
     batch: Batch,
     options: RunOptions,
 ) -> None:
-    """Prepare the gripper, and run parts until they are over or one ends the run.
+    """Prepares the gripper, and runs parts until they are done or one ends the run.
 
     Raises:
-        Exception: any error but those that a part ends with.
+        Exception: any error other than an outcome of a part.
     """
     tally.takt_s, tally.timed = options.takt_s, options.timed
     broken = batch.broken
-    # Fingers that may hold a part are the executor's to look at, and never sweep.
+    # The executor handles fingers that may hold a part; they never sweep.
     if broken is None or broken.part is None:
         with interrupts.stoppable():
             prepare_gripper(cell.gripper, console, activate=batch.activate)
@@ -117,10 +116,10 @@ def run_batch(
 def put_down(
     table: Table, cell: Cell, console: Console, options: RunOptions
 ) -> Mapping[str, object]:
-    """Put down what the fingers hold, as a run without parts; tells where, and how wide it is.
+    """Puts down what the fingers hold, as a run without parts; returns its place and width.
 
     Raises:
-        Exception: whatever went wrong, once the declared safe state is reached and recorded.
+        Exception: any error, once the declared safe state is reached and recorded.
     """
     hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
     with ending(cell.journal):
@@ -128,7 +127,7 @@ def put_down(
             with interrupts.stoppable():
                 return held.put_down(hand, table, options.delivery, cell.journal)
         except BaseException:
-            # Nobody knows what they hold: after a calibration it may be a block that is clamped.
+            # It is unknown what they hold: after a calibration it may be a clamped block.
             for sentence in reach_safe_state(
                 cell.gripper,
                 cell.arm,
@@ -142,7 +141,7 @@ def put_down(
 
 @contextmanager
 def ending(journal: Journal) -> Iterator[Tally]:
-    """A run, summed up within; its last record is written however it ends.
+    """Context of a run, with its sum; writes its last record in any case.
 
     Raises:
         JournalError: the last record cannot be written.
@@ -160,17 +159,17 @@ def ending(journal: Journal) -> Iterator[Tally]:
 
 
 def end_run(journal: Journal, tally: Tally) -> None:
-    """Write the last record of a run after which another begins in the same call."""
+    """Writes the last record of a run when another begins in the same call."""
     journal.record("end", _end_fields(tally, tally.exit_code, None))
 
 
 def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
-    """Compare a part's predicted pose with the truth."""
+    """Compares a part's predicted pose with the truth."""
     truth = scene.truth()
     true = (truth.x_mm, truth.y_mm, truth.theta_rad)
     if not all(map(isfinite, true)):
         return Sighting(None, None, None, truth.crashes)
-    # A part that was taken away by the last grasp lies elsewhere now.
+    # A delivered part lies elsewhere now.
     leaf = result.leaf_of(table)
     if result.outcome is not Outcome.LEAF or leaf is None or result.delivery is not None:
         return Sighting(true, None, None, truth.crashes, _named(table, truth))
@@ -186,7 +185,7 @@ def _named(table: Table, truth: Truth) -> str | None:
 
 
 def truth_fields(seen: Sighting) -> dict[str, object]:
-    """Where a simulated part really lay, as a journal record holds it."""
+    """The true pose of a simulated part, as fields of a journal record."""
     assert seen.true is not None
     x_mm, y_mm, theta_rad = seen.true
     pose = {

@@ -1,8 +1,8 @@
-"""How the jaws get from one opening to another: the strokes of a closing motion.
+"""Strokes of a closing motion, which take the jaws from one opening to another.
 
-Jaws close at full speed to just before the first contact that the belief allows, then at the squeeze's speed.
-A regulated squeeze (the paper's experiment 8*) closes with the least force until contact, and raises it only
-where that can change anything.
+Jaws close at full speed to just before the first contact that the belief allows, then at the squeeze's
+speed. A regulated squeeze (the paper's experiment 8*) closes with the least force until contact, and raises
+it only where that has an effect.
 """
 
 from math import ceil
@@ -13,21 +13,21 @@ from runtime.execution.reading import CLOSED_UM
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration, Node, Squeeze, Timing
 
-# Largest step of the force between two looks at the reading: a quarter of its range, and its rounding.
+# Largest step of the force between two readings: a quarter of its range, and its rounding.
 RAISE_SHARE = 0.251
 
 
 class Stroke(NamedTuple):
     """One motion of the jaws."""
 
-    request_um: int  # where to, `CLOSED_UM` for as far as they go
+    request_um: int  # target, `CLOSED_UM` for as far as they go
     speed_mm_s: float
     force_n: float
-    advance_mm: float  # height of the arm above the tips' height that the whole stroke needs
+    advance_mm: float  # height of the arm above the tips' height for the whole stroke
 
 
 def is_regulated(squeeze: Squeeze, profile: GripperProfile, *, wanted: bool) -> bool:
-    """Whether a squeeze closes gently first: off where its force is the least one already."""
+    """Whether a squeeze first closes gently: not where its force is the least one already."""
     return wanted and squeeze.force_mn > round(1000 * profile.force_n[0])
 
 
@@ -42,7 +42,7 @@ def closing(
 ) -> list[Stroke]:
     """The strokes, at least one, that close jaws standing `open_mm` apart; the last goes as far as they can.
 
-    A `regulated` one's force is the least until contact; `raising` tells the rest.
+    A `regulated` squeeze has the least force until contact; `raising` gives the forces after it.
     """
     squeeze = node.squeeze
     force = calibration.profile.force_n[0] if regulated else squeeze.force_mn / 1000

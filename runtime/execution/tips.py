@@ -1,4 +1,4 @@
-"""The finger tips on their arc: how far they advance as the jaws close, and stages that keep them level.
+"""The arc of the finger tips: their advance as the jaws close, and stages that keep them level.
 
 The finger links of a 2F gripper are parallelograms: with link length L and offset c, at an opening w the tips
 stand sqrt(L^2 - (w/2 - c)^2) beyond the links' pivots (URDF models of the 2F-85).
@@ -13,12 +13,12 @@ class TipArc:
     """The arc of one gripper's tips; custom fingers change the offset, never the link."""
 
     link_mm: float = 57.15  # L, the finger links' length
-    offset_mm: float = 5.0  # c, how far inside the opening the pads stand of the link's end
+    offset_mm: float = 5.0  # c, how far inside the opening the pads stand from the link's end
     taught_mm: float = 85.0  # the opening at which the arm's tool frame was taught to the tips
-    level_mm: float = 2.0  # how far the tips may be above their height between two stages
+    level_mm: float = 2.0  # tolerated height of the tips above their target between two stages
 
     def advance_mm(self, width_mm: float) -> float:
-        """How much nearer to the table the tips are than where the tool frame was taught."""
+        """How much nearer to the table the tips are than when the tool frame was taught."""
         return self._reach(width_mm) - self._reach(self.taught_mm)
 
     def most_mm(self, least_mm: float, widest_mm: float) -> float:
@@ -26,14 +26,14 @@ class TipArc:
         return self.advance_mm(min(max(2.0 * self.offset_mm, least_mm), widest_mm))
 
     def stages(self, widest_mm: float, least_mm: float) -> list[float]:
-        """Openings between which the tips advance by no more than `level_mm`, in falling order.
+        """Openings between which the tips advance by no more than `level_mm`, in descending order.
 
-        The first, where the jaws stand, is not among them, the last is.
+        They exclude the current opening and include the last.
         """
         top_mm = max(2.0 * self.offset_mm, least_mm)
         widths: list[float] = []
         reach = self._reach(widest_mm) + self.level_mm
-        # Below the arc's top the tips only draw back, by less than anything that matters.
+        # Below the arc's top the tips only draw back, by a negligible amount.
         while widest_mm > top_mm and reach < self._reach(top_mm):
             widths.append(2.0 * (self.offset_mm + sqrt(self.link_mm**2 - reach**2)))
             reach += self.level_mm

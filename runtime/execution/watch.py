@@ -1,4 +1,4 @@
-"""The deadline of one squeeze, checked while its devices are waited for, and which of them exceeded it."""
+"""The deadline of one squeeze, checked during its device calls, and which device exceeded it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,7 +11,7 @@ from runtime.shell import interrupts
 from runtime.shell.errors import DeviceError
 from runtime.table import Node, Schedule, Table, job_of
 
-# How much longer than stroke and path take at the commanded speeds one squeeze may last.
+# Longest duration of a squeeze, as a factor of stroke and path at the commanded speeds.
 DEADLINE_FACTOR = 3.0
 ARM, GRIPPER, MACHINE = "arm", "gripper", "this machine"
 REMEDIES = {
@@ -23,21 +23,22 @@ Device = TypeVar("Device")
 
 
 class Expected(NamedTuple):
-    """Cell seconds that a squeeze takes at the commanded speeds, by the device that is waited for."""
+    """Cell seconds of a squeeze at the commanded speeds, by device."""
 
     arm_s: float
     gripper_s: float
 
     @property
     def total_s(self) -> float:
-        """Both, one after the other."""
+        """Sum of both."""
         return self.arm_s + self.gripper_s
 
 
 def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Expected:
-    """Cell seconds of the longest path: across the work area, a turn, up, down; and of three slow strokes.
+    """Cell seconds of the longest squeeze: across the work area, a turn, up, down; and three slow strokes.
 
-    The same for each push, and its way. A stroke may be as slow as that, or as the gripper's least speed.
+    Plus the same for each push, and its way. A stroke takes `slowest_um_s`, if given, or the gripper's
+    least speed.
     """
     timing = Schedule.of(table, job_of(table)).timing
     slowest_um_s = slowest_um_s or table.gripper.least_speed_um_s
@@ -55,10 +56,10 @@ def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Ex
 
 
 class Watch:
-    """Counts the seconds that each device is waited for; within `squeeze` each call has to begin in time.
+    """Counts the seconds of each device; within `squeeze` each call has to begin in time.
 
-    The time from one call to the next counts for the device that was called. Where stop requests are listened
-    to, a call that is under way at the deadline is ended as by one.
+    The time from one call to the next counts for the device that was called. Where stop requests are
+    handled, the deadline ends a call under way like a stop request.
     """
 
     def __init__(self, clock: SystemClock) -> None:
@@ -70,15 +71,16 @@ class Watch:
         self._called = MACHINE
 
     def watched(self, device: Device, name: str) -> Device:
-        """The same device, whose calls count; of `MACHINE`, the journal, none comes too late."""
+        """Wraps a device so that its calls count; calls of `MACHINE`, the journal, are never too late."""
         return cast(Device, _Watched(device, name, self))
 
     @contextmanager
     def squeeze(self, expected: Expected, patience: float = 1.0) -> Iterator[None]:
-        """A squeeze, which may last `DEADLINE_FACTOR` times as long as expected, and `patience` times that.
+        """Context of a squeeze, which may last `patience` x `DEADLINE_FACTOR` times its expected duration.
 
         Raises:
-            MotionRefusedError: it lasts longer because of the arm. GripperStateError: of anything else.
+            MotionRefusedError: it lasts longer because of the arm.
+            GripperStateError: it lasts longer because of anything else.
         """
         self._expected, self._spent = expected, dict.fromkeys(REMEDIES, 0.0)
         self._began = self._since = self._clock.now()
@@ -92,7 +94,7 @@ class Watch:
             self._deadline = inf
 
     def call(self, name: str) -> None:
-        """A device is called now; raises if that is too late."""
+        """Registers a call of a device; raises if it is too late."""
         self._count()
         self._called = name
         if name != MACHINE:
@@ -103,7 +105,7 @@ class Watch:
             raise self._late()
 
     def _count(self) -> float:
-        """Count the time since the last call; returns the time."""
+        """Counts the time since the last call; returns the time."""
         now = self._clock.now()
         self._spent[self._called] += now - self._since
         self._since = now

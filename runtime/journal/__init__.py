@@ -1,1 +1,1 @@
-"""The journal of a run: its chain of records, replay, export."""
+"""The journal of a run: chain of records, replay, export."""

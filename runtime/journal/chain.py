@@ -1,7 +1,7 @@
 """The journal of a run: append-only JSON lines, chained by their digests.
 
 A line's last field, `digest`, is the SHA-256 of the line without that field; `previous` is the digest of the
-line before. So a changed, missing or inserted line shows.
+line before. So a changed, missing or inserted line is detected.
 
 A record is on the disk when `Journal.record` returns. A run begins with a header that embeds the table, so
 that the file alone is enough to check every decision, and ends with a record of kind `end`; a run without it
@@ -10,9 +10,9 @@ broke off. In between, for each part: `part`, then a `placed` and a `squeeze` fo
 PLC asked for `trigger`; after a crash `resume` and `freed`; instead of parts `put_down`; and anywhere `link`,
 a retry or a failure on the way to the gripper.
 
-A file that has grown long ends, between two parts, with a record of kind `seal`, and the chain goes on in a
-new file, which begins with the run's header again: `after_part` tells after which part. So the latest file is
-enough to know how the last run stands, however long the journal is.
+A long file ends, between two parts, with a record of kind `seal`, and the chain continues in a new file,
+which begins with the run's header again and the number `after_part` of the last part. So the latest file is
+enough to know the state of the last run, however long the journal is.
 """
 
 import base64
@@ -33,19 +33,19 @@ from runtime.shell import interrupts
 from runtime.shell.sealed_lines import sealed, sealed_segments
 
 SEGMENT_BYTES = 8 << 20  # records of a file, its header left out, before it is sealed
-# kept; of a link so bad that connecting takes more, the first ones tell enough
+# most incidents kept; of a very bad link the first ones are enough
 MOST_INCIDENTS = 1000
 
 
 class Journal:
     """A journal being written. An existing one is verified from its last seal on and continued.
 
-    A last line that a crash cut short is cut off: its record never returned, so nothing was done upon it. A
-    file that holds anything else is left as it is.
+    An incomplete last line is cut off: its record never returned, so nothing was done because of it. A file
+    with any other content is left unchanged.
 
-    Before each record the file is compared with what was written. Where it was removed, renamed, replaced or
-    cut, the record is refused; it may have been missing for the next run otherwise. What the run has recorded
-    and still records is kept in `files.broken_of`, and no run goes on with the journal before it is put back.
+    Before each record the file is compared with what was written. If it was removed, renamed, replaced or
+    truncated, the record is refused, since the next run might miss it. All records of the run, also later
+    ones, are kept in `files.broken_of`, and no run continues the journal before they are put back.
     """
 
     def __init__(
@@ -55,25 +55,25 @@ class Journal:
         uptime: Callable[[], Mapping[str, object]] = dict,
         segment_bytes: int = SEGMENT_BYTES,
     ) -> None:
-        """Create the file, or verify it and go on at its end.
+        """Creates the file, or verifies it and continues at its end.
 
         Args:
             path: the file.
-            stamp: dates each record: `SystemClock.stamp`.
-            uptime: tells by a clock that nobody sets when it was written: `SystemClock.uptime`.
-            segment_bytes: length from which on the file is sealed, its first record left out.
+            stamp: gives the date of each record: `SystemClock.stamp`.
+            uptime: gives the time of each record by a clock that cannot be set: `SystemClock.uptime`.
+            segment_bytes: length above which the file is sealed, without its first record.
 
         Raises:
-            JournalError: it cannot be opened, another process writes it, or what it holds does not verify.
+            JournalError: it cannot be opened, another process writes it, or its content does not verify.
         """
         self.path = path
-        self.cut_bytes = 0  # length of the unfinished line that was cut off
-        # The last run's header and the records of its last part, as they were when the journal was opened.
+        self.cut_bytes = 0  # length of the incomplete line that was cut off
+        # The last run's header and the records of its last part, when the journal was opened.
         self.last_part: list[Entry] = []
         self._stamp, self._uptime, self._segment_bytes = stamp, uptime, segment_bytes
-        self._place = path  # of the file that is written
+        self._place = path  # of the file being written
         self._header: Mapping[str, object] = {}  # the fields of the run's header
-        self._full_bytes = segment_bytes  # length from which on the file is sealed
+        self._full_bytes = segment_bytes  # length above which the file is sealed
         self._failed = False
         self._file = -1
         try:
@@ -87,7 +87,7 @@ class Journal:
             raise
 
     def _verify(self) -> Verified:
-        """Verify the file; only then cut what a crash left unfinished at its end."""
+        """Verifies the file; only then cuts an incomplete line at its end."""
         start = end = files.start_of(self.path)
         with open(self._file, "rb", closefd=False) as file:
             for entry, end in follow(self.path, file, start, torn=True):
@@ -117,7 +117,7 @@ class Journal:
             self.last_part.append(entry)
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
-        """Write the first record: the table's bytes and their digest, and what else tells the run apart.
+        """Writes the first record: the table's bytes and their digest, and the other fields of the run.
 
         Raises:
             JournalError: it cannot be written.
@@ -130,10 +130,11 @@ class Journal:
         self.record("header", {**fields, **embedded})
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
-        """Append one record and bring it to the disk.
+        """Appends one record and writes it to the disk.
 
         Raises:
-            JournalError: it cannot be written: full disk, lost mount, closed journal, a file moved or cut.
+            JournalError: it cannot be written: full disk, lost mount, closed journal, a file moved or
+                truncated.
             ValueError: a field has a reserved name or is not a number JSON can hold.
         """
         if clash := RESERVED & fields.keys():
@@ -150,7 +151,7 @@ class Journal:
         self._append(kind, fields)
 
     def _check(self) -> None:
-        """Check that the file is the one that was written."""
+        """Checks that the file is the one that was written."""
         if self._failed:
             raise JournalError(
                 self.path,
@@ -168,7 +169,7 @@ class Journal:
             )
 
     def _keep_apart(self) -> str:
-        """Go on in a file of its own; tells what is in it."""
+        """Continues in `files.broken_of`; returns its content in words."""
         before = self._file
         self._failed = True
         try:
@@ -191,7 +192,7 @@ class Journal:
         try:
             _write_all(self._file, line)
             os.fsync(self._file)
-            # One assignment: a stop request comes before it or after it, never in between.
+            # One assignment: a stop request comes before or after it, never in between.
             self._end = end._replace(
                 head=digest, records=end.records + 1, size=end.size + len(line)
             )
@@ -211,7 +212,7 @@ class Journal:
         return sealed(body.encode("ascii"))
 
     def _rotate(self, header: Mapping[str, object]) -> None:
-        """Seal the file, and begin the next one with a header."""
+        """Seals the file, and begins the next one with a header."""
         with interrupts.whole():
             number = self._end.segments + 1
             self._append("seal", {"segment": number})
@@ -227,13 +228,13 @@ class Journal:
             self._full_bytes = len(line) + self._segment_bytes
 
     def _take_back(self) -> None:
-        """Remove a line that was written in part, or wholly but is not counted yet."""
+        """Removes a line that was written in part, or completely but not counted yet."""
         with contextlib.suppress(OSError):
             if os.fstat(self._file).st_size > self._end.size:
                 os.ftruncate(self._file, self._end.size)
 
     def close(self) -> None:
-        """Close the file; nothing can be recorded afterwards. Closing twice is harmless."""
+        """Closes the file; nothing can be recorded afterwards. Idempotent."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -246,9 +247,9 @@ class Journal:
 
 
 class Incidents:
-    """Retries and failures on the drivers' links, kept until there is a journal to write them to.
+    """Retries and failures on the drivers' links, kept until a journal exists.
 
-    It begins before the journal does: a run that was refused leaves no file.
+    It begins before the journal does, since a refused run leaves no file.
     """
 
     def __init__(self) -> None:
@@ -256,14 +257,14 @@ class Incidents:
         self._kept: list[tuple[str, Mapping[str, object]]] = []
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
-        """Write one incident, or keep it; as `Journal.record`."""
+        """Writes one incident, or keeps it; see `Journal.record`."""
         if self._journal is not None:
             self._journal.record(kind, fields)
         elif len(self._kept) < MOST_INCIDENTS:
             self._kept.append((kind, fields))
 
     def hand_over(self, journal: Journal) -> None:
-        """Write what was kept, as `Journal.record` does; from now on write at once."""
+        """Writes the kept incidents, see `Journal.record`; from now on incidents are written at once."""
         self._journal = journal
         for kind, fields in self._kept:
             journal.record(kind, fields)
@@ -271,7 +272,7 @@ class Incidents:
 
 
 def verify(path: Path) -> Verified:
-    """Check every line of a journal: whole, numbered, chained, its tables intact; or JournalError."""
+    """Checks every line of a journal: complete, numbered, chained, its tables intact; raises JournalError."""
     sealed_before = files.check_whole(path)
     latest = deque(_followed(path), maxlen=1)
     if not latest or latest[0][1].segments < len(sealed_before):
@@ -280,17 +281,17 @@ def verify(path: Path) -> Verified:
 
 
 def records(path: Path) -> Iterator[dict[str, object]]:
-    """The records of a journal, each checked against the chain before it is given out.
+    """The records of a journal, each checked against the chain before it is yielded.
 
     Raises:
-        JournalError: a file cannot be read, or naming the first line that does not verify.
+        JournalError: a file cannot be read, or a line does not verify; names the first one.
     """
     for entry, _ in _followed(path):
         yield entry
 
 
 def _followed(path: Path) -> Iterator[tuple[dict[str, object], Verified]]:
-    """The records of all segments, each with what the journal then holds."""
+    """The records of all segments, each with the state of the journal after it."""
     seen = Verified()
     try:
         with path.open("rb") as latest:

@@ -1,4 +1,4 @@
-"""A journal as a table for statistics: one row a squeeze, with its part's end beside it."""
+"""A journal as a table for statistics: one row for each squeeze, with its part's end."""
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
@@ -8,7 +8,7 @@ from runtime.journal.lines import Entry, begins_run
 from runtime.shell.errors import UsageError
 from runtime.shell.files import STDOUT, writing
 
-UNITS = {"um": ("mm", 1e3), "urad": ("rad", 1e6)}  # of records, and what rows are in instead
+UNITS = {"um": ("mm", 1e3), "urad": ("rad", 1e6)}  # units in records, and in rows
 
 
 def column(field: str) -> str:
@@ -33,7 +33,7 @@ Row = dict[str, object]
 
 
 def rows(entries: Iterable[Entry]) -> Iterator[Row]:
-    """One row for each squeeze of a journal, in order; a part without an end has none beside it."""
+    """One row for each squeeze of a journal, in order; columns of the part's end may be empty."""
     run, table, part = 0, "", []
     for entry in entries:
         kind = entry["kind"]
@@ -52,12 +52,12 @@ def rows(entries: Iterable[Entry]) -> Iterator[Row]:
 def write_rows(
     rows: Iterable[Row], path: Path, option: str, columns: Sequence[str] = COLUMNS
 ) -> int:
-    """Write rows as CSV, also to standard output; returns their number.
+    """Writes rows as CSV to a file or standard output; returns their number.
 
     Args:
         rows: the rows.
         path: the file.
-        option: that named it.
+        option: the option that named the file.
         columns: names of the columns, in order.
 
     Raises:

@@ -1,9 +1,9 @@
-"""The files of a journal: the one being written, its sealed segments, and what a rotation leaves half done.
+"""Files of a journal: the one being written, its sealed segments, and the files of a half-done rotation.
 
 Of the journal `J` the sealed segments are `J.000001`, `J.000002` and so on; `J` itself holds the latest
-records. A rotation writes the new segment as `J.next`, renames `J`, then renames `J.next`: at any moment the
-latest records are in `J`, or in `J.next` where there is no `J`. `J.broken` keeps the records of a run whose
-journal was moved or cut beneath it.
+records. A rotation writes the new segment as `J.next`, renames `J`, then renames `J.next`: at any moment
+the latest records are in `J`, or in `J.next` where there is no `J`. `J.broken` keeps the records of a run
+whose journal was moved or truncated during the run.
 """
 
 import contextlib
@@ -26,26 +26,26 @@ MOST_SEAL_BYTES = 4096
 
 
 def next_of(path: Path) -> Path:
-    """The segment that a rotation is about to put in a journal's place."""
+    """The segment that a rotation is about to move to a journal's place."""
     return path.with_name(f"{path.name}.next")
 
 
 def broken_of(path: Path) -> Path:
-    """The file that keeps the records of a run whose journal was moved or cut."""
+    """The file that keeps the records of a run whose journal was moved or truncated."""
     return path.with_name(f"{path.name}.broken")
 
 
 def exists(path: Path) -> bool:
-    """Whether there is a journal, or anything of one."""
+    """Whether any file of a journal exists."""
     if any(map(os.path.lexists, (path, next_of(path), broken_of(path)))):
         return True
-    with contextlib.suppress(OSError):  # a folder that is none is told when the journal is begun
+    with contextlib.suppress(OSError):  # an invalid folder is reported when the journal is begun
         return bool(sealed_segments(path))
     return False
 
 
 def check_whole(path: Path) -> list[Path]:
-    """The sealed segments of a journal, none of which is missing.
+    """The sealed segments of a journal; checks that none is missing.
 
     Raises:
         JournalError: one is missing, or a run's records lie apart from the journal.
@@ -64,7 +64,7 @@ def check_whole(path: Path) -> list[Path]:
 
 
 def start_of(path: Path) -> Verified:
-    """What a journal holds before its own file, by the last line of the segment before it.
+    """State of a journal before its own file, by the last line of the segment before it.
 
     Raises:
         JournalError: a segment is missing, or the last one does not end with its seal.
@@ -85,11 +85,11 @@ def start_of(path: Path) -> Verified:
 
 
 def claim(path: Path) -> int:
-    """A descriptor of a journal's own file, locked; made if need be, and never reached through a link.
+    """A locked descriptor of a journal's own file, created if need be, and never reached through a link.
 
     Raises:
-        JournalError: it is no regular file, it is a segment, another process writes it, or it is gone and its
-            segments are there.
+        JournalError: it is not a regular file, it is a segment, another process writes it, or it is missing
+            although its segments exist.
         OSError: it cannot be opened.
     """
     check_whole(path)
@@ -108,7 +108,7 @@ def claim(path: Path) -> int:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if opened != path:
-            opened.rename(path)  # a rotation that a crash cut short
+            opened.rename(path)  # a rotation interrupted by a crash
         bring_to_disk(path.parent)
         _check_claimed(path, file)
     except BlockingIOError:
@@ -130,7 +130,7 @@ def _busy(path: Path) -> JournalError:
 
 
 def opened_regular(path: Path, mode: int, flags: int = 0) -> int:
-    """A descriptor to append to a regular file, made if need be with this mode."""
+    """A descriptor to append to a regular file, created with this mode if need be."""
     with contextlib.suppress(FileNotFoundError):
         _check_regular(path, path.lstat().st_mode)
     file = os.open(path, FLAGS | flags, mode)
@@ -148,7 +148,7 @@ def _check_regular(path: Path, mode: int) -> None:
 
 
 def displacement(path: Path, file: int, size: int) -> str:
-    """What happened to an open file that should lie at a path with a size; "" where it still does."""
+    """What happened to an open file that should be at a path with a size; "" if nothing."""
     opened = os.fstat(file)
     try:
         there = path.lstat()
@@ -162,13 +162,13 @@ def displacement(path: Path, file: int, size: int) -> str:
 
 
 def copy_aside(path: Path, file: int, size: int) -> tuple[int, int]:
-    """Begin a journal's `J.broken` with the first `size` bytes of its open file, as far as they are there.
+    """Starts a journal's `J.broken` with the first `size` bytes of its open file, as far as available.
 
     Returns:
-        Its descriptor, locked, and its length: `size` or, of a file that was cut, 0.
+        Its descriptor, locked, and its length: `size` or, for a truncated file, 0.
 
     Raises:
-        OSError: it cannot be written, or is there already.
+        OSError: it cannot be written, or exists already.
     """
     aside = os.open(broken_of(path), FLAGS | os.O_EXCL, stat.S_IMODE(os.fstat(file).st_mode))
     try:
@@ -185,13 +185,13 @@ def copy_aside(path: Path, file: int, size: int) -> tuple[int, int]:
 
 
 def rotate(path: Path, file: int, number: int, line: bytes) -> int:
-    """Seal a journal's own file as its segment of this number, and begin the next one with a line.
+    """Seals a journal's own file as the segment `number`, and starts the next one with a line.
 
     Returns:
         The new file's descriptor, locked; the old one stays open.
 
     Raises:
-        OSError: it cannot be written. Whoever opens the journal next finishes a rotation that went half way.
+        OSError: it cannot be written. The next opening of the journal completes a half-done rotation.
     """
     name = next_of(path)
     new = opened_regular(name, 0o644, os.O_TRUNC)
@@ -210,6 +210,6 @@ def rotate(path: Path, file: int, number: int, line: bytes) -> int:
 
 
 def write_all(file: int, data: bytes) -> None:
-    """Write all of the data, in as many pieces as it takes."""
+    """Writes all of the data, in as many pieces as needed."""
     while data:
         data = data[os.write(file, data) :]

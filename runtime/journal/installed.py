@@ -1,8 +1,8 @@
-"""The log of what was installed in a cell and when: a journal beside the runs' journal.
+"""Log of the software installed in a cell and its dates: a journal beside the runs' journal.
 
-Each of its records embeds a table and says which calibration, versions and signature went with it. One is
-added when a run begins with anything else than the last one says, so that a run leaves the log as it is as
-long as nothing has changed. Chain, locks and segments are the journal's, and `grasp-journal` reads it.
+Each record embeds a table with its calibration, versions and signature. A run adds a record only if
+anything differs from the last one. Chain, locks and segments are those of the journal, and `grasp-journal`
+reads it.
 """
 
 import hashlib
@@ -27,13 +27,13 @@ def note(
     stamp: Callable[[], str],
     uptime: Callable[[], Mapping[str, object]],
 ) -> bool:
-    """Add what a run is about to use to the log, unless it says so already; whether it was added.
+    """Adds the software of a run to the log if it differs from the last record; returns whether it was added.
 
     Args:
         journal: of the run; the log is `log_of` it.
         table: the table's bytes.
-        fields: what else is installed, as JSON holds it.
-        stamp: dates a record: `SystemClock.stamp`.
+        fields: the other installed software, in the form of JSON.
+        stamp: gives the date of a record: `SystemClock.stamp`.
         uptime: as for `Journal`: `SystemClock.uptime`.
 
     Raises:

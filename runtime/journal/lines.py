@@ -14,25 +14,25 @@ from runtime.shell.sealed_lines import GENESIS, is_intact
 VERSION = 1
 MAX_LINE_BYTES = 8 << 20
 OPENING = b'{"seq":'
-RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})  # what every record has
-UPTIME = frozenset({"boot", "up_s"})  # what those of a machine that tells it have besides
+RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})  # fields of every record
+UPTIME = frozenset({"boot", "up_s"})  # further fields on machines that provide them
 
 
 Entry = Mapping[str, object]
 
 
 class Verified(NamedTuple):
-    """What a journal that verifies holds."""
+    """State of a verified journal."""
 
-    head: str = GENESIS  # digest of the last record, what the next one has to hold
+    head: str = GENESIS  # digest of the last record, which the next one has to hold
     records: int = 0  # number of records
-    size: int = 0  # length of those in the journal's own file, bytes
+    size: int = 0  # length of the records in the journal's own file, bytes
     runs: int = 0  # number of runs, each begun by a header
     closed: bool = True  # whether the last run wrote its last record
     segments: int = 0  # number of sealed segments before the journal's own file
 
     def after(self, entry: Entry, length: int) -> "Verified":
-        """What it is with one more record, of a line of so many bytes."""
+        """The state after one more record, of a line of `length` bytes."""
         return self._replace(
             head=str(entry["digest"]),
             records=self.records + 1,
@@ -43,23 +43,23 @@ class Verified(NamedTuple):
 
 
 def begins_run(entry: Entry) -> bool:
-    """Whether a record begins a run; the header of a segment in the midst of one does not."""
+    """Whether a record begins a run; the header of a segment within a run does not."""
     return entry["kind"] == "header" and "after_part" not in entry
 
 
 def follow(
     path: Path, file: BinaryIO, seen: Verified, *, torn: bool = False
 ) -> Iterator[tuple[dict[str, object], Verified]]:
-    """The records of an open file, each with what the journal then holds.
+    """The records of an open file, each with the state of the journal after it.
 
     Args:
         path: the file's name.
         file: the file, at its beginning.
-        seen: what the journal holds before it.
-        torn: whether it may end with the beginning of a record.
+        seen: state of the journal before it.
+        torn: whether it may end with an incomplete record.
 
     Raises:
-        JournalError: naming the first line that does not verify.
+        JournalError: a line does not verify; names the first one.
     """
     for number in count(1):
         line = file.readline(MAX_LINE_BYTES)
@@ -82,17 +82,17 @@ def is_begun(line: bytes, seq: int) -> bool:
 
 
 def checked(path: Path, number: int, line: bytes, seq: int, previous: str) -> dict[str, object]:
-    """The record of a line.
+    """Parses and checks the record of a line.
 
     Args:
         path: the file.
         number: of the line in it, from 1.
         line: the line with its end.
-        seq: the sequence number that it has to have.
+        seq: the expected sequence number.
         previous: digest of the line before.
 
     Raises:
-        JournalError: the line is no such record.
+        JournalError: the line is not that record.
     """
     if is_begun(line, seq) or (line.startswith(OPENING) and not line.endswith(b"\n")):
         raise TornError(path, "cut short; the run ended while it was written", number)

@@ -1,4 +1,4 @@
-"""Replays a journal: derives its decisions again, record by record, from its counts and embedded tables.
+"""Replay of a journal: derives its decisions again, record by record, from counts and embedded tables.
 
 It drives the same program of a part (`traversal.program`) as the executor, so a resumed run and a replay
 agree on where a part stood, or report where they do not.
@@ -21,7 +21,7 @@ UNDECIDED = {outcome.value for outcome in Outcome} - DECIDED.keys()
 
 
 class Last(Enum):
-    """What a part's latest record tells of the hand."""
+    """State of the hand after a part's latest record."""
 
     AWAY = "away"  # it touches nothing
     PUSHING = "pushing"  # between the first push before a squeeze and that squeeze's place
@@ -37,28 +37,28 @@ class Finding(NamedTuple):
 
 
 class Replay:
-    """The state of the run that a journal's records have told so far."""
+    """State of the run after the journal's records so far."""
 
     def __init__(self) -> None:
         self.table: Table | None = None
         self.header: Entry = {}
         self.policy = Policy()
         self.closed = True  # whether the run's last record was seen
-        self.over = False  # whether its last part's outcome was one that ends a run
+        self.over = False  # whether its last part's outcome ends a run
         self.decisions = 0  # squeezes derived so far, over all runs
-        self.parts = 0  # parts that came to an outcome
-        # The node that last squeezed the part and the target it led to; AWAY: the fingers have let go there.
+        self.parts = 0  # parts with an outcome
+        # The node that last squeezed the part and its target; AWAY: the fingers have released it.
         self.held_at: tuple[int, int | None] | None = None
         self._found: int | None = None  # the leaf whose delivery was begun
         self._begin(None)
 
     def follow(self, entries: Iterable[Entry]) -> Iterator[Finding]:
-        """Go through a journal's records in order and tell what does not follow from those before."""
+        """Goes through a journal's records in order and yields those that do not follow from earlier ones."""
         for entry in entries:
             seq = int(str(entry["seq"]))
             try:
                 yield from (Finding(seq, sentence) for sentence in self._take(entry))
-            except Exception as error:  # a journal is a file, and holds what anybody wrote
+            except Exception as error:  # a journal is a file that anybody may have written
                 yield Finding(seq, f"record {entry.get('kind')!r} cannot be followed: {error!r}")
 
     def _take(self, entry: Entry) -> Iterator[str]:
@@ -66,7 +66,7 @@ class Replay:
         if kind == "header":
             self._open(entry)
         elif kind == "part":
-            self.over = False  # a robot that asks goes on after a part that was given up
+            self.over = False  # a robot that uses --serve continues after a part that was given up
             self._begin(_integer(entry, "part"))
             self.parts = _integer(entry, "part") - 1
         elif kind == "turned":
@@ -103,13 +103,13 @@ class Replay:
         )
         self._program = Program(table, self.calibration, self.policy)
         self.header, self.closed, self.over = entry, False, False
-        # The header of a segment in the midst of a run: the parts before it are in the segments before.
+        # The header of a segment within a run: the parts before it are in earlier segments.
         self.parts = _integer(entry, "after_part") if "after_part" in entry else 0
         self._begin(None)
 
     def _begin(self, part: int | None) -> None:
         self.part = part  # its number, None before the first and between two
-        self.turn_urad = 0  # by which its plan is turned about the origin
+        self.turn_urad = 0  # angle by which its plan is turned about the origin
         self.steps: list[Step] = []
         self.traversal = TraversalState()
         self.delivering = False  # whether the part was being carried
@@ -126,7 +126,7 @@ class Replay:
         yield from self._expect(entry)
         index, reading_um = _integer(entry, "node"), _integer(entry, "reading_um")
         reading = Reading(reading_um, ObjectState(_integer(entry, "object_flag")))
-        # Where the record is at another node than the path, what follows from there is told.
+        # If the record is at another node than the path, the replay continues from there.
         state = self.traversal._replace(node=index, outcome=None)
         requests = self._program.part(_integer(entry, "part"), state, self.steps)
         release = released(requests, next(requests), reading)
@@ -155,7 +155,7 @@ class Replay:
                 yield f"reports exit code {entry.get('exit_code')}, {outcome.name} has {EXIT_CODES[outcome]}"
         if self.part is None and outcome is not None:
             yield f"reports {outcome.name}; no part is under way"
-        # A stop request may come just after a part's own outcome, and tell of that part once more.
+        # A stop request may come just after a part's outcome, and record that part once more.
         self.parts += self.part is not None
         self.over = self.policy.ends_run(Outcome(entry["outcome"]))
         self._begin(None)

@@ -1,4 +1,4 @@
-"""Where the seconds of a journal's parts go: phase by phase, and as a distribution."""
+"""Seconds of a journal's parts: phase by phase, and as a distribution."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -10,12 +10,12 @@ from runtime.table import Phases, phases_of, takt_figures, takt_text, time_of
 
 
 class Times(NamedTuple):
-    """What the parts of a journal took."""
+    """Times of the parts of a journal."""
 
     parts: int  # with an outcome and seconds
     squeezes: int
     phases: dict[str, float]  # mean seconds a part, by the name of the phase
-    figures: dict[str, float]  # of `runtime.table.takt`; empty without a part
+    figures: dict[str, float]  # from `runtime.table.takt`; empty without a part
 
     def fields(self) -> dict[str, object]:
         """For machines."""
@@ -46,10 +46,10 @@ class Times(NamedTuple):
 
 
 def times_of(entries: Iterable[Entry], takt_s: float | None = None) -> Times:
-    """What the records of outcomes tell; those without seconds are passed over.
+    """Times from the records of outcomes; those without seconds are skipped.
 
     Raises:
-        ValueError: a record's seconds are no times.
+        ValueError: a record's seconds are invalid.
     """
     seconds: Counter[float] = Counter()
     spent: list[Phases] = []

@@ -1,1 +1,1 @@
-"""The watchers of a run: console, status, watchdog, live views."""
+"""Observers of a run: console, status, watchdog, live views."""

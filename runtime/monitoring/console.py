@@ -1,4 +1,4 @@
-"""What a run tells its reader: one line a squeeze, one a part, one at the end; or one JSON object a part."""
+"""Output of a run: one line a squeeze, one a part, one at the end; or one JSON object a part."""
 
 import json
 import sys
@@ -20,11 +20,11 @@ class Lines(Console):
         self._table, self._frames = table, answer.frames_of(table)
 
     def note(self, sentence: str) -> None:
-        """Print a sentence."""
+        """Prints a sentence."""
         say(sentence)
 
     def step(self, part: int, step: Step) -> None:
-        """Print pose commanded, width read, node reached."""
+        """Prints the commanded pose, the width read and the node reached."""
         x_mm, y_mm, angle_rad = placement(step.squeeze)
         say(
             f"part {part} squeeze {step.number}: node {step.node}, hand at ({x_mm:.2f}, {y_mm:.2f}) mm, "
@@ -33,7 +33,7 @@ class Lines(Console):
         )
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """Print leaf, predicted pose, success probability, and the true error where it is known."""
+        """Prints leaf, predicted pose, success probability, and the true error if known."""
         message = f"part {result.part}: {result.outcome.name}"
         if (leaf := result.leaf_of(self._table)) is not None:
             success = (
@@ -56,7 +56,7 @@ class Lines(Console):
         say(message)
 
     def summary(self, tally: Tally, journal: Path) -> None:
-        """Print counts of outcomes, parts within the goal, mean squeezes, and where the journal is."""
+        """Prints counts of outcomes, parts within the goal, mean squeezes, and the journal's path."""
         lines = [
             f"{tally.outcomes[outcome]} {outcome.name}"
             for outcome in Outcome
@@ -78,25 +78,25 @@ class Lines(Console):
 
 
 class Objects(Console):
-    """One JSON object a part, which holds everything, on standard output; sentences go to standard error."""
+    """One complete JSON object a part on standard output; messages go to standard error."""
 
     def __init__(self, table: Table, journal: Path) -> None:
         self._table = table
         self._journal = journal
 
     def note(self, sentence: str) -> None:
-        """Print a sentence on standard error."""
+        """Prints a sentence on standard error."""
         say(sentence, sys.stderr)
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """Print the part's object."""
+        """Prints the part's object."""
         say(json.dumps(as_object(self._table, result, seen, self._journal)))
 
 
 def as_object(
     table: Table, result: PartResult, seen: Sighting | None, journal: Path
 ) -> dict[str, object]:
-    """One part for machines, with where it really lies on a simulated cell; units are in the names."""
+    """One part for machines, with its true pose on a simulated cell; units are in the names."""
     leaf = result.leaf_of(table)
     return {
         "part": result.part,
@@ -136,7 +136,7 @@ def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
 
 
 def _names(table: Table, leaf: Leaf | None, seen: Sighting | None) -> dict[str, object]:
-    """Which part it is, answered and in truth, where the table leaves that open."""
+    """The hypothesis, answered and true, where the table leaves it open."""
     if not table.hypotheses:
         return {}
     said = None if leaf is None else table.name_of(leaf)
@@ -168,7 +168,7 @@ def _sentences(result: PartResult) -> list[str]:
 
 
 def _expected_error(leaf: Leaf) -> dict[str, float] | None:
-    """Median and 95th percentile of the trials that ended there [mm]; None without any."""
+    """Median and 95th percentile of the error of the leaf's trials [mm]; None without any."""
     errors_mm = {"median": leaf.error_median_um / 1000, "p95": leaf.error_p95_um / 1000}
     return errors_mm if leaf.trials else None
 

@@ -1,7 +1,7 @@
 """A small read-only HTTP server beside the control loop, which never waits for it.
 
-Its cost is bounded: clients at a time (a thread each), clients a second, bytes of a request, seconds that a
-client may take to ask and to read.
+Its cost is bounded: clients at a time (a thread each), clients a second, bytes of a request, seconds for a
+request and its response.
 """
 
 import contextlib
@@ -13,9 +13,9 @@ from typing import Self
 
 from runtime.devices.clock import SystemClock
 
-MOST_CLIENTS = 8  # one more ends the one that has been here longest
+MOST_CLIENTS = 8  # one more disconnects the oldest
 PATIENCE_S = 5.0
-PAUSE_S = 0.02  # after each client that is let in, so that no more than fifty a second are
+PAUSE_S = 0.02  # pause after each accepted client: at most fifty a second
 MAX_ASK_BYTES = 8192
 # No caching, no guessing of media types, no frames; a response ends with its connection.
 ALWAYS = """\
@@ -27,14 +27,14 @@ Connection: close\r
 
 
 def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
-    """A whole HTTP response with a body of some media type; `more` are header lines, each with its end."""
+    """A complete HTTP response with a body; `more` are header lines, each with its end."""
     status = HTTPStatus(code)
     head = f"HTTP/1.0 {status} {status.phrase}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n"
     return f"{head}{more}{ALWAYS}\r\n".encode() + body
 
 
 class Server:
-    """Answers requests' heads on a socket that listens, in threads of its own; leaving the context ends both.
+    """Answers requests on a listening socket, in separate threads; leaving the context ends both.
 
     Only complete requests are answered; a client that is idle for `PATIENCE_S` is disconnected.
     """
@@ -48,7 +48,7 @@ class Server:
         self._thread.start()
 
     def close(self) -> None:
-        """End all connections and stop listening."""
+        """Ends all connections and stops listening."""
         self._ended.set()
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)  # ends its `accept`
@@ -63,7 +63,8 @@ class Server:
     def _serve(self) -> None:
         with self._listener:
             while not self._ended.is_set():
-                # Gone again, or no descriptor or thread is left: the pause is for that, too.
+                # The client is gone, or there are no descriptors or threads left: the pause helps
+                # there, too.
                 with contextlib.suppress(OSError, RuntimeError):
                     self._let_in(self._listener.accept()[0])
                 self._ended.wait(PAUSE_S)
@@ -81,7 +82,7 @@ class Server:
             self._clients[client] = thread
 
     def _disconnect(self, client: socket.socket) -> None:
-        """End a connection, and so its thread, unless it has ended already."""
+        """Ends a connection, and so its thread, unless it has ended already."""
         with self._lock, contextlib.suppress(OSError):
             if self._clients.pop(client, None) is not None:
                 client.shutdown(socket.SHUT_RDWR)

@@ -1,4 +1,4 @@
-"""Passes the events of a run to its watchers: console, live page, service manager."""
+"""Passes the events of a run to its observers: console, live page, service manager."""
 
 import os
 import socket
@@ -15,14 +15,14 @@ from runtime.shell.command import sentence_of
 from runtime.table import TableFile
 from runtime.traversal.results import Outcome, PartResult, Step
 
-FAREWELL_S = 1.0  # for a page that follows the run to ask once more, and learn how it ended
+FAREWELL_S = 1.0  # for a page to poll once more, and learn how the run ended
 SENT_S = 0.1  # for that answer to be sent
 
 
 class Views(NamedTuple):
-    """Where a run is shown besides the console, None for nowhere; and what its parts are held against."""
+    """Views of a run besides the console, None for none; and references for its parts."""
 
-    http: str | None = None  # a page that follows it, at this `HOST:PORT`
+    http: str | None = None  # address of the live page, `HOST:PORT`
     takt_s: float | None = None  # within which a part should be done
     shifts: tuple[int, ...] = CHANGES  # hours of the day at which shifts change
     journal: Path | None = None  # of earlier runs, whose parts belong to the shift
@@ -31,7 +31,7 @@ class Views(NamedTuple):
 class Monitor(Console):
     """A console that also updates the status and the watchdog; the page is served within its context.
 
-    What the page needs is loaded only if it is asked for.
+    The page's modules are loaded only if it is requested.
     """
 
     def __init__(
@@ -50,31 +50,31 @@ class Monitor(Console):
         notify("READY=1")
 
     def note(self, sentence: str) -> None:
-        """Something the reader should know."""
+        """A message for the reader."""
         self._console.note(sentence)
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """A change of phase, told from the loop's own thread.
+        """The phase changed; called from the loop's thread.
 
-        A loop that hangs in a device falls silent, and the service manager ends it; so `WatchdogSec` has to
-        be longer than the longest phase.
+        A loop that hangs in a device sends no notification, and the service manager ends it; so
+        `WatchdogSec` has to be longer than the longest phase.
         """
         self._status.phase(part, phase, node)
         where = "" if node is None else f", node {node}"
         notify("WATCHDOG=1", f"STATUS=part {part}: {phase.value}{where}")
 
     def step(self, part: int, step: Step) -> None:
-        """One squeeze."""
+        """A squeeze ended."""
         self._status.step(step)
         self._console.step(part, step)
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """One part's end."""
+        """A part ended."""
         self._status.part(result)
         self._console.part(result, seen)
 
     def summary(self, tally: Tally, journal: Path) -> None:
-        """The run's end."""
+        """The run ended."""
         self._status.end(*ended(tally))
         self._console.summary(tally, journal)
 
@@ -104,7 +104,7 @@ class Monitor(Console):
         self._console.note(f"live page: http://{server.address}/{open_to}")
 
     def _say_goodbye(self) -> None:
-        """Let a page that was looked at learn how the run ended: it cannot tell an end from a lost link."""
+        """Lets a page in use read how the run ended: it cannot distinguish an end from a lost link."""
         watched = self._status.watched
         if not watched.is_set():
             return
@@ -114,7 +114,7 @@ class Monitor(Console):
 
 
 def ended(tally: Tally) -> tuple[str, str]:
-    """The grade and the sentence of a run's end, for `Status.end`."""
+    """Grade and sentence of a run's end, for `Status.end`."""
     count, located = tally.parts, tally.outcomes[Outcome.LEAF]
     figures = f"{count} part{'s' * (count != 1)}, {located} located"
     if tally.outcomes[Outcome.FAULT] or tally.outcomes[Outcome.ABORTED]:
@@ -125,7 +125,7 @@ def ended(tally: Tally) -> tuple[str, str]:
 
 
 def notify(*lines: str, environment: Mapping[str, str] = os.environ) -> bool:
-    """Send lines to systemd (sd_notify(3)); whether there is a service manager that took them."""
+    """Sends lines to systemd (sd_notify(3)); returns whether a service manager took them."""
     address = environment.get("NOTIFY_SOCKET", "")
     if not address.startswith(("/", "@")):
         return False
@@ -135,7 +135,7 @@ def notify(*lines: str, environment: Mapping[str, str] = os.environ) -> bool:
         suppress(OSError),
         socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as channel,
     ):
-        channel.setblocking(False)  # a manager that hangs is not waited for
+        channel.setblocking(False)  # does not wait for a manager that hangs
         channel.connect(name)
         channel.sendall("\n".join(lines).encode())
         return True

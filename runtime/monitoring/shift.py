@@ -1,4 +1,4 @@
-"""What a shift comes to: yield, seconds against the takt, and what costs the most parts."""
+"""Figures of a shift: yield, seconds against the takt, and the costliest losses."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,24 +14,24 @@ SHOWN_LOSSES = 6
 
 
 class Loss(NamedTuple):
-    """Parts that were lost in the same way after as many squeezes; what is said of one is of the latest."""
+    """Parts that were lost in the same way after the same number of squeezes; details are of the latest."""
 
     kind: str  # an outcome, "audit" or "delivery"
-    squeeze: int  # how many there were
+    squeeze: int  # number of parts
     node: int | None  # of the last squeeze; None without one
-    width_mm: float | None  # that was read there
+    width_mm: float | None  # width read there
     reason: str
     part: int
     parts: int
 
 
 class Shift:
-    """Counts since the latest change of shift or, where that was before, since the run began.
+    """Counts since the latest change of shift, or since the run began if later.
 
     Args:
         changes: hours of the day at which shifts change, local time.
         takt_s: seconds within which a part should be done.
-        clock: tells the time of day.
+        clock: gives the time of day.
     """
 
     def __init__(
@@ -51,13 +51,13 @@ class Shift:
             self._begin(change, change)
 
     def add(self, result: PartResult) -> None:
-        """One part's end."""
+        """Adds one part's end."""
         self._renew()
         last = result.steps[-1] if result.steps else None
         self._count(result.fields(), None if last is None else last.width_um / 1000)
 
     def recall(self, journal: Path, table_sha256: str) -> None:
-        """Count the parts that earlier runs of the table had in this shift, by the journal's own file."""
+        """Counts the parts of earlier runs of the table in this shift, from the journal's own file."""
         for record in _outcomes(journal, table_sha256):
             ended = self._clock.local_of(str(record["time"]))
             if ended >= self._change:
@@ -65,7 +65,7 @@ class Shift:
                 self._count(record, None)
 
     def _count(self, part: Mapping[str, Any], width_mm: float | None) -> None:
-        """A part's end, in the fields of its journal record."""
+        """Counts a part's end, given as fields of its journal record."""
         self._parts += 1
         seconds, kind, path = part["seconds"], _kind(part), part["path"]
         if seconds:
@@ -81,7 +81,7 @@ class Shift:
         self._losses[key] = Loss(*key, node, width_mm, reason, part["part"], before + 1)
 
     def as_object(self) -> dict[str, object]:
-        """The counts as JSON holds them; `losses` begins with what costs the most parts."""
+        """The counts in the form of JSON; `losses` begins with the costliest."""
         self._renew()
         losses = sorted(self._losses.values(), key=lambda loss: -loss.parts)[:SHOWN_LOSSES]
         timed = self._timed
@@ -97,7 +97,7 @@ class Shift:
 
 
 def _kind(part: Mapping[str, Any]) -> str | None:
-    """In which way a part was lost; None where it was not."""
+    """How a part was lost; None where it was not."""
     if part["outcome"] != Outcome.LEAF.value:
         return str(part["outcome"])
     if part["audit"] == "fail":
@@ -106,7 +106,7 @@ def _kind(part: Mapping[str, Any]) -> str | None:
 
 
 def _outcomes(journal: Path, table_sha256: str) -> Iterator[Mapping[str, Any]]:
-    """The records of parts' ends with a table; what cannot be read ends them, and is the run's to refuse."""
+    """The records of parts' ends with a table, up to the first unreadable one."""
     same = False
     with suppress(OSError, ValueError, KeyError), journal.open("rb") as file:
         for line in file:

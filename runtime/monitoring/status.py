@@ -1,4 +1,4 @@
-"""What a run tells while it runs: one snapshot, as a JSON object or as Prometheus text."""
+"""Status of a run: one snapshot, as a JSON object or as Prometheus text."""
 
 import threading
 from collections import Counter, deque
@@ -12,7 +12,7 @@ from runtime.table import PPM, TableFile
 from runtime.traversal import answer
 from runtime.traversal.results import Outcome, PartResult, Step
 
-RECENT = 10  # parts that a snapshot remembers one by one
+RECENT = 10  # parts listed in a snapshot
 
 
 class Status:
@@ -24,7 +24,7 @@ class Status:
         self._drift, self._refit = Drift(loaded.table), False
         self._predicted = loaded.table.predicted.success_ppm / PPM
         self._end: dict[str, str] | None = None
-        self.watched = threading.Event()  # set whenever a page was given the snapshot
+        self.watched = threading.Event()  # set whenever a page received the snapshot
         self._lock = threading.Lock()
         self._phase, self._part, self._node = Phase.IDLE, 0, -1
         self._squeezes, self._width_um = 0, -1
@@ -35,14 +35,14 @@ class Status:
         self._recent: deque[dict[str, object]] = deque(maxlen=RECENT)
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """The loop's watcher."""
+        """The phase changed."""
         with self._lock:
             if part != self._part:
                 self._steps = []
             self._part, self._phase, self._node = part, phase, -1 if node is None else node
 
     def step(self, step: Step) -> None:
-        """One squeeze."""
+        """A squeeze ended."""
         with self._lock:
             self._squeezes += 1
             self._width_um = step.width_um
@@ -50,7 +50,7 @@ class Status:
             self._steps.append({"node": step.node, "width_mm": width_mm, "target": step.target})
 
     def part(self, result: PartResult) -> None:
-        """A part's end."""
+        """A part ended."""
         with self._lock:
             self._outcomes[result.outcome] += 1
             said = None
@@ -65,17 +65,17 @@ class Status:
                 self._audits[result.audit] += 1
 
     def end(self, grade: str, sentence: str) -> None:
-        """The run's end: "good" where nobody has to do anything, "fair" or "poor", and how it came."""
+        """The run ended: "good" where nobody has to do anything, else "fair" or "poor", with a sentence."""
         with self._lock:
             self._end = {"grade": grade, "sentence": sentence}
 
     def as_object(self) -> dict[str, Any]:
         """The snapshot for machines.
 
-        `steps` are the squeezes of the part under way, or of the last one until the next begins; a target
-        >= 0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest; the `answer`
-        of a located part is its pose. `shift` is what `Shift` counts, `charts` those of `Drift`; `end` is
-        null while the run goes on.
+        `steps` are the squeezes of the current part, or of the last one until the next begins; a target >=
+        0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest; the `answer`
+        of a located part is its pose. `shift` holds the counts of `Shift`, `charts` those of `Drift`; `end`
+        is null during the run.
         """
         with self._lock:
             return {

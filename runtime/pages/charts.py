@@ -1,22 +1,22 @@
-"""Charts as HTML: marks are SVG that stretches with the page, words are text that does not shrink with it."""
+"""Charts as HTML: marks are SVG, which scales with the page; labels are text, which does not."""
 
 from collections.abc import Sequence
 from html import escape
 from typing import NamedTuple
 
 MOST_POINTS = 1200  # of a line
-APART = 9.0  # least distance of two words under a histogram, percent of its width
+APART = 9.0  # least distance of two labels under a histogram, percent of its width
 
 
 class Line(NamedTuple):
-    """A named course of values, one a step."""
+    """A named series of values, one for each step."""
 
     name: str
     values: Sequence[float]
 
 
 class Bar(NamedTuple):
-    """A named amount, and how it is written."""
+    """A named amount with its text."""
 
     name: str
     amount: float
@@ -24,7 +24,7 @@ class Bar(NamedTuple):
 
 
 class Band(NamedTuple):
-    """A named stretch of a histogram's axis."""
+    """A named interval of a histogram's axis."""
 
     low: float
     high: float
@@ -32,7 +32,7 @@ class Band(NamedTuple):
 
 
 def trend(label: str, lines: Sequence[Line], limits: Sequence[float], step: str) -> str:
-    """Courses over steps, within limits that are drawn dashed."""
+    """Line chart of series over steps, with limits as dashed lines."""
     values = [value for line in lines for value in line.values]
     if not values:
         return "<p>Nothing was measured.</p>"
@@ -58,7 +58,7 @@ def trend(label: str, lines: Sequence[Line], limits: Sequence[float], step: str)
 
 
 def bars(label: str, rows: Sequence[Bar]) -> str:
-    """Amounts side by side, the largest of full width."""
+    """Bar chart of amounts; the largest has full width."""
     most = max((row.amount for row in rows), default=0.0) or 1.0
     lines = (
         f'<tr><th scope="row">{escape(row.name)}</th><td>{escape(row.text)}</td><td class="amount">'
@@ -77,15 +77,15 @@ def histogram(
     unit: str,
     mark: float | None = None,
 ) -> str:
-    """How often each value was seen, over the bands that it may fall into.
+    """Histogram of values over bands of the axis.
 
     Args:
-        label: what it shows.
-        counts: values, and how often each was seen; small ones are drawn larger (square roots).
+        label: description for screen readers.
+        counts: values and their counts, drawn as square roots.
         bands: of the axis, named where there is room.
         span: ends of the axis.
         unit: of the values.
-        mark: a value to point at.
+        mark: a marked value.
     """
     low, high = span
     scale = 100.0 / ((high - low) or 1.0)
@@ -111,7 +111,7 @@ def histogram(
 
 
 def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
-    """Thin values for drawing: of each stretch, index and value of the one farthest from zero."""
+    """Thins values for drawing: of each stretch, index and value of the one farthest from zero."""
     stretch = max(1, -(-len(values) // MOST_POINTS))
     points = list(enumerate(values))
     starts = range(0, len(points), stretch)
@@ -121,7 +121,7 @@ def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
 
 
 def _apart(bands: Sequence[Band], span: tuple[float, float]) -> list[tuple[float, str]]:
-    """The middles of bands in percent of a span and their names, without those that would overlap."""
+    """The middles of bands in percent of a span with their names, without overlapping ones."""
     shown: list[tuple[float, str]] = []
     low, high = span
     for band in sorted(bands):

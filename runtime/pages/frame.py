@@ -1,4 +1,4 @@
-"""What all pages have: a head that lets nothing in from a network, the stylesheet, cards and tables."""
+"""The frame of all pages: a head that forbids loading from a network, the stylesheet, cards and tables."""
 
 import json
 from collections.abc import Iterable, Sequence
@@ -40,14 +40,14 @@ def page(
     script: str = "",
     policy: str = "",
 ) -> str:
-    """A whole page.
+    """A complete page.
 
     Args:
         title: of the window.
         body: HTML.
         kind: class of the body: "sheet" prints small.
-        style: CSS of this page alone, after that of all pages.
-        data: object that the script reads as JSON from the element `data`.
+        style: CSS of this page only, after the common one.
+        data: object for the script, as JSON in the element `data`.
         script: JavaScript, which may use the functions of `elements.js`.
         policy: further directives of the Content-Security-Policy.
     """
@@ -66,13 +66,13 @@ def page(
 
 
 def verdict(grade: str, sentence: str, lead: str = "") -> str:
-    """What there is to say first; `grade` is "good", "fair" or "poor"."""
+    """The verdict at the top of a page; `grade` is "good", "fair" or "poor"."""
     strong = f"<strong>{escape(lead)}</strong> " if lead else ""
     return f'<p class="verdict {grade}">{strong}{escape(sentence)}</p>'
 
 
 def cards(figures: Iterable[tuple[str, str, str]]) -> str:
-    """Figures in large letters: of each its name, its value, and what else there is to say."""
+    """Figures in large letters: for each its name, value and note."""
     items = (
         f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd>"
         f'<dd class="note">{escape(note)}</dd></div>'
@@ -84,13 +84,13 @@ def cards(figures: Iterable[tuple[str, str, str]]) -> str:
 def table(
     label: str, heads: Sequence[str], rows: Iterable[Iterable[str]], kind: str = "wide"
 ) -> str:
-    """A table that scrolls by itself where it is wider than the page.
+    """A table that scrolls by itself if it is wider than the page.
 
     Args:
-        label: what it holds, for those who do not see it.
+        label: description for screen readers.
         heads: of the columns; the first cell of each row is the row's head.
         rows: texts, one a cell.
-        kind: class of what is round it.
+        kind: class of the surrounding element.
     """
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
     lines = (
@@ -112,7 +112,7 @@ def table(
 
 
 def folded(summary: str, *content: str, opened: bool = False) -> str:
-    """What is shown on demand."""
+    """Content that is shown on demand."""
     state = " open" if opened else ""
     inner = "\n".join(content)
     return f"<details{state}><summary>{escape(summary)}</summary>\n{inner}\n</details>"

@@ -1,1 +1,1 @@
-"""A PLC as the master of the cell: its handshake, and the servers for Modbus TCP and OPC UA."""
+"""A PLC as the master of the cell: its handshake, and servers for Modbus TCP and OPC UA."""

@@ -1,6 +1,6 @@
 """The address space of an OPC UA server: objects, variables and methods by their paths below `VisionSystem`.
 
-Identifiers are strings, the paths with dots, so that a program may use them without browsing.
+Identifiers are strings, the paths with dots, so that clients can use them without browsing.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -40,11 +40,11 @@ class Method(NamedTuple):
     path: str
     inputs: tuple[Argument, ...]
     outputs: tuple[Argument, ...]
-    call: Callable[..., Any]  # as asyncua calls it: the object's id, then variants
+    call: Callable[..., Any]  # called by asyncua with the object's id, then variants
 
 
 class AddressSpace:
-    """The nodes of `VisionSystem`, and what they show."""
+    """The nodes of `VisionSystem`, and their values."""
 
     def __init__(self, server: Server) -> None:
         self._server = server
@@ -52,7 +52,7 @@ class AddressSpace:
         self._shown: dict[str, Value] = {}
 
     async def build(self, values: Iterable[tuple[str, Value]], methods: Iterable[Method]) -> None:
-        """Add the nodes: a variable for each value, the methods, and the states."""
+        """Adds the nodes: a variable for each value, the methods, and the states."""
         self._index = await self._server.register_namespace(NAMESPACE)
         self._nodes[""] = await self._add_object(self._server.nodes.objects, SYSTEM)
         for machine in (MACHINE, AUTOMATIC):
@@ -70,7 +70,7 @@ class AddressSpace:
         )
 
     async def show(self, values: Iterable[tuple[str, Value]], change: Change | None) -> None:
-        """Write the values that have changed, and tell a change of the state."""
+        """Writes the values that have changed, and reports a change of the state."""
         for path, value in values:
             if self._shown[path] != value:
                 await self._write(path, value)
@@ -103,7 +103,7 @@ class AddressSpace:
         self._nodes[machine] = node
         for name in ("CurrentState", "LastTransition"):
             self._nodes[f"{machine}/{name}"] = await node.get_child(f"0:{name}")
-        # As of a finite machine, whose type asyncua has no way to instantiate.
+        # Like a finite state machine, whose type asyncua cannot instantiate.
         state_id = await node.get_child(["0:CurrentState", "0:Id"])
         kind = ua.Variant(ua.NodeId(ua.VariantType.NodeId.value), ua.VariantType.NodeId)
         await state_id.write_attribute(ua.AttributeIds.DataType, ua.DataValue(kind))
@@ -117,7 +117,7 @@ class AddressSpace:
             await state_number.write_value(number, ua.VariantType.UInt32)
 
     async def _at(self, path: str) -> Node:
-        """The object at a path, added where it is not there yet."""
+        """The object at a path, added if missing."""
         if path not in self._nodes:
             parent = await self._at(_above(path))
             self._nodes[path] = await self._add_object(parent, f"{SYSTEM}/{path}")

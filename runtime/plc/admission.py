@@ -1,4 +1,4 @@
-"""asyncua's server with doors: who is let in, what a session may do, and when it has ended."""
+"""asyncua's server with access control: who may connect, what a session may do, and when it has ended."""
 
 import asyncio
 import socket
@@ -15,7 +15,7 @@ from asyncua.server.internal_session import InternalSession
 
 from runtime.plc.certificates import Trust
 
-SESSION_S = 10.0  # a session that is silent for longer ends
+SESSION_S = 10.0  # silence after which a session ends
 PATIENCE_S = 5.0  # for a connection to begin a session
 MOST_CONNECTIONS = 16
 MOST_SUBSCRIPTIONS = 64
@@ -27,10 +27,10 @@ caller: ContextVar["Session"] = ContextVar("caller")
 
 
 class ListeningServer(Server):
-    """asyncua's server on a socket that listens already."""
+    """asyncua's server on an already listening socket."""
 
     async def listen(self, listener: socket.socket) -> None:
-        """As `Server.start`, which makes its own socket."""
+        """Like `Server.start`, which creates a socket."""
         await self._setup_server_nodes()
         await self.iserver.start()
         host, port = listener.getsockname()[:2]
@@ -42,7 +42,7 @@ class ListeningServer(Server):
 
 
 class GuardedServer(InternalServer):
-    """Lets in whom `trust` admits, everybody where it is None, and says which session has ended."""
+    """Admits clients that `trust` accepts, everybody where it is None, and reports ended sessions."""
 
     def __init__(self, trust: Trust | None, ended: Callable[["Session"], None]) -> None:
         super().__init__(user_manager=_Users(trust))
@@ -55,13 +55,14 @@ class GuardedServer(InternalServer):
     def create_session(self, name: str, user: User = NOBODY, external: bool = False) -> "Session":
         """A session that ends with its connection.
 
-        asyncua lets one that outlives it be entered by its number, which can be guessed, from any channel.
+        asyncua lets any channel enter a session that outlives its connection by its number, which can be
+        guessed.
         """
         del external
         return Session(self, self.aspace, self.subscription_service, name, user=user)
 
     def register_server(self, server: Any, conf: Any = None) -> None:
-        """Refuse: this is no discovery server, and who asks is not known yet."""
+        """Refuses: this is no discovery server, and the client is not authenticated yet."""
         del server, conf
         raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
 
@@ -72,7 +73,7 @@ class Session(InternalSession):
     iserver: GuardedServer
 
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
-        """Call methods."""
+        """Calls methods."""
         token = caller.set(self)
         try:
             results: list[ua.CallMethodResult] = await super().call(params)
@@ -81,13 +82,13 @@ class Session(InternalSession):
             caller.reset(token)
 
     async def close_session(self, delete_subs: bool = True) -> None:
-        """End."""
+        """Ends the session."""
         await super().close_session(delete_subs)
         self.iserver.ended(self)
 
 
 class _Users:
-    """Asks about the certificate with which the secure channel was opened, once its key is proved."""
+    """Checks the certificate that opened the secure channel, once its key is proved."""
 
     def __init__(self, trust: Trust | None) -> None:
         self._trust = trust

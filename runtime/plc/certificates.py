@@ -1,7 +1,7 @@
-"""Certificates of an OPC UA server: its own, self-signed and made once, and those of the clients it trusts.
+"""Certificates of an OPC UA server: its own, self-signed and created once, and those of trusted clients.
 
-What counts of a client's certificate is that it is the one that was pinned, or one of a folder; neither its
-dates nor who signed it are looked at. That the client holds its key is proved by the secure channel.
+A client's certificate must be the pinned one, or one of a folder; its dates and its issuer are not checked.
+The secure channel proves that the client holds the key.
 """
 
 import socket
@@ -24,7 +24,7 @@ from runtime.shell.files import OutputError, bring_to_disk, folder, quoted, read
 from runtime.signing.keys import OTHERS, write_new
 
 KEY, CERTIFICATE, PINNED = "server.pem", "server.der", "client.der"
-DAYS = 7300  # as long as a cell may stand; a certificate that ran out would stop it at midnight
+DAYS = 7300  # the life of a cell; an expired certificate would stop it at midnight
 MOST_BYTES = 1 << 16
 
 
@@ -38,7 +38,7 @@ class Identity:
 
 
 def identity_in(place: Path) -> Identity:
-    """The server's identity from a folder, which gets a new one where it has none.
+    """The server's identity from a folder; creates one if there is none.
 
     Raises:
         OutputError: the folder or its files cannot be written.
@@ -78,15 +78,15 @@ _REPLACE = "holds {}; move {} away, and a new identity is made"
 
 
 class Trust:
-    """Which clients are let in: those of a folder, or the first that comes and none after it.
+    """The trusted clients: those of a folder, or only the first one to connect.
 
     Args:
-        pinned: the file that keeps the certificate of the first client.
+        pinned: the file for the certificate of the first client.
         trusted: a folder of certificates (.der, .pem, .crt) in place of the first client's.
 
     Raises:
-        UsageError: that folder holds none.
-        InputError: a file of it is no certificate.
+        UsageError: the folder has no certificates.
+        InputError: a file of the folder is not a certificate.
     """
 
     def __init__(self, pinned: Path, trusted: Path | None) -> None:
@@ -98,11 +98,11 @@ class Trust:
             self._known = frozenset([_der(pinned)])
 
     def admits(self, certificate: bytes | None) -> bool:
-        """Whether a client may enter with this certificate; the first to ask is pinned by it."""
+        """Whether a client with this certificate may connect; the first one is pinned."""
         if certificate is None:
             return False
         if self._known is None:
-            # Of a disk that is full, or another server that pinned first; a chain of certificates is none.
+            # The disk is full, or another server pinned first; a chain of certificates is refused.
             with suppress(OutputError, InputError, ValueError):
                 x509.load_der_x509_certificate(certificate)
                 if not self._pinned.exists():
@@ -113,10 +113,10 @@ class Trust:
 
 
 def parsed(path: Path) -> x509.Certificate:
-    """A certificate from a file, in DER or PEM.
+    """Parses a certificate file, in DER or PEM.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no certificate in it.
     """
     data, _ = _read(path)
     pem = data.lstrip().startswith(b"-----")
@@ -149,7 +149,7 @@ def _read(path: Path) -> tuple[bytes, int]:
 
 
 def _make(place: Path) -> None:
-    """Write a new key and its certificate."""
+    """Writes a new key and its certificate."""
     key, host = generate_private_key(), socket.gethostname()
     uri = f"urn:{host}:squeezetree:grasp-runtime"
     certificate = generate_self_signed_app_certificate(

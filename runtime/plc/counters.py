@@ -1,4 +1,4 @@
-"""How parts have ended since the start, and what they took, in the units of the registers."""
+"""Counters of parts since the start, and their times, in the units of the registers."""
 
 from collections import Counter
 
@@ -10,20 +10,20 @@ class Counters:
     """Parts by their outcome, the seconds of the last one, and the share done within a takt.
 
     Args:
-        takt_s: within which parts should be done; None: nobody asks.
+        takt_s: time within which parts should be done; None: no takt.
     """
 
     def __init__(self, takt_s: float | None = None) -> None:
         self._takt_s = takt_s
-        self._seconds: Counter[float] = Counter()  # to hundredths: their number does not grow
+        self._seconds: Counter[float] = Counter()  # in hundredths: limited in number
         self._values = {f"parts_{name}": 0 for name in OUTCOMES[1:]}
         self._values |= {"seconds_last": UNKNOWN, "takt_share": UNKNOWN}
 
     def add(self, outcome: int, seconds: float) -> None:
-        """One more part, by its `Answer.outcome`, and what it took; NaN: not known."""
+        """Adds one part by its `Answer.outcome` and its seconds; NaN: unknown."""
         self._values[f"parts_{OUTCOMES[outcome]}"] += 1
         self._values["seconds_last"] = UNKNOWN
-        if not seconds > 0.0:  # a clock that stands still times nothing
+        if not seconds > 0.0:  # a clock that does not advance times nothing
             return
         self._values["seconds_last"] = min(round(100.0 * seconds), UNKNOWN)
         self._seconds[round(seconds, 2)] += 1
@@ -32,5 +32,5 @@ class Counters:
             self._values["takt_share"] = round(1e4 * share)
 
     def values(self) -> dict[str, int]:
-        """By the names of the registers."""
+        """Values by register name."""
         return self._values

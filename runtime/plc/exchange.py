@@ -1,4 +1,4 @@
-"""The one place where the server's thread and the run meet: a station behind a lock."""
+"""The exchange between the server's thread and the run: a station behind a lock."""
 
 import queue
 import threading
@@ -12,7 +12,7 @@ from runtime.plc.station import FAULT, Answer, Glance, Refusal, Station
 from runtime.table import Leaf, Table
 from runtime.traversal.results import Outcome, PartResult
 
-TURNED_OVER = ", turned over"  # at the end of a hypothesis' name: the part lies on its other face
+TURNED_OVER = ", turned over"  # suffix of a hypothesis for a part on its other face
 _CODES = {
     Outcome.LEAF: OUTCOMES.index("located"),
     Outcome.REJECT: OUTCOMES.index("rejected"),
@@ -24,8 +24,7 @@ class Exchange:
     """A station that two threads use; heartbeats are in the seconds of `clock`, which is a real one.
 
     Attributes:
-        watch: is called with each new glance, in their order and by the thread that brought it about; it
-            must not wait.
+        watch: called with each new glance, in order and by the thread that caused it; must not block.
         connected: whether there is a client that may write.
     """
 
@@ -35,25 +34,26 @@ class Exchange:
         self._seen = station.glance
         self.watch: Callable[[Glance], None] = lambda _: None
         self.connected = False
-        # Waited on in place of a condition: a stop request may end the wait, and must leave no lock behind.
+        # Used instead of a condition: a stop request may end the wait, and must not leave a lock
+        # behind.
         self._news: queue.SimpleQueue[None] = queue.SimpleQueue()
 
     # -- the server's side ----------------------------------------------------------------------------
 
     def read(self, address: int, count: int) -> list[int] | Refusal:
-        """As `Station.read`."""
+        """See `Station.read`."""
         with self._step() as station:
             return station.read(address, count, self._clock.now())
 
     def write(self, address: int, values: list[int]) -> Refusal | None:
-        """As `Station.write`."""
+        """See `Station.write`."""
         with self._step() as station:
             refusal = station.write(address, values, self._clock.now())
         self._wake()
         return refusal
 
     def put(self, *steps: Mapping[str, int]) -> Glance:
-        """As `Station.put`, several times with nothing in between; returns what there is to see then."""
+        """Several calls of `Station.put` without interruption; returns the glance after them."""
         with self._lock:
             for changes in steps:
                 self._station.put(changes, self._clock.now())
@@ -63,16 +63,16 @@ class Exchange:
         return seen
 
     def confirm(self) -> None:
-        """As `Station.confirm`."""
+        """See `Station.confirm`."""
         with self._step() as station:
             station.confirm()
 
     def connect(self) -> None:
-        """A client may write from now on."""
+        """A client with write access has connected."""
         self.connected = True
 
     def disconnect(self) -> None:
-        """As `Station.disconnect`."""
+        """See `Station.disconnect`."""
         with self._step() as station:
             station.disconnect()
         self.connected = False
@@ -82,23 +82,23 @@ class Exchange:
 
     @property
     def glance(self) -> Glance:
-        """As `Station.glance`."""
+        """See `Station.glance`."""
         with self._lock:
             return self._station.glance
 
     def wait(self, seconds: float) -> None:
-        """Wait until the PLC writes something, at most so many seconds."""
+        """Waits until the PLC writes something, for `seconds` at most."""
         with suppress(queue.Empty):
             self._news.get(timeout=max(seconds, 0.0))
 
     def finish(self, answer: Answer) -> None:
-        """As `Station.finish`; nothing without a part under way."""
+        """See `Station.finish`; does nothing without a current part."""
         with self._step() as station:
             if station.order is not None:
                 station.finish(answer)
 
     def end(self) -> None:
-        """As `Station.end`."""
+        """See `Station.end`."""
         with self._step() as station:
             station.end()
 
@@ -145,13 +145,13 @@ def _error(leaf: Leaf, error_um: int) -> int:
 
 
 def parts_of(table: Table) -> list[str]:
-    """Names of the parts, in the job's order; none where the table is of one part."""
+    """Names of the parts, in the job's order; empty for a single part."""
     names = (hypothesis.name.removesuffix(TURNED_OVER) for hypothesis in table.hypotheses)
     return list(dict.fromkeys(names))
 
 
 def _part_and_face(table: Table, leaf: Leaf) -> tuple[int, int]:
-    """Number of the part among those of the job, and which face it lies on."""
+    """Index of the part in the job, and the face on which it lies."""
     if not table.hypotheses:
         return 0, 0
     name = table.hypotheses[leaf.hypothesis].name

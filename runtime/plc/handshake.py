@@ -1,6 +1,6 @@
-"""The handshake of a part with a PLC: one table, from a state and an event to the state that follows.
+"""The handshake of a part with a PLC: one table, from a state and an event to the next state.
 
-Nothing here knows registers, sockets or clocks. `tools/docs/plc.md` shows the same table.
+The module is independent of registers, sockets and clocks. `tools/docs/plc.md` shows the same table.
 """
 
 from collections.abc import Mapping
@@ -10,20 +10,20 @@ from typing import NamedTuple
 
 
 class State(Enum):
-    """Where the handshake stands; the value is its name in the documentation."""
+    """State of the handshake; the value is its name in the documentation."""
 
-    READY = "ready"  # for a trigger
-    ACCEPTED = "accepted"  # the part is under way, `trigger` still up
-    WORKING = "working"  # the part is under way
-    PRESENTED = "presented"  # the result waits, `trigger` still up
-    WAITING = "waiting"  # the result waits
+    READY = "ready"  # waits for a trigger
+    ACCEPTED = "accepted"  # a part is under way, `trigger` still up
+    WORKING = "working"  # a part is under way
+    PRESENTED = "presented"  # a result waits, `trigger` still up
+    WAITING = "waiting"  # a result waits
     TAKEN = "taken"  # the result is taken; `trigger` and `result_acknowledge` still up
     TRIGGER_HELD = "trigger held"  # the result is taken; `trigger` still up
     ACKNOWLEDGE_HELD = "acknowledge held"  # the result is taken; `result_acknowledge` still up
 
 
 class Event(Enum):
-    """What happens to the handshake; the value is its name in the documentation."""
+    """Event of the handshake; the value is its name in the documentation."""
 
     TRIGGER = "trigger rises"
     TRIGGER_DISABLED = "trigger rises, not enabled"
@@ -36,7 +36,7 @@ class Event(Enum):
 
 
 class Error(IntEnum):
-    """What `error_id` says of the handshake; smaller numbers are exit codes of a fault."""
+    """Errors of the handshake in `error_id`; smaller numbers are exit codes of a fault."""
 
     NONE = 0
     NOT_ENABLED = 101
@@ -49,7 +49,7 @@ class Error(IntEnum):
 
 
 class Signals(NamedTuple):
-    """What a PLC sees of a state."""
+    """Signals that a PLC sees in a state."""
 
     acknowledge: bool
     busy: bool
@@ -57,7 +57,7 @@ class Signals(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """What follows from an event: the next state, and an error that leaves all else as it is."""
+    """Result of an event: the next state, and an error that changes nothing else."""
 
     following: State
     error: Error = Error.NONE
@@ -92,7 +92,8 @@ _CHANGES = {
     (State.TRIGGER_HELD, Event.TRIGGER_BACK): State.READY,
     (State.TRIGGER_HELD, Event.ACKNOWLEDGE): State.TAKEN,
     (State.ACKNOWLEDGE_HELD, Event.ACKNOWLEDGE_BACK): State.READY,
-    # A PLC that leaves its acknowledge up may begin the next part: only the next rise takes that result.
+    # A PLC that leaves its acknowledge up may start the next part: only the next rise takes that
+    # result.
     (State.ACKNOWLEDGE_HELD, Event.TRIGGER): State.ACCEPTED,
 }
 

@@ -1,7 +1,7 @@
-"""A Modbus TCP server for one PLC and any number of readers, in a thread of its own.
+"""A Modbus TCP server for one PLC and any number of readers, in a separate thread.
 
-pymodbus decodes requests, checks them and encodes the answers. Its server has no identity for a connection
-and drops what a client sends ahead of an answer, so frames are cut here.
+pymodbus decodes requests, checks them and encodes the answers. Its server has no identity for a
+connection and drops what a client sends before an answer, so this module splits the frames.
 """
 
 import asyncio
@@ -24,11 +24,11 @@ from runtime.plc.station import Refusal
 HEADER = struct.Struct(">HHH")
 LONGEST = 254  # of that length: a unit and a PDU of 253 bytes
 PATIENCE_S = 5.0  # for the rest of a frame
-PANEL_S = 10.0  # a first client that has only read for so long lets another one write
+PANEL_S = 10.0  # time after which a first client that only reads lets another one write
 MOST_CONNECTIONS = 16
 PIECE_BYTES = 1024
-MOST_UNREAD_BYTES = 1 << 16  # of answers that a client does not take
-# A PLC that lost its power is noticed after 3 + 3 x 1 s, and its successor may write.
+MOST_UNREAD_BYTES = 1 << 16  # of answers that a client does not read
+# A PLC that lost power is detected after 3 + 3 x 1 s; then the next one may write.
 KEEPALIVE = {socket.TCP_KEEPIDLE: 3, socket.TCP_KEEPINTVL: 1, socket.TCP_KEEPCNT: 3}
 BIT_FUNCTIONS = frozenset({1, 2, 5, 15})  # of coils and discrete inputs, of which there are none
 LENGTHS = {
@@ -38,13 +38,13 @@ LENGTHS = {
     16: None,
     22: 7,
     23: None,
-}  # of the PDUs that are understood; None: they vary
+}  # lengths of the supported PDUs; None: variable
 
-logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # of frames by anybody
+logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # of frames by all clients
 
 
 class ModbusServer(PlcServer):
-    """Serves an exchange on a socket that listens."""
+    """Serves an exchange on a listening socket."""
 
     def __init__(self, listener: socket.socket, exchange: Exchange, clock: SystemClock) -> None:
         super().__init__(exchange, clock)
@@ -53,7 +53,7 @@ class ModbusServer(PlcServer):
         self._writer: Connection | None = None
 
     def enter(self, connection: "Connection") -> bool:
-        """A connection begins; False where there are too many."""
+        """Registers a connection; False if there are too many."""
         if len(self._connections) >= MOST_CONNECTIONS:
             return False
         self._connections.append(connection)
@@ -62,7 +62,7 @@ class ModbusServer(PlcServer):
         return True
 
     def leave(self, connection: "Connection") -> None:
-        """A connection has ended."""
+        """Removes a connection."""
         if connection in self._connections:
             self._connections.remove(connection)
         if self._writer is connection:
@@ -70,7 +70,7 @@ class ModbusServer(PlcServer):
             self.exchange.disconnect()
 
     def may_write(self, connection: "Connection") -> bool:
-        """Whether a connection is the one that writes: the first, until it ends or only reads."""
+        """Whether a connection is the writer: the first, until it ends or only reads."""
         writer = self._writer
         if writer is None or (
             not writer.has_written and self.clock.now() - writer.began_s > PANEL_S
@@ -83,7 +83,7 @@ class ModbusServer(PlcServer):
         self.exchange.connect()
 
     async def serve(self, stop: asyncio.Event) -> None:
-        """As `PlcServer.serve`; connections wait in the listener's queue until then."""
+        """See `PlcServer.serve`; until then connections wait in the listener's queue."""
         loop = asyncio.get_running_loop()
         server = await loop.create_server(lambda: Connection(self), sock=self._listener)
         self.started()
@@ -94,7 +94,7 @@ class ModbusServer(PlcServer):
 
 
 class Connection(asyncio.BufferedProtocol):
-    """One client; also what pymodbus' requests read from and write to."""
+    """One client; also the register store for requests of pymodbus."""
 
     def __init__(self, server: ModbusServer) -> None:
         self._server = server
@@ -123,16 +123,16 @@ class Connection(asyncio.BufferedProtocol):
         self._server.leave(self)
 
     def close(self) -> None:
-        """End the connection, once what was answered is sent."""
+        """Ends the connection, once the answers are sent."""
         self._transport.close()
 
     def get_buffer(self, sizehint: int) -> bytearray:
-        """Where the next bytes go: few at a time, so that no client keeps the others waiting."""
+        """Buffer for the next bytes: small, so that no client keeps the others waiting."""
         del sizehint
         return self._piece
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Answer each frame that is whole, in order; who sends no frame is disconnected."""
+        """Answers each complete frame, in order; disconnects a client that sends anything else."""
         self._buffer += self._piece[:nbytes]
         while len(self._buffer) >= HEADER.size:
             number, protocol, length = HEADER.unpack_from(self._buffer)
@@ -156,7 +156,7 @@ class Connection(asyncio.BufferedProtocol):
     async def async_getValues(  # noqa: N802 - pymodbus' name
         self, device_id: int, func_code: int, address: int, count: int = 1
     ) -> list[int] | ExcCodes:
-        """Read registers, for pymodbus; what a single write reads back is what it wrote."""
+        """Reads registers, for pymodbus; a single write reads back its value."""
         del device_id
         if func_code == 6:
             return self._last
@@ -166,7 +166,7 @@ class Connection(asyncio.BufferedProtocol):
     async def async_setValues(  # noqa: N802 - pymodbus' name
         self, device_id: int, func_code: int, address: int, values: list[int]
     ) -> ExcCodes | None:
-        """Write registers, for pymodbus."""
+        """Writes registers, for pymodbus."""
         del device_id, func_code
         if not self._server.may_write(self):
             return ExcCodes.DEVICE_BUSY
@@ -195,7 +195,7 @@ class Connection(asyncio.BufferedProtocol):
 
 
 def _completed(request: Coroutine[Any, Any, ModbusPDU]) -> ModbusPDU:
-    """The answer of a request, which waits for nothing: it is complete after one step."""
+    """The answer of a request, which never waits: it is complete after one step."""
     try:
         request.send(None)
     except StopIteration as end:

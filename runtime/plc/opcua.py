@@ -1,7 +1,7 @@
 """An OPC UA server in the shape of OPC 40100-1, for one master and any number of readers.
 
-asyncua encodes, encrypts and serves the address space. What it shows is the panel's; what a method does is
-one or two writes to the exchange, as a PLC does them over registers.
+asyncua encodes, encrypts and serves the address space. Its values come from the panel; a method does one or
+two writes to the exchange, as a PLC does over registers.
 """
 
 import asyncio
@@ -34,11 +34,11 @@ from runtime.plc.server import PlcServer
 from runtime.plc.station import Glance
 from runtime.plc.vision import Job, Result, VisionState, waits
 
-CLOSING_S = 5.0  # for connections to be closed at the end
+CLOSING_S = 5.0  # for connections to close at the end
 LONGEST_TEXT = 100  # of an argument
 NO_TABLE = 0xFFFF  # in the register `table`: no recipe is prepared
 BARE_URI = "urn:squeezetree:grasp-runtime"  # of the product, and of a server without a certificate
-DONE = (0, "")  # outputs `error` and `message` of a command that was carried out
+DONE = (0, "")  # outputs `error` and `message` of a successful command
 REASONS = MappingProxyType(
     {
         Error.NOT_ENABLED: "automatic mode is not selected; call SelectModeAutomatic",
@@ -53,25 +53,25 @@ Outputs = tuple[Value | list[str], ...]
 Arguments = tuple[Argument, ...]
 Act = Callable[..., Outputs | ua.StatusCode]
 
-logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # of messages by anybody
+logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # of messages by all clients
 
 
 class Security(NamedTuple):
-    """What an encrypted endpoint needs."""
+    """Data for an encrypted endpoint."""
 
     identity: Identity
     trust: Trust
 
 
 class OpcUaServer(PlcServer):
-    """Serves an exchange on a socket that listens.
+    """Serves an exchange on a listening socket.
 
     Args:
         listener: the socket.
-        exchange: between the server and the run; its station needs no heartbeat, a session has its own.
+        exchange: between the server and the run; its station needs no heartbeat, since sessions have one.
         clock: of real time.
-        panel: what is shown.
-        security: of the endpoint, None for a bare one.
+        panel: the values.
+        security: of the endpoint, None for an unencrypted one.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class OpcUaServer(PlcServer):
         self._glances: deque[Glance] = deque()
 
     async def serve(self, stop: asyncio.Event) -> None:
-        """As `PlcServer.serve`; connections wait in the listener's queue until then."""
+        """See `PlcServer.serve`; until then connections wait in the listener's queue."""
         self._news, self._showing = asyncio.Event(), asyncio.Lock()
         server = await self._configured()
         self._space = AddressSpace(server)
@@ -148,7 +148,7 @@ class OpcUaServer(PlcServer):
     # -- what is shown --------------------------------------------------------------------------------
 
     def _watch(self, seen: Glance) -> None:
-        """Take a glance from whichever thread."""
+        """Receives a glance from any thread."""
         self._glances.append(seen)
         self._loop.call_soon_threadsafe(self._news.set)
 
@@ -159,7 +159,7 @@ class OpcUaServer(PlcServer):
             await self._show()
 
     async def _show(self) -> None:
-        """Bring what is shown up to date, glance by glance."""
+        """Updates the values, glance by glance."""
         async with self._showing:
             while self._glances:
                 change = self._panel.see(self._glances.popleft())
@@ -208,7 +208,7 @@ class OpcUaServer(PlcServer):
         *,
         commands: bool,
     ) -> Callable[..., Any]:
-        """A method as asyncua calls it, with arguments that nobody checked; its effect is shown at once."""
+        """A method for asyncua, with unchecked arguments; updates the values at once."""
 
         async def call(parent: ua.NodeId, *given: ua.Variant) -> list[ua.Variant] | ua.StatusCode:
             del parent
@@ -231,7 +231,7 @@ class OpcUaServer(PlcServer):
         seen = self._panel.seen
         if not seen.enabled:
             table = NO_TABLE if seen.table is None else seen.table
-            # By way of Initialized, as the specification's chart has it.
+            # Via Initialized, as in the specification's chart.
             self.exchange.put({"table": NO_TABLE, "enable": 1}, {"table": table})
         return DONE
 
@@ -251,7 +251,7 @@ class OpcUaServer(PlcServer):
         return DONE
 
     def _abort(self) -> Outputs:
-        os.kill(os.getpid(), signal.SIGTERM)  # the one stop request that there is
+        os.kill(os.getpid(), signal.SIGTERM)  # the only stop request
         return DONE
 
     def _start(self, meas_id: str) -> Outputs:
@@ -297,7 +297,7 @@ class OpcUaServer(PlcServer):
 
 
 def _problem(inputs: Arguments, given: tuple[ua.Variant, ...]) -> int:
-    """The status code of arguments that do not fit, 0 where they do."""
+    """The status code for invalid arguments, 0 for valid ones."""
     if len(given) != len(inputs):
         missing = len(given) < len(inputs)
         codes = ua.StatusCodes

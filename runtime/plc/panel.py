@@ -1,6 +1,6 @@
-"""What an OPC UA server shows: values by path, as they follow from the glances at a station.
+"""The panel of an OPC UA server: values by path, derived from the glances at a station.
 
-A path is that of the browse names below the object `VisionSystem`. Nothing here knows OPC UA's library.
+A path consists of the browse names below the object `VisionSystem`. The module does not use OPC UA's library.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,7 @@ RECIPES = "RecipeManagement"
 CONFIGURATION = "ConfigurationManagement"
 RESULTS = "ResultManagement"
 PACKML = "PackML"
-MOST_RESULTS = 1000  # that are kept for `GetResultById`
+MOST_RESULTS = 1000  # results kept for `GetResultById`
 
 Value = str | int | float | bool
 
@@ -37,25 +37,25 @@ class Offer(NamedTuple):
 
     id: str
     digest: str  # SHA-256 of the table's file
-    parts: list[str]  # names of its parts, empty where it is of one part
+    parts: list[str]  # names of its parts, empty for a single part
 
 
 class Configuration(NamedTuple):
-    """The calibration of the gripper that is in use."""
+    """The current calibration of the gripper."""
 
     id: str
-    digest: str  # SHA-256 of its file, "" where the linear map is used
+    digest: str  # SHA-256 of its file, "" for the linear map
 
 
 class Change(NamedTuple):
-    """A change of the state that is shown."""
+    """A change of the displayed state."""
 
     left: VisionState
     entered: VisionState
 
     @property
     def name(self) -> str:
-        """Its name, in the specification's way."""
+        """Its name by the specification."""
         return f"{self.left.value}To{self.entered.value}"
 
 
@@ -64,7 +64,7 @@ class Panel:
 
     Attributes:
         results: by their ids, the last ones.
-        job: of the part under way or of the result that waits; the last one otherwise.
+        job: of the current part or of the waiting result; otherwise the last one.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Panel:
 
     @property
     def state(self) -> VisionState:
-        """The state that is shown."""
+        """The displayed state."""
         return view(self._seen).state
 
     def begin(self, job: Job) -> None:
@@ -94,7 +94,7 @@ class Panel:
         self.job = job
 
     def see(self, seen: Glance) -> Change | None:
-        """Follow the station; returns the change of the state that is shown, if it changed."""
+        """Updates from the station; returns the change of the displayed state, if any."""
         before, self._seen = self._seen, seen
         if waits(seen) and not waits(before):
             self._finish(seen.answer, self.offers[seen.in_use].parts)
@@ -112,7 +112,7 @@ class Panel:
             del self.results[next(iter(self.results))]
 
     def values(self) -> Iterator[tuple[str, Value]]:
-        """Every value that is shown, by its path."""
+        """All values by path."""
         seen, row = self._seen, view(self._seen)
         prepared = None if seen.table is None else self.offers[seen.table]
         yield f"{MACHINE}/CurrentState", row.state.outer

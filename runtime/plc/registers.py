@@ -1,4 +1,4 @@
-"""The registers that a PLC writes and reads: names, addresses, types, units; and values as 16-bit words.
+"""The registers that a PLC writes and reads: names, addresses, types, units; conversion to 16-bit words.
 
 The PLC writes the block from `WRITTEN_AT` on; the runtime writes the block from `READ_AT` on. Functions 3 and
 4 read either. A value of two words has the high word first.
@@ -12,7 +12,7 @@ from runtime.plc.handshake import Error
 
 WRITTEN_AT = 0
 READ_AT = 100
-UNKNOWN = 0xFFFF  # of one word: it is not known, or too great for it
+UNKNOWN = 0xFFFF  # of one word: unknown, or too large for it
 OUTCOMES = ("none", "located", "rejected", "unresolved", "fault")
 HEARTBEAT_LIMIT_S = 3.0
 
@@ -117,7 +117,7 @@ MAP = WRITTEN + READ
 
 
 def as_json() -> dict[str, object]:
-    """The map for machines, as `--plc-map json` prints it; `values` says what codes mean."""
+    """The map for machines, as printed by `--plc-map json`; `values` explains codes."""
     errors = {str(error.value): error.name.lower().replace("_", " ") for error in Error}
     codes = {
         "outcome": {str(code): name for code, name in enumerate(OUTCOMES)},
@@ -134,7 +134,7 @@ def as_json() -> dict[str, object]:
 
 
 def words(registers: Sequence[Register], values: Mapping[str, int]) -> list[int]:
-    """The words of registers, one after the other."""
+    """The consecutive words of registers."""
     together: list[int] = []
     for register in registers:
         value = values[register.name]

@@ -1,4 +1,4 @@
-"""What servers of an exchange share: an event loop in a thread of its own, and a deadline for its end."""
+"""Common part of the servers of an exchange: an event loop in a thread, with a deadline for its end."""
 
 import asyncio
 import signal
@@ -11,12 +11,12 @@ from runtime.devices.clock import SystemClock
 from runtime.plc.exchange import Exchange
 from runtime.shell import interrupts
 
-STARTING_S = 60.0  # until a server answers, on a machine that is busy
-STOPPING_S = 10.0  # until its thread has ended; after that it is left behind
+STARTING_S = 60.0  # until a server answers, on a busy machine
+STOPPING_S = 10.0  # until its thread has ended; later it is abandoned
 
 
 class PlcServer(ABC):
-    """Serves an exchange; leaving the context ends the server and closes what it listens on."""
+    """Serves an exchange; leaving the context ends the server and closes its sockets."""
 
     def __init__(self, exchange: Exchange, clock: SystemClock) -> None:
         self.exchange, self.clock = exchange, clock
@@ -26,14 +26,14 @@ class PlcServer(ABC):
 
     @abstractmethod
     async def serve(self, stop: asyncio.Event) -> None:
-        """Serve until it is asked to stop; `started` is called once clients are answered."""
+        """Serves until `stop`; `started` is called once clients are answered."""
 
     def started(self) -> None:
-        """Clients are answered from now on."""
+        """Signals that clients are answered from now on."""
         self._started.set()
 
     def check(self) -> None:
-        """Raise what the server has ended with, if it has."""
+        """Raises the error that the server has ended with, if any."""
         if self._failure is not None:
             raise self._failure
 
@@ -58,12 +58,12 @@ class PlcServer(ABC):
         self._thread.join(STOPPING_S)
 
     def _run(self) -> None:
-        # Stop requests are the main thread's: a signal that this one took would not wake it.
+        # Stop requests belong to the main thread: a signal taken by this one would not wake it.
         signal.pthread_sigmask(signal.SIG_BLOCK, {*interrupts.SIGNALS, signal.SIGALRM})
         try:
             with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
                 runner.run(self.serve(self._stop))
-        except BaseException as error:  # is the main thread's
+        except BaseException as error:  # belongs to the main thread
             self._failure = error
             self.exchange.disconnect()
         finally:

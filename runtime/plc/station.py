@@ -1,6 +1,6 @@
-"""What a PLC wrote, what it reads, and the part that it asked for: levels become events of the handshake.
+"""The station of a PLC: its registers and its requested part; turns levels into events of the handshake.
 
-No sockets, no threads; times come from outside.
+The module has no sockets or threads; callers pass the time.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,21 +16,21 @@ BEAT_S = 0.25  # between two changes of `heartbeat_out`
 
 
 class Refusal(IntEnum):
-    """Why an access is refused, as a Modbus exception code."""
+    """Reason of a refused access, as a Modbus exception code."""
 
     ADDRESS = 2
     VALUE = 3
 
 
 class Order(NamedTuple):
-    """A part that a PLC asked for."""
+    """A part requested by a PLC."""
 
     trigger_id: int
     table: int  # number of the table to use
 
 
 class Answer(NamedTuple):
-    """How a part ended, in the units of the registers; a pose only where it is located."""
+    """Result of a part in the units of the registers; it has a pose only if located."""
 
     outcome: int = 0
     exit_code: int = 0
@@ -51,16 +51,16 @@ _BLOCKS = tuple((block[0].address, block) for block in (WRITTEN, READ))
 
 
 class Glance(NamedTuple):
-    """What there is to see of a station at one moment."""
+    """Visible state of a station at one moment."""
 
     state: State
     order: Order | None
     result_id: int
     answer: Answer
     enabled: bool
-    ended: bool  # whether no trigger is accepted any more
+    ended: bool  # whether triggers are no longer accepted
     error_id: int
-    table: int | None  # number of the table that the next trigger uses, None where it names none
+    table: int | None  # number of the table for the next trigger, None where it is invalid
     in_use: int  # number of the table of the last accepted trigger
 
 
@@ -69,12 +69,12 @@ class Station:
 
     Args:
         digests: of each table, the first four bytes.
-        takt_s: within which parts should be done; None: nobody asks.
-        beats: whether the PLC has to keep `heartbeat_in` moving.
+        takt_s: time within which parts should be done; None: no takt.
+        beats: whether the PLC has to change `heartbeat_in` regularly.
 
     Attributes:
-        state: where the handshake stands.
-        order: the part under way, None between two.
+        state: of the handshake.
+        order: the current part, None between two.
         enabled: whether triggers count.
         error_id: an `Error`, or the exit code of a fault.
     """
@@ -96,7 +96,7 @@ class Station:
         self._ended = False
 
     def write(self, address: int, values: Sequence[int], now: float) -> Refusal | None:
-        """Write registers, all or none; a refusal changes nothing.
+        """Writes registers, all or none.
 
         Args:
             address: of the first one.
@@ -115,7 +115,7 @@ class Station:
         return None
 
     def put(self, changes: Mapping[str, int], now: float) -> None:
-        """Write values by the names of their registers, which take them; times as for `write`."""
+        """Writes values by register names; `now` as for `write`."""
         self.tick(now)
         before, self._written = self._written, {**self._written, **changes}
         if self._written["heartbeat_in"] != before["heartbeat_in"]:
@@ -126,7 +126,7 @@ class Station:
         self._edge(before, "trigger", self._trigger, Event.TRIGGER_BACK)
 
     def read(self, address: int, count: int, now: float) -> list[int] | Refusal:
-        """Read words of one of the two blocks."""
+        """Reads words of one of the two blocks."""
         self.tick(now)
         for start, block in _BLOCKS:
             if address >= start:
@@ -142,18 +142,18 @@ class Station:
         return self._values((register,), now)[name]
 
     def tick(self, now: float) -> None:
-        """End enabling where the PLC's heartbeat has stood still for too long."""
+        """Ends enabling when the PLC's heartbeat has stopped for too long."""
         if self.enabled and self._beats and now - self._beat_s > HEARTBEAT_LIMIT_S:
             self._standing = True
             self._disable(Error.HEARTBEAT)
 
     def disconnect(self) -> None:
-        """The connection that may write is lost: enabling ends; levels stay, so that no edge is invented."""
+        """The connection with write access is lost: ends enabling, keeps levels, lest a false edge occur."""
         if self.enabled:
             self._disable(Error.CONNECTION_LOST)
 
     def finish(self, answer: Answer) -> None:
-        """The part under way has ended; its answer stays until it is taken."""
+        """The current part has ended; its answer stays until it is taken."""
         assert self.order is not None
         self._result_id, self._answer, self.order = self.order.trigger_id, answer, None
         self._counters.add(answer.outcome, answer.seconds)
@@ -162,12 +162,12 @@ class Station:
             self.error_id = answer.exit_code
 
     def confirm(self) -> None:
-        """Clear `error_id`."""
+        """Clears `error_id`."""
         self.error_id = Error.NONE
 
     @property
     def glance(self) -> Glance:
-        """What there is to see now, as far as the last access tells."""
+        """The visible state, as of the last access."""
         return Glance(
             self.state,
             self.order,
@@ -181,7 +181,7 @@ class Station:
         )
 
     def end(self) -> None:
-        """No trigger is accepted from now on."""
+        """Accepts no triggers from now on."""
         self._ended = True
 
     @property

@@ -1,7 +1,7 @@
-"""How a station looks to a line's supervisor: states of OPC 40100-1 and of PackML, results, stop reasons.
+"""Views of a station for a line's supervisor: states of OPC 40100-1 and of PackML, results, stop reasons.
 
-Nothing here decides anything: what is accepted, and what follows from it, is the handshake's.
-`tools/docs/plc.md` shows `VIEW`. Nothing here knows OPC UA.
+The module makes no decisions: the handshake accepts events and determines what follows. `tools/docs/plc.md`
+shows `VIEW`. The module does not use OPC UA.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,7 +28,7 @@ class VisionState(Enum):
 
     @property
     def automatic(self) -> bool:
-        """Whether it is one of the automatic mode, which lies within the state Operational."""
+        """Whether the state is part of the automatic mode, within the state Operational."""
         return self in _AUTOMATIC
 
     @property
@@ -41,7 +41,7 @@ _AUTOMATIC = {VisionState.INITIALIZED, VisionState.READY, VisionState.SINGLE_EXE
 
 
 class PackMLState(IntEnum):
-    """The states of PackML (ISA-TR88.00.02) that occur."""
+    """The PackML states (ISA-TR88.00.02) in use."""
 
     STOPPED = 2
     IDLE = 4
@@ -51,11 +51,11 @@ class PackMLState(IntEnum):
 
 
 class Row(NamedTuple):
-    """A state, of either standard, and when it is shown."""
+    """A state of either standard, and when it is shown."""
 
     state: VisionState
     packml: PackMLState
-    when: str  # as the documentation says it
+    when: str  # in the words of the documentation
     holds: Callable[[Glance], bool]
 
 
@@ -93,11 +93,11 @@ VIEW: tuple[Row, ...] = (
     ),
     Row(VisionState.READY, PackMLState.IDLE, "StartSingleJob is accepted", lambda _: True),
 )
-"""Which state is shown: that of the first row that holds."""
+"""The view of a station: the state of the first row that holds."""
 
 
 def view(seen: Glance) -> Row:
-    """The row that is shown."""
+    """The row that holds."""
     return next(row for row in VIEW if row.holds(seen))
 
 
@@ -112,11 +112,11 @@ STOP_REASONS: Mapping[int, str] = MappingProxyType(
         Error.CONNECTION_LOST.value: "connection of the master lost",
     }
 )
-"""Why the line stands, by exit code of the part that ended it or by `error_id`."""
+"""Reasons for a stopped line, by exit code of the last part or by `error_id`."""
 
 
 def stop_reason(before: Glance, after: Glance) -> int | None:
-    """Why a change stops the line, a key of `STOP_REASONS` or another exit code; None where it does not."""
+    """Why a change stops the line: a key of `STOP_REASONS` or another exit code; None where it does not."""
     stops = {VisionState.ERROR, VisionState.HALTED, VisionState.PREOPERATIONAL}
     left, entered = view(before).state, view(after).state
     if entered not in stops or left is entered or left is VisionState.ERROR:
@@ -129,7 +129,7 @@ def stop_reason(before: Glance, after: Glance) -> int | None:
 
 
 class Job(NamedTuple):
-    """A part that was asked for, by the names that both sides gave it."""
+    """A requested part, by the names that both sides gave it."""
 
     number: int  # from 1, within this process
     id: str  # given by the server, unique over all its runs
@@ -139,7 +139,7 @@ class Job(NamedTuple):
 
 
 class Result(NamedTuple):
-    """A part's result, in the units of its names; a pose only where the outcome is located."""
+    """A part's result, with units in the names; it has a pose only if located."""
 
     ResultHandle: int  # number of the job
     ResultId: str  # id of the job
@@ -150,9 +150,9 @@ class Result(NamedTuple):
     X_mm: float
     Y_mm: float
     Angle_deg: float
-    ExpectedError_mm: float  # median of the trials at this leaf; NaN where not known
+    ExpectedError_mm: float  # median error of the trials at this leaf; NaN if unknown
     ExpectedErrorP95_mm: float
-    Part: str  # its name, "" where the table is of one part
+    Part: str  # its name, "" for a single part
     Face: int  # 0 as drawn, 1 turned over
     ErrorId: int  # exit code of a fault, 0 otherwise
     ExitCode: int

@@ -1,1 +1,1 @@
-"""What every command of the project shares at the command line; nothing but the standard library."""
+"""Common parts of all commands; standard library only."""

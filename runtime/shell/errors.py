@@ -1,4 +1,4 @@
-"""Base classes of expected errors, by what the caller can do about them.
+"""Base classes of expected errors, by the action of the caller.
 
 ::
 
@@ -7,10 +7,10 @@
      +- InputError         3  correct the file
      +- CheckFailedError  11  read the report
      +- DeviceError       20  look at the cell
-     +- UnreachableError  21  connect the device, or end who uses it
+     +- UnreachableError  21  connect the device, or stop its user
 
 The number is the exit code of a command that ends with the error. `planner.errors`, `runtime.errors` and
-`drivers.errors` add those that their package has to tell apart. A message is one line: what is wrong, where,
+`drivers.errors` add those that their package has to distinguish. A message is one line: what is wrong, where,
 what to do.
 """
 
@@ -26,13 +26,13 @@ class ExpectedError(Exception):
 
 
 class UsageError(ExpectedError):
-    """The command line contradicts itself, or names what cannot be used."""
+    """The command line contradicts itself, or names something unusable."""
 
     exit_code = ExitCode.USAGE
 
 
 class InputError(ExpectedError):
-    """An input file is missing, unreadable or refused: file, section ("": the top level), key and problem."""
+    """An input file is missing, unreadable or refused: file, section ("": top level), key and problem."""
 
     exit_code = ExitCode.INPUT
 
@@ -43,7 +43,7 @@ class InputError(ExpectedError):
         self.problem, self.where, self.section, self.key = problem, where, section, key
 
     def at(self, where: str = "", section: str = "", key: str = "") -> Self:
-        """The same error with its place added; what it has already stays."""
+        """The same error with its place added; parts that are set already stay."""
         place = {
             "where": self.where or where,
             "section": self.section or section,
@@ -53,13 +53,13 @@ class InputError(ExpectedError):
 
 
 class CheckFailedError(ExpectedError):
-    """A check found something to put right; the sentences printed before say what."""
+    """A check found a problem; sentences printed before name it."""
 
     exit_code = ExitCode.CHECK_FAILED
 
 
 class DeviceError(ExpectedError):
-    """A device reports a fault, gives a reading that cannot be trusted, or may not do what is asked of it."""
+    """A device reports a fault, gives an implausible reading, or may not do what was requested."""
 
     exit_code = ExitCode.DEVICE
 
@@ -76,7 +76,7 @@ def is_expected(error: BaseException) -> bool:
 
 
 def exit_code_of(error: BaseException) -> ExitCode:
-    """Exit code of a run that ends with an error; an error of the operating system is a device's."""
+    """Exit code of a run that ends with an error; an error of the operating system counts as a device's."""
     if isinstance(error, KeyboardInterrupt):
         return ExitCode.STOPPED
     if isinstance(error, ExpectedError):

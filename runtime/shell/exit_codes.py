@@ -1,10 +1,10 @@
-"""Exit codes of all commands, each with a sentence that says what the caller can do."""
+"""Exit codes of all commands, each with a sentence about the remedy."""
 
 from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """Exit code of a process; a higher one is graver, where a run ends with that of its worst part."""
+    """Exit code of a process; higher is more severe, and a run ends with that of its worst part."""
 
     sentence: str
 
@@ -32,7 +32,7 @@ class ExitCode(IntEnum):
 
 
 def epilog(*codes: ExitCode) -> str:
-    """The section of a command's --help that lists its exit codes: 0 to 2, these, and that of Ctrl-C."""
+    """The section of --help with the command's exit codes: 0 to 2, these, and that of Ctrl-C."""
     end = set() if ExitCode.STOPPED in codes else {ExitCode.INTERRUPTED}
     listed = sorted({ExitCode.DONE, ExitCode.INTERNAL, ExitCode.USAGE, *codes} | end)
     return "\n".join(["exit codes:", *(f"  {code:>3}  {code.sentence}" for code in listed), ""])

@@ -1,7 +1,7 @@
-"""The one way in which every command writes a file: beside its place, then renamed, whole or not at all.
+"""Atomic writing of files by all commands: to a draft beside the file, which is then renamed.
 
 Only regular files are written, or standard output where a command offers that, and never a file that the
-command reads. `usable` says so before the work is done, `writing` writes.
+command reads. `usable` checks this before the work, `writing` writes.
 """
 
 import errno
@@ -22,16 +22,16 @@ LONGEST_STEM = 40
 
 
 class OutputError(UsageError, OSError):
-    """An output cannot be written: what a command line names is none, or the disk refuses."""
+    """An output cannot be written: its path is unusable, or the disk refuses."""
 
 
 def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
-    """Check, before the work is done, that an output file may be written; returns its path.
+    """Checks, before the work, that an output file may be written; returns its path.
 
     Args:
-        path: the file; it need not be there.
-        others: files that the command reads, or writes besides; None for an option that was not given.
-        stdout: whether standard output will do.
+        path: the file, which may not exist yet.
+        others: other files that the command reads or writes; None for an option that was not given.
+        stdout: whether standard output is allowed.
 
     Raises:
         OutputError: it is a link, a folder, a device or one of the others, or may not be written.
@@ -51,14 +51,14 @@ def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
 
 
 def folder(path: Path, *others: Path | None) -> Path:
-    """Make a folder for output files, before the work is done; returns its path.
+    """Creates a folder for output files, before the work; returns its path.
 
     Args:
-        path: the folder; it may be there.
+        path: the folder, which may exist.
         others: folders that the command reads, as in `usable`.
 
     Raises:
-        OutputError: it cannot be made, or is one of the others.
+        OutputError: it cannot be created, or is one of the others.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -76,7 +76,7 @@ def folder(path: Path, *others: Path | None) -> Path:
 
 @contextmanager
 def writing(path: Path) -> Iterator[Path]:
-    """Yields a draft to write to, of the same suffix; when all went well it takes the file's place.
+    """Yields a draft to write to, of the same suffix, which replaces the file on success.
 
     Where the path is one of `STDOUT`, the draft is copied there.
 
@@ -112,14 +112,14 @@ def writing(path: Path) -> Iterator[Path]:
 
 
 def _begin(draft: Path, path: Path) -> None:
-    """Make an empty draft: as the umask says, or with owner and mode of the file whose place it takes."""
+    """Creates an empty draft: with the umask, or with owner and mode of the file that it replaces."""
     old = path.stat() if path.exists() else None
-    # New, so never through a link that somebody put there; what is private is so before anything is in it.
+    # New, so never through somebody's link; a private file is private before it has content.
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
     handle = os.open(draft, flags, 0o666 if old is None else 0o600)
     try:
         if old is not None:
-            with suppress(PermissionError):  # another's file in a folder of ours becomes ours
+            with suppress(PermissionError):  # another user's file in our folder becomes ours
                 os.fchown(handle, old.st_uid, old.st_gid)
             os.fchmod(handle, old.st_mode & 0o777)
     finally:
@@ -127,24 +127,24 @@ def _begin(draft: Path, path: Path) -> None:
 
 
 def quoted(path: Path | str) -> str:
-    """A path as a word of a command line that a message proposes."""
+    """Quotes a path for a command line in a message."""
     text = str(path)
     return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
 def write(path: Path, text: str) -> None:
-    """Writes a text as UTF-8, as `writing` does."""
+    """Writes a text as UTF-8, see `writing`."""
     with writing(path) as draft:
         draft.write_text(text, encoding="utf-8")
 
 
 def words_of(path: Path) -> TextIO:
-    """Where a command says what it wrote to a path: standard error, if its output is standard output."""
+    """Stream for a command's messages: standard error if its output is standard output."""
     return sys.stderr if path in STDOUT else sys.stdout
 
 
 def _objection(path: Path) -> str:
-    """Why a file cannot be written, "" if it can; OSError where it cannot even be looked at."""
+    """Why a file cannot be written, "" if it can; OSError where it cannot be inspected."""
     if path in STDOUT:
         return "this command has no use for standard output"
     if not path.parent.is_dir():
@@ -159,7 +159,7 @@ def _objection(path: Path) -> str:
 
 
 def oddity(mode: int) -> str:
-    """What a file of this `st_mode` is if not a regular one, as "it is a folder"; "" for a regular one."""
+    """The kind of a file that is not regular, as "it is a folder"; "" for a regular one."""
     if stat.S_ISREG(mode):
         return ""
     if stat.S_ISDIR(mode):
@@ -168,7 +168,7 @@ def oddity(mode: int) -> str:
 
 
 def same(one: Path, other: Path) -> bool:
-    """Whether two paths name one file, there or yet to be made."""
+    """Whether two paths name the same file, existing or not."""
     try:
         return one.samefile(other)
     except OSError:
@@ -179,7 +179,7 @@ def read_regular(path: Path, most_bytes: int) -> tuple[bytes, int]:
     """The bytes of a regular file, `most_bytes` at most, and its `st_mode`.
 
     Raises:
-        OSError: it cannot be read, or is no regular file; a pipe without a writer blocks nobody.
+        OSError: it cannot be read, or is not a regular file; never blocks on a pipe without a writer.
     """
     file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     try:
@@ -193,7 +193,7 @@ def read_regular(path: Path, most_bytes: int) -> tuple[bytes, int]:
 
 
 def bring_to_disk(path: Path) -> None:
-    """Wait until a file, or a folder's list of files, is on the disk."""
+    """Waits until a file, or a folder's list of files, is on the disk."""
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(handle)

@@ -9,12 +9,12 @@ from typing import Any
 
 
 def addresses_of(host: str, port: int | None, seconds: float) -> list[Any]:
-    """A host's addresses as `socket.getaddrinfo` gives them, looked up within so many wall seconds.
+    """A host's addresses as from `socket.getaddrinfo`, looked up within `seconds` of wall time.
 
-    A name server that is silent is left to a thread of its own.
+    A silent name server is left to a separate thread.
 
     Raises:
-        OSError: the name is not known, or nobody answers in time. UnicodeError: no host can have that name.
+        OSError: the name is unknown, or there is no answer in time. UnicodeError: an invalid name.
     """
     with contextlib.suppress(socket.gaierror):
         return socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_NUMERICHOST)

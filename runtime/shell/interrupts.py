@@ -1,9 +1,9 @@
-"""Ctrl-C, SIGTERM, SIGHUP (a session that dropped) and SIGQUIT are one request: to stop. It is raised once.
+"""Stop requests: Ctrl-C, SIGTERM, SIGHUP (a lost session) and SIGQUIT are one request, raised once.
 
-A request raises KeyboardInterrupt only in what is `stoppable`, and never while an exception is being handled:
-what came first, a fault or the request, is what the command ends with, and nothing cuts short what follows
-from it: safe sequence, records, last words. At any other time it waits for the next `stoppable`. Decision
-0018 says why. A deadline (`within`) is delivered in the same way, by an error of its own.
+A request raises KeyboardInterrupt only in `stoppable` code, and never while an exception is being handled:
+the command ends with what came first, a fault or the request, and nothing interrupts what follows from it
+(safe sequence, records, last messages). At any other time it waits for the next `stoppable`. Decision 0018
+says why. A deadline (`within`) is delivered in the same way, with another error.
 """
 
 import contextlib
@@ -18,30 +18,30 @@ from typing import Self
 
 STDERR = 2
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-AGAIN_S = 0.01  # until a request that met the handling of an exception is tried again
-LOST_S = 0.1  # until one that was raised where Python drops exceptions (finalizer, callback) is raised again
+AGAIN_S = 0.01  # until a request during the handling of an exception is tried again
+LOST_S = 0.1  # until a request that Python dropped (finalizer, callback) is raised again
 
 
 class _Request:
-    """State of the stop request; one a process, as signals are."""
+    """State of the stop request; one for the process, as signals are."""
 
     listening = False  # whether signals are requests
     asked = False  # whether a signal came
     open = False  # whether it may raise now
-    over = False  # whether it was heard, or can change nothing any more
-    # what a deadline that has passed raises; None: none has
+    over = False  # whether it was handled, or can have no effect any more
+    # error of a deadline that has passed; None: no deadline has passed
     late: Callable[[], Exception] | None = None
 
     def deliver(self) -> None:
-        """Raise it if it may, or the error of a deadline that has passed."""
+        """Raises the request if it may, or the error of a deadline that has passed."""
         stop = self.asked and not self.over
         if not self.open or not (stop or self.late):
             return
         if sys.exception() is not None:
-            # A driver may be about to try again, and the exception no fault at all.
+            # A driver may be about to retry, so that the exception is no fault at all.
             signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
             return
-        # Heard, it leaves what is stoppable.
+        # Once raised, it leaves the stoppable code.
         signal.setitimer(signal.ITIMER_REAL, LOST_S)
         raise KeyboardInterrupt if stop or self.late is None else self.late()
 
@@ -56,7 +56,7 @@ def _region(*, opened: bool) -> Iterator[None]:
         _request.deliver()
         yield
     except KeyboardInterrupt:
-        _request.over = True  # heard
+        _request.over = True  # raised
         raise
     finally:
         _request.open = before
@@ -64,20 +64,20 @@ def _region(*, opened: bool) -> Iterator[None]:
 
 
 def stoppable() -> "contextlib._GeneratorContextManager[None]":
-    """A stop request raises KeyboardInterrupt in here, one that came before at once."""
+    """Context in which a stop request raises KeyboardInterrupt, an earlier one at once."""
     return _region(opened=True)
 
 
 def whole() -> "contextlib._GeneratorContextManager[None]":
-    """No stop request raises in here, but in what is stoppable within."""
+    """Context in which no stop request raises, except in stoppable code within."""
     return _region(opened=False)
 
 
 @contextlib.contextmanager
 def within(seconds: float, late: Callable[[], Exception]) -> Iterator[None]:
-    """After so many wall seconds in here `late()` is raised, where and when a stop request would be.
+    """Context in which, after `seconds` of wall time, `late()` is raised like a stop request.
 
-    Nothing is raised where no `StopRequests` are entered: there are no signals then that end a call.
+    Raises nothing outside of `StopRequests`, since no signals end a call then.
     """
     if not _request.listening:
         yield
@@ -104,10 +104,10 @@ def conclude() -> None:
 
 
 class StopRequests:
-    """While entered, `SIGNALS` are stop requests; those that were to be ignored by SIGHUP (nohup) still are.
+    """Context in which `SIGNALS` are stop requests; a SIGHUP ignored before (nohup) stays ignored.
 
-    With `last` the process ends when this is left; the signals are then ignored for the rest of it, so that
-    none changes its exit code.
+    With `last` the process ends after the context, and ignores the signals from then on, so that none
+    changes its exit code.
     """
 
     def __init__(self, *, last: bool = False) -> None:
@@ -144,7 +144,7 @@ class StopRequests:
 
 
 def _acknowledge() -> None:
-    """Say that it was heard before, unless nobody reads it: nothing may wait for that."""
+    """Reports an earlier request on standard error; never waits for a reader."""
     with contextlib.suppress(OSError, ValueError):
         if select.select([], [STDERR], [], 0.0)[1]:
             os.write(STDERR, b"stopping already\n")

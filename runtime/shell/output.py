@@ -1,9 +1,9 @@
-"""Standard output and error of a command that must not wait for who reads them.
+"""Standard output and error of a command that must not wait for readers.
 
-A full pipe, a socket that nobody empties and a terminal that is held (Ctrl-S) block whoever writes. Within
-`unblocked` nothing does: lines that are not taken at once are kept, up to `KEPT_BYTES`, and sent before later
-ones; lines beyond that are dropped, each as a whole. At the command's end who reads has `END_S` to take the
-rest. The journal holds everything; what is printed is a copy.
+A full pipe, an unread socket and a held terminal (Ctrl-S) block writers. Within `unblocked` nothing blocks:
+pending lines are kept, up to `KEPT_BYTES`, and sent before later ones; lines beyond that are dropped, each
+as a whole. At the command's end the reader has `END_S` to take the rest. The journal holds everything; what
+is printed is a copy.
 """
 
 import contextlib
@@ -19,27 +19,22 @@ from typing import TextIO
 KEPT_BYTES = 1 << 20  # lines of some hundred bytes
 END_S = 1.0
 STDOUT, STDERR = 1, 2
-PIECE = 512  # a pipe that is ready takes as much at once (POSIX: PIPE_BUF)
+PIECE = 512  # a ready pipe takes as much at once (POSIX: PIPE_BUF)
 
 _outlets: dict[int, "Outlet"] = {}
 
 
 class Outlet:
-    """A way to a standard stream that never waits.
-
-    Args:
-        descriptor: of a pipe, a socket or a terminal.
-        now: the clock, wall seconds.
-    """
+    """A writer to a standard stream that never waits."""
 
     def __init__(self, descriptor: int, now: Callable[[], float]) -> None:
-        self.lost = 0  # lines that were dropped
+        self.lost = 0  # number of dropped lines
         self._now = now
         self._kept = bytearray()
         self._file, self._write = _writer(descriptor)
 
     def put(self, data: bytes) -> None:
-        """Send what there is room for and keep the rest; OSError where nobody will ever read."""
+        """Sends as much as there is room for and keeps the rest; OSError where nobody will ever read."""
         if len(self._kept) + len(data) > KEPT_BYTES:
             self.lost += 1
         else:
@@ -47,7 +42,7 @@ class Outlet:
         self._push()
 
     def end(self) -> int:
-        """Wait a moment for who reads; returns how many lines are lost in all."""
+        """Waits briefly for the reader; returns the total number of lost lines."""
         until = self._now() + END_S
         while self._kept and (left_s := until - self._now()) > 0.0:
             select.select([], [self._file], [], left_s)
@@ -57,7 +52,7 @@ class Outlet:
         return self.lost
 
     def close(self) -> None:
-        """Give it up."""
+        """Stops writing."""
         self._file.close()
 
     def _push(self) -> None:
@@ -72,9 +67,9 @@ class Outlet:
 
 
 def _writer(descriptor: int) -> tuple[socket.socket | FileIO, Callable[[bytes], int]]:
-    """A file of our own, and what writes to it without waiting.
+    """A separate file, and a function that writes to it without waiting.
 
-    The one that others share must not be made so itself: they would not expect it.
+    The shared file must not become non-blocking: other processes would not expect it.
     """
     if stat.S_ISSOCK(os.fstat(descriptor).st_mode):
         connection = socket.socket(fileno=fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3))
@@ -85,7 +80,7 @@ def _writer(descriptor: int) -> tuple[socket.socket | FileIO, Callable[[bytes], 
     except OSError:  # no /proc, or another user's terminal
         file = FileIO(fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3), "w")
         return file, lambda data: _write_if_ready(file.fileno(), data)
-    # Not as one of the three streams, should one of them be closed.
+    # Not with the number of a standard stream, should one of them be closed.
     file = FileIO(fcntl.fcntl(opened, fcntl.F_DUPFD_CLOEXEC, 3), "w")
     os.close(opened)
     return file, lambda data: os.write(file.fileno(), data)
@@ -98,7 +93,7 @@ def _write_if_ready(descriptor: int, data: bytes) -> int:
 
 
 def outlet_of(file: TextIO) -> Outlet | None:
-    """The outlet of a standard stream; None: it is written as ever."""
+    """The outlet of a standard stream; None: it is written as usual."""
     try:
         return _outlets.get(file.fileno())
     except (OSError, ValueError):  # in memory, or closed
@@ -107,7 +102,7 @@ def outlet_of(file: TextIO) -> Outlet | None:
 
 @contextlib.contextmanager
 def unblocked(now: Callable[[], float]) -> Iterator[None]:
-    """Within it `command.say` never waits for who reads; regular files are written as ever."""
+    """Context in which `command.say` never waits for a reader; regular files are written as usual."""
     for descriptor in (STDOUT, STDERR):
         with contextlib.suppress(OSError):
             mode = os.fstat(descriptor).st_mode

@@ -1,9 +1,9 @@
-"""Text that came from a file or a device: what may stand in an answer, on a terminal, in a page or a program.
+"""Text from files and devices: what is allowed in an answer, on a terminal, in a page or a program.
 
-A name with a line break puts a second line into an answer, an escape sequence moves a terminal's cursor, a
-mark of direction turns the rest of a line round. So every border refuses them: `runtime.table` in a table and
-the job inside it, `planner.job` in a job, `runtime.shell.strict_json` in files of JSON. What devices, errors
-and journals say cannot be refused: whatever prints a line prints it `cleaned`.
+A line break in a name adds a line to an answer, an escape sequence moves a terminal's cursor, a direction
+mark reverses the rest of a line. So every interface refuses them: `runtime.table` in a table and the job
+inside it, `planner.job` in a job, `runtime.shell.strict_json` in files of JSON. Messages of devices, errors
+and journals cannot be refused: every printed line is `cleaned`.
 """
 
 from typing import Any
@@ -17,9 +17,9 @@ def is_plain(text: str, longest: int = LONGEST) -> bool:
 
 
 def unprintable(value: Any) -> str | None:
-    """The first text of parsed JSON or TOML, key or value, that does not print within a line; None: all do.
+    """The first text in parsed JSON or TOML, key or value, that is not printable on a line; None: all are.
 
-    It comes as ASCII, its strange characters escaped.
+    It is returned as ASCII, with its unprintable characters escaped.
     """
     waiting = [value]
     while waiting:
@@ -35,13 +35,13 @@ def unprintable(value: Any) -> str | None:
 
 
 def cleaned(text: str) -> str:
-    """A text as one line: line breaks, escape sequences and all else that does not print, escaped."""
+    """A text as one line, with line breaks, escape sequences and other unprintable characters escaped."""
     if text.isprintable():
         return text
     return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
 
 
 def shortened(text: str, longest: int = 40) -> str:
-    """A text in quotes as ASCII, for an error's sentence; cut where it is long."""
+    """A text in quotes as ASCII, for an error's sentence; truncated if long."""
     shown = ascii(text[:longest])
     return shown if len(text) <= longest and len(shown) <= longest + 2 else f"{shown[:longest]}..."

@@ -1,7 +1,7 @@
-"""Lines of JSON whose last field, `digest`, is the SHA-256 of the line without it: a journal's records.
+"""Lines of JSON whose last field, `digest`, is the SHA-256 of the line without it, as in journals.
 
-`previous`, the field before it, is the digest of the line before, `GENESIS` in the first line. A long journal
-lies in several files, and the chain goes on from one to the next: in their order, they are one journal.
+`previous`, the field before it, is the digest of the line before, `GENESIS` in the first line. A long
+journal has several files, and the chain continues from one to the next: in order, they are one journal.
 """
 
 import hashlib
@@ -14,25 +14,25 @@ _LENGTH = len(_MARK) + len(GENESIS) + len(_END)
 
 
 def sealed(body: bytes) -> tuple[bytes, str]:
-    """The line of an object in JSON, and its digest."""
+    """An object as a line of JSON, and its digest."""
     digest = hashlib.sha256(body).hexdigest()
     return body[:-1] + _MARK + digest.encode("ascii") + _END, digest
 
 
 def is_intact(line: bytes) -> bool | None:
-    """Whether a line has the digest that it ends with; None where it ends with none."""
+    """Whether a line has the digest at its end; None where there is none."""
     if not line[-_LENGTH:].startswith(_MARK):
         return None
     return line == sealed(line[:-_LENGTH] + b"}")[0]
 
 
 def segment(path: Path, number: int) -> Path:
-    """The file of a journal's segment of this number, from 1, once it is sealed."""
+    """The file of a journal's sealed segment of this number, from 1."""
     return path.with_name(f"{path.name}.{number:06d}")
 
 
 def sealed_segments(path: Path) -> list[Path]:
-    """The sealed segments of a journal that are there, in order; after them comes the journal's own file.
+    """The existing sealed segments of a journal, in order; the journal's own file comes after them.
 
     Raises:
         OSError: their folder cannot be read.

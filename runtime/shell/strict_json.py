@@ -15,10 +15,10 @@ MOST_BYTES = 4 << 20  # of a file
 
 
 def parse(text: str | bytes) -> Any:
-    """Read JSON (UTF-8) whose numbers are finite, its integers short, and which is not nested deeply.
+    """Parses JSON (UTF-8) with finite numbers, short integers and limited nesting.
 
     Raises:
-        ValueError: it is no such JSON; the sentence says why, and reads on after "is ".
+        ValueError: the text is not such JSON; the message continues a sentence after "is ".
     """
     try:
         text = text.decode() if isinstance(text, bytes) else text
@@ -38,16 +38,16 @@ def parse(text: str | bytes) -> Any:
 
 
 def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST_BYTES) -> Any:
-    """What a file holds.
+    """Loads a JSON file.
 
     Args:
         path: the file.
-        refused: makes an error of a sentence, which reads on after the file's name.
-        most_bytes: size from which on it is not read.
+        refused: builds the error from a sentence that continues after the file's name.
+        most_bytes: size above which it is not read.
 
     Raises:
-        Exception: what `refused` makes, where the file cannot be read, is too large, is no such JSON, or
-            holds text that does not print.
+        Exception: from `refused`, where the file cannot be read, is too large, is not such JSON, or holds
+            unprintable text.
     """
     try:
         with path.open("rb") as file:
@@ -72,7 +72,7 @@ def digest(document: Mapping[str, Any]) -> str:
 
 
 def _is_deep(value: Any) -> bool:
-    """Whether it has more than `MOST_LEVELS` levels, found without recursion."""
+    """Whether a value has more than `MOST_LEVELS` levels, without recursion."""
     level = [value]
     for _ in range(MOST_LEVELS):
         if not level:

@@ -1,7 +1,7 @@
 """A strict parser for TOML of unknown origin: limited size and nesting.
 
-`tomllib` takes time and memory with the square of a key's depth, and Python's stack with that of a value:
-both are bounded before it begins.
+`tomllib` takes time and memory quadratic in a key's depth, and stack linear in a value's: both are bounded
+before parsing.
 """
 
 import re
@@ -23,10 +23,10 @@ _TOKENS = re.compile(
 
 
 def parse(text: str) -> dict[str, Any]:
-    """Read TOML text that is not large and not nested deeply.
+    """Parses TOML text of limited size and nesting.
 
     Raises:
-        ValueError: it is no such TOML; from `tomllib` with line and column.
+        ValueError: the text is not such TOML; errors of `tomllib` have line and column.
     """
     if len(text) > MOST_BYTES:
         raise ValueError(f"larger than {MOST_BYTES >> 20} MiB")
@@ -36,7 +36,7 @@ def parse(text: str) -> dict[str, Any]:
 
 
 def _levels(text: str) -> int:
-    """The most brackets that are open at once, or dots within one key."""
+    """The largest number of open brackets, or of dots within one key."""
     most = depth = dots = 0
     for match in _TOKENS.finditer(text):
         token = match[0]

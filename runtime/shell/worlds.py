@@ -12,14 +12,14 @@ Factory = Callable[[Any, int], Any]
 
 
 class WorldError(Exception):
-    """There is no such world; the sentence says what is wrong with its name."""
+    """The world does not exist; the message says what is wrong with its name."""
 
 
 def find_factory(name: str) -> Factory:
-    """The factory of that name; modules in the current folder are found too.
+    """The factory of that name; modules in the current folder are found, too.
 
     Raises:
-        WorldError: the name is not understood, or there is no such module or factory.
+        WorldError: the name is invalid, or the module or factory does not exist.
     """
     module_name, _, attribute = name.partition(":")
     if not (module_name and attribute.isidentifier()):
@@ -29,7 +29,7 @@ def find_factory(name: str) -> Factory:
         if find_spec(module_name.partition(".")[0]) is None:
             sys.path.append(str(Path.cwd()))
         factory = getattr(import_module(module_name), attribute, None)
-    except Exception as error:  # importing runs what somebody else wrote
+    except Exception as error:  # importing runs foreign code
         raise WorldError(f"module {module_name} cannot be imported: {error}") from error
     if not callable(factory):
         raise WorldError(f"module {module_name} has no function {attribute}")
@@ -38,10 +38,10 @@ def find_factory(name: str) -> Factory:
 
 
 def make_world(factory: Factory, subject: object, seed: int) -> Any:
-    """What a factory returns for a subject (the job, or the table for a rehearsal) and a seed.
+    """Calls a factory with a subject (the job, or the table for a rehearsal) and a seed.
 
     Raises:
-        WorldError: it fails, or what it returns cannot squeeze.
+        WorldError: it fails, or its result cannot squeeze.
     """
     try:
         world = factory(subject, seed)

@@ -1,1 +1,1 @@
-"""Signed packs: what is installed in a cell, and who answers for it."""
+"""Signed packs: the software of a cell, and who vouches for it."""

@@ -1,9 +1,9 @@
-"""Zip archives of which every byte is prescribed: the container of a pack.
+"""Zip archives with fully prescribed bytes: the container of a pack.
 
 Members are stored, dated 1980-01-01, with mode 0644, one after the other; the directory lists them in the
-same order, and the comment at the end is an Ed25519 signature of all bytes before it. So a reader that writes
-the members again and compares them notices each changed byte and whose it is, and `tail -c 64` separates what
-OpenSSL needs. Any zip program opens it (APPNOTE.TXT 6.3.10, sections 4.3 and 4.4).
+same order, and the comment at the end is an Ed25519 signature of all bytes before it. So a reader that
+rewrites the members and compares them detects each changed byte and its member, and `tail -c 64` extracts
+the signature for OpenSSL. Any zip program opens it (APPNOTE.TXT 6.3.10, sections 4.3 and 4.4).
 """
 
 import struct
@@ -18,29 +18,29 @@ _LOCAL, _CENTRAL, _END = b"PK\x03\x04", b"PK\x01\x02", b"PK\x05\x06"
 _NEEDED, _STORED, _DATE = 20, 0, 0x21
 _MADE_BY, _MODE = 3 << 8 | _NEEDED, 0o100644 << 16  # on Unix
 _LOCAL_BYTES = 30
-_LONGEST_SHOWN = 200  # of a name that should not be there
+_LONGEST_SHOWN = 200  # longest unknown name in a message
 _SIZE_AT = 18  # of a member's stored size in its local header
 
 
 def unsigned(members: Mapping[str, bytes]) -> bytes:
-    """The bytes of an archive, up to the signature that has to follow.
+    """The bytes of an archive up to the signature.
 
     Args:
-        members: contents by name in ASCII, in the order in which they are stored.
+        members: contents by name in ASCII, in the order of storage.
     """
     entries = b"".join(_local(name, content) + content for name, content in members.items())
     return entries + _directory(members)
 
 
 def members_of(data: bytes, names: Collection[str]) -> dict[str, bytes]:
-    """The members of an archive, none of whose bytes but the signature is other than `unsigned` writes it.
+    """The members of an archive, whose bytes must equal those of `unsigned`, except for the signature.
 
     Args:
         data: the file.
-        names: of members that there may be.
+        names: allowed names of members.
 
     Raises:
-        PackError: naming the member, or the part of the archive, that is not as it was written.
+        PackError: the archive was changed; names the member or the part.
     """
     if not data.startswith(_LOCAL):
         raise PackError("is no zip archive that squeezetree pack wrote")

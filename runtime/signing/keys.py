@@ -1,7 +1,7 @@
 """Ed25519 keys in PEM files, as OpenSSL reads and writes them.
 
-A private key is a file that its owner alone may read, and is never overwritten. The library that signs,
-`cryptography`, is loaded by what needs it.
+A private key is a file that only its owner may read, and is never overwritten. The library for signatures,
+`cryptography`, is loaded on demand.
 """
 
 import base64
@@ -40,12 +40,12 @@ class PublicKey:
 
     @property
     def pem(self) -> bytes:
-        """The key's file."""
+        """The content of the key's file."""
         text = base64.b64encode(_PREFIX + self.raw)
         return b"-----BEGIN PUBLIC KEY-----\n" + text + b"\n-----END PUBLIC KEY-----\n"
 
     def signed(self, data: bytes, signature: bytes) -> bool:
-        """Whether a signature of some data is this key's."""
+        """Whether a signature of some data is by this key."""
         from cryptography.exceptions import InvalidSignature
 
         try:
@@ -63,7 +63,7 @@ class SigningKey:
 
     @property
     def public(self) -> PublicKey:
-        """The public key to it."""
+        """Its public key."""
         return _public(self.private.public_key())
 
     def sign(self, data: bytes) -> bytes:
@@ -72,7 +72,7 @@ class SigningKey:
 
 
 def default_path() -> Path:
-    """Where the key lies that packs are signed with unless one is named."""
+    """Path of the default signing key."""
     home = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
     return Path(home) / "squeezetree" / "signing-key.pem"
 
@@ -83,10 +83,10 @@ def public_of(path: Path) -> Path:
 
 
 def generate(path: Path) -> SigningKey:
-    """Make a key: the private one in a file of mode 0600, the public one beside it.
+    """Creates a key: the private one in a file of mode 0600, the public one beside it.
 
     Raises:
-        OutputError: one of the files is there already, or cannot be written; neither is left behind.
+        OutputError: one of the files exists or cannot be written; neither is left behind.
         UsageError: the extra is missing.
     """
     from_library = _ed25519().Ed25519PrivateKey.generate()
@@ -106,10 +106,10 @@ def generate(path: Path) -> SigningKey:
 
 
 def load_private(path: Path) -> SigningKey:
-    """Read a private key.
+    """Reads a private key.
 
     Raises:
-        InputError: it cannot be read, may be read by others, or is no Ed25519 key without a passphrase.
+        InputError: it cannot be read, may be read by others, or is not an Ed25519 key without a passphrase.
         UsageError: the extra is missing.
     """
     private = _ed25519().Ed25519PrivateKey
@@ -124,7 +124,7 @@ def load_private(path: Path) -> SigningKey:
         loaded = load_pem_private_key(data, None)
     except TypeError:
         raise InputError(f"key {path} has a passphrase; name a key without one") from None
-    except Exception as error:  # the library has several of its own for what it cannot parse
+    except Exception as error:  # the library has several kinds of errors for unparsable files
         raise InputError(
             f"key {path} holds no private key in PEM; squeezetree key makes one"
         ) from error
@@ -134,7 +134,7 @@ def load_private(path: Path) -> SigningKey:
 
 
 def load_public(path: Path) -> PublicKey:
-    """Read a public key; errors as `load_private`."""
+    """Reads a public key; errors as for `load_private`."""
     data, _ = _read(path)
     if b"PRIVATE KEY" in data:
         raise InputError(
@@ -150,7 +150,7 @@ def parse_public(data: bytes) -> PublicKey:
     """The public key in a PEM file's bytes.
 
     Raises:
-        ValueError: there is none, or none for Ed25519.
+        ValueError: there is no key, or none for Ed25519.
         UsageError: the extra is missing.
     """
     public = _ed25519().Ed25519PublicKey
@@ -158,7 +158,7 @@ def parse_public(data: bytes) -> PublicKey:
 
     try:
         loaded = load_pem_public_key(data)
-    except Exception as error:  # as in `load_private`
+    except Exception as error:  # see `load_private`
         raise ValueError("holds no public key in PEM") from error
     if not isinstance(loaded, public):
         raise ValueError(f"holds {_kind(loaded)}, not an Ed25519 key")  # noqa: TRY004 - of a file's content
@@ -166,7 +166,7 @@ def parse_public(data: bytes) -> PublicKey:
 
 
 def _ed25519() -> Any:
-    """The module of the library that has the keys' classes."""
+    """The module of the library with the classes of keys."""
     try:
         from cryptography.hazmat.primitives.asymmetric import ed25519
     except ModuleNotFoundError:
@@ -188,13 +188,13 @@ def _private_pem(key: "Ed25519PrivateKey") -> bytes:
 
 
 def _kind(key: object) -> str:
-    """What sort of key an object of the library is, as "an RSA key"."""
+    """Kind of a key object of the library, as "an RSA key"."""
     name = type(key).__name__.removesuffix("PrivateKey").removesuffix("PublicKey").strip("_")
     return f"{'an' if name[:1] in 'AEIORSX' else 'a'} {name} key"
 
 
 def write_new(path: Path, data: bytes, mode: int) -> None:
-    """Write a file that is not there yet, with this mode from its beginning on."""
+    """Writes a new file, created with this mode."""
     try:
         file = os.open(
             path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode

@@ -34,15 +34,15 @@ MOST_BYTES = 16 << 20
 
 @dataclass(frozen=True, slots=True)
 class Pack:
-    """A pack whose signature holds."""
+    """A pack with a valid signature."""
 
     members: Mapping[str, bytes]  # contents by name, the manifest first
-    manifest: Mapping[str, Any]  # what it says
+    manifest: Mapping[str, Any]  # the manifest
     key: PublicKey  # of its signer
     digest: str  # SHA-256 of the file
 
     def fields(self) -> dict[str, object]:
-        """What it says as JSON holds it."""
+        """The pack in the form of JSON."""
         stated = {
             name: value for name, value in self.manifest.items() if name not in ("kind", "version")
         }
@@ -55,10 +55,10 @@ def signed(
     """The bytes of a pack.
 
     Args:
-        table: what is installed; its job goes along, unless it was stripped.
+        table: the table; its job is included, unless it was stripped.
         calibration: the bytes of the calibration's file, if there is one.
         key: of the signer.
-        facts: what the manifest says besides digests: `signer`, `created`, `versions`.
+        facts: further fields of the manifest: `signer`, `created`, `versions`.
     """
     job = table.table.job
     contents = {KEY: key.public.pem, TABLE: table.data}
@@ -78,7 +78,7 @@ def signed(
 
 
 def read(path: Path) -> bytes:
-    """The bytes of a pack's file.
+    """Reads a pack's file.
 
     Raises:
         InputError: it cannot be read.
@@ -94,15 +94,15 @@ def read(path: Path) -> bytes:
 
 
 def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:
-    """Check every byte of a pack.
+    """Checks every byte of a pack.
 
     Args:
         data: of the file.
-        trusted: the key that must have signed it; None takes the one that it brings along, which proves that
-            nothing was changed since, but not by whom it was signed.
+        trusted: the key that must have signed it; None takes the pack's own, which proves that nothing was
+            changed, but not who signed it.
 
     Raises:
-        PackError: naming what was changed, or whose key signed it.
+        PackError: it was changed, or signed by another key; the message says which.
         UsageError: the extra is missing.
     """
     members = members_of(data, MEMBERS)
@@ -128,7 +128,7 @@ def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:
 
 
 def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: PublicKey) -> Pack:
-    """The pack beside a table's file that vouches for what a run is about to use.
+    """The pack beside a table's file that covers the software of a run.
 
     Args:
         tree: the table's file; packs are looked for in its folder, as `*.zip`.

@@ -1,4 +1,4 @@
 """Statistical process control from journals: whether the cell still matches its table.
 
-Standard library only: a report is made on the cell controller, from journals alone.
+Standard library only: reports are made on the cell controller, from journals alone.
 """

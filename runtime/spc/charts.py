@@ -9,30 +9,30 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import erfc, exp, lgamma, log, log1p, sqrt
 
-WINDOW = 50  # parts that shares are taken over
+WINDOW = 50  # parts over which shares are taken
 # parts of frequencies: the short one finds large changes soon, the long one small ones
 WINDOWS = (50, 200)
 RARE = 1e-5  # false-alarm probability of a window
-UNLIKELY = 2e-5  # the same for frequencies: chi-square is not exact farther out in its tail
-LEAST_EXPECTED = 3.0  # of a chi-square's cell; smaller ones are taken together
-CLIP = 3.0  # standard deviations: a single outlier is a failure, not a drift
+UNLIKELY = 2e-5  # the same for frequencies: chi-square is inexact farther out in its tail
+LEAST_EXPECTED = 3.0  # least expectation of a chi-square's cell; smaller ones are pooled
+CLIP = 3.0  # clip of deviations, in standard deviations: a single outlier is a failure, not a drift
 
 
 @dataclass(slots=True)
 class Cusum:
     """Page's cumulative sums of a standardised deviation, both ways (Biometrika 41, 1954).
 
-    Each deviation counts by its likelihood under a shift against none, so that what scatters widely, or is
-    shifted by little of its scatter, weighs little.
+    Each deviation counts by its likelihood ratio of a shift against none, so that deviations with large
+    scatter weigh little.
     """
 
-    shift: float  # to be found, in the unit of the deviations
+    shift: float  # shift to be detected, in the unit of the deviations
     limit: float = 12.0  # log-likelihood ratio at which it alarms
     up: float = 0.0  # sum for a shift upwards
     down: float = 0.0
 
     def add(self, deviation: float, sigma: float) -> bool:
-        """Take one deviation and its standard deviation in; whether this is an alarm."""
+        """Adds one deviation and its standard deviation; returns whether this is an alarm."""
         clipped = min(max(deviation, -CLIP * sigma), CLIP * sigma)
         weight = self.shift / (sigma * sigma)
         self.up = max(0.0, self.up + weight * (clipped - 0.5 * self.shift))
@@ -53,11 +53,11 @@ class Ewma:
 
     @property
     def limit(self) -> float:
-        """Greatest mean that is not an alarm."""
+        """Greatest mean without an alarm."""
         return self.width * sqrt(self.weight / (2.0 - self.weight))
 
     def add(self, value: float) -> bool:
-        """Take one value in; whether this is an alarm."""
+        """Adds one value; returns whether this is an alarm."""
         clipped = min(max(value, -CLIP), CLIP)
         self.mean += self.weight * (clipped - self.mean)
         if abs(self.mean) < self.limit:
@@ -74,7 +74,7 @@ class BinomialWindowChart:
     recent: deque[bool] = field(default_factory=lambda: deque(maxlen=WINDOW))
 
     def add(self, had: bool) -> bool:
-        """Take one part in; whether this is an alarm."""
+        """Adds one part; returns whether this is an alarm."""
         self.recent.append(had)
         if not had or binomial_tail(sum(self.recent), len(self.recent), self.expected) > RARE:
             return False
@@ -94,7 +94,7 @@ class GTestChart:
         self.recent = deque(maxlen=self.window)
 
     def add(self, taken: tuple[tuple[int, int], ...]) -> bool:
-        """Take one part in; whether this is an alarm."""
+        """Adds one part; returns whether this is an alarm."""
         self.recent.append(taken)
         if len(self.recent) < self.window // 2 or self._tail() > UNLIKELY:
             return False
@@ -114,7 +114,7 @@ class GTestChart:
 
 
 def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
-    """Pearson's statistic of counts against shares (which need not add up to one), and its freedom."""
+    """Pearson's statistic of counts against shares, which need not add up to 1; its degrees of freedom."""
     filled = _cells(counts, shares)
     return sum((seen - expected) ** 2 / expected for seen, expected in filled), max(
         len(filled) - 1, 0
@@ -124,7 +124,7 @@ def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, i
 def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
     """Twice the logarithm of the likelihood ratio (the G statistic), and its degrees of freedom.
 
-    In short windows it detects a branch that is no longer taken far sooner than Pearson's.
+    In short windows it detects a missing branch far sooner than Pearson's statistic.
     """
     filled = _cells(counts, shares)
     gain = 2.0 * sum(seen * log(seen / expected) for seen, expected in filled if seen > 0.0)
@@ -147,19 +147,19 @@ def _cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, 
     if rest_expected >= LEAST_EXPECTED or not filled:
         filled.append((rest_seen, rest_expected))
     elif rest_expected > 0.0:
-        # A rest of small expectation joins the smallest cell: its own ratio would be noise.
+        # A remainder of small expectation joins the smallest cell: its own ratio would be noise.
         smallest = min(range(len(filled)), key=lambda k: filled[k][1])
         filled[smallest] = (filled[smallest][0] + rest_seen, filled[smallest][1] + rest_expected)
     return filled
 
 
 def binomial_tail(least: int, trials: int, share: float) -> float:
-    """Probability of at least so many among so many trials."""
+    """Probability of at least `least` successes in `trials` trials."""
     return binomial_at_most(trials - least, trials, 1.0 - share)
 
 
 def binomial_at_most(most: int, trials: int, share: float) -> float:
-    """Probability of at most so many among so many trials."""
+    """Probability of at most `most` successes in `trials` trials."""
     if most < 0 or share >= 1.0:
         return float(most >= trials)
     if share <= 0.0 or most >= trials:
@@ -180,7 +180,7 @@ def binomial_at_most(most: int, trials: int, share: float) -> float:
 def chi_square_tail(statistic: float, freedom: int) -> float:
     """Probability that a chi-square variable exceeds the statistic; 1 without degrees of freedom.
 
-    For whole degrees of freedom it is a finite sum (Abramowitz and Stegun, 26.4.4 and 26.4.5).
+    For integer degrees of freedom it is a finite sum (Abramowitz and Stegun, 26.4.4 and 26.4.5).
     """
     if freedom <= 0 or statistic <= 0.0:
         return 1.0

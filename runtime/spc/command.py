@@ -1,4 +1,4 @@
-"""`grasp-audit report`: what the journals of many parts say about the cell."""
+"""`grasp-audit report`: the state of a cell from the journals of many parts."""
 
 import argparse
 import json
@@ -44,7 +44,7 @@ def parser() -> Parser:
         "--expected",
         type=Path,
         metavar="F",
-        help="from plan-expect: tells a change of friction early",
+        help="from plan-expect: detects a change of friction early",
     )
     add("--export", type=Path, metavar="F", help="a row for each part, as .csv")
     built.add_common()
@@ -52,7 +52,7 @@ def parser() -> Parser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+    """Runs the command; returns its exit code."""
     return run(parser(), arguments, _report)
 
 
@@ -83,7 +83,7 @@ def _write(options: argparse.Namespace, history: History, summary: Summary) -> N
 
 
 def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator[Row]:
-    """One row a part, with the names of the charts that alarmed at its index; None is not known."""
+    """One row a part, with the names of the charts that alarmed at its index; None is unknown."""
     for index, part in enumerate(parts):
         values = (
             *(

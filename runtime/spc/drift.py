@@ -1,4 +1,4 @@
-"""Whether a cell drifts while it runs: the control charts of its table, part after part."""
+"""Drift of a cell during a run: the control charts of its table, part after part."""
 
 from collections import deque
 
@@ -7,27 +7,27 @@ from runtime.spc.monitor import Alarm, Monitor
 from runtime.table import Node, Table
 from runtime.traversal.results import PartResult
 
-LEAST_REFIT = 20  # parts that a refit learns anything from
-DRIFTED = ("widths", "branches", "readings", "rejects")  # charts of what a refit learns from
+LEAST_REFIT = 20  # least parts for a refit
+DRIFTED = ("widths", "branches", "readings", "rejects")  # charts of quantities that a refit learns
 REFIT = "a refit would pay: plan-refit JOB.toml --journal J... -o JOB2.toml learns what is off in the cell"
-RECENT = 120  # squeezes of which a run remembers the charts' values
+RECENT = 120  # squeezes whose chart values are kept
 
 
 class Drift:
-    """The charts of a table as a run goes on, part after part; whether a refit would pay."""
+    """The charts of a table during a run, and whether a refit would pay."""
 
     def __init__(self, table: Table) -> None:
         self._courses = {name: deque[float](maxlen=RECENT) for name in ("wider", "narrower")}
         self._table, self._charts = table, Monitor(table, draw=self._keep)
         self._parts, self._drifted = 0, False
-        self._alarms: dict[str, Alarm] = {}  # of each chart the latest
+        self._alarms: dict[str, Alarm] = {}  # the latest of each chart
 
     def _keep(self, name: str, value: float) -> None:
         if name in self._courses:
             self._courses[name].append(round(value, 2))
 
     def as_object(self) -> dict[str, object]:
-        """The latest widths' cumulative sums, the limit of both, and the latest alarm of each chart."""
+        """The latest cumulative sums of widths, their limit, and the latest alarm of each chart."""
         return {
             **{name: list(course) for name, course in self._courses.items()},
             "limit": self._charts.widths.limit,
@@ -35,7 +35,7 @@ class Drift:
         }
 
     def add(self, result: PartResult) -> bool:
-        """Take a part that has ended in; whether a refit would pay by now."""
+        """Adds a part that has ended; returns whether a refit would pay by now."""
         nodes = self._table.nodes
         squeezes = (
             Squeezed(step.node, _branch(nodes[step.node], step.target), step.width_um)

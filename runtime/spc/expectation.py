@@ -1,10 +1,10 @@
-"""What `plan-expect` says the encoder should read, and how much likelier readings are in another world.
+"""Expected readings by `plan-expect`, and likelihood ratios of readings in other worlds.
 
-Each part has a likelihood ratio: how much likelier its readings are at another friction than as planned.
-Their products, begun anew at every part and added up (Shiryaev 1963, Roberts 1966), are the chart. On a
-healthy cell its mean grows by one a part at most, so that to a false alarm there are, in the mean, at least
-as many parts as the limit says (Pollak, Annals of Statistics 15, 1987). That holds as far as the shares do:
-they are counted in trials, and take a reading to depend on those before it through its node alone.
+Each part has the likelihood ratio of its readings at another friction and as planned. The chart is the sum
+over all starting parts of the products of the ratios since then (Shiryaev 1963, Roberts 1966). On a healthy
+cell its mean grows by at most one a part, so the mean number of parts to a false alarm is at least the
+limit (Pollak, Annals of Statistics 15, 1987). That assumes exact shares: they are counted in trials, and a
+reading depends on earlier ones only through its node.
 """
 
 from dataclasses import dataclass, field
@@ -18,10 +18,10 @@ from runtime.spc.history import History, Part
 from runtime.table import Table
 
 KIND, VERSION = "expected readings", 2
-# readings, evenly spread over all bins, that each node is thought to have seen besides
+# prior readings of each node, evenly spread over all bins
 PRIOR = 20.0
-LIMIT = 1.5e4  # parts to a false alarm in the mean; the other charts have the rest of one in 10 000
-CLIP = log(200.0)  # of one part: a single strange one is no drift
+LIMIT = 1.5e4  # mean number of parts to a false alarm; the other charts have the rest
+CLIP = log(200.0)  # largest contribution of one part: a single outlier is no drift
 
 Shares = tuple[tuple[float, ...], ...]
 
@@ -35,7 +35,7 @@ class Expectation:
     shares: tuple[Shares, ...]  # for each world, (nodes, bins), none of them zero
 
     def check(self, history: History) -> None:
-        """Raises UsageError unless this is of the table of a history."""
+        """Raises UsageError unless this belongs to the table of a history."""
         nodes = len(history.table.nodes)
         if history.table_sha256 not in ("", self.table_sha256) or len(self.shares[0]) != nodes:
             raise UsageError(
@@ -43,12 +43,12 @@ class Expectation:
             )
 
     def gains(self, table: Table, part: Part) -> list[float]:
-        """For each other world the logarithm of a part's likelihood ratio, `CLIP` at most."""
+        """For each other world the logarithm of a part's likelihood ratio, at most `CLIP`."""
         places = [
             (squeeze.node, table.gripper.bin_of(squeeze.width_um)) for squeeze in part.squeezes
         ]
         planned, *others = (sum(log(shares[n][c]) for n, c in places) for shares in self.shares)
-        # A ratio that is cut off above has a mean of one or less, as the whole one has.
+        # A clipped ratio, like the ratio itself, has a mean of at most one.
         return [min(other - planned, CLIP) for other in others]
 
 
@@ -64,11 +64,11 @@ class ShiryaevRoberts:
 
     @property
     def value(self) -> float:
-        """The chart's value; an alarm from `LIMIT` on."""
+        """The chart's value; an alarm above `LIMIT`."""
         return sum(self.sums) / len(self.sums)
 
     def add(self, table: Table, part: Part) -> str | None:
-        """Take one part in; the name of the likeliest other world where this is an alarm, else None."""
+        """Adds one part; on an alarm returns the name of the likeliest other world, else None."""
         gains = self.expected.gains(table, part)
         self.sums = [
             (1.0 + total) * exp(gain) for total, gain in zip(self.sums, gains, strict=True)
@@ -81,10 +81,10 @@ class ShiryaevRoberts:
 
 
 def load(path: Path) -> Expectation:
-    """Read what `plan-expect` wrote.
+    """Reads the output of `plan-expect`.
 
     Raises:
-        InputError: it cannot be read, or is something else.
+        InputError: it cannot be read, or is not such a file.
     """
 
     def refused(problem: str) -> InputError:

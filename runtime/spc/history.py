@@ -1,4 +1,4 @@
-"""The parts of one or several journals, and the table that they were run with."""
+"""The parts of one or several journals, and their table."""
 
 import base64
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +17,7 @@ RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 
 
 class Squeezed(NamedTuple):
-    """A reading at a node, and the index of the branch that it took, None for a reject."""
+    """A reading at a node, and the index of its branch, None for a reject."""
 
     node: int
     branch: int | None
@@ -34,18 +34,19 @@ class Part:
     outcome: str = ""
     leaf: int | None = None
     verdict: str | None = None  # "pass", "fail", "unknown", None where it was not audited
-    # measured less predicted pose (mm, mm, rad) as its plan sees it, None where it was not measured.
+    # measured minus predicted pose (mm, mm, rad) in the frame of its plan, None where it was not
+    # measured
     residual: tuple[float, float, float] | None = None
     time: str = ""  # of its end, ISO 8601
     # pose of a simulated part as its plan sees it, where that is on record
     true: Pose2 | None = None
     within: bool | None = None  # whether that is within the goal of its leaf, None without a leaf
-    turn_rad: float = 0.0  # of its plan, about the origin
+    turn_rad: float = 0.0  # angle of its plan about the origin
 
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Parts in the order in which they were run, their table, and its digest: "" if not from a journal."""
+    """Parts in the order of runs, their table, and its digest ("" if not from a journal)."""
 
     table: Table
     parts: tuple[Part, ...]
@@ -53,11 +54,11 @@ class History:
 
 
 def read(paths: Sequence[Path]) -> History:
-    """The history in journals, one after the other.
+    """Reads the history of several journals.
 
     Raises:
         JournalError: one cannot be read, or does not verify.
-        UsageError: they are of different tables, or hold no part.
+        UsageError: they have different tables, or no parts.
     """
     table: Table | None = None
     digest = ""
@@ -102,7 +103,7 @@ def read(paths: Sequence[Path]) -> History:
 
 
 def _whole_records(path: Path) -> Iterator[Entry]:
-    """The records of a journal, without a last line that a crash cut short: nothing was done upon that."""
+    """The records of a journal, without an incomplete last line: nothing was done because of it."""
     with suppress(TornError):
         yield from records(path)
 

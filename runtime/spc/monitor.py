@@ -1,4 +1,4 @@
-"""All charts over a history: what each of them shows, and where it alarms."""
+"""All control charts over a history: their values, and where they alarm."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import hypot, inf, log1p, sqrt
@@ -9,16 +9,16 @@ from runtime.spc.expectation import LIMIT, Expectation, ShiryaevRoberts
 from runtime.spc.history import History, Part, Squeezed
 from runtime.table import PPM, Branch, Leaf, Prediction, Table, wilson_interval
 
-WIDTH_SHIFT_UM = 700.0  # worn fingers, a slipped encoder: two counts
+WIDTH_SHIFT_UM = 700.0  # shift of widths to detect (worn fingers, a slipped encoder): two counts
 LEAST_WIDTH_SIGMA_UM = 150.0
-FLOOR_SHARE = 1.0 / 12.0  # of the goal: residuals are not standardised by less
-LEAST_SHARE = 2e-3  # of failures: no prediction is trusted to be better than this
-NEAR_UM = 3000  # a rejected width counts for the branch it is this near to
+FLOOR_SHARE = 1.0 / 12.0  # least standard deviation of residuals, as a share of the goal
+LEAST_SHARE = 2e-3  # least share of failures that a prediction is trusted to have
+NEAR_UM = 3000  # distance within which a rejected width counts for a branch
 COORDINATES = ("x", "y", "theta")
 
 
 class Alarm(NamedTuple):
-    """A chart out of control at a part, by its place in the history and its number in its run."""
+    """An alarm of a chart at a part, by its index in the history and its number in its run."""
 
     place: int
     number: int
@@ -39,7 +39,7 @@ MEANING = {
     "residual theta": f"measured angles have shifted: {MOVED}",
 }
 
-# Headings of the charts that are drawn, while they do not alarm.
+# Headings of drawn charts without an alarm.
 STEADY = {
     "failures": "Audits fail as rarely as predicted",
     "residual": "Measured poses agree with the answers",
@@ -49,7 +49,7 @@ STEADY = {
 
 
 class Monitor:
-    """The charts of one table; sees one part after the other, and keeps no more than its charts' windows."""
+    """The charts of one table, fed part by part; keeps no more than the charts' windows."""
 
     def __init__(
         self,
@@ -57,12 +57,12 @@ class Monitor:
         expected: Expectation | None = None,
         draw: Callable[[str, float], object] = lambda _name, _value: None,
     ) -> None:
-        """Begin with no part.
+        """Starts without parts.
 
         Args:
             table: the table.
-            expected: what the encoder should read, where that is known.
-            draw: gets the values of the charts that are drawn, by name: `wider` and `narrower` a squeeze,
+            expected: the expected readings, if known.
+            draw: receives the values of the drawn charts, by name: `wider` and `narrower` a squeeze,
                 `COORDINATES` an audited part, `friction` a part.
         """
         predicted = table.predicted
@@ -76,7 +76,7 @@ class Monitor:
         self.failures = BinomialWindowChart(failure_share(predicted))
         self.rejects = BinomialWindowChart(max(rejected, LEAST_SHARE))
         self.residuals = (Ewma(), Ewma(), Ewma())
-        # Only where it is known what to expect of them.
+        # Only where the expectation is known.
         self.readings = None if expected is None else ShiryaevRoberts(expected)
         self._draw = draw
 
@@ -84,7 +84,7 @@ class Monitor:
         """All alarms of a history of this table, in order.
 
         Raises:
-            UsageError: what is expected of the readings is of another table.
+            UsageError: the expectation is of another table.
         """
         if self.readings is not None:
             self.readings.expected.check(history)
@@ -93,7 +93,7 @@ class Monitor:
                 yield Alarm(place, part.number, chart, sentence)
 
     def add(self, part: Part) -> list[tuple[str, str]]:
-        """Take one part in; the charts that alarm, each with its sentence."""
+        """Adds one part; returns the charts that alarm, each with its sentence."""
         results = [(chart, MEANING[chart]) for chart in self._alarmed(part)]
         if self.readings is not None:
             world = self.readings.add(self.table, part)
@@ -128,15 +128,15 @@ class Monitor:
 
 
 def failure_share(predicted: Prediction) -> float:
-    """Upper end of the interval of failures that a table's evaluation leaves open."""
+    """Upper limit of failures within the interval of a table's evaluation."""
     failed = round((PPM - predicted.success_ppm) / PPM * predicted.trials)
     return max(wilson_interval(failed, predicted.trials)[1], LEAST_SHARE)
 
 
 def deviation(table: Table, squeeze: Squeezed) -> tuple[float, float]:
-    """How far a width is from what its branch expects, and its standard deviation there, um.
+    """Deviation of a width from its branch's expectation, and its standard deviation, um.
 
-    A rejected width is held against the nearest branch; one that is near none says nothing of a shift.
+    A rejected width is compared with the nearest branch, if any is near.
     """
     branches = table.nodes[squeeze.node].branches
     if squeeze.branch is None:
@@ -145,13 +145,14 @@ def deviation(table: Table, squeeze: Squeezed) -> tuple[float, float]:
             return 0.0, inf
     else:
         nearest = branches[squeeze.branch]
-    # An interval spans all widths that planning has seen: nothing in it scatters more than an even spread.
+    # An interval contains all widths seen in planning: its scatter is at most that of an even
+    # distribution.
     spread = (nearest.high_um - nearest.low_um) / sqrt(12.0)
     return float(squeeze.width_um - nearest.expected_um), hypot(spread, LEAST_WIDTH_SIGMA_UM)
 
 
 def standardised(table: Table, part: Part) -> tuple[float, ...]:
-    """A part's residual in units of what its leaf predicts; empty where it was not measured."""
+    """A part's residual in units of its leaf's prediction; empty where it was not measured."""
     if part.residual is None or part.leaf is None:
         return ()
     return tuple(
@@ -160,7 +161,7 @@ def standardised(table: Table, part: Part) -> tuple[float, ...]:
 
 
 def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
-    """Standard deviations of a leaf's pose, mm, mm, rad, none below a share of the goal."""
+    """Standard deviations of a leaf's pose, mm, mm, rad, at least a share of the goal."""
     moments = leaf.covariance
     floor_mm = FLOOR_SHARE * table.goal.distance_um / 1000.0
     floor_rad = floor_mm * 1000.0 / max(table.goal.rho_um, 1)
@@ -174,8 +175,8 @@ def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
 def branch_shares(table: Table) -> list[list[float]]:
     """Predicted shares of each node's branches, none of them zero.
 
-    From the trials of the table's evaluation where its leaves tell of them, for they are many more than the
-    poses of the beliefs that the tree was grown with; from these where a node has met none of the trials.
+    They come from the trials of the table's evaluation, counted at its leaves, which are many more than the
+    particles of the beliefs; from the latter where no trial reached a node.
     """
     reached = [0] * len(table.nodes)
 
@@ -199,7 +200,7 @@ def _shares(branches: Sequence[Branch], trials: Sequence[int]) -> list[float]:
 
 
 def branch_counts(parts: Iterable[Part], table: Table) -> list[list[int]]:
-    """How often each branch of each node was taken; the last count of a node is of its rejects."""
+    """Counts of each branch of each node; the last count of a node is of its rejects."""
     counts = [[0] * (len(node.branches) + 1) for node in table.nodes]
     for part in parts:
         for squeeze in part.squeezes:

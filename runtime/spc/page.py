@@ -14,7 +14,7 @@ def page(title: str, summary: Summary) -> str:
 
     Args:
         title: of the page.
-        summary: what it says.
+        summary: its content.
     """
     ended = [charts.Bar(name, count, str(count)) for name, count in summary.outcomes.items()]
     body = [
@@ -36,7 +36,7 @@ def page(title: str, summary: Summary) -> str:
 
 
 def picture(chart: Series) -> Iterator[str]:
-    """A chart below its heading; nothing of one that no part has a value for."""
+    """A chart below its heading; empty without values."""
     if any(line.values for line in chart.lines):
         yield f"<section><h2>{escape(chart.heading)}</h2>"
         yield charts.trend(chart.heading, chart.lines, chart.limits, chart.step)
@@ -85,7 +85,7 @@ def _names(summary: Summary) -> Iterator[str]:
 
 
 def _leaves(rows: Iterable[LeafRow]) -> Iterator[str]:
-    """A table of the leaves, with the columns that some leaf has a value for."""
+    """A table of the leaves, with the columns that have a value for some leaf."""
     rows = list(rows)
     columns = {
         "leaf": [str(row.leaf) for row in rows],

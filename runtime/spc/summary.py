@@ -1,4 +1,4 @@
-"""What a report says: success against the prediction, residuals by leaf, fit of the branches, charts."""
+"""Summary for a report: success against the prediction, residuals by leaf, fit of the branches, charts."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,19 +23,19 @@ from runtime.spc.monitor import (
 )
 from runtime.table import PPM, wilson_interval
 
-PREDICTED_FROM = 6000  # trials behind a share that a table does not say the number for
-STRANGE = 1e-3  # probability of branches below which the cell is taken for another than planned
-GROUP = 50  # audited parts of one point of the p-chart
+PREDICTED_FROM = 6000  # assumed trials behind a share without a stated number
+STRANGE = 1e-3  # probability of branches below which the cell differs from the planned one
+GROUP = 50  # audited parts for one point of the p-chart
 
 
 class Series(NamedTuple):
-    """A chart to draw: values, one for each step, and limits that no line may pass."""
+    """A chart to draw: values for each step, and limits."""
 
     heading: str  # in plain words
     lines: tuple[Line, ...]
     limits: tuple[float, ...]
     step: str
-    method: str  # what the values are
+    method: str  # description of the values
 
 
 class LeafRow(NamedTuple):
@@ -43,7 +43,7 @@ class LeafRow(NamedTuple):
 
     leaf: int
     parts: int
-    judged: int  # of these, judged to pass or fail
+    judged: int  # of these, those judged to pass or fail
     passed: int
     predicted: float | None  # success rate that the table predicts, None where no trial ended there
     # mean and standard deviation of x [mm], y [mm] and theta [rad]; empty where none was measured
@@ -55,18 +55,18 @@ class NameRow(NamedTuple):
 
     name: str
     parts: int
-    share: float  # of the parts that come, as the table states it
+    share: float  # share of the parts that the table states
 
 
 class NodeRow(NamedTuple):
     """The squeezes at one node, against the table's shares by Pearson's chi-square."""
 
     node: int
-    counts: tuple[int, ...]  # of each branch, and last of its rejects
+    counts: tuple[int, ...]  # of each branch, and last of rejects
     shares: tuple[float, ...]
     statistic: float
     freedom: int
-    tail: float  # probability of a larger statistic where the table is right
+    tail: float  # probability of a larger statistic if the table is right
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,29 +79,29 @@ class Summary:
     judged: int  # parts judged to pass or fail, of which `passed` passed
     interval: tuple[float, float]
     predicted: float
-    agrees: bool  # whether the interval holds the predicted success rate
+    agrees: bool  # whether the interval contains the predicted success rate
     leaves: tuple[LeafRow, ...]
     nodes: tuple[NodeRow, ...]
     tail: float  # of the chi-square over all nodes
     alarms: tuple[Alarm, ...]
     charts: tuple[Series, ...]
-    names: tuple[NameRow, ...] = ()  # of a table of several parts
+    names: tuple[NameRow, ...] = ()  # for a table of several parts
 
     @property
     def names_tail(self) -> float:
-        """Probability of counts further from the stated shares than those of the names are."""
+        """Probability of counts farther from the stated shares than those of the names."""
         return chi_square_tail(
             *chi_square([row.parts for row in self.names], [row.share for row in self.names])
         )
 
     @property
     def refit(self) -> bool:
-        """Whether the readings are not those of the cell that was planned for, so that a refit would pay."""
+        """Whether the readings differ from those of the planned cell, so that a refit would pay."""
         drifted = any(alarm.chart in DRIFTED for alarm in self.alarms)
         return sum(self.outcomes.values()) >= LEAST_REFIT and (drifted or self.tail < STRANGE)
 
     def fields(self) -> dict[str, object]:
-        """The summary as JSON holds it."""
+        """The summary in the form of JSON."""
         return {
             "parts": sum(self.outcomes.values()),
             "outcomes": self.outcomes,
@@ -120,7 +120,7 @@ class Summary:
 
 
 def summarise(history: History, expected: Expectation | None = None) -> Summary:
-    """The figures of a history; of its readings too where it is known what to expect of them.
+    """The figures of a history, including its readings if the expectation is known.
 
     Raises:
         UsageError: the expectation is of another table.
@@ -162,7 +162,7 @@ def _charts(
     alarms: Sequence[Alarm],
 ) -> Iterator[Series]:
     def heading(chart: str) -> str:
-        """What is wrong by the chart's first alarm; without one, that all is well."""
+        """The sentence of the chart's first alarm, or that all is well."""
         sentences = (alarm.sentence for alarm in alarms if alarm.chart.startswith(chart))
         first = next(sentences, STEADY[chart])
         return first[0].upper() + first[1:]
@@ -200,7 +200,7 @@ def failures(history: History) -> Series:
 
 
 def _judged(parts: Sequence[Part]) -> tuple[int, int]:
-    """How many passed, and how many were judged to pass or fail."""
+    """How many parts passed, and how many were judged to pass or fail."""
     passed = sum(part.verdict == "pass" for part in parts)
     return passed, passed + sum(part.verdict == "fail" for part in parts)
 
@@ -210,7 +210,7 @@ def _counted(names: Iterator[str]) -> dict[str, int]:
 
 
 def _names(history: History) -> Iterator[NameRow]:
-    """The names that resolved leaves gave."""
+    """Names given by resolved leaves."""
     table = history.table
     given = Counter(
         table.leaves[part.leaf].hypothesis
@@ -240,7 +240,7 @@ def _nodes(history: History) -> Iterator[NodeRow]:
     for index, counts in enumerate(branch_counts(history.parts, table)):
         shares = tuple(predicted[index])
         statistic, freedom = chi_square(counts[:-1], shares)
-        # The prediction is itself a count of trials: of two samples the difference scatters more.
+        # The prediction is itself a count of trials: the difference of two samples scatters more.
         statistic /= 1.0 + len(history.parts) / trials
         yield NodeRow(
             index, tuple(counts), shares, statistic, freedom, chi_square_tail(statistic, freedom)

@@ -91,10 +91,10 @@ class TableFile(NamedTuple):
 
 
 def dumps(table: Table) -> bytes:
-    """The bytes of a table's file; `loads` gives the same table back.
+    """The bytes of a table's file; `loads` returns the same table.
 
     Raises:
-        TableError: it must not be executed, and why.
+        TableError: it must not be executed; the message says why.
     """
     data = encode(table)
     validate(table)
@@ -105,7 +105,7 @@ def loads(data: bytes) -> Table:
     """The table in a file's bytes, decoded and validated.
 
     Raises:
-        TableError: the bytes are not exactly what `dumps` writes for a table that may be executed.
+        TableError: the bytes are not exactly those that `dumps` writes for a valid table.
     """
     table = decode(data)
     validate(table)
@@ -116,7 +116,7 @@ def dump(table: Table, path: Path | str) -> None:
     """Write a table's file, whole or not at all.
 
     Raises:
-        TableError: it must not be executed, and why.
+        TableError: it must not be executed; the message says why.
         OutputError: the file cannot be written.
     """
     data = dumps(table)

@@ -1,6 +1,7 @@
-"""A table held against the job inside it, wherever the two speak of the same.
+"""Comparison of a table with the job inside it, for all values that both state.
 
-What a job leaves out is not compared. What was measured has no twin in a job; `evidence` bounds it.
+Values that the job omits are not compared. Measured values have no counterpart in a job; `evidence` bounds
+them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,15 +15,15 @@ from runtime.table.grippers import known, same_model
 from runtime.table.model import PPM, Table
 from runtime.table.timing import checked
 
-RHO_UM = 2  # rho is summed in another order than the planner's
+RHO_UM = 2  # rho is summed in another order than in the planner
 UM = 1e3  # a mm, a N, a mm/s
 
 
 def validate_agreement(table: Table, job: Mapping[str, Any]) -> None:
-    """Check a table against the job inside it.
+    """Checks a table against the job inside it.
 
     Raises:
-        TableError: naming the first figure that the job contradicts.
+        TableError: the job contradicts a figure; names the first one.
     """
     for name, stated, wanted in (*_header(table, job), *_parts(table, job), *_squeezes(table, job)):
         if stated != wanted:
@@ -33,7 +34,9 @@ def validate_agreement(table: Table, job: Mapping[str, Any]) -> None:
     validate_grips(table, job)
 
 
-Compared = Iterator[tuple[str, object, object]]  # a figure's name, the table's value, the job's
+Compared = Iterator[
+    tuple[str, object, object]
+]  # a figure's name, the table's value, the job's value
 
 
 def _header(table: Table, job: Section) -> Compared:
@@ -108,7 +111,7 @@ def _parts(table: Table, job: Section) -> Compared:
 
 
 def _squeezes(table: Table, job: Section) -> Compared:
-    """Opening, where the job states a choice, speed and force; and whether anything may be pushed."""
+    """Opening (where the job states a choice), speed and force of squeezes; whether pushes are allowed."""
     gripper, actions = section(job, "gripper"), section(job, "actions")
     openings_mm = numbers(actions, "openings_mm")
     allowed = {
@@ -131,7 +134,7 @@ def _squeezes(table: Table, job: Section) -> Compared:
 
 
 def _scaled(name: str, value: int, stated: Section, key: str, scale: float = UM) -> Compared:
-    """An integer of the table against a key of the job, of which one is `scale` of the table's units."""
+    """Compares an integer of the table with a key of the job, whose unit is `scale` of the table's."""
     wanted = number(stated, key)
     if wanted is not None:
         yield name, value, round(scale * wanted)

@@ -15,17 +15,17 @@ from runtime.table.model import Area, Covariance, Node, Table, Tolerance
 
 FORMAT = 12
 MAGIC = "squeezetree"
-BEGINNING = 16  # bytes within which a table names itself
+BEGINNING = 16  # bytes within which a table identifies itself
 FRAME_FIELDS = ("magic", "format", "digest", "payload")
 NESTED = {"covariance": Covariance, "tolerance": Tolerance, "work_area_um": Area}
-Records = list[tuple[int, Any]]  # each after the number of the node or leaf that it belongs to
+Records = list[tuple[int, Any]]  # each after the number of its node or leaf
 
 
 def encode(table: Table) -> bytes:
-    """The bytes of a table, which is not validated.
+    """The bytes of a table, without validation.
 
     Raises:
-        TableError: a value is not of the type that its field holds.
+        TableError: a value is not of its field's type.
     """
     try:
         data = _packed(table)
@@ -39,15 +39,15 @@ def encode(table: Table) -> bytes:
 
 
 def names_table(data: bytes) -> bool:
-    """Whether bytes begin as those of a table do, of whatever format and however damaged."""
+    """Whether bytes begin as those of a table, of any format and however damaged."""
     return MAGIC.encode() in data[:BEGINNING]
 
 
 def decode(data: bytes) -> Table:
-    """The table in some bytes, if `encode` gives these very bytes for it; it is not validated.
+    """The table in some bytes, without validation; `encode` must give exactly these bytes for it.
 
     Raises:
-        TableError: with the first reason found why these bytes are not a table.
+        TableError: the bytes are not a table; gives the first reason.
     """
     payload = _unpacked(_payload(data), "the payload")
     if type(payload) is not tuple or not all(type(held) is tuple and held for held in payload):
@@ -82,7 +82,7 @@ def _payload(data: bytes) -> bytes:
 
 
 def _unpacked(data: bytes, name: str) -> Any:
-    """One msgpack value without maps and extensions; no array in it is longer than a table's may be."""
+    """One msgpack value without maps and extensions; no array in it is longer than allowed in a table."""
     most = {"max_array_len": MAX_LEAVES, "max_map_len": 0, "max_ext_len": 0}
     try:
         return msgpack.unpackb(data, use_list=False, **most)
@@ -110,7 +110,7 @@ def _packed(table: Table) -> bytes:
 
 
 def _records(section: Section, sections: Mapping[str, tuple[Any, ...]]) -> Records:
-    """The records of a section that has these values; none where it is absent.
+    """The records of a section from its values; empty where the section is absent.
 
     Raises:
         TableError: a field is missing, or a value is not of its field's type.
@@ -144,7 +144,7 @@ def _records(section: Section, sections: Mapping[str, tuple[Any, ...]]) -> Recor
 
 
 def _nested(columns: Mapping[str, tuple[Any, ...]]) -> dict[str, Iterable[Any]]:
-    """Columns by attribute; those of a record within a record become one column of such records."""
+    """Groups columns by attribute; those of a nested record become one column of records."""
     result: dict[str, Iterable[Any]] = {}
     for outer, names in groupby(columns, lambda name: name.partition(".")[0]):
         inner = {name.partition(".")[2]: columns[name] for name in names}

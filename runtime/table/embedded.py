@@ -1,4 +1,4 @@
-"""The job inside a table: its sections, numbers and outlines, of which it may leave out any."""
+"""The job inside a table: its sections, numbers and outlines, any of which may be missing."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -15,10 +15,10 @@ Outline = Sequence[tuple[float, float]]  # vertices, counter-clockwise about the
 
 
 def job_of(table: Table) -> dict[str, Any] | None:
-    """The job that a table carries, None where it was stripped.
+    """The job inside a table, None where it was stripped.
 
     Raises:
-        TableError: the text is not that of the job's digest, or no JSON object that can be read.
+        TableError: the text does not match the job's digest, or is not a valid JSON object.
     """
     if table.job is None:
         return None
@@ -38,7 +38,7 @@ def job_of(table: Table) -> dict[str, Any] | None:
 
 
 def section(job: Section, name: str) -> Section:
-    """A section of a job; empty where it has none."""
+    """A section of a job; empty where it is missing."""
     result = job.get(name, {})
     if not isinstance(result, dict):
         raise _refusal(name, "is no section")
@@ -46,7 +46,7 @@ def section(job: Section, name: str) -> Section:
 
 
 def parts_of(job: Section) -> list[Section]:
-    """What each part that may lie there has for itself; empty where the job states no part."""
+    """The sections of each part that may lie there; empty where the job states no part."""
     listed = job.get("hypothesis") or ([job] if "part" in job else [])
     if not isinstance(listed, list) or not all(isinstance(entry, dict) for entry in listed):
         raise _refusal("hypothesis", "is no list of parts")
@@ -54,13 +54,13 @@ def parts_of(job: Section) -> list[Section]:
 
 
 def number(table: Section, key: str) -> float | None:
-    """A number; None where none is stated."""
+    """A number; None where it is not stated."""
     value = table.get(key)
     return None if value is None else _number(value, key)
 
 
 def numbers(table: Section, *keys: str) -> list[float]:
-    """The numbers that stand under some keys, one or a list each; those that are not stated are left out."""
+    """The numbers under some keys, single or in lists; missing ones are skipped."""
     results: list[float] = []
     for key in keys:
         value = table.get(key)
@@ -70,7 +70,7 @@ def numbers(table: Section, *keys: str) -> list[float]:
 
 
 def points(table: Section, key: str) -> Outline:
-    """A list of points [x, y]; empty where none is stated."""
+    """A list of points [x, y]; empty where it is not stated."""
     rows = table.get(key)
     if rows is None:
         return []
@@ -82,7 +82,7 @@ def points(table: Section, key: str) -> Outline:
 
 
 def gyration_mm(outline: Outline) -> float:
-    """The radius of gyration of the enclosed area about the origin, 0 of no area."""
+    """The radius of gyration of the enclosed area about the origin; 0 without area."""
     crosses, moments = [], []
     for (x0, y0), (x1, y1) in zip(outline, (*outline[1:], *outline[:1]), strict=True):
         cross = x0 * y1 - x1 * y0

@@ -1,6 +1,6 @@
-"""The figures of a table: what trials say about a share, and whether its figures can be those of one run.
+"""Statistics of a table's figures: intervals and tests of shares, and consistency of the figures.
 
-No figure can be checked without an evaluation. But figures of one run are bound to one another.
+A figure cannot be checked without an evaluation, but figures of one run constrain one another.
 """
 
 from math import erfc, exp, log, sqrt
@@ -12,11 +12,13 @@ Z95 = 1.959963984540054  # two-sided 95 %
 LEVEL = 0.025
 MOST_TERMS = 1000
 LEAST_LOG = -700.0  # exp of less is zero
-MOST_EXACT_TRIALS = PPM // 2  # of so many, a share in ppm names each number of successes
+MOST_EXACT_TRIALS = (
+    PPM // 2
+)  # most trials for which a share in ppm identifies the number of successes
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """The 95 % score interval of a share (Wilson 1927); all of [0, 1] without trials."""
+    """The 95 % score interval of a share (Wilson 1927); [0, 1] without trials."""
     if trials == 0:
         return 0.0, 1.0
     share, z2 = successes / trials, Z95**2
@@ -27,11 +29,11 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
 
 
 def refuted(successes: int, trials: int, confidence: float, leaves: int = 1) -> bool:
-    """Whether trials speak against a success probability of at least `confidence`, at the 2.5 % level.
+    """Whether trials refute a success probability of at least `confidence`, at the 2.5 % level.
 
-    Exact binomial test (Clopper and Pearson 1934) where its sum is short; the score test (Wilson 1927) for
-    more misses than that, where the two agree. Of many leaves that are tested at once one in forty would be
-    refuted by chance: with `leaves` the level is that of all of them together (Bonferroni).
+    Exact binomial test (Clopper and Pearson 1934) for few misses; the score test (Wilson 1927) for many,
+    where the two agree. Of many leaves one in forty would be refuted by chance: with `leaves` the level
+    holds for all of them together (Bonferroni).
     """
     level, misses, log_none = LEVEL / leaves, trials - successes, trials * log(confidence)
     if misses > MOST_TERMS or log_none < LEAST_LOG:
@@ -47,18 +49,18 @@ def refuted(successes: int, trials: int, confidence: float, leaves: int = 1) -> 
 
 
 def successes_of(leaf: Leaf) -> int:
-    """How many of a leaf's trials met the goal."""
+    """Number of a leaf's trials that met the goal."""
     return round(leaf.success_ppm * leaf.trials / PPM)
 
 
 def validate_figures(table: Table) -> None:
-    """Check that the figures of a table can be those of one evaluation.
+    """Checks that the figures of a table can be those of one evaluation.
 
     A leaf's success is a share of whole trials, and its errors lie on the right side of the goal's distance;
     the table as a whole has no more successes than its leaves, and no more trials than ended somewhere.
 
     Raises:
-        TableError: naming the leaf or the figure that the others contradict.
+        TableError: a figure contradicts the others; names it or its leaf.
     """
     for index, leaf in enumerate(table.leaves):
         if 0 < leaf.trials <= MOST_EXACT_TRIALS:
@@ -74,7 +76,8 @@ def validate_figures(table: Table) -> None:
     _validate_predicted(table)
     if not any(leaf.trials for leaf in table.leaves):
         return
-    # Shares are rounded to a ppm. Leaves that no part came to have trials of another run, on top of these.
+    # Shares are rounded to a ppm. Leaves that no part reached have trials of another run in
+    # addition.
     slack = 1 + predicted.trials / PPM
     successes = predicted.success_ppm * predicted.trials / PPM
     least, at_leaves = successes - slack, sum(map(successes_of, table.leaves))
@@ -86,7 +89,7 @@ def validate_figures(table: Table) -> None:
 
 
 def _validate_predicted(table: Table) -> None:
-    """Check that the shares are of the same trials, and that a part is squeezed as often as the tree says."""
+    """Checks that the shares belong to the same trials, and that the mean squeezes fit the tree."""
     predicted = table.predicted
     most_ppm = PPM - predicted.reject_ppm + 1  # both are rounded
     if predicted.success_ppm > most_ppm:
@@ -101,7 +104,7 @@ def _validate_predicted(table: Table) -> None:
 
 
 def _validate_errors(index: int, leaf: Leaf, goal: GoalSpec) -> None:
-    """Check that as many errors lie below the goal's distance as trials met it (kinds measured by one)."""
+    """Checks that the errors below the goal's distance are as many as the trials that met it."""
     if goal.kind not in ("pose", "modes") or not leaf.trials:
         return
     successes = successes_of(leaf)
@@ -110,7 +113,7 @@ def _validate_errors(index: int, leaf: Leaf, goal: GoalSpec) -> None:
         ("error_p95_um", leaf.error_p95_um, 0.95),
     )
     for name, error_um, share in figures:
-        # The quantile lies between two errors next to one another, both of trials that met the goal.
+        # The quantile lies between two adjacent errors, both of trials that met the goal.
         if successes >= share * (leaf.trials - 1) + 2 and error_um > goal.distance_um:
             raise TableError(
                 f"leaf {index}: {name} is {error_um}, but {successes} of {leaf.trials} trials lay within "

@@ -1,6 +1,6 @@
-"""The sections of a table's file and their fields: the one mapping behind codec, validation and `TABLE.md`.
+"""The sections of a table's file and their fields: the common source of codec, validation and `TABLE.md`.
 
-A bound that is text names the value of the table that it is, `limits.max_depth` for instance.
+A bound given as text is the name of a value of the table, `limits.max_depth` for instance.
 """
 
 from collections.abc import Callable
@@ -44,16 +44,16 @@ TYPES: dict[str, type] = {"int": int, FLAG: int, LINE: str, TEXT: str, "bytes": 
 
 
 class Field(NamedTuple):
-    """One value of a record: the attribute's name, dotted where records nest, and what it means."""
+    """One value of a record: the attribute's name, dotted for nested records, and its meaning."""
 
     name: str
     meaning: str
-    least: int | str = 0  # value of an int, length of the other types
+    least: int | str = 0  # bounds of an int, or of the length of other types
     most: int | str = FAR
     type: str = "int"  # one of `TYPES`
 
     def bounds(self, table: Table) -> tuple[int, int]:
-        """The least and the greatest value or length that a table allows."""
+        """The least and the greatest value or length in a table."""
         least, most = (
             bound if isinstance(bound, int) else attrgetter(bound)(table)
             for bound in (self.least, self.most)
@@ -67,14 +67,14 @@ class Section(NamedTuple):
     name: str
     meaning: str
     record: Callable[..., Any]
-    row: str = ""  # what each record is; empty: there is one, and no columns
-    least: int = 1  # number of records, for each owner where there are such
+    row: str = ""  # name of a record; empty: a single record, without columns
+    least: int = 1  # number of records, or for each owner
     most: int = 1
-    owner: Field | None = None  # the column that says to which node or leaf a record belongs
+    owner: Field | None = None  # the column with the index of a record's node or leaf
 
     @property
     def optional(self) -> bool:
-        """Whether it is absent where it has no records."""
+        """Whether the section may be absent, without records."""
         return self.name in OPTIONAL
 
     @property
@@ -225,7 +225,7 @@ FIELDS: dict[str, tuple[Field, ...]] = {
 
 
 def records_of(table: Table) -> dict[str, list[tuple[int, Any]]]:
-    """The records of each section, each after the number of its owner, or its own where it has none."""
+    """The records of each section, each with the index of its owner, or its own index without one."""
     nodes, leaves = list(enumerate(table.nodes)), list(enumerate(table.leaves))
     return {
         "tool": [(0, table)],

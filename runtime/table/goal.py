@@ -1,4 +1,4 @@
-"""When is a part located: the one test that planner, cell and camera judge a leaf by (paper, VII, eq. 9)."""
+"""The test of whether a part is located, shared by planner, cell and camera (paper, VII, eq. 9)."""
 
 from math import hypot, remainder, tau
 
@@ -13,29 +13,29 @@ def predicted_pose(leaf: Leaf) -> Pose2:
 
 
 def poses_of(goal: GoalSpec, leaf: Leaf) -> list[Pose2]:
-    """The poses any of which makes a leaf right, mm and rad: several only where the goal asks for modes."""
+    """The poses, any of which makes a leaf right, mm and rad: several only where the goal asks for modes."""
     return [*map(_pose, _allowed(goal, leaf))]
 
 
 def hypotheses_of(goal: GoalSpec, leaf: Leaf) -> tuple[int, ...]:
-    """Which part it is at each of `poses_of`."""
+    """The hypothesis at each of `poses_of`."""
     return tuple(pose.hypothesis for pose in _allowed(goal, leaf))
 
 
 def residual(goal: GoalSpec, predicted: Pose2, true: Pose2) -> Pose2:
-    """True less predicted pose in mm, mm, rad; the angle within half a period of the part's symmetry."""
+    """True minus predicted pose in mm, mm, rad; the angle within half a period of the part's symmetry."""
     turn = remainder(true[2] - predicted[2], tau / goal.symmetry)
     return true[0] - predicted[0], true[1] - predicted[1], turn
 
 
 def error_mm(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
-    """sqrt(dx^2 + dy^2) + rho * dtheta in mm (eq. 9) of poses in mm, mm, rad, whatever the kind of goal."""
+    """sqrt(dx^2 + dy^2) + rho * dtheta in mm (eq. 9) of poses in mm, mm, rad, for any kind of goal."""
     x, y, turn = residual(goal, predicted, true)
     return hypot(x, y) + goal.rho_um / 1e3 * abs(turn)
 
 
 def distance(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
-    """How far off a prediction is, to be held against `threshold`.
+    """Error of a prediction in the goal's metric, to compare with `threshold`.
 
     It is `error_mm` for the kinds "pose" and "modes", else the largest deviation in units of its tolerance; 0
     for "identity".
@@ -50,12 +50,12 @@ def distance(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
 
 
 def threshold(goal: GoalSpec) -> float:
-    """What `distance` must stay below: the goal's distance in mm, or 1 where it counts in tolerances."""
+    """Upper limit of `distance`: the goal's distance in mm, or 1 for tolerances."""
     return goal.distance_um / 1e3 if goal.kind in ("pose", "modes") else 1.0
 
 
 def meets(goal: GoalSpec, leaf: Leaf, true: Pose2, hypothesis: int = 0) -> bool:
-    """Whether a part at `true` (mm, mm, rad) is where, and what, its leaf says, to within its own goal."""
+    """Whether a part at `true` (mm, mm, rad) agrees with its leaf in pose and hypothesis, within its goal."""
     return any(
         distance(goal, pose, true) < threshold(goal) and (which == hypothesis or not goal.identify)
         for pose, which in zip(poses_of(goal, leaf), hypotheses_of(goal, leaf), strict=True)

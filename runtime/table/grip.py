@@ -1,8 +1,8 @@
-"""Whether the part of the embedded job, lying as a leaf says, is what the last squeeze held.
+"""Check that the last squeeze could hold the part of the embedded job at a leaf's pose.
 
-A part that jaws hold touches both of them. So the outline, moved to the leaf's pose, reaches both faces
-between the ends of the fingers, and fills no place just behind either of them, but for what the leaf's error
-and the job's doubts allow. Farther behind a face it may go on: a finger may stand in a slot.
+A held part touches both jaws. So the outline, at the leaf's pose, reaches both faces between the ends of
+the fingers and does not extend just behind either, within the leaf's error and the job's doubts. It may
+continue farther behind a face: a finger may stand in a slot.
 """
 
 from collections.abc import Iterator
@@ -23,38 +23,40 @@ from runtime.table.embedded import (
 from runtime.table.goal import Pose2, hypotheses_of, poses_of
 from runtime.table.model import HELD_UM, Branch, Leaf, Node, Table
 
-MOST_POINTS = 48  # of an outline that is held against hundreds of leaves within milliseconds
-DIRECTIONS = 90  # in which the narrowest width is looked for
+MOST_POINTS = (
+    48  # points of an outline that is checked against hundreds of leaves within milliseconds
+)
+DIRECTIONS = 90  # directions in which the narrowest width is searched
 MARGIN_MM = 0.5
 TAIL = 4.0  # standard deviations
-WAVES = 3.0  # how far a wavy contour lies off its drawing, in units of its tolerance
+WAVES = 3.0  # deviation of a wavy contour from its drawing, in units of its tolerance
 
 
 class Shape(NamedTuple):
-    """The outline of a part, of few points; lengths in mm."""
+    """The outline of a part, with few points; lengths in mm."""
 
     outline: Outline
     reach: float  # farthest point from the origin
     rho: float  # radius of gyration
     narrowest: float  # width
-    coarse: float  # how far points that are left out lie off the lines between those that are kept
+    coarse: float  # distance of removed points from the lines between the others
 
 
 class Slack(NamedTuple):
-    """What may be off in the cell, by the job's doubts; all that a job does not doubt is 0."""
+    """Possible errors of the cell, by the job's doubts; without a doubt 0."""
 
     place_mm: float
     turn_rad: float
     width_mm: float
     gain: float  # of a width, for each mm
     share: float  # of the closing
-    lead: float  # what the finger at +y closes beyond half of the way, as planned
+    lead: float  # share of the closing of the finger at +y beyond one half, as planned
 
 
 class Grip(NamedTuple):
     """Closed jaws about a part; lengths in mm."""
 
-    hand: Pose2  # in the world, where it opens
+    hand: Pose2  # of the hand in the world, where the jaws open
     half_length: float  # of a finger
     low: float  # y of the lower face in the hand frame
     high: float
@@ -62,10 +64,10 @@ class Grip(NamedTuple):
 
 
 def validate_grips(table: Table, job: Section) -> None:
-    """Check each resolved leaf that follows a grip against the outline in the job.
+    """Checks each resolved leaf after a grip against the outline in the job.
 
     Raises:
-        TableError: naming the first leaf where the jaws would not hold the part as it says.
+        TableError: the jaws could not hold the part at a leaf's pose; names the first such leaf.
     """
     if not (shapes := _shapes(table, job)):
         return
@@ -79,7 +81,7 @@ def validate_grips(table: Table, job: Section) -> None:
 
 
 def not_held(table: Table, job: Section) -> Iterator[tuple[int, int]]:
-    """Resolved leaves whose part the jaws would not hold as they say, each with the node it follows."""
+    """Resolved leaves whose part the jaws could not hold at the leaf's pose, each with its node."""
     shapes, slack = _shapes(table, job), _slack(job)
     for index, node, branch, leaf in _grips(table) if shapes else ():
         error_mm = _error_mm(table, leaf)
@@ -94,7 +96,7 @@ def not_held(table: Table, job: Section) -> Iterator[tuple[int, int]]:
 
 
 def _shapes(table: Table, job: Section) -> list[Shape]:
-    """The parts that may lie there; none where the job does not say, or nothing is identified."""
+    """The parts that may lie there; empty where the job has none, or nothing is identified."""
     outlines = [points(section(part, "part"), "outline_mm") for part in parts_of(job)]
     if not outlines or min(map(len, outlines)) < 3 or not table.goal.identify:
         return []
@@ -102,7 +104,7 @@ def _shapes(table: Table, job: Section) -> list[Shape]:
 
 
 def _validate_first(table: Table, job: Section, reach_mm: float, slack: Slack) -> None:
-    """Check that the first squeeze can touch a part that lies where the job says that parts lie."""
+    """Checks that the first squeeze can touch a part within the job's uncertainty."""
     radius_mm, root = number(section(job, "uncertainty"), "radius_mm"), table.nodes[0]
     if radius_mm is None or root.pushes:
         return
@@ -117,7 +119,7 @@ def _validate_first(table: Table, job: Section, reach_mm: float, slack: Slack) -
 
 
 def _grips(table: Table) -> Iterator[tuple[int, Node, Branch, Leaf]]:
-    """Each resolved leaf that follows a grip, after its node's number, its node and its branch."""
+    """Each resolved leaf after a grip, with its node's index, its node and its branch."""
     for index, node in enumerate(table.nodes):
         for branch in node.branches:
             if branch.target < 0 and branch.low_um > 0 and branch.expected_um >= HELD_UM:
@@ -127,7 +129,7 @@ def _grips(table: Table) -> Iterator[tuple[int, Node, Branch, Leaf]]:
 
 
 def _error_mm(table: Table, leaf: Leaf) -> float:
-    """An error (eq. 9) below which a part at the leaf lay: half of its trials did, or met the goal."""
+    """An error (eq. 9) that half of the leaf's trials, or those that met the goal, did not exceed."""
     if leaf.trials:
         return leaf.error_median_um / 1e3
     goal = table.goal
@@ -141,7 +143,7 @@ def _error_mm(table: Table, leaf: Leaf) -> float:
 
 
 def _grip(table: Table, node: Node, branch: Branch, shape: Shape, slack: Slack) -> Grip:
-    """The jaws as they close on a branch and then stand at the release."""
+    """The jaws closed on a branch, at the place of release."""
     squeeze, expected = node.squeeze, branch.expected_um / 1e3
     place = node.let_go
     read = max(branch.high_um - branch.expected_um, branch.expected_um - branch.low_um) / 1e3
@@ -159,7 +161,7 @@ def _grip(table: Table, node: Node, branch: Branch, shape: Shape, slack: Slack) 
 
 
 def _is_held(shape: Shape, pose: Pose2, grip: Grip, error_mm: float) -> bool:
-    """Whether a part at a pose lies between the jaws; its pose may be off by an error (eq. 9)."""
+    """Whether a part at a pose lies between the jaws, given an error of the pose (eq. 9)."""
     off = grip.off + shape.coarse + error_mm * max(1.0, shape.reach / max(shape.rho, 1e-9))
     outline = _in_hand(shape.outline, pose, grip.hand)
     low, high = _extent(outline, grip.half_length + off)
@@ -170,7 +172,7 @@ def _is_held(shape: Shape, pose: Pose2, grip: Grip, error_mm: float) -> bool:
 
 
 def _in_hand(outline: Outline, pose: Pose2, hand: Pose2) -> Outline:
-    """An outline of a part at a pose in the world, in the frame of a hand."""
+    """Transforms an outline of a part at a pose in the world to the frame of a hand."""
     turn = pose[2] - hand[2]
     c, s, ch, sh = cos(turn), sin(turn), cos(hand[2]), sin(hand[2])
     dx, dy = pose[0] - hand[0], pose[1] - hand[1]
@@ -179,7 +181,7 @@ def _in_hand(outline: Outline, pose: Pose2, hand: Pose2) -> Outline:
 
 
 def _extent(outline: Outline, half: float) -> tuple[float, float]:
-    """Least and greatest y of an outline's points where |x| <= half; inf and -inf where there are none."""
+    """Least and greatest y of an outline's points where |x| <= half; inf and -inf without any."""
     low, high = inf, -inf
     if half <= 0.0:
         return low, high

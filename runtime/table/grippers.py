@@ -1,8 +1,8 @@
-"""The makes of grippers that are known, by the model that a job names: the one file of presets.
+"""Profiles of known grippers, by the model that a job names: the only file of presets.
 
-A calibration with gauge blocks (`grasp-calibrate width`) corrects what they read; speed and force are
-nominal. Nothing here was measured on a gripper of our own. A driver of another make brings the profile of its
-gripper as an entry point of the group `squeezetree.profiles` (tools/docs/drivers.md).
+A calibration with gauge blocks (`grasp-calibrate width`) corrects readings; speed and force are nominal. No
+value was measured for this project. A driver of another make provides the profile of its gripper as an
+entry point of the group `squeezetree.profiles` (tools/docs/drivers.md).
 """
 
 import re
@@ -11,7 +11,7 @@ from drivers.ports import GripperProfile
 from runtime.errors import TableError
 
 GROUP = "squeezetree.profiles"
-DOUBT_STEPS = 3  # by which a width may be off, as planned for: of the resolution or the noise
+DOUBT_STEPS = 3  # planned error of a width, in units of the resolution or the noise
 
 
 PROFILES = {
@@ -47,8 +47,8 @@ PROFILES = {
             radius_mm=120.0,
             counts=(3, 230),
         ),
-        # Commonly published figures, not compared with a manual's page; early units have 60 to 130 N. The
-        # encoder's ends are those of the register.
+        # Commonly published figures, not compared with a manual's page; early units have 60 to 130
+        # N. The encoder's ends are those of the register.
         GripperProfile(
             model="hand-e",
             stroke_um=50_000,
@@ -80,8 +80,8 @@ PROFILES = {
             speed_mm_s=(0.714, 71.4),
             force_n=(40.0, 140.0),
         ),
-        # An EGU 60 and an EGK 25 of SCHUNK, as their parameters read (drivers/schunk/README.md): min_vel,
-        # max_vel, min_grp_force, max_grp_force. They read whole um; the noise is a guess.
+        # An EGU 60 and an EGK 25 of SCHUNK, by their parameters (drivers/schunk/README.md):
+        # min_vel, max_vel, min_grp_force, max_grp_force. They read whole um; the noise is a guess.
         GripperProfile(
             model="schunk-egu",
             stroke_um=120_000,
@@ -100,7 +100,7 @@ PROFILES = {
         ),
     )
 }
-# Further names of the same models, as `_normalised`.
+# Aliases of the same models, as from `_normalised`.
 NAMES = {
     "2f-85": "robotiq-2f-85",
     "c-85": "robotiq-2f-85",
@@ -109,10 +109,10 @@ NAMES = {
 
 
 def profile_of(model: str) -> GripperProfile:
-    """The profile of a model as a job names it: its name, whatever its case, spaces and dashes.
+    """The profile of a model by its name, ignoring case, spaces and dashes.
 
     Raises:
-        TableError: no such model is known; its settings would be guessed.
+        TableError: the model is unknown.
     """
     profile = known(model)
     if profile is None:
@@ -125,7 +125,7 @@ def profile_of(model: str) -> GripperProfile:
 
 
 def known(model: str) -> GripperProfile | None:
-    """As `profile_of`, but None for a model that is not known."""
+    """`profile_of`, but None for an unknown model."""
     name = _normalised(model)
     name = NAMES.get(name, name)
     preset = next((one for key, one in PROFILES.items() if name in (key, _normalised(key))), None)
@@ -133,12 +133,12 @@ def known(model: str) -> GripperProfile | None:
 
 
 def doubt_um(resolution_um: float, noise_um: float) -> float:
-    """By how much a gripper's widths may all be off, as planned for where a job does not say."""
+    """Default doubt about the error of a gripper's widths."""
     return DOUBT_STEPS * max(resolution_um, noise_um)
 
 
 def _plugged_in(model: str, name: str) -> GripperProfile | None:
-    from importlib.metadata import entry_points  # only for a model that is none of ours
+    from importlib.metadata import entry_points  # only for models that this file lacks
 
     points = [point for point in entry_points(group=GROUP) if _normalised(point.name) == name]
     if not points:
@@ -153,7 +153,7 @@ def _plugged_in(model: str, name: str) -> GripperProfile | None:
 
 
 def _is_sound(profile: GripperProfile) -> bool:
-    """Whether its numbers can be those of a gripper."""
+    """Whether its numbers are possible for a gripper."""
     pairs = (profile.speed_mm_s, profile.force_n)
     numbers = [profile.stroke_um, profile.resolution_um, profile.noise_um, *pairs[0], *pairs[1]]
     if not all(isinstance(number, int | float) and number >= 0 for number in numbers):
@@ -166,7 +166,7 @@ def _is_sound(profile: GripperProfile) -> bool:
 
 
 def same_model(one: str, other: str) -> bool:
-    """Whether two names are of one model, whatever their case, spaces and dashes."""
+    """Whether two names are of one model, ignoring case, spaces and dashes."""
     one, other = _normalised(one), _normalised(other)
     return NAMES.get(one, one) == NAMES.get(other, other)
 

@@ -1,4 +1,4 @@
-"""From a reading to the outcome it means: a gripper's calibration, the map of a node, whether both fit."""
+"""From a reading to its outcome: a gripper's calibration, the map of a node, and whether both fit."""
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ REJECT = -1
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What a gripper's nominal widths truly are: straight between points, and as at the ends beyond them.
+    """Map from nominal to true widths: linear between points, constant offset beyond the ends.
 
     Raises:
-        TableError: there is one point alone, or the points do not rise.
+        TableError: there is only one point, or the points do not rise.
     """
 
     profile: GripperProfile
@@ -48,7 +48,7 @@ class Calibration:
         return self.width_um(self.profile.stroke_um)
 
     def nearest_um(self, width_um: int) -> int:
-        """The reading whose true width is nearest to `width_um`; the more open one of two equally near."""
+        """The reading whose true width is nearest to `width_um`; of two, the more open one."""
         wider = self.opening_um(width_um)
         step = self.profile.step(wider)
         less = self.profile.reading_um(max(step - 1, 0))
@@ -56,13 +56,13 @@ class Calibration:
         return wider if off <= off_less else less
 
     def opening_um(self, width_um: int) -> int:
-        """The least reading whose true width is at least `width_um`; the stroke where there is none."""
+        """The least reading whose true width is at least `width_um`; the stroke if there is none."""
         steps = range(self.profile.steps + 1)
         step = bisect_left(steps, width_um, key=self._width_at)
         return self.profile.reading_um(min(step, self.profile.steps))
 
     def reads(self, low_um: int, high_um: int) -> bool:
-        """Whether the true width of some reading lies in an interval, its ends included."""
+        """Whether the true width of some reading lies in an interval, ends included."""
         return self._width_at(self.profile.step(self.opening_um(low_um))) <= high_um and (
             self.widest_um >= low_um
         )
@@ -74,7 +74,7 @@ class Calibration:
 class Segments(NamedTuple):
     """A step function of the true width: `branches[k]` from `starts_um[k]` to below the next start."""
 
-    starts_um: tuple[int, ...]  # rising, the first is 0
+    starts_um: tuple[int, ...]  # ascending, the first is 0
     branches: tuple[int, ...]  # an index into a node's branches, or `REJECT`; two neighbours differ
 
     def at(self, width_um: int) -> int:
@@ -82,7 +82,7 @@ class Segments(NamedTuple):
         return REJECT if width_um < 0 else self.branches[bisect_right(self.starts_um, width_um) - 1]
 
     def intervals(self) -> list[tuple[int, int, int]]:
-        """Each interval of widths that is no `REJECT`: least and greatest width, um, and branch."""
+        """Intervals of widths that are not `REJECT`: least and greatest width, um, and branch."""
         ends = [start - 1 for start in self.starts_um[1:]]  # the last segment is a `REJECT`
         return [
             (start, end, branch)
@@ -92,18 +92,18 @@ class Segments(NamedTuple):
 
 
 class DecisionMap(NamedTuple):
-    """What every settled reading of a closing motion means at a node."""
+    """Meaning of every settled reading of a closing motion at a node."""
 
-    unfelt: Segments  # no object was felt
-    felt: Segments  # one was
+    unfelt: Segments  # without an object felt
+    felt: Segments  # with an object felt
 
     def of(self, felt: bool) -> Segments:
-        """The one for a flag."""
+        """The segments for a flag."""
         return self.felt if felt else self.unfelt
 
     @property
     def either(self) -> Segments:
-        """As drawings show it: what a width means with the flag that it needs.
+        """The segments for drawings: a width with the flag that it needs.
 
         Where the flag decides between nothing and a thin grip, it is the grip.
         """
@@ -112,14 +112,14 @@ class DecisionMap(NamedTuple):
 
 
 def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
-    """What every settled reading of a closing motion means at a node: the whole rule (decision 0056).
+    """Meaning of every settled reading of a closing motion at a node: the whole rule (decision 0056).
 
     Of the branches whose interval contains the width, and which the flag admits, the one of the nearest
     expected width is meant, the lower of two equally near. A branch that does not reach down to width 0, or
     is expected at `HELD_UM` or more, is a grip, and never read at width 0; any other means that nothing is
-    held. With an object felt only grips are admitted. With none felt no width above the gripper's `empty_um`
-    is believed; up to it nothing was held, or, where no branch says that, a grip went unfelt. All else is
-    `REJECT`.
+    held. With an object felt only grips are admitted. With none felt only widths up to the gripper's
+    `empty_um` are admitted: nothing was held or, where no branch means that, a grip was not felt. Anything
+    else is `REJECT`.
     """
     grips = [(number, branch) for number, branch in enumerate(node.branches) if branch.grip]
     empties = [(number, branch) for number, branch in enumerate(node.branches) if not branch.grip]
@@ -137,7 +137,7 @@ def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
 
 
 def _cuts(branches: list[tuple[int, Branch]]) -> set[int]:
-    """The widths from which on another of some branches may be meant."""
+    """The widths at which the meant branch may change."""
     cuts = {cut for _, branch in branches for cut in (branch.low_um, branch.high_um + 1)}
     for k, (_, one) in enumerate(branches):
         for _, other in branches[k + 1 :]:
@@ -147,7 +147,7 @@ def _cuts(branches: list[tuple[int, Branch]]) -> set[int]:
 
 
 def _nearest(branches: list[tuple[int, Branch]], width_um: int) -> int:
-    """Of some branches the one of the nearest expected width whose interval contains a width."""
+    """The branch whose interval contains a width, of several the one with the nearest expected width."""
     within = [
         (abs(width_um - branch.expected_um), number)
         for number, branch in branches
@@ -162,15 +162,15 @@ def _segments(starts: list[int], branches: list[int]) -> Segments:
 
 
 def decide(decided: DecisionMap, width_um: int, felt: bool) -> int:
-    """What one settled reading means: an index into the node's branches, or `REJECT`; one bisection.
+    """Meaning of one settled reading: an index into the node's branches, or `REJECT`; one bisection.
 
-    `felt` says whether the closing jaws stopped at an object, not at the end of their way.
+    `felt`: whether the closing jaws stopped at an object, not at the end of their way.
     """
     return decided.of(felt).at(width_um)
 
 
 def unread(decided: DecisionMap, calibration: Calibration, branches: int) -> list[int]:
-    """Which of so many branches no reading of a gripper means."""
+    """The branches that no reading of a gripper means."""
     read = {
         branch
         for segments in decided
@@ -181,10 +181,10 @@ def unread(decided: DecisionMap, calibration: Calibration, branches: int) -> lis
 
 
 def misfits(table: Table, calibration: Calibration) -> list[str]:
-    """What keeps a valid table from a gripper: a sentence a problem, with a remedy.
+    """Reasons why a gripper cannot run a valid table: a sentence for each, with a remedy.
 
-    The jaws must open as far as the table asks, and some reading must mean each branch, the one nearest to
-    its expected width no other.
+    The jaws must open as far as the table requires; some reading must mean each branch; the reading nearest
+    to its expected width must mean no other.
     """
     problems, widest_um = [], calibration.widest_um
     for index, node in enumerate(table.nodes):

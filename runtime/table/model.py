@@ -1,6 +1,6 @@
-"""The decision table in memory: frozen records of what its file holds.
+"""The decision table in memory: frozen records of its file's content.
 
-`runtime.table.fields` says what each field means and which values it allows. Lengths are in um, angles in
+`runtime.table.fields` has the meaning and the range of each field. Lengths are in um, angles in
 urad, forces in mN, speeds in um/s, shares in ppm.
 """
 
@@ -15,7 +15,7 @@ PPM = 1_000_000
 
 MOST_BINS = 300  # of a histogram of readings
 HELD_UM = 2000
-"""From this expected width on the jaws hold a part, which the hand then drags to `Node.release`."""
+"""Expected width above which the jaws hold a part, which the hand then drags to `Node.release`."""
 
 KINDS = ("pose", "tolerances", "modes", "orientation", "identity")
 
@@ -36,7 +36,7 @@ class Area(NamedTuple):
     y_max: int
 
     def contains(self, x_mm: float, y_mm: float) -> bool:
-        """Whether a place lies within it or on its edge."""
+        """Whether a place lies in the rectangle or on its edge."""
         return (
             self.x_min / 1000 <= x_mm <= self.x_max / 1000
             and self.y_min / 1000 <= y_mm <= self.y_max / 1000
@@ -66,7 +66,7 @@ class Covariance(NamedTuple):
 
 
 class Squeeze(NamedTuple):
-    """One squeeze: where the hand is placed in the world, how far open, how fast and how strong it closes."""
+    """One squeeze: place of the hand in the world, opening, speed and force of closing."""
 
     x_um: int
     y_um: int
@@ -78,12 +78,12 @@ class Squeeze(NamedTuple):
 
     @property
     def place(self) -> Place:
-        """Where the hand closes."""
+        """The place where the hand closes."""
         return Place(self.x_um, self.y_um)
 
     @property
     def commands(self) -> tuple[int, int, int, int, int, int]:
-        """What a controller commands: place, angle, opening, speed and force."""
+        """Commands for a controller: place, angle, opening, speed and force."""
         return (
             self.x_um,
             self.y_um,
@@ -106,7 +106,7 @@ class Push(NamedTuple):
 
 
 class Branch(NamedTuple):
-    """One outcome of a squeeze: an interval of widths and where it leads."""
+    """One outcome of a squeeze: an interval of widths and its target."""
 
     low_um: int
     expected_um: int
@@ -116,28 +116,28 @@ class Branch(NamedTuple):
 
     @property
     def grip(self) -> bool:
-        """Whether something is between the jaws: no reading of the branch is that of jaws that met."""
+        """Whether something is between the jaws: the branch excludes readings of closed jaws."""
         return self.low_um > 0 or self.expected_um >= HELD_UM
 
 
 class Node(NamedTuple):
-    """One decision: a squeeze and its outcomes, ordered by width; and what is pushed before it."""
+    """One decision: a squeeze and its outcomes, ordered by width; and the pushes before it."""
 
     squeeze: Squeeze
     branches: tuple[Branch, ...]
     release: Place | None = None  # None: the jaws open where they closed
     pushes: tuple[Push, ...] = ()
-    # None: not known; the jaws close at the squeeze's speed all the way
+    # None: unknown; the jaws close at the squeeze's speed all the way
     contact_um: int | None = None
 
     @property
     def let_go(self) -> Place:
-        """Where a held part is let go."""
+        """Where a held part is released."""
         return self.release or self.squeeze.place
 
 
 class LeafPose(NamedTuple):
-    """A pose that a part at a leaf may have, and which of the table's hypotheses it then is."""
+    """A pose of a part at a leaf, and the hypothesis that goes with it."""
 
     x_um: int
     y_um: int
@@ -146,7 +146,7 @@ class LeafPose(NamedTuple):
 
 
 class Leaf(NamedTuple):
-    """An end of the tree: the predicted pose of the part in the world, and how often it holds."""
+    """An end of the tree: the predicted pose of the part in the world, and its success rate."""
 
     x_um: int
     y_um: int
@@ -174,7 +174,7 @@ class Leaf(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class GripperSpec:
-    """The gripper that a table is for: its model's profile, and the fingers."""
+    """The gripper of a table: its model's profile, and the fingers."""
 
     model: str
     opening_um: int
@@ -191,7 +191,7 @@ class GripperSpec:
 
     @classmethod
     def of(cls, profile: GripperProfile, finger_length_um: int, finger_width_um: int) -> Self:
-        """That of a profile with some fingers."""
+        """The gripper of a profile, with its fingers."""
         return cls(
             model=profile.model,
             opening_um=profile.stroke_um,
@@ -209,7 +209,7 @@ class GripperSpec:
 
     @property
     def bins(self) -> int:
-        """Number of bins of a histogram of readings: one each, or of several where that were too many."""
+        """Number of bins of a histogram of readings, with one or several steps of a reading in each."""
         return self.steps // self.steps_a_bin + 1
 
     def bin_of(self, width_um: int) -> int:
@@ -219,12 +219,12 @@ class GripperSpec:
 
     @property
     def steps_a_bin(self) -> int:
-        """Steps of a reading that are one bin."""
+        """Steps of a reading in one bin."""
         return self.steps // MOST_BINS + 1
 
     @property
     def profile(self) -> GripperProfile:
-        """The profile that the table was planned with, and what else is known of the model."""
+        """The profile that the table was planned with, completed from the known model."""
         preset = known(self.model)
         counts = None if preset is None else preset.counts
         if counts is not None and counts[1] - counts[0] != self.steps:
@@ -245,14 +245,14 @@ class GripperSpec:
 
     @property
     def turn_radius_mm(self) -> float:
-        """How far the open gripper with its fingers reaches from its axis."""
+        """Distance of the open gripper's farthest point, fingers included, from its axis."""
         aside_um = self.opening_um / 2 + self.finger_width_um
         return max(self.profile.radius_mm, hypot(aside_um, self.finger_length_um / 2) / 1e3)
 
 
 @dataclass(frozen=True, slots=True)
 class GoalSpec:
-    """When a part counts as located, under its symmetry and at a confidence."""
+    """When a part counts as located: tolerances, symmetry and confidence."""
 
     distance_um: int
     confidence_ppm: int
@@ -275,7 +275,7 @@ class Hypothesis(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What no motion of a table may exceed."""
+    """Limits for all motions of a table."""
 
     max_depth: int
     max_force_mn: int
@@ -288,7 +288,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """What the evaluation at compile time measured for the table as a whole."""
+    """Results of the evaluation at compile time for the whole table."""
 
     success_ppm: int
     trials: int
@@ -311,11 +311,11 @@ class Table:
     leaves: tuple[Leaf, ...]
     predicted: Prediction
     job: str | None  # None: stripped
-    hypotheses: tuple[Hypothesis, ...] = ()  # empty where only one part may lie there
+    hypotheses: tuple[Hypothesis, ...] = ()  # empty for a single part
 
     @property
     def pushing(self) -> int | None:
-        """The first node before whose squeeze parts are pushed; None where there is none."""
+        """The first node with pushes before its squeeze; None if there are none."""
         return next((index for index, node in enumerate(self.nodes) if node.pushes), None)
 
     def goal_of(self, hypothesis: int) -> GoalSpec:
@@ -326,5 +326,5 @@ class Table:
         return replace(self.goal, rho_um=part.rho_um, symmetry=part.symmetry)
 
     def name_of(self, leaf: Leaf) -> str | None:
-        """Which part a leaf names; None where only one may lie there."""
+        """The part that a leaf names; None for a single part."""
         return self.hypotheses[leaf.hypothesis].name if self.hypotheses else None

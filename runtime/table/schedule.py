@@ -1,4 +1,4 @@
-"""Seconds of the squeezes of a table, along the path of each part, by the one model of time in `timing`."""
+"""Seconds of a table's squeezes along the path of each part, by the model in `timing`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from runtime.table.turning import may_turn, turned_pose
 
 
 class Stand(NamedTuple):
-    """Where the hand is, above the table."""
+    """Place of the hand above the table."""
 
     x_mm: float
     y_mm: float
@@ -21,11 +21,11 @@ class Stand(NamedTuple):
 
     @classmethod
     def at(cls, action: Squeeze | Push) -> Self:
-        """Where the hand comes down for it."""
+        """The stand after the hand has come down for an action."""
         return cls(action.x_um / 1e3, action.y_um / 1e3, action.angle_urad / 1e6)
 
     def moved(self, way_mm: float) -> Self:
-        """So far along the hand's own x axis."""
+        """The stand after a way along the hand's x axis."""
         x_mm, y_mm = (
             self.x_mm + way_mm * cos(self.angle_rad),
             self.y_mm + way_mm * sin(self.angle_rad),
@@ -33,38 +33,38 @@ class Stand(NamedTuple):
         return self._replace(x_mm=x_mm, y_mm=y_mm)
 
     def turn_from(self, place: "Stand") -> float:
-        """The angle to turn the world by about its origin so that a hand at `place` need not turn to here."""
+        """Angle by which to turn the world about its origin so that a hand at `place` need not turn."""
         return remainder(self.angle_rad - place.angle_rad, tau)
 
 
 class Squeezed(NamedTuple):
-    """One squeeze as it came out."""
+    """One squeeze with its outcome."""
 
     node: int
     width_mm: float
-    branch: int  # of the node, `REJECT` for none
+    branch: int  # branch of the node, `REJECT` for none
 
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Seconds of the squeezes of one table in one cell, of parts that come one after the other."""
+    """Seconds of the squeezes of one table in one cell, for parts in sequence."""
 
     nodes: Sequence[Node]
     timing: Timing
-    turns: bool = False  # whether a part's plan is turned to the angle at which the hand stands
+    turns: bool = False  # whether a part's plan is turned to the hand's angle
 
     @classmethod
     def of(cls, table: Table, job: Mapping[str, Any] | None) -> Self:
-        """Of a table and the job inside it, None where it was stripped.
+        """The schedule of a table and the job inside it, None where it was stripped.
 
         Raises:
-            TableError: the gripper is not known, or the job's figures can be no cell's.
+            TableError: the gripper is unknown, or the job's figures are impossible.
         """
         timing = Timing.of(table.limits, table.gripper, job)
         return cls(table.nodes, timing, may_turn(table, job))
 
     def part(self, squeezes: Sequence[Squeezed], start: Stand | None = None) -> list[Phases]:
-        """The phases of each squeeze of a part, the hand at first above `start` or above its first place."""
+        """Phases of each squeeze of a part; the hand starts above `start` or above the part's first place."""
         before, jaws_s, all_phases = start, 0.0, []
         for number, squeezed in enumerate(squeezes):
             after = squeezes[number + 1].node if number + 1 < len(squeezes) else None
@@ -86,20 +86,20 @@ class Schedule:
         """One squeeze.
 
         Args:
-            squeezed: its node, and how it came out.
-            before: where the hand stands; None: above the squeeze's place.
-            after: the node that follows for the same part, None: none does.
+            squeezed: its node and outcome.
+            before: the hand before it; None: above the squeeze's place.
+            after: the next node of the same part, or None.
             jaws_s: how long the jaws still move.
             first: whether it is the part's first, before which the hand is at the retreat height.
 
         Returns:
-            Its phases; where the hand stands after it, and how long the jaws still move then.
+            Its phases; the hand after it, and how long the jaws still move then.
         """
         node, timing = self.nodes[squeezed.node], self.timing
         squeeze, place = node.squeeze, Stand.at(node.squeeze)
         following = self.nodes[0 if after is None else after]
         if first and self.turns and before is not None:
-            # Seen from the plan of the part that begins, which is turned.
+            # In the frame of the plan of the next part, which is turned.
             turn_rad = before.turn_from(place)
             before = Stand(*turned_pose(before, -turn_rad))
         push_s, before = self._push_s(node, before or place)
@@ -128,7 +128,7 @@ class Schedule:
         return phases, let_go, max(left_s, 0.0)
 
     def _push_s(self, node: Node, at: Stand) -> tuple[float, Stand]:
-        """What the pushes before a squeeze take, and where the hand stands after them."""
+        """Seconds of the pushes before a squeeze, and the hand after them."""
         timing, seconds = self.timing, 0.0
         open_mm, speed_mm_s = node.squeeze.opening_um / 1e3, node.squeeze.speed_um_s / 1e3
         for push in node.pushes:
@@ -150,5 +150,5 @@ class Schedule:
 
 
 def close_alike(job: Mapping[str, Any] | None) -> bool:
-    """Whether both fingers make half of the closing, so that a hand half a turn round does the same."""
+    """Whether both fingers make half of the closing, so that a hand half a turn round is equivalent."""
     return section(job or {}, "gripper").get("upper_finger_share") == 0.5

@@ -1,4 +1,4 @@
-"""What parts take as a distribution: mean, percentiles, and how often they are done within a takt."""
+"""Distribution of the times of parts: mean, percentiles, and the share within a takt."""
 
 from collections.abc import Mapping
 from math import ceil, fsum
@@ -7,15 +7,15 @@ PERCENTILES = (50, 95, 99)
 
 
 def figures(seconds: Mapping[float, int], takt_s: float | None = None) -> dict[str, float]:
-    """Mean, percentiles and most of what parts take; with a takt, the share that is done within it.
+    """Mean, percentiles and maximum of times; with a takt, the share within it.
 
     Args:
-        seconds: how many parts took so long, at least one of them.
+        seconds: number of parts for each time, at least one part.
         takt_s: the takt.
 
     Returns:
         `seconds_mean`, `seconds_p50`, `seconds_p95`, `seconds_p99`, `seconds_max` and, with a takt, `takt_s`
-        and `takt_probability`. A percentile is the least time within which so many of the parts are done.
+        and `takt_probability`. A percentile is the least time within which that share of the parts is done.
     """
     parts, rising = sum(seconds.values()), sorted(seconds.items())
     summary = {"seconds_mean": fsum(taken * many for taken, many in rising) / parts}
@@ -29,12 +29,12 @@ def figures(seconds: Mapping[float, int], takt_s: float | None = None) -> dict[s
 
 
 def text(summary: Mapping[str, float]) -> str:
-    """The share within the takt for people: "98.21% done within 6 s"; of figures with a takt."""
+    """The share within the takt for people: "98.21% done within 6 s"."""
     return f"{summary['takt_probability']:.2%} done within {summary['takt_s']:g} s"
 
 
 def _within(rising: list[tuple[float, int]], parts: int) -> float:
-    """The least time within which so many parts are done."""
+    """The least time within which `parts` parts are done."""
     done = 0
     for taken, many in rising:
         done += many

@@ -1,8 +1,8 @@
-"""How long the motions of a cell take: the one model of time of plans, evaluations, runs and their deadlines.
+"""The model of time of a cell's motions, for plans, evaluations, runs and their deadlines.
 
 The arm keeps to a speed and an acceleration (a trapezoid, or a triangle where the way is short), and a turn
-counts as the way of the point of the hand that is farthest off its axis. Jaws run at constant speeds. What a
-device takes to answer is added to each of its motions. Lengths are in mm, angles in rad, times in s.
+counts as the way of the point of the hand that is farthest off its axis. Jaws run at constant speeds. A
+device's response time is added to each of its motions. Lengths are in mm, angles in rad, times in s.
 """
 
 from collections.abc import Mapping
@@ -15,16 +15,16 @@ from runtime.table.embedded import number, parts_of, section
 from runtime.table.model import GripperSpec, Limits
 
 CLEAR_MM = 5.0
-"""How far jaws open before they count as free of what they held."""
+"""Distance that jaws open before they are clear of what they held."""
 APPROACH_MM = 2.0
-"""How far before the first possible contact jaws are down to the squeeze's speed."""
+"""Distance before the first possible contact at which jaws have slowed to the squeeze's speed."""
 LEAD_MM = 1.5
-"""How far before the end of a stroke the next one is asked for, of jaws that take it while they move."""
+"""Distance before the end of a stroke at which the next one is sent, for jaws that accept it in motion."""
 ABOVE_MM = 4.0
-"""How far above the top of a part the tips pass between two of its squeezes."""
+"""Height of the tips above the top of a part between two of its squeezes."""
 
 NEAR_MM = 30.0
-"""From how far off a hand at the retreat height comes down on its way: farther off, anything may stand."""
+"""Distance within which a hand at the retreat height comes down on its way: beyond may be obstacles."""
 
 ARM_ACCELERATION_MM_S2 = 2_000.0
 DEFAULTS: Mapping[str, float] = {
@@ -33,8 +33,8 @@ DEFAULTS: Mapping[str, float] = {
     "jaw_answer_s": 0.062,
     "poll_s": 0.015,
 }
-"""What holds where the section `cell` of a job does not say. The acceleration is a limit; the rest
-are guesses, which `plan-refit` replaces by what a journal shows."""
+"""Defaults of the section `cell` of a job. The acceleration is a limit; the rest are guesses, which
+`plan-refit` replaces by values from a journal."""
 
 
 def trapezoid_s(way_mm: float, speed_mm_s: float, acceleration_mm_s2: float) -> float:
@@ -51,23 +51,23 @@ class Phases(NamedTuple):
     """Seconds of one squeeze, one phase after the other."""
 
     push_s: float = 0.0  # pushes before it
-    travel_s: float = 0.0  # to above its place, the jaws on their way to its opening meanwhile
+    travel_s: float = 0.0  # travel above its place, while the jaws move to its opening
     lower_s: float = 0.0
-    close_s: float = 0.0  # the strokes, until the reading is believed
-    release_s: float = 0.0  # a drag, and the jaws until they are free of the part
-    rise_s: float = 0.0  # the jaws may open on meanwhile
+    close_s: float = 0.0  # the strokes, until the reading is accepted
+    release_s: float = 0.0  # a drag, and the jaws until they are clear of the part
+    rise_s: float = 0.0  # the jaws may continue to open meanwhile
 
     @property
     def total_s(self) -> float:
-        """All of them."""
+        """Sum of all phases."""
         return sum(self)
 
 
 def phases_of(record: object) -> Phases:
-    """The phases of a squeeze as a journal's record holds them.
+    """Parses the phases of a squeeze from a journal record.
 
     Raises:
-        ValueError: they are no phases.
+        ValueError: they are invalid.
     """
     if not isinstance(record, Mapping) or set(record) != set(Phases._fields):
         raise ValueError(f"phases are not {', '.join(Phases._fields)}")
@@ -75,10 +75,10 @@ def phases_of(record: object) -> Phases:
 
 
 def time_of(value: object) -> float:
-    """A time of a record, s.
+    """Parses a time of a record, s.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is invalid.
     """
     if (
         isinstance(value, bool)
@@ -90,25 +90,25 @@ def time_of(value: object) -> float:
 
 
 class Visit(NamedTuple):
-    """One squeeze, as far as its time depends on it."""
+    """The inputs of a squeeze's time."""
 
-    way_mm: float  # of the hand, from where it stood before
+    way_mm: float  # of the hand, from its last place
     turn_rad: float  # of the hand, either way
     opening_mm: float  # the jaws before it
     # greatest width at which they may meet the part; None: it is not known
     contact_mm: float | None
     width_mm: float  # where they stop
     speed_mm_s: float  # at which they close where they may meet the part
-    next_mm: float  # the opening that is wanted next
-    drag_mm: float = 0.0  # how far a held part is dragged before it is let go
+    next_mm: float  # the next opening
+    drag_mm: float = 0.0  # drag of a held part before its release
     from_retreat: bool = False  # whether the hand comes down from the retreat height
-    to_retreat: bool = False  # whether it goes back up there
-    jaws_s: float = 0.0  # how long the jaws still move when the hand sets out
+    to_retreat: bool = False  # whether it returns there
+    jaws_s: float = 0.0  # how long the jaws still move when the hand starts
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """What arm, gripper and heights of a cell allow; `squeeze` is what everything asks."""
+    """Speeds, heights and response times of a cell; all times come from `squeeze`."""
 
     arm_speed_mm_s: float
     arm_acceleration_mm_s2: float
@@ -126,10 +126,10 @@ class Timing:
 
     @classmethod
     def of(cls, limits: Limits, gripper: GripperSpec, job: Mapping[str, Any] | None) -> Self:
-        """Of a table's limits, its gripper, and what its job says of the cell, if it has one.
+        """The timing of a table's limits, its gripper and its job, if it has one.
 
         Raises:
-            TableError: the gripper is not known, or the job's figures can be no cell's.
+            TableError: the gripper is unknown, or the job's figures are impossible.
         """
         (stated, regrasp_um), profile = checked(limits, job), gripper.profile
         return cls(
@@ -146,7 +146,7 @@ class Timing:
     def move_s(
         self, way_mm: float, turn_rad: float = 0.0, speed_mm_s: float | None = None
     ) -> float:
-        """One motion of the arm, as far as its hand goes and turns; none takes no time."""
+        """One motion of the arm by a way and a turn of its hand; 0 without either."""
         way_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         if way_mm <= 0.0:
             return 0.0
@@ -154,15 +154,15 @@ class Timing:
         return self.arm_answer_s + trapezoid_s(way_mm, speed_mm_s, self.arm_acceleration_mm_s2)
 
     def comes_down(self, way_mm: float, turn_rad: float) -> bool:
-        """Whether a hand at the retreat height comes down to the regrasp height on its way to a squeeze.
+        """Whether a hand at the retreat height descends to the regrasp height on its way to a squeeze.
 
-        Not from far off, nor where the way down would take longer.
+        Not from far away, nor where the descent would take longer.
         """
         aside_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         return way_mm <= NEAR_MM and self.retreat_mm - self.regrasp_mm <= aside_mm
 
     def approach_mm(self, opening_mm: float, contact_mm: float | None, speed_mm_s: float) -> float:
-        """Down to which opening the jaws close at full speed; `opening_mm` where that would save nothing."""
+        """Opening down to which the jaws close at full speed; `opening_mm` where that saves nothing."""
         if contact_mm is None:
             return opening_mm
         near_mm = min(contact_mm + APPROACH_MM, opening_mm)
@@ -174,21 +174,21 @@ class Timing:
     def close_s(
         self, opening_mm: float, contact_mm: float | None, width_mm: float, speed_mm_s: float
     ) -> float:
-        """Closing to where the jaws stop, until the reading is believed."""
+        """Closing to where the jaws stop, until the reading is accepted."""
         near_mm = max(self.approach_mm(opening_mm, contact_mm, speed_mm_s), width_mm)
         fast_s = (opening_mm - near_mm) / max(self.fastest_mm_s, speed_mm_s)
         between_s = self._between_s if near_mm < opening_mm else 0.0
         return fast_s + between_s + max(near_mm - width_mm, 0.0) / speed_mm_s + self.jaw_answer_s
 
     def free_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
-        """Opening until the jaws are free of what they hold."""
+        """Opening until the jaws are clear of what they hold."""
         stroke_s = CLEAR_MM / speed_mm_s
         return stroke_s + (
             3.0 * self.poll_s if next_mm > width_mm + CLEAR_MM else self.jaw_answer_s
         )
 
     def opening_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
-        """How long jaws that are free of a part go on to the next opening, as the hand rises and travels."""
+        """Seconds that jaws clear of a part move on to the next opening, while the hand rises and travels."""
         stroke_mm = abs(next_mm - width_mm - CLEAR_MM)
         return stroke_mm / (max(self.fastest_mm_s, speed_mm_s) if self.streams else speed_mm_s)
 
@@ -202,10 +202,10 @@ class Timing:
         push_mm: float,
         push_mm_s: float,
     ) -> float:
-        """One push, from the hand at the retreat height to the hand at the retreat height.
+        """One push, from and to the retreat height.
 
         Args:
-            way_mm: of the hand to where it comes down.
+            way_mm: of the hand to its place of descent.
             turn_rad: of the hand on that way.
             stroke_mm: of the jaws before it.
             stroke_mm_s: rate of that stroke.
@@ -222,7 +222,7 @@ class Timing:
         )
 
     def squeeze(self, visit: Visit) -> Phases:
-        """The phases of one squeeze, from the hand at its height to the hand at its height."""
+        """The phases of one squeeze, from and to the hand at its height of travel."""
         high_mm = self.retreat_mm if visit.from_retreat else self.regrasp_mm
         way_mm = visit.way_mm
         if visit.from_retreat and self.comes_down(way_mm, visit.turn_rad):
@@ -243,15 +243,15 @@ class Timing:
 
     @property
     def _between_s(self) -> float:
-        """What the change from one stroke to the next takes."""
+        """Seconds of the change from one stroke to the next."""
         return self.poll_s if self.streams else self.jaw_answer_s
 
 
 def checked(limits: Limits, job: Mapping[str, Any] | None) -> tuple[dict[str, float], int]:
-    """What a job says of the cell's times, defaults where it does not, and the regrasp height in um.
+    """The cell's times in the job, with defaults, and the regrasp height in um.
 
     Raises:
-        TableError: the figures can be no cell's.
+        TableError: the figures are impossible.
     """
     cell = section(job or {}, "cell")
     stated = {key: _positive(cell, key, default) for key, default in DEFAULTS.items()}
@@ -261,7 +261,7 @@ def checked(limits: Limits, job: Mapping[str, Any] | None) -> tuple[dict[str, fl
 def _regrasp_height_um(limits: Limits, job: Mapping[str, Any] | None) -> int:
     """Height of the tips between two squeezes of one part: as the job states it, else just above the part.
 
-    The retreat height where nobody knows how high the part is.
+    The retreat height if the part's height is unknown.
 
     Raises:
         TableError: it is not above the part and below the retreat height.

@@ -1,8 +1,8 @@
-"""Plans turned about the origin of the world: a part of unknown orientation looks the same from every side.
+"""Plans turned about the origin of the world, for parts of unknown orientation.
 
-Its position is believed in a disc about the origin and its orientation uniform, so a plan that is turned as a
-whole, grasp poses and leaves alike, locates as many parts. A part's plan is therefore turned until its first
-grasp pose has the angle at which the hand stands.
+The belief is a disc about the origin with uniform orientation, so a plan that is turned as a whole, grasp
+poses and leaves, locates as many parts. A part's plan is therefore turned until its first grasp pose has
+the hand's angle.
 """
 
 from collections.abc import Mapping
@@ -16,17 +16,20 @@ from runtime.table.model import Area, Covariance, Leaf, LeafPose, Node, Place, S
 
 TURN_URAD = 1e6 * tau
 KINDS = ("pose", "orientation", "identity")
-"""Goals that are the same from every side: tolerances along axes of the world are not, and the
-auditor looks the other modes of a leaf up by its pose in the table."""
+"""Goals that are invariant under rotation.
+
+Tolerances along axes of the world are not, and the auditor finds the other modes of a leaf by its pose in
+the table.
+"""
 
 
 def may_turn(table: Table, job: Mapping[str, Any] | None, middle_mm: float = 0.0) -> bool:
     """Whether a table's plan may be turned by any angle: belief, goal and work area allow it.
 
     Args:
-        table: without pushes, whose ways would have to be checked as well.
+        table: without pushes, whose ways would need checks as well.
         job: the one inside it, None where it was stripped.
-        middle_mm: how far off the hand's middle the fingers meet.
+        middle_mm: distance from the hand's middle where the fingers meet.
     """
     halfwidth_deg = number(section(job or {}, "uncertainty"), "orientation_halfwidth_deg")
     if halfwidth_deg != 180.0 or table.goal.kind not in KINDS or table.pushing is not None:
@@ -44,7 +47,7 @@ def inside(area: Area, radius_mm: float) -> bool:
 
 
 def turned(table: Table, turn_urad: int) -> Table:
-    """The table with its grasp poses and leaves turned about the origin; it is without pushes."""
+    """The table with its grasp poses and leaves turned about the origin; it must have no pushes."""
     if turn_urad == 0:
         return table
     nodes = tuple(_turned_node(node, turn_urad) for node in table.nodes)

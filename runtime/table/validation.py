@@ -16,10 +16,10 @@ from runtime.table.model import KINDS, PPM, GoalSpec, GripperSpec, Leaf, Limits,
 
 
 def validate(table: Table) -> None:
-    """Check that a table, of the types that a decoded one has, may be executed.
+    """Checks that a table, with values of the right types, may be executed.
 
     Raises:
-        TableError: naming the first node, branch, leaf or field that is wrong.
+        TableError: it may not; names the first wrong node, branch, leaf or field.
     """
     records = records_of(table)
     for section in SECTIONS:
@@ -51,7 +51,7 @@ def _within(name: str, value: int, least: int, most: int = FAR) -> None:
 
 
 def _validate_numbers(section: Section, records: dict[str, list[tuple[int, Any]]]) -> None:
-    """Check how many records a section has, for each of their owners where they have such."""
+    """Checks the number of records of a section, or for each of their owners."""
     if section.owner is None:
         if section.row and not (section.optional and not records[section.name]):
             number = len(records[section.name])
@@ -67,7 +67,7 @@ def _validate_numbers(section: Section, records: dict[str, list[tuple[int, Any]]
 def _validate_field(
     table: Table, section: Section, field: Field, records: list[tuple[int, Any]]
 ) -> None:
-    """Check the range of a field; which record is wrong is looked for only once one is."""
+    """Checks the range of a field; searches for the wrong record only if there is one."""
     values = [*map(attrgetter(field.name), (record for _, record in records))]
     sizes = values if field.type in ("int", "flag") else [*map(len, values)]
     least, most = field.bounds(table)
@@ -84,7 +84,7 @@ def _validate_field(
 
 
 def _place(section: Section, field: Field, records: list[tuple[int, Any]], index: int) -> str:
-    """Where a field of a record is, for an error."""
+    """Place of a record's field, for an error."""
     if not section.row:
         return field.name if field.name == section.name else f"{section.name}.{field.name}"
     owner, place = records[index][0], ""
@@ -107,7 +107,7 @@ def _validate_goal(goal: GoalSpec) -> None:
 
 
 def _validate_hypotheses(table: Table) -> None:
-    """Check the parts that may lie there, and that leaves name them; the one part has no name."""
+    """Checks the parts that may lie there, and that leaves name them; a single part has no name."""
     goal, hypotheses = table.goal, table.hypotheses
     if not hypotheses and (goal.kind == "identity" or not goal.identify):
         raise TableError("goal asks which part it is, of which there is one; recompile it")
@@ -124,7 +124,7 @@ def _validate_hypotheses(table: Table) -> None:
 
 
 def _validate_tree(table: Table) -> None:
-    """Check that nodes and leaves are numbered breadth first, so that each is reached exactly once."""
+    """Checks that nodes and leaves are numbered breadth first, so that each is reached exactly once."""
     depths, leaves = [1], 0
     for index, node in enumerate(table.nodes):
         if index >= len(depths):
@@ -150,7 +150,7 @@ def _validate_tree(table: Table) -> None:
 
 
 def _validate_motions(index: int, node: Node, limits: Limits) -> None:
-    """Check that each push ends within the work area, and a release is another place than the squeeze."""
+    """Checks that each push ends within the work area, and that a release is not at the squeeze's place."""
     area = limits.work_area_um
     for number, push in enumerate(node.pushes):
         turn, at = push.angle_urad / 1e6, f"node {index}, push {number}: "
@@ -164,7 +164,7 @@ def _validate_motions(index: int, node: Node, limits: Limits) -> None:
 def _validate_branches(
     index: int, node: Node, gripper: GripperSpec, calibration: Calibration
 ) -> None:
-    """Check that a node's branches are in order, add up, and that some reading means each of them."""
+    """Checks that a node's branches are in order, add up, and are each meant by some reading."""
     total, below = 0, -1
     for number, branch in enumerate(node.branches):
         at, least_um = f"node {index}, branch {number}", max(branch.low_um, below + 1)

@@ -1,1 +1,1 @@
-"""What a reading means at a node, what follows from it, and what a part came to: no device, file or clock."""
+"""Traversal of a table by a part: decisions, requests and results, without devices, files or clocks."""

@@ -1,4 +1,4 @@
-"""What is told of a located part: which it is, its pose, in the drawing's datum too, and where to take it."""
+"""The answer for a located part: its name, its pose, also of the drawing's datum, and where to take it."""
 
 from collections.abc import Mapping
 from math import degrees, radians
@@ -19,7 +19,7 @@ class PartFrames(NamedTuple):
 
 
 def frames_of(table: Table) -> tuple[PartFrames, ...]:
-    """Those of each part of a table's job; none where it was stripped or is of another make."""
+    """The frames of each part of a table's job; empty for a stripped or foreign job."""
     try:
         job = job_of(table) or {}
     except TableError:
@@ -28,7 +28,7 @@ def frames_of(table: Table) -> tuple[PartFrames, ...]:
 
 
 def part_in(job: Mapping[str, object], hypothesis: int) -> object:
-    """The section `part` of one of a job's parts, as it stands there; None without it."""
+    """The section `part` of one of a job's parts; None without it."""
     entries = job.get("hypothesis")
     if entries is None:
         return job.get("part")
@@ -39,7 +39,7 @@ def part_in(job: Mapping[str, object], hypothesis: int) -> object:
 
 
 def frames_in(part: object) -> PartFrames:
-    """Those of a job's section `part`; none where it is no such section."""
+    """The frames in a job's section `part`; empty for an invalid section."""
     try:
         assert isinstance(part, dict)
         stated = part.get("datum")
@@ -54,9 +54,9 @@ def frames_in(part: object) -> PartFrames:
 
 
 def fields(table: Table, result: PartResult, frames: tuple[PartFrames, ...]) -> dict[str, object]:
-    """The answer of a part at a leaf: the pose of the outline's frame, of the datum, and of each pick.
+    """The answer for a part at a leaf: the pose of the outline's frame, of the datum, and of each pick.
 
-    Where one of several parts may lie there, also which it is.
+    With several hypotheses, also the part's name.
     """
     end = result.leaf_of(table)
     assert end is not None
@@ -74,7 +74,7 @@ def fields(table: Table, result: PartResult, frames: tuple[PartFrames, ...]) -> 
 
 
 def outcome_fields(table: Table, result: PartResult) -> dict[str, object]:
-    """A result as a journal record holds it, with the name of the part where the table gives it one."""
+    """A result as fields of a journal record, with the part's name if the table gives one."""
     name = None if result.leaf is None else table.name_of(table.leaves[result.leaf])
     return result.fields() if name is None else {**result.fields(), "hypothesis": name}
 

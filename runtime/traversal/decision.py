@@ -1,4 +1,4 @@
-"""What a reading means at a node, and what follows from it by the declared policy."""
+"""The decision for a reading at a node, and what follows from it by the declared policy."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -13,7 +13,7 @@ from runtime.traversal.results import Outcome
 
 
 class Decision(NamedTuple):
-    """What a reading means at a node: the branch taken, or `REJECT`."""
+    """Meaning of a reading at a node: the branch taken, or `REJECT`."""
 
     node: Node
     branch: int
@@ -21,7 +21,7 @@ class Decision(NamedTuple):
 
     @property
     def target(self) -> int | None:
-        """Where it leads: >= 0 a node, < 0 leaf ~target, None for `REJECT`."""
+        """Its target: >= 0 a node, < 0 leaf ~target, None for `REJECT`."""
         return None if self.branch == REJECT else self.node.branches[self.branch].target
 
     @property
@@ -41,7 +41,7 @@ class Decision(NamedTuple):
 
 
 def decide(node: Node, decided: DecisionMap, width_um: int, seen: ObjectState) -> Decision:
-    """What a settled reading, true width and object state, means at a node by its `decision_map`.
+    """Meaning of a settled reading, true width and object state, at a node by its `decision_map`.
 
     Raises:
         GripperStateError: the state contradicts a closing motion.
@@ -54,9 +54,9 @@ def decide(node: Node, decided: DecisionMap, width_um: int, seen: ObjectState) -
 
 
 def release_point(node: Node, branch: int) -> Place | None:
-    """Where a node wants the part let go; None for where the hand stands.
+    """Where a node requires the release of a part; None for the hand's place.
 
-    What nobody can name, a part whose branch is `REJECT`, is not dragged anywhere.
+    An unknown part, whose branch is `REJECT`, is not dragged.
     """
     if branch == REJECT or node.branches[branch].expected_um < HELD_UM:
         return None
@@ -68,7 +68,7 @@ class RecoveryAction(Enum):
 
     RESQUEEZE = "resqueeze"  # the same squeeze once more
     RESTART = "restart"  # the part from the root
-    NEXT = "next"  # the part is given up, the run goes on
+    NEXT = "next"  # the part is given up, the run continues
     STOP = "stop"  # the part is given up and the run ends
 
 
@@ -77,7 +77,7 @@ ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """The recovery actions in order: each is tried once a part, the last one is an end."""
+    """The recovery actions in order: each is tried once a part, and the last one is final."""
 
     # after a squeeze that no branch explains
     on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
@@ -89,8 +89,8 @@ class Policy:
         """The policy of two lists of names, as the command line and the journal hold them.
 
         Raises:
-            UsageError: a name is unknown or comes twice, a re-squeeze is asked for at a leaf, or a list
-                has no end.
+            UsageError: a name is unknown or repeated, a re-squeeze is requested at a leaf, or a list has no
+                final action.
         """
         rejected = _actions("--on-reject", on_reject)
         unresolved = _actions("--on-unresolved", on_unresolved)
@@ -108,7 +108,7 @@ class Policy:
         )
 
     def ends_run(self, outcome: Outcome) -> bool:
-        """Whether no further part follows one that ended so."""
+        """Whether the run ends after a part with this outcome."""
         actions = {Outcome.REJECT: self.on_reject, Outcome.UNRESOLVED: self.on_unresolved}
         if outcome in actions:
             return actions[outcome][-1] is RecoveryAction.STOP
@@ -116,25 +116,27 @@ class Policy:
 
 
 class TraversalState(NamedTuple):
-    """Where a part stands: the node to squeeze next, or its outcome."""
+    """State of a part: the node to squeeze next, or its outcome."""
 
     node: int = 0  # index of the next node; meaningless once there is an outcome
-    outcome: Outcome | None = None  # LEAF, REJECT or UNRESOLVED, None while the part is under way
+    outcome: Outcome | None = None  # LEAF, REJECT or UNRESOLVED, None before the end
     leaf: int | None = None  # index of the leaf reached, or None
     rejects: int = 0  # rejected squeezes so far
     unresolved: int = 0  # unresolved leaves so far
-    again: bool = False  # whether the node is squeezed once more: nothing is pushed before that
+    again: bool = False  # whether the squeeze is repeated: without pushes before it
 
 
 def advance(
     traversal: TraversalState, target: int | None, table: Table, policy: Policy
 ) -> TraversalState:
-    """What follows a squeeze at `traversal.node` that led to `target` (`Decision.target`)."""
+    """The state after a squeeze at `traversal.node` that led to `target` (`Decision.target`)."""
     if target is not None and target >= 0:
         return traversal._replace(node=target, again=False)
     if target is None:
         outcome, leaf = Outcome.REJECT, None
-        action = policy.on_reject[traversal.rejects]  # the last is an end: there is no further one
+        action = policy.on_reject[
+            traversal.rejects
+        ]  # the last action is final: there is no further one
         traversal = traversal._replace(rejects=traversal.rejects + 1)
     else:
         outcome, leaf = Outcome.UNRESOLVED, ~target

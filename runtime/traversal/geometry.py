@@ -4,11 +4,11 @@ from math import cos, sin, tau
 
 from runtime.table import Place, Pose2, Push, Squeeze
 
-MOST_TURNS = 3  # no wrist turns farther round, and none is counted farther
+MOST_TURNS = 3  # more than any wrist turns
 
 
 def placement(action: Squeeze | Push, released: Place | None = None) -> Pose2:
-    """The hand frame in the world, mm, mm, rad: where it comes down, or lets go if that is elsewhere."""
+    """The hand frame in the world, mm, mm, rad: where it comes down, or where it releases if elsewhere."""
     place = released or action
     return place.x_um / 1000, place.y_um / 1000, action.angle_urad / 1e6
 
@@ -19,19 +19,19 @@ def end_of(push: Push) -> Pose2:
 
 
 def compose(frame: Pose2, pose: Pose2) -> Pose2:
-    """A pose given in `frame`, in the frame that `frame` is given in."""
+    """Transforms a pose given in `frame` to the frame that `frame` is given in."""
     x, y, theta = pose
     c, s = cos(frame[2]), sin(frame[2])
     return frame[0] + c * x - s * y, frame[1] + s * x + c * y, frame[2] + theta
 
 
 def sent(hand: Pose2, middle_mm: float) -> Pose2:
-    """Where the arm is sent for fingers to meet at `hand`, if they do so far off its middle, along y."""
+    """Where the arm is sent for the fingers to meet at `hand`, `middle_mm` off its middle, along y."""
     return compose(hand, (0.0, -middle_mm, 0.0))
 
 
 def same_turns(angle_rad: float, low_rad: float, high_rad: float, near_rad: float) -> list[float]:
-    """The angles within a range that are whole turns off an angle, the nearest to another one first."""
+    """The angles within a range that equal an angle up to whole turns, the nearest to `near_rad` first."""
     nearest = angle_rad + tau * round((near_rad - angle_rad) / tau)
     turns = (nearest + tau * number for number in range(-MOST_TURNS, MOST_TURNS + 1))
     results = [turn for turn in turns if low_rad <= turn <= high_rad]

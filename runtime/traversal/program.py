@@ -1,7 +1,7 @@
 """The program of a part: the requests that it makes of a cell, in order, until its outcome is known.
 
-Executor, decision server and replay drive it: each performs the requests in its way, and answers a squeeze by
-its reading. Knows no devices, files or time.
+Executor, decision server and replay drive it: each performs the requests in its way, and answers a squeeze
+with its reading. The module is independent of devices, files and time.
 """
 
 from collections.abc import Generator, Sequence
@@ -18,13 +18,13 @@ from runtime.traversal.results import Outcome, PartResult, Step
 class Reading(NamedTuple):
     """The settled reading that answers `Squeeze` and `Tighten`."""
 
-    width_um: int  # as the gripper reads it
+    width_um: int  # width as the gripper reads it
     object: ObjectState
 
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """Push the part as the node says, unless it is squeezed `again`; then go to the place of its squeeze."""
+    """Push the part as the node requires, unless it is squeezed `again`; then go to the squeeze's place."""
 
     index: int  # of the node
     node: Node
@@ -50,14 +50,14 @@ class Tighten:
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """Record the decided step, take the part to `point`, and let go of it."""
+    """Record the decided step, take the part to `point`, and release it."""
 
     index: int
     node: Node
-    steps: tuple[Step, ...]  # of the part so far, the decided one last
-    point: Place | None  # None: where it is
+    steps: tuple[Step, ...]  # of the part so far, including the decided one
+    point: Place | None  # None: at its place
     after: TraversalState
-    following: Node  # squeezed next; the root where the part is done
+    following: Node  # next node; the root where the part is done
 
     @property
     def step(self) -> Step:
@@ -86,7 +86,7 @@ class Program:
         self._calibration, self._policy = calibration, policy
 
     def turned(self, turn_urad: int) -> Self:
-        """The program of parts whose plan is turned about the origin."""
+        """The program for parts whose plan is turned about the origin."""
         program = copy(self)
         program.table = turned(self.table, turn_urad)
         return program
@@ -94,7 +94,7 @@ class Program:
     def part(
         self, number: int, state: TraversalState = START, steps: Sequence[Step] = ()
     ) -> Requests:
-        """The requests of a part, from its first squeeze or from where it stands after some steps.
+        """The requests of a part, from its first squeeze or from its state after some steps.
 
         Raises:
             GripperStateError: a reading contradicts a closing motion.
@@ -131,14 +131,14 @@ class Program:
 
 
 def released(requests: Requests, request: Request, reading: Reading) -> Release:
-    """The release that follows a request, whatever is asked until then, where the last reading is known."""
+    """The release that follows a request whose last reading is known, skipping requests in between."""
     while not isinstance(request, Release):
         request = requests.send(None if isinstance(request, Approach) else reading)
     return request
 
 
 def _reason(state: TraversalState, steps: Sequence[Step]) -> str | None:
-    """Why a part ended in no resolved leaf, None where it did."""
+    """Why a part did not end in a resolved leaf, None where it did."""
     if state.outcome is Outcome.REJECT:
         return steps[-1].reason
     if state.outcome is Outcome.UNRESOLVED:

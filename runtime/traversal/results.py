@@ -10,7 +10,7 @@ from runtime.table import Leaf, Phases, Squeeze, Table, turned_leaf
 
 
 class Outcome(Enum):
-    """How a part ends. The value is its name in the journal and in `--json`."""
+    """Outcome of a part. The value is its name in the journal and in `--json`."""
 
     LEAF = "leaf"
     REJECT = "reject"
@@ -20,7 +20,7 @@ class Outcome(Enum):
     ABORTED = "aborted"
 
 
-# Exit codes of the outcomes that are not faults; a fault brings its own.
+# Exit codes of the outcomes that are not faults; a fault has its own.
 EXIT_CODES = {
     Outcome.LEAF: ExitCode.DONE,
     Outcome.REJECT: ExitCode.NOT_LOCATED,
@@ -35,14 +35,14 @@ class Step(NamedTuple):
 
     number: int  # from 1, within the part
     node: int  # index of the node
-    squeeze: Squeeze  # what was commanded
+    squeeze: Squeeze  # command
     reading_um: int  # settled width as the gripper reads it
-    width_um: int  # the true width that means
+    width_um: int  # true width
     target: int | None  # >= 0 the next node, < 0 leaf ~target, None for REJECT
     reason: str | None  # why it was rejected, or None
 
     def fields(self) -> dict[str, object]:
-        """The step as a journal record holds it: with place and opening in place of the squeeze."""
+        """The step as fields of a journal record: with place and opening instead of the squeeze."""
         return {
             "number": self.number,
             "node": self.node,
@@ -59,18 +59,18 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PartResult:
-    """How one part ended."""
+    """Result of one part."""
 
     part: int  # its number
     outcome: Outcome  # the outcome
     steps: tuple[Step, ...]  # its squeezes, in order
-    leaf: int | None  # index of the leaf reached, also where its delivery came to a fault; or None
-    reason: str | None  # why it is no resolved leaf, or None
-    exit_code: int  # what a run of this one part exits with
-    # what the safe sequence reached, one sentence a step; empty without a fault
+    leaf: int | None  # index of the leaf reached, also if its delivery failed; or None
+    reason: str | None  # why it did not end in a resolved leaf, or None
+    exit_code: int  # exit code of a run with this part only
+    # results of the safe sequence, one sentence a step; empty without a fault
     safe_state: tuple[str, ...] = ()
     audit: str | None = None  # the auditor's verdict, "pass", "fail" or "unknown"; None without one
-    delivery: str | None = None  # "done" or "missed", None where no delivery was asked for
+    delivery: str | None = None  # "done" or "missed", None without a delivery
     # from the part's first motion to its outcome; None where none was reached
     seconds: float | None = None
     # of each squeeze; of those after a crash where the part was resumed
@@ -88,7 +88,7 @@ class PartResult:
         exit_code: int | None = None,
         safe_state: tuple[str, ...] = (),
     ) -> Self:
-        """The result of a part's steps, which name the leaf; only a fault brings its exit code."""
+        """The result of a part's steps, which name the leaf; only a fault has an exit code of its own."""
         leaf = None
         if outcome in (Outcome.LEAF, Outcome.UNRESOLVED) and steps and steps[-1].target is not None:
             leaf = ~steps[-1].target
@@ -96,17 +96,17 @@ class PartResult:
         return cls(part, outcome, tuple(steps), leaf, reason, code, safe_state)
 
     def leaf_of(self, table: Table) -> Leaf | None:
-        """The leaf that was reached, where it lies in the world; None without one."""
+        """The leaf that was reached, turned back to the world; None without one."""
         return None if self.leaf is None else turned_leaf(table.leaves[self.leaf], self.turn_urad)
 
     def delivered(self, missed: str | None) -> Self:
-        """The same result after the delivery; `missed` tells why the part still lies where it was found."""
+        """The result after the delivery; `missed` says why the part was left where it was located."""
         if missed is None:
             return replace(self, delivery="done")
         return replace(self, delivery="missed", reason=missed, exit_code=ExitCode.NOT_LOCATED)
 
     def fields(self) -> dict[str, object]:
-        """The result as a journal record holds it."""
+        """The result as fields of a journal record."""
         return {
             "part": self.part,
             "outcome": self.outcome.value,

@@ -73,7 +73,7 @@ def test_page_explains_every_error_and_limit():
         f"has not changed for {HEARTBEAT_LIMIT_S:g} s",
         f"only reads gives way after {modbus.PANEL_S:g} s",
         f"not complete within {modbus.PATIENCE_S:g} s",
-        f"lost its power is noticed after {idle + interval * count} s",
+        f"lost power is detected after {idle + interval * count} s",
     ):
         assert words in PAGE
     for option in (f"--{name}" for name in plc.OF_ONE_TABLE):

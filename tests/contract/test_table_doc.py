@@ -60,7 +60,7 @@ def test_page_has_the_numbers_of_the_code():
     assert f"| 1 to {FORMAT - 1} | {FORMAT} |" in PROSE
     assert f"no array is longer than {MAX_LEAVES}, no file than {MAX_BYTES >> 20} MiB" in PROSE
     assert f"expected width >= {HELD_UM} um is a grip" in PROSE
-    assert "up to `empty_um`: what means that nothing is held" in PROSE
+    assert "up to `empty_um`: branches without a grip" in PROSE
 
 
 def test_page_lists_the_kinds_of_goal():

@@ -98,13 +98,30 @@ def test_identifiers_are_words_of_the_glossary_and_functions_have_few_parameters
     assert not wrong, "\n".join(wrong)
 
 
+def words_refused_in(prose: str) -> Iterator[str]:
+    """Words that the glossary replaces, each with its term."""
+    for word in re.findall(rf"\b(?:{'|'.join(WORDS)})\b", prose, re.IGNORECASE):
+        yield f"{word}; say {WORDS.get(word.lower(), 'the term')}"
+
+
 def test_pages_use_the_terms_of_the_glossary():
-    any_word = re.compile(rf"\b(?:{'|'.join(WORDS)})\b", re.IGNORECASE)
     wrong = [
-        f"{path.relative_to(ROOT)}: {word}; say {WORDS.get(word.lower(), 'the term')}"
+        f"{path.relative_to(ROOT)}: {refused}"
         for path in PAGES
-        for word in any_word.findall(prose_of(path.read_text()))
+        for refused in words_refused_in(prose_of(path.read_text()))
     ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("folder", FOLDERS[:-1])
+def test_docstrings_use_the_terms_of_the_glossary(folder):
+    wrong = []
+    for path, nodes in modules_of(folder):
+        for node in nodes:
+            match node:
+                case ast.Expr(value=ast.Constant(value=str(text))):
+                    for refused in words_refused_in(prose_of(text)):
+                        wrong.append(f"{path}:{node.lineno}: {refused}")
     assert not wrong, "\n".join(wrong)
 
 

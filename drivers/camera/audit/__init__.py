@@ -1,1 +1,1 @@
-"""The audit: predicted poses judged by a picture."""
+"""The audit: judges predicted poses by a picture."""

@@ -1,4 +1,4 @@
-"""One audit: take a picture, check the camera, measure the part, compare it with what the leaf says."""
+"""One audit: take a picture, check the camera, measure the part, compare it with its leaf."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -18,28 +18,28 @@ from runtime.shell.errors import ExpectedError
 from runtime.table import GoalSpec, distance, residual, threshold
 
 PASS, FAIL, UNKNOWN = "pass", "fail", "unknown"
-COVERAGE = 3.0  # how many standard deviations a measurement has to be clear of the threshold
+COVERAGE = 3.0  # standard deviations that a measurement has to be clear of the threshold
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What the audit says of one part."""
+    """The audit's answer for one part."""
 
     verdict: str  # "pass", "fail" or "unknown"
     reason: str  # one sentence
-    # Pose of the part: mm, mm, rad; None where there is no measurement.
+    # Pose of the part: mm, mm, rad; None without a measurement.
     measured: Pose2 | None = None
-    residual: Pose2 | None = None  # measured less predicted, under the symmetry
-    # Eq. 9 in mm; for tolerances the largest deviation in units of its own.
+    residual: Pose2 | None = None  # measured minus predicted, under the symmetry
+    # Eq. 9 in mm; for tolerances the largest deviation in units of its own
     distance: float | None = None
     error: float | None = None  # `COVERAGE` standard deviations of it
     moved_mm: float | None = None  # greatest motion of a reference tag
-    # Which part it is by its tag, where the tags of several parts differ.
+    # Name of the part by its tag, where the tags of several parts differ.
     hypothesis: str | None = None
-    picture: str | None = None  # file of the overlay, None where none was kept
+    picture: str | None = None  # file of the overlay, None without one
 
     def fields(self) -> dict[str, object]:
-        """The answer as JSON holds it, units in the names, what is not known left out."""
+        """The answer in the form of JSON, with units in the names and without unknown fields."""
         record: dict[str, object] = {"verdict": self.verdict, "reason": self.reason}
         for prefix, pose in (("measured", self.measured), ("residual", self.residual)):
             if pose is not None:
@@ -54,11 +54,11 @@ class Answer:
 def judge(
     goal: GoalSpec, predicted: Iterable[Pose2], measured: Pose2, sigma_mm: float, sigma_rad: float
 ) -> Answer:
-    """Compare a measured pose with the predicted ones; the nearest counts.
+    """Compares a measured pose with the predicted ones; the nearest counts.
 
     Args:
         goal: of the table.
-        predicted: the leaf's pose, and others it allows.
+        predicted: the leaf's pose, and its alternatives.
         measured: by the camera.
         sigma_mm: standard deviation of the measured place, in each direction.
         sigma_rad: standard deviation of the measured angle.
@@ -91,15 +91,17 @@ class Auditor:
 
     source: Source
     calibration: CameraCalibration
-    subjects: Sequence[Subject]  # what is audited, one for each part that may lie there
-    limit_mm: float = drift.LIMIT_MM  # by how much reference tags may have moved
-    pictures: Path | None = None  # folder for overlays of what did not pass, None: none are kept
+    subjects: Sequence[Subject]  # subjects, one for each part that may lie there
+    limit_mm: float = drift.LIMIT_MM  # tolerated motion of reference tags
+    pictures: Path | None = (
+        None  # folder for overlays of parts that did not pass, None: no overlays
+    )
 
     def audit(self, part: int, predicted: Pose2, until: float, name: str | None = None) -> Answer:
-        """Judge one part. Whatever is wrong with the camera, the verdict is "unknown" and says why.
+        """Judges one part. A failure of the camera gives the verdict "unknown" with the reason.
 
-        Its leaf predicts the pose (mm, mm, rad) and, where several parts may lie there, the `name`; a picture
-        must be there by `until` (`time.monotonic`).
+        The pose (mm, mm, rad) and, with several hypotheses, the `name` are those of its leaf; a picture
+        must arrive by `until` (`time.monotonic`).
         """
         subject = next((each for each in self.subjects if each.name == name), None)
         if subject is None:
@@ -138,6 +140,6 @@ class Auditor:
         return answer if path is None else replace(answer, picture=str(path))
 
     def _carrier(self, seen: Collection[int]) -> Subject | None:
-        """The only part that has one of the tags seen; None where they do not tell."""
+        """The only part with one of the tags seen; None where the tags do not decide."""
         having = [each for each in self.subjects if each.tag.number in seen]
         return having[0] if len(having) == 1 else None

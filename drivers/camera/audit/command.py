@@ -1,4 +1,4 @@
-"""`grasp-audit judge`: judge parts by a camera; `report` and `study` need none, and are elsewhere."""
+"""`grasp-audit judge`: judges parts by a camera; `report` and `study` need none, and are in `runtime.spc`."""
 
 import argparse
 import os
@@ -72,19 +72,19 @@ def parser() -> Parser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run grasp-audit; returns its exit code."""
+    """Runs grasp-audit; returns its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     code = run(parser(), words, lambda options: judge(options, words))
-    # A thread that hangs in a camera's driver would keep an ordinary exit waiting.
+    # A thread that hangs in a camera's driver would delay an ordinary exit.
     sys.stderr.flush()
     os._exit(code)
 
 
 def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
-    """Answer questions to their end; start anew where the process has grown too large.
+    """Answers all questions; restarts when the process has grown too large.
 
-    Nothing that is wrong with the files or the camera keeps the cell from running: every verdict is then
-    "unknown" for that reason, and the command ends with it.
+    No fault of the files or the camera stops the cell: every verdict is then "unknown" for that reason, and
+    the command ends with its error.
     """
     cv2.setNumThreads(1)
     full = service.limit_memory(options.memory_mb)
@@ -100,20 +100,20 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     if worker.why_not is not None:
         raise worker.why_not
     if not worker.asked:
-        read(options)  # what is wrong with the files is told also where nothing was asked
+        read(options)  # reports faulty files also if there was no question
     return 0
 
 
 def read(
     options: argparse.Namespace,
 ) -> tuple[calibration.CameraCalibration, tuple[subject.Subject, ...]]:
-    """What the files of a command line say; errors of their readers pass as they are."""
+    """Reads the files of a command line; passes on the errors of their readers."""
     tags = [tag_file.load(path) for path in options.tag]
     return calibration.load(options.calibration), subject.from_table(options.tree, tags)
 
 
 def digest_of(tree: Path) -> str | None:
-    """SHA-256 of the table that is judged by; None where its file is refused, which `read` tells."""
+    """SHA-256 of the table; None where its file is refused, which `read` reports."""
     try:
         return load(tree).digest
     except TableError:
@@ -121,7 +121,7 @@ def digest_of(tree: Path) -> str | None:
 
 
 def make(options: argparse.Namespace) -> Auditor:
-    """The auditor of a command line; errors of `read` and `open_source` pass as they are."""
+    """The auditor of a command line; passes on the errors of `read` and `open_source`."""
     if options.pictures is not None:
         folder(options.pictures, Path(options.camera))
     known, about = read(options)

@@ -1,4 +1,4 @@
-"""The picture of an audit: where the part should lie, where it does, and the sentence, over what was seen."""
+"""The overlay of an audit: predicted pose, measured pose and sentence on the picture."""
 
 import contextlib
 from pathlib import Path
@@ -13,7 +13,8 @@ from drivers.camera.vision.plane import View, as_it_lies, placed
 from drivers.planar import Pose2
 from runtime.shell.files import writing
 
-# Okabe and Ito's vermilion and blue, as OpenCV orders colours; readers tell them apart whatever their eyes.
+# Okabe and Ito's vermilion and blue, in OpenCV's order of colours; distinguishable for colour-blind
+# readers.
 PREDICTED = (0, 94, 213)
 MEASURED = (178, 114, 0)
 WHITE = (255, 255, 255)
@@ -25,14 +26,14 @@ QUALITY = 85
 def keep(
     folder: Path, part: int, verdict: str, drawn: Picture, most: int = MOST_PICTURES
 ) -> Path | None:
-    """Write an overlay; None where the disk refuses, for an audit does not depend on it.
+    """Writes an overlay; None where the disk refuses, since an audit does not depend on it.
 
     Args:
-        folder: made where it is missing.
+        folder: created if missing.
         part: its number.
-        verdict: on it.
+        verdict: on the part.
         drawn: (h, w, 3).
-        most: how many are kept; the oldest go.
+        most: number of overlays kept; the oldest are deleted.
     """
     path = folder / f"part-{part:07d}-{verdict}.jpg"
     try:
@@ -56,14 +57,14 @@ def draw(
     measured: Measured | None,
     sentence: str,
 ) -> Picture:
-    """Lay outlines and the sentence over a picture.
+    """Draws outlines and the sentence on a picture.
 
     Args:
-        picture: (h, w) as it was taken.
+        picture: (h, w) as taken.
         view: of the camera.
         subject: the part's outline and tag.
-        predicted: where the leaf says it lies.
-        measured: where it was measured, None: nowhere.
+        predicted: pose of the leaf.
+        measured: measured pose, or None.
         sentence: of the answer.
 
     Returns:
@@ -77,7 +78,8 @@ def draw(
     if measured is not None:
         _polygon(canvas, view, outline, measured.pose, MEASURED)
         _closed(canvas, measured.tag.corners, MEASURED)
-    # A band, not letters with a rim: letters of another weight run wider in some versions of OpenCV.
+    # A band instead of outlined letters: letters of another weight are wider in some versions of
+    # OpenCV.
     size, height = canvas.shape[1] / 1920.0, canvas.shape[0]
     canvas[height - round(60 * size) :] //= 4
     where, width = (round(20 * size), height - round(22 * size)), max(1, round(2 * size))

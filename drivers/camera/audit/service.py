@@ -1,9 +1,8 @@
 """The audit as a process that answers questions: one JSON line in, one out, each within a deadline.
 
-The lines are those of `runtime.devices.audit`, with more told of what was measured.
-
-A question is always answered: by "unknown" where the camera hangs, memory runs out or anything else goes
-wrong. The process may only grow so far; when it has, it starts itself anew between two questions.
+The lines are those of `runtime.devices.audit`, with more fields of the measurement. A question is always
+answered: by "unknown" where the camera hangs, memory runs out or anything else fails. A process that has
+grown too large restarts between two questions.
 """
 
 import json
@@ -22,7 +21,7 @@ from runtime.shell import strict_json
 from runtime.shell.errors import ExpectedError
 
 MAX_LINE_BYTES = 65_536
-PICTURE_SHARE = 0.7  # of the deadline: what a picture may take, the rest is for measuring it
+PICTURE_SHARE = 0.7  # share of the deadline for taking a picture, the rest is for measuring
 # Of address space: thread stacks and allocators' pools, most of it never touched.
 RESERVE_BYTES = 1 << 30
 PAGE_BYTES = resource.getpagesize()
@@ -30,7 +29,7 @@ MISUNDERSTOOD = "the question is not understood; it takes part, x_mm, y_mm and t
 
 
 class Worker:
-    """A thread that judges one part after the other, so that one that hangs cannot hold up an answer."""
+    """A thread that judges one part after the other, so that one that hangs cannot delay an answer."""
 
     def __init__(self, make: Callable[[], Auditor]) -> None:
         self.asked = False
@@ -44,7 +43,7 @@ class Worker:
     def ask(
         self, part: int, predicted: Pose2, deadline_s: float, name: str | None = None
     ) -> Answer:
-        """Judge one part within so many seconds."""
+        """Judges one part within a deadline."""
         self.asked = True
         start = time.monotonic()
         while self._owed:
@@ -90,7 +89,7 @@ class Worker:
 
 
 class Lines:
-    """Lines of a pipe, read without a buffer of Python's own, so that one knows when nothing waits."""
+    """Lines of a pipe, read without Python's buffer, so that it is known when none is pending."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -98,7 +97,7 @@ class Lines:
 
     @property
     def waiting(self) -> bool:
-        """Whether anything has come that was not given out."""
+        """Whether data has come that was not returned yet."""
         return bool(self._read) or bool(select.select([self._descriptor], [], [], 0.0)[0])
 
     def next(self) -> bytes | None:
@@ -120,24 +119,24 @@ def serve(
     full: Callable[[], bool],
     table_sha256: str | None = None,
 ) -> bool:
-    """Answer questions until there are no more.
+    """Answers questions until there are no more.
 
     Args:
         lines: the questions.
         worker: judges.
-        write: takes an answer's line.
+        write: writes an answer's line.
         deadline_s: for each.
         full: whether the process has grown too large.
-        table_sha256: digest of the table that is judged by, None: not known.
+        table_sha256: digest of the auditor's table, None: unknown.
 
     Returns:
-        Whether it ended because it should start anew.
+        Whether it ended in order to restart.
     """
     while (line := lines.next()) is not None:
         answer = _answered(line, worker, deadline_s, table_sha256)
         try:
             write(json.dumps(answer).encode("ascii") + b"\n")
-        except BrokenPipeError:  # who asked has gone
+        except BrokenPipeError:  # the client has gone
             return False
         if full() and not lines.waiting:
             return True
@@ -145,9 +144,9 @@ def serve(
 
 
 def limit_memory(memory_mb: float) -> Callable[[], bool]:
-    """Bound this process's memory to so much more than now; returns whether that is reached.
+    """Limits this process's memory growth; returns whether the limit is reached.
 
-    Address space is bounded as well, `RESERVE_BYTES` above that; beyond it nothing is given.
+    Address space is limited as well, `RESERVE_BYTES` above that.
     """
     virtual, resident = _memory()
     extra = int(memory_mb * (1 << 20))
@@ -160,7 +159,7 @@ def limit_memory(memory_mb: float) -> Callable[[], bool]:
 def _answered(
     line: bytes, worker: Worker, deadline_s: float, table_sha256: str | None
 ) -> dict[str, object]:
-    """The answer to a line; to one for another table, or without a pose, it names the table judged by."""
+    """The answer to a line; for another table, or without a pose, it names the auditor's table."""
     try:
         asked = strict_json.parse(line)
         run = asked.get("table_sha256")

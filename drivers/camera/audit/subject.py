@@ -1,4 +1,4 @@
-"""What is audited, from a table: its goal, its leaves, and the outline in the job it carries."""
+"""The subject of an audit, from a table: its goal, its leaves, and the outline in its job."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -18,21 +18,21 @@ SAME_RAD = 2e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """What is audited."""
+    """The subject of an audit."""
 
     goal: GoalSpec
     tag: PartTag
-    outline_mm: Array | None = None  # (n, 2) in the part's frame, for overlays; None: not known
-    # A predicted pose, and others that its leaf allows.
+    outline_mm: Array | None = None  # (n, 2) in the part's frame, for overlays; None: unknown
+    # A predicted pose, and the alternatives of its leaf.
     poses_of: Callable[[Pose2], Sequence[Pose2]] = field(default=lambda pose: (pose,))
-    name: str | None = None  # of the part, where several may lie there
+    name: str | None = None  # name of the part, where several may lie there
 
 
 def from_table(path: Path, tags: Sequence[PartTag]) -> tuple[Subject, ...]:
-    """The subjects of a table's file, one for each tag; errors of the table's reader pass as they are.
+    """The subjects of a table's file, one for each tag; passes on errors of the table's reader.
 
     Raises:
-        InputError: several tags for the table's one part, or one for a part that it does not name.
+        InputError: several tags for a single part, or a tag for an unknown part.
     """
     table = load(path).table
     names = [hypothesis.name for hypothesis in table.hypotheses]

@@ -1,4 +1,4 @@
-"""`grasp-calibrate camera`, `tag` and `pictures`: what the audit has to know before it can judge."""
+"""`grasp-calibrate camera`, `tag` and `pictures`: measurements that the audit requires."""
 
 import argparse
 import datetime
@@ -27,7 +27,7 @@ from runtime.shell.files import folder, usable, writing
 
 PICTURE_S = 10.0
 Lines = Generator[str, None, dict[str, object]]
-"""Lines for people as the work goes on; at its end the same for machines."""
+"""Lines for people during the work; at its end the same for machines."""
 Run = Callable[[argparse.Namespace], Lines]
 FILE: dict[str, Any] = {"type": Path, "metavar": "F"}
 DIR: dict[str, Any] = {"type": Path, "metavar": "DIR"}
@@ -52,7 +52,7 @@ def parser() -> Parser:
     """The command line."""
     built = Parser(
         prog="grasp-calibrate",
-        description="Measure what the audit has to know of camera and part.",
+        description="Measure the parameters of camera and part for the audit.",
         epilog=EPILOG,
     )
     built.add_debug()
@@ -111,12 +111,12 @@ def parser() -> Parser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+    """Runs the command; returns its exit code."""
     return run(parser(), arguments, _follow)
 
 
 def _follow(options: argparse.Namespace) -> int:
-    """Print what a subcommand tells as it goes on, or at its end one object."""
+    """Prints the lines of a subcommand as they come, or one object at the end."""
     cv2.setNumThreads(1)
     lines = options.run(options)
     try:
@@ -134,7 +134,7 @@ def _follow(options: argparse.Namespace) -> int:
 
 
 def run_camera(options: argparse.Namespace) -> Lines:
-    """Calibrate a camera, write file and picture, and tell the residuals."""
+    """Calibrates a camera, writes file and picture, and yields the residuals."""
     board, held = parse(options.board), pictures_in(options.views)
     touched = () if options.touched is None else read_poses(options.touched)
     picture = options.output.with_suffix(".svg")
@@ -184,7 +184,7 @@ def run_camera(options: argparse.Namespace) -> Lines:
 
 
 def run_tag(options: argparse.Namespace) -> Lines:
-    """Measure or state where a tag is on its part."""
+    """Measures or states where a tag is on its part."""
     at = options.at or (0.0, 0.0, 0.0)
     tag = PartTag(options.part, options.number, options.side, at, options.height)
     usable(options.output, options.poses, options.calibration)
@@ -212,7 +212,7 @@ def run_tag(options: argparse.Namespace) -> Lines:
 
 
 def run_pictures(options: argparse.Namespace) -> Lines:
-    """Take so many pictures, each when Enter is pressed."""
+    """Takes pictures, one at each press of Enter."""
     ask = _ask_beside if options.json else input
     source = open_source(options.camera, options.size)
     taken = []
@@ -236,7 +236,7 @@ def _now() -> str:
 
 
 def _ask_beside(sentence: str) -> None:
-    """Ask where no parser reads it."""
+    """Asks on standard error, which no parser reads."""
     print(sentence, end="", file=sys.stderr, flush=True)
     input()
 

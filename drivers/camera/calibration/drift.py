@@ -1,4 +1,4 @@
-"""Whether the camera still stands where it was calibrated: fixed tags must be where they were."""
+"""Drift of the camera: fixed tags must be where they were at the calibration."""
 
 from collections.abc import Sequence
 from math import isfinite
@@ -19,10 +19,10 @@ def check(
     view: View,
     limit_mm: float = LIMIT_MM,
 ) -> float:
-    """Check that reference tags are where they were.
+    """Checks that reference tags are where they were.
 
-    `seen` are all tags of the picture, `view` is the calibration's. PictureError where one moved farther than
-    the limit, or off the table, or none of them is seen.
+    `seen` are all tags of the picture, `view` is the calibration's. Raises PictureError where one moved
+    farther than the limit, or off the table, or none of them is seen.
     """
     if not references:
         return 0.0

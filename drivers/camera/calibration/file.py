@@ -1,4 +1,4 @@
-"""What is known of one camera: its lens, its place, how far to trust it, and what shows that it moved."""
+"""The calibration of one camera: lens, place, uncertainty, and reference tags that show motion."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ REMEDY = "make it again with grasp-calibrate camera"
 
 
 class Reference(NamedTuple):
-    """A tag fixed in view, at the table's height: where it was when the camera was calibrated, mm."""
+    """A fixed tag in view, at the table's height, with its place at the calibration, mm."""
 
     number: int
     x_mm: float
@@ -26,14 +26,14 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trust:
-    """Standard deviation of a measured place that comes from the calibration, on a grid of the table."""
+    """Standard deviation of a measured place due to the calibration, on a grid of the table."""
 
-    x_mm: Array  # (m,) rising
-    y_mm: Array  # (n,) rising
+    x_mm: Array  # (m,) ascending
+    y_mm: Array  # (n,) ascending
     sigma_mm: Array  # (n, m) of the worse of both directions
 
     def at(self, x_mm: float, y_mm: float) -> float:
-        """Between the grid's points by bilinear interpolation; beyond it, as much more as it is far."""
+        """Bilinear interpolation on the grid; beyond, in proportion to the distance."""
         along_rows = [np.interp(x_mm, self.x_mm, row) for row in self.sigma_mm]
         inside = np.interp(y_mm, self.y_mm, along_rows)
         low, high = np.array([[axis[0], axis[-1]] for axis in (self.x_mm, self.y_mm)]).T
@@ -49,14 +49,14 @@ class CameraCalibration:
     camera: str  # its name or serial number, as the operator gave it
     date: str  # of the calibration, ISO 8601
     view: View  # lens and place, in the frame of the arm's world
-    rms_px: float  # how well the lens explains the board views
-    alignment_mm: float  # how well touched poses agree with seen ones, rms; 0 where none were given
-    trust: Trust  # how far to trust it where
+    rms_px: float  # residual of the lens over the board views
+    alignment_mm: float  # rms between touched poses and seen ones; 0 without touched poses
+    trust: Trust  # uncertainty of places
     references: tuple[Reference, ...] = ()  # fixed tags
     views: int = 0  # number of board views it was fitted to
 
     def check_size(self, shape: tuple[int, ...]) -> None:
-        """Check a picture's rows and columns; PictureError where they are not this camera's."""
+        """Checks a picture's rows and columns; raises PictureError where they are not this camera's."""
         lens = self.view.lens
         if tuple(shape[:2]) != (lens.height, lens.width):
             raise PictureError(
@@ -66,7 +66,7 @@ class CameraCalibration:
 
 
 def save(calibration: CameraCalibration, path: Path) -> None:
-    """Write the file; OutputError where it cannot be written."""
+    """Writes the file; raises OutputError where it cannot be written."""
     view, trust = calibration.view, calibration.trust
     lens = view.lens
     body = {
@@ -91,7 +91,7 @@ def save(calibration: CameraCalibration, path: Path) -> None:
 
 
 def load(path: Path) -> CameraCalibration:
-    """Read and check a file; InputError where it cannot be read, was changed, or is none."""
+    """Reads and checks a file; raises InputError where it is unreadable, changed or of another kind."""
     return documents.read(path, KIND, REMEDY, _parsed)
 
 

@@ -23,14 +23,14 @@ ZERO: Pose2 = (0.0, 0.0, 0.0)
 
 
 class Touched(NamedTuple):
-    """A pose that the arm knows, and the picture of a tag there."""
+    """A pose known to the arm, and the picture of a tag there."""
 
     picture: Path
     pose: Pose2
 
 
 class Fitted(NamedTuple):
-    """A calibration, and what it was fitted to."""
+    """A calibration, and its data."""
 
     calibration: CameraCalibration  # the calibration
     residuals: Residuals  # of boards on the table
@@ -44,7 +44,7 @@ class Pictures(NamedTuple):
     held: Sequence[Path]  # of the board held before the camera
     table: Sequence[Path]  # of the board on the table; the first one gives the frame
     touched: Sequence[Touched]  # of the part's tag; empty: the board is the world
-    references: Path | None  # of the fixed tags, None: there are none
+    references: Path | None  # of the fixed tags, None: none
 
 
 def calibrate(
@@ -57,7 +57,7 @@ def calibrate(
     from_below: bool,
     height_mm: float,
 ) -> Fitted:
-    """Calibrate a camera.
+    """Calibrates a camera.
 
     Args:
         camera: name or serial number of the camera.
@@ -69,7 +69,7 @@ def calibrate(
         height_mm: of the board's face above the table.
 
     Raises:
-        InputError: a picture cannot be read, or no calibration can be made of them that could be trusted.
+        InputError: a picture cannot be read, or the pictures do not suffice for a reliable calibration.
     """
     held, table, touched, references = pictures
     size, views, left_out = _views(board, [*table, *(path for path in held if path not in table)])
@@ -95,7 +95,7 @@ def calibrate(
 
 
 def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched]) -> PartTag:
-    """Measure where a tag is on its part, from pictures of the part at known poses.
+    """Measures where a tag is on its part, from pictures of the part at known poses.
 
     Args:
         calibration: of the camera.
@@ -119,9 +119,9 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
 
 
 def read_poses(path: Path) -> tuple[Touched, ...]:
-    """Poses the arm knows, from a CSV file; InputError where it cannot be read.
+    """Poses known to the arm, from a CSV file; raises InputError where it cannot be read.
 
-    Its columns are `picture`, relative to the file, `x_mm`, `y_mm` and, where it matters, `theta_rad`.
+    Its columns are `picture`, relative to the file, `x_mm`, `y_mm` and, if needed, `theta_rad`.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -145,7 +145,7 @@ def _touched(path: Path, line: int, row: dict[str, str]) -> Touched:
 
 
 def pictures_in(folder: Path) -> tuple[Path, ...]:
-    """The pictures of a folder in the order of their names; InputError where it cannot be read."""
+    """The pictures of a folder, sorted by name; raises InputError where it cannot be read."""
     try:
         return tuple(sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES))
     except OSError as error:
@@ -153,7 +153,7 @@ def pictures_in(folder: Path) -> tuple[Path, ...]:
 
 
 def load_picture(path: Path) -> Picture:
-    """A picture's grey levels; InputError where it cannot be read, PictureError where it is none."""
+    """A picture's grey levels; raises InputError where unreadable, PictureError where not a picture."""
     try:
         return decoded(path.read_bytes(), str(path))
     except OSError as error:
@@ -163,7 +163,7 @@ def load_picture(path: Path) -> Picture:
 def _views(
     board: Board, paths: Sequence[Path]
 ) -> tuple[tuple[int, int], list[BoardView], list[str]]:
-    """The size of all pictures, the board in each of them, and where it was not found."""
+    """The size of all pictures, the board in each of them, and the pictures without it."""
     views, left_out = [], []
     sizes: list[tuple[int, int]] = []
     for path in paths:

@@ -1,4 +1,4 @@
-"""A lens from views of a board: OpenCV's bundle adjustment, and how sure one may be of it."""
+"""A lens from views of a board: OpenCV's bundle adjustment, and its uncertainty."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,7 +15,7 @@ LEAST_VIEWS = 8
 LARGEST_RMS_PX = 0.5
 LARGEST_VIEW_RMS_PX = 1.0
 LARGEST_FOCAL_SIGMA = 0.005  # of the focal length
-CORNER_SHARE = 0.22  # of width and height: a corner of the picture, which some view has to reach
+CORNER_SHARE = 0.22  # size of a picture's corner, which some view has to reach
 INTRINSICS = 9
 
 
@@ -29,7 +29,7 @@ class LensFit(NamedTuple):
 
 
 def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
-    """Fit a lens to views of a board, the first of which lies on the table, in pictures of a size in pixels.
+    """Fits a lens to views of a board, the first of which lies on the table; `size` of pictures in pixels.
 
     Raises:
         InputError: too few views, a corner without any, large residuals, little tilt.
@@ -57,7 +57,7 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
 
 
 def slopes_at(lens: Lens, pose: Array, points: Array) -> Array:
-    """Derivatives of pixels by the nine intrinsics and by the pose of a board.
+    """Derivatives of pixels with respect to the nine intrinsics and the pose of a board.
 
     Args:
         lens: the lens.

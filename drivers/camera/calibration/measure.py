@@ -1,4 +1,4 @@
-"""Where a part lies, from one picture, and how well that is known."""
+"""Measures a part's pose, with its uncertainty, from one picture."""
 
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
@@ -14,18 +14,18 @@ from drivers.camera.vision.tags import Sighting
 from drivers.errors import PictureError
 from drivers.planar import Pose2, compose, relative
 
-LEAST_CORNER_PX = 0.05  # no corner is better than this, whatever its sides say
+LEAST_CORNER_PX = 0.05  # least error of a corner
 HEIGHT_SIGMA_MM = 0.1
 LARGEST_SCALE_ERROR = 0.02
 
 
 class Measured(NamedTuple):
-    """A part as the camera sees it."""
+    """A part as measured by the camera."""
 
     pose: Pose2  # x, y, theta of the part: mm, mm, rad
     sigma_mm: float  # standard deviation of its place
     sigma_rad: float  # standard deviation of its angle
-    tag: Sighting  # the sighting it rests on
+    tag: Sighting  # the underlying sighting
 
 
 def measure(
@@ -35,14 +35,14 @@ def measure(
     tag: PartTag,
     near: Pose2 | None = None,
 ) -> Measured:
-    """Measure the part that carries a tag; PictureError unless that is seen once, alone, of the right size.
+    """Measures the part that carries a tag.
 
     Args:
-        picture: (h, w), for explaining why the tag is not seen.
+        picture: (h, w), to explain why the tag is not seen.
         seen: all tags found in it.
         calibration: of the camera.
         tag: the part's.
-        near: where the part is thought to lie, for the same purpose.
+        near: expected pose of the part, for the same purpose.
 
     Raises:
         TagError: the tag is not seen once, alone, and of the right size.
@@ -56,7 +56,7 @@ def measure(
 
 
 def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag) -> Measured:
-    """The part's pose from its tag's corners; PictureError where the tag has the wrong size."""
+    """The part's pose from its tag's corners; raises PictureError where the tag has the wrong size."""
     view = calibration.view
     corners = view.on_plane(sighting.corners, tag.height_mm)
     if not np.isfinite(corners).all():
@@ -76,12 +76,12 @@ def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag
 
 
 def print_corners(side_mm: float) -> Array:
-    """Corners of a tag as one reads it, x right and y down, in the order of `Sighting.corners`."""
+    """Corners of a tag as printed, x right and y down, in the order of `Sighting.corners`."""
     return 0.5 * side_mm * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
 
 
 def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Sighting | None:
-    """The part's tag among all but the fixed ones; PictureError where there are two, or only a wrong one."""
+    """The part's tag among all but the fixed ones; raises PictureError for several, or only a wrong one."""
     loose = [tag for tag in seen if tag.number not in fixed]
     ours = [tag for tag in loose if tag.number == number]
     others = sorted({tag.number for tag in loose} - {number})
@@ -100,7 +100,7 @@ def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Si
 def _spread(
     sighting: Sighting, corners: Array, calibration: CameraCalibration, tag: PartTag
 ) -> tuple[float, float]:
-    """The error budget: corners, calibration, the tag's height, and where it is glued on."""
+    """The error budget: corners, calibration, the tag's height, and its place on the part."""
     side_px = float(np.mean(np.hypot(*(sighting.corners - np.roll(sighting.corners, 1, axis=0)).T)))
     corner_mm = max(sighting.rms_px, LEAST_CORNER_PX) * tag.side_mm / side_px
     middle = corners.mean(axis=0)

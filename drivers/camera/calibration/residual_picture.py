@@ -1,4 +1,4 @@
-"""Residuals over the work area as a picture: an SVG to be opened in any browser."""
+"""Picture of the residuals over the work area: an SVG for any browser."""
 
 import html
 from collections.abc import Iterator
@@ -14,18 +14,18 @@ from drivers.camera.calibration.table_fit import Residuals
 BLUE, RED, GREY = "#0072B2", "#D55E00", "#a6a6a6"
 WIDTH, MARGIN, COVERAGE_WIDTH = 960.0, 46.0, 240.0
 SVG = 'xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" font-size="14"'
-ARROW = 200.0  # times as long as the residual
+ARROW = 200.0  # magnification of residuals
 BANDS_MM = (0.05, 0.1, 0.2, 0.5)
 SHADES = ("#eef5fb", "#d3e5f3", "#a9cbe6", "#f6d3b8", "#efa97f")
 
 
 def draw(fitted: Fitted) -> str:
-    """The picture: residuals and standard deviations on the table, and what the views of the board cover."""
+    """The picture: residuals and standard deviations on the table, and the coverage of the board's views."""
     trust, lens = fitted.calibration.trust, fitted.calibration.view.lens
     (left, right), (bottom, top) = ((axis[0], axis[-1]) for axis in (trust.x_mm, trust.y_mm))
     scale = (WIDTH - 2 * MARGIN) / (right - left)
     height = (top - bottom) * scale + 2 * MARGIN
-    # Where the table's middle is drawn.
+    # Place of the table's middle in the picture.
     x, y = MARGIN - left * scale, height - MARGIN + bottom * scale
     small = COVERAGE_WIDTH / lens.width
     total = height + lens.height * small + 60.0

@@ -1,4 +1,4 @@
-"""Where the camera stands: from a board that lies on the table, and from poses that the arm has touched."""
+"""The camera's place: from a board on the table, and from poses that the arm has touched."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,11 +20,11 @@ LEAST_TOUCHED = 3
 LEAST_SPREAD_MM = 50.0
 LARGEST_ALIGNMENT_MM = 1.0
 LARGEST_RESIDUAL_MM = 0.5
-GRID = (17, 11)  # places across and down the picture where trust is worked out
+GRID = (17, 11)  # grid of the uncertainty, across and down the picture
 
 
 class Residuals(NamedTuple):
-    """Corners of boards on the table: where they are, and how far from there they were measured."""
+    """Corners of boards on the table, and their measured deviations."""
 
     places: Array  # (n, 2) mm
     off: Array  # (n, 2) mm
@@ -36,13 +36,13 @@ class Residuals(NamedTuple):
 
 
 def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> View:
-    """The view in the frame of the board on the table: its middle, its x to the right of the print.
+    """The view in the frame of the board on the table: its middle, x to the right of the print.
 
-    `pose` is (6,) of the board in the camera, its face `height_mm` above the table; `from_below` the camera
-    looks up through the table, at a board that lies face down.
+    `pose` is (6,) of the board in the camera, its face `height_mm` above the table; with `from_below` the
+    camera looks up through the table, at a board that lies face down.
     """
     turn, _ = cv2.Rodrigues(np.asarray(pose[:3], np.float64))
-    # A board's third axis points away from its reader: up for one that lies face down.
+    # A board's third axis points away from its reader: up if it lies face down.
     lies = np.diag([1.0, 1.0, 1.0]) if from_below else np.diag([1.0, -1.0, -1.0])
     rotation = np.asarray(turn, np.float64) @ lies
     return View(lens, rotation, pose[3:] - rotation @ np.array([0.0, 0.0, height_mm]))
@@ -77,10 +77,10 @@ def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float
 
 
 def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 0.0) -> Residuals:
-    """How far each corner of boards that lie on the table is from where the board, moved as a whole, has it.
+    """Deviations of the corners of boards on the table from a rigid motion of the board.
 
     Raises:
-        InputError: too far.
+        InputError: they are too large.
     """
     places, off = [], []
     for board in boards:
@@ -99,9 +99,9 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
 
 
 def trust(fitted: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
-    """How far places may be trusted, on a grid over all of the table that the camera sees.
+    """Uncertainty of places, on a grid over the visible part of the table.
 
-    A place moves by as much as keeps its pixel where it is when lens and pose change.
+    It is the motion of a place that keeps its pixel constant when lens and pose change.
 
     Args:
         fitted: lens and the table board's pose, with their covariance.
@@ -129,7 +129,7 @@ def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, f
     """Pose of a tag in its part's frame, and the standard deviations of its place (mm) and angle (rad).
 
     Args:
-        parts: poses of the part that are known.
+        parts: known poses of the part.
         tags: poses of the tag that were seen.
 
     Raises:

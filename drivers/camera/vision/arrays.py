@@ -1,4 +1,4 @@
-"""What the arrays of the camera are made of."""
+"""Array types of the camera."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -11,7 +11,7 @@ from runtime.shell.errors import InputError
 
 LEAST_CORNERS = 12  # of a view
 NOTHING = np.zeros(0), np.zeros((0, 2))
-# Half of the window that a corner is refined in: markers leave an eighth of a field free.
+# Half of the window for refining a corner: markers leave an eighth of a field free.
 WINDOW_SQUARES = 0.11
 
 
@@ -61,7 +61,7 @@ class Board:
 
 
 def parse(text: str) -> Board:
-    """A board as the command line names it; InputError where it is not understood."""
+    """Parses a board on the command line; raises InputError where it is invalid."""
     try:
         kind, size, *lengths = text.split(":")
         columns, rows = map(int, size.split("x"))
@@ -81,7 +81,7 @@ def parse(text: str) -> Board:
 
 
 def _refined(picture: Picture, pixels: Array, points: Array, field_mm: float) -> Array:
-    """Corners to a few hundredths of a pixel, each in a window that holds nothing but its own four fields."""
+    """Corners to a few hundredths of a pixel, each in a window that contains only its four fields."""
     gaps = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
     gaps[gaps > 1.01 * field_mm] = 0.0
     first, second = np.nonzero(gaps)

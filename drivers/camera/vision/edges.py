@@ -1,8 +1,8 @@
 """Corners of a tag to a few hundredths of a pixel: where the lines through its four edges cross.
 
-Profiles are read across each side. In each the edge is the centroid of the slope within a window that is
-symmetric about it, so that blur leaves it where it is; a line is fitted to them without outliers (a stain, a
-finger's shadow).
+Profiles are read across each side. In each the edge is the centroid of the slope within a symmetric window
+about it, so that blur does not move it; a line is fitted to the edges without outliers (a stain, a finger's
+shadow).
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 from drivers.camera.vision.arrays import Array, Mask, Picture
 
 PROFILES = 28  # along a side
-INSET = 0.10  # of a side, left out at each end: there the profiles meet the next side
+INSET = 0.10  # of a side, left out at each end, where profiles meet the next side
 STEP_PX = 0.25  # along a profile
 REACH_SQUARES = 0.95  # of a profile to either side of the edge
 WINDOW_SQUARES = 0.55
@@ -26,15 +26,16 @@ LEAST_SHARE = 0.5  # of the profiles of a side
 class Corners(NamedTuple):
     """Refined corners."""
 
-    pixels: Array  # (4, 2) in the order they came in
-    rms_px: float  # how far the edge's points are from their lines
+    pixels: Array  # (4, 2) in the order of the input
+    rms_px: float  # distance of the edge points from their lines
 
 
 def refine(picture: Picture, corners: Array, squares: int) -> Corners | None:
-    """Refine the corners of a tag's black border.
+    """Refines the corners of a tag's black border.
 
     The picture is (h, w) grey levels, the corners (4, 2) to about two pixels, in order around the tag;
-    `squares` of it stand along a side, its border included: 8 for 36h11.
+    a side has
+    `squares` squares, including the border: 8 for 36h11.
     """
     corners = np.asarray(corners, np.float64)
     for _ in range(ROUNDS):
@@ -73,7 +74,7 @@ def _refined(picture: Picture, corners: Array, squares: int) -> Corners | None:
 
 
 def _sample(picture: Picture, spots: Array) -> Array | None:
-    """Grey levels at (..., 2) x and y, by bilinear interpolation; None where one lies outside the picture."""
+    """Grey levels at (..., 2) x and y, bilinearly interpolated; None where a point is outside the picture."""
     x, y = spots[..., 0], spots[..., 1]
     height, width = picture.shape
     if not (x.min() >= 0 and y.min() >= 0 and x.max() < width - 1 and y.max() < height - 1):
@@ -86,7 +87,7 @@ def _sample(picture: Picture, spots: Array) -> Array | None:
 
 
 def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
-    """Where each profile rises: (..., k) levels -> offset of the edge, and whether there is one."""
+    """Edge of each profile: (..., k) levels -> offset of the edge, and whether there is one."""
     slope = np.clip(np.diff(levels, axis=-1), 0.0, None)
     middles = 0.5 * (offsets[1:] + offsets[:-1])
     near = np.abs(middles) <= window
@@ -103,7 +104,7 @@ def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
 
 
 def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float] | None:
-    """Offset, slope and rms of a line through a side's edge; None: too little of it is seen."""
+    """Offset, slope and rms of a line through a side's edge; None where too little of it is seen."""
     kept = sharp.copy()
     for _ in range(4):
         if kept.sum() < LEAST_SHARE * len(edge):
@@ -118,7 +119,7 @@ def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float] 
 
 
 def _crossings(origins: Array, headings: Array) -> Array:
-    """Where each line cuts the one before it: the corner at which the side begins. (4, 2)."""
+    """Intersection of each line with the one before: the corner where the side begins. (4, 2)."""
     before, turned = np.roll(origins, 1, axis=0), np.roll(headings, 1, axis=0)
     gap = before - origins
     bend = headings[:, 0] * turned[:, 1] - headings[:, 1] * turned[:, 0]

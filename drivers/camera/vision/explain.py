@@ -1,4 +1,4 @@
-"""Why there is nothing to measure in a picture, and what to look at."""
+"""Explains why nothing can be measured in a picture, with a remedy."""
 
 import cv2
 import numpy as np
@@ -19,7 +19,7 @@ LIKE_PART_OF_A_TAG = 0.8
 
 
 def check_exposure(picture: Picture) -> None:
-    """Check that a picture shows anything; PictureError where it is black, white or of one grey."""
+    """Checks that a picture shows anything; raises PictureError where it is black, white or plain grey."""
     low, high = np.percentile(picture[::8, ::8], (1.0, 99.0))
     if high < BLACK_LEVEL:
         raise PictureError("the picture is black; check the light, the lens cap and the exposure")
@@ -30,13 +30,13 @@ def check_exposure(picture: Picture) -> None:
 
 
 def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | None) -> str:
-    """The sentence for a tag that is not seen.
+    """The message for a tag that is not seen.
 
     Args:
         picture: (h, w).
         view: of the camera.
         tag: the part's.
-        expected: where the tag should be, if that is known: mm, mm, rad.
+        expected: expected pose of the tag, if known: mm, mm, rad.
     """
     if families := families_seen(picture):
         return f"no tag {FAMILY} is seen, but one of family {families[0]}; print tag {tag.number} of {FAMILY}"
@@ -46,7 +46,7 @@ def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | Non
 
 
 def _partly_seen(picture: Picture, view: View, tag: PartTag, expected: Pose2) -> bool:
-    """Whether a quarter of the tag is seen near where it should be: each is looked for on its own."""
+    """Whether a quarter of the tag is seen near its expected place: each is searched separately."""
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     drawn = cv2.aruco.generateImageMarker(family, tag.number, SQUARES * PX_PER_SQUARE)
     pattern = np.pad(drawn, PX_PER_SQUARE, constant_values=255)
@@ -63,7 +63,7 @@ def _partly_seen(picture: Picture, view: View, tag: PartTag, expected: Pose2) ->
 def _flattened(
     picture: Picture, view: View, tag: PartTag, expected: Pose2, across: int
 ) -> Picture | None:
-    """The plane about the place where the tag should be, as one would read it there."""
+    """The plane about the expected place of the tag, rectified as printed."""
     mm_per_px = tag.side_mm / (SQUARES * PX_PER_SQUARE)
     size = across + 2 * round(SEARCH_MM / mm_per_px)
     steps = (np.arange(size) - 0.5 * (size - 1)) * mm_per_px

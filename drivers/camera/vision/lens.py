@@ -31,13 +31,13 @@ class Lens:
         return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
     def pixels(self, rays: Array) -> Array:
-        """Where rays are seen: (n, 2) at depth one -> (n, 2) pixels."""
+        """Projects rays: (n, 2) at depth one -> (n, 2) pixels."""
         solid = np.column_stack([rays, np.ones(len(rays))])
         seen, _ = cv2.projectPoints(solid, UNMOVED, UNMOVED, self.matrix, np.array(self.distortion))
         return np.asarray(seen, np.float64).reshape(-1, 2)
 
     def rays(self, pixels: Array) -> Array:
-        """The rays seen at pixels, (n, 2) -> (n, 2) at depth one; NaN where no ray reaches a pixel."""
+        """Rays of pixels, (n, 2) -> (n, 2) at depth one; NaN where no ray reaches a pixel."""
         pixels, bent = np.ascontiguousarray(pixels, np.float64), np.array(self.distortion)
         straight = cv2.undistortImagePoints(pixels, self.matrix, bent, None, ITERATIONS).reshape(
             -1, 2

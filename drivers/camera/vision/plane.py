@@ -1,7 +1,7 @@
-"""A camera above or below a table, and what it sees on the table's plane: z = 0, z pointing up.
+"""A camera above or below a table, and its view of the table's plane: z = 0, z pointing up.
 
-A tag is measured by cutting its corners' rays with the plane it is known to lie in: a free pose of six
-parameters would trade depth for tilt, and be off by millimetres.
+A tag is measured by intersecting its corners' rays with its known plane: a free pose of six parameters
+would trade depth for tilt, with errors of millimetres.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class View:
 
     @property
     def eye(self) -> Array:
-        """Where the camera is in the world, (3,) mm."""
+        """Position of the camera in the world, (3,) mm."""
         return np.asarray(-self.rotation.T @ self.translation)
 
     @property
@@ -33,7 +33,7 @@ class View:
         return bool(self.eye[2] < 0.0)
 
     def on_plane(self, pixels: Array, height_mm: float = 0.0) -> Array:
-        """World x and y, mm, at which rays of pixels (n, 2) meet a level plane; NaN where they never do."""
+        """World x and y, mm, where rays of pixels (n, 2) meet a level plane; NaN where they do not."""
         rays = self.lens.rays(np.asarray(pixels, np.float64).reshape(-1, 2))
         heading = np.column_stack([rays, np.ones(len(rays))]) @ self.rotation
         eye = self.eye
@@ -43,7 +43,7 @@ class View:
             return np.asarray(eye[:2] + reach[:, None] * heading[:, :2])
 
     def pixels(self, points: Array) -> Array:
-        """Where points of the world are seen: (n, 3) mm -> (n, 2); NaN behind the camera."""
+        """Projects points of the world: (n, 3) mm -> (n, 2); NaN behind the camera."""
         seen = np.asarray(points, np.float64).reshape(-1, 3) @ self.rotation.T + self.translation
         with np.errstate(divide="ignore", invalid="ignore"):
             rays = seen[:, :2] / seen[:, 2:]
@@ -51,12 +51,12 @@ class View:
         return self.lens.pixels(rays)
 
     def pixels_at(self, places: Array, height_mm: float = 0.0) -> Array:
-        """Where places on a level plane are seen: (n, 2) mm -> (n, 2)."""
+        """Projects places on a level plane: (n, 2) mm -> (n, 2)."""
         places = np.asarray(places, np.float64).reshape(-1, 2)
         return self.pixels(np.column_stack([places, np.full(len(places), height_mm)]))
 
     def moved(self, pose: Pose2) -> "View":
-        """The same view in another world frame, whose pose (mm, mm, rad) in the present one is given."""
+        """The same view in another world frame, given by its pose (mm, mm, rad) in the present one."""
         c, s = np.cos(pose[2]), np.sin(pose[2])
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         shift = np.array([pose[0], pose[1], 0.0])
@@ -64,29 +64,29 @@ class View:
 
 
 class Fit(NamedTuple):
-    """A rigid motion of the plane that takes one set of points to another."""
+    """A rigid motion of the plane that maps one set of points to another."""
 
     pose: Pose2  # x, y, theta: mm, mm, rad
-    rms_mm: float  # root mean square of what is left, over points
-    scale: float  # the size at which the points would fit best; 1 = the size they should have
+    rms_mm: float  # root mean square of the residuals, over points
+    scale: float  # scale of the best fit; 1 = the expected size
 
 
 def as_it_lies(print_mm: Array, from_below: bool) -> Array:
-    """Points (n, 2) of a print as one reads it (x right, y down) in its own frame as it lies on the table.
+    """Points (n, 2) of a print (x right, y down) in its own frame as it lies on the table.
 
-    Print that lies face down is read from below, through the table, and keeps its y axis.
+    A print that lies face down is seen from below, through the table, and keeps its y axis.
     """
     return np.asarray(print_mm * (1.0, 1.0 if from_below else -1.0))
 
 
 def placed(points: Array, pose: Pose2) -> Array:
-    """Points (n, 2) mm of a frame in the frame that its pose is given in."""
+    """Transforms points (n, 2) mm of a frame to the frame in which its pose is given."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     return np.asarray(points @ np.array([[c, s], [-s, c]]) + pose[:2])
 
 
 def rigid_fit(points: Array, seen: Array) -> Fit:
-    """The motion that takes points (n, 2) to where they are seen, mm, by least squares.
+    """The motion that maps points (n, 2) to where they are seen, mm, by least squares.
 
     Source: Umeyama, IEEE PAMI 13 (1991); in the plane, with complex numbers, the angle of one product.
     """

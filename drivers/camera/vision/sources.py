@@ -1,4 +1,4 @@
-"""Where pictures come from: a device, a network camera, a folder. Every picture has a deadline."""
+"""Sources of pictures: a device, a network camera, a folder. Every picture has a deadline."""
 
 import http.client
 import os
@@ -28,11 +28,11 @@ class Source:
     """Takes pictures."""
 
     def picture(self, until: float) -> Picture:
-        """A picture (h, w) taken after this call and before `until`; UnreachableError without one."""
+        """A picture (h, w) taken after this call and before `until`; raises UnreachableError without one."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Let go of the camera, if it is held."""
+        """Releases the camera."""
 
 
 def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
@@ -44,7 +44,7 @@ def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
         size: width and height to set a device to.
 
     Raises:
-        UnreachableError: there is no such thing.
+        UnreachableError: the source does not exist.
     """
     if address.startswith(("http://", "https://")):
         streams = address.partition("?")[0].endswith((".mjpg", ".mjpeg"))
@@ -64,7 +64,7 @@ def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
 
 
 class Folder(Source):
-    """Pictures of a folder, each used once, in the order of their names; later ones are waited for."""
+    """Pictures of a folder, each used once, sorted by name; waits for later ones."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -83,7 +83,7 @@ class Folder(Source):
             raise UnreachableError(f"picture {self._path / name}: {error.strerror}") from error
 
     def _whole(self, path: Path, until: float) -> Picture:
-        """The picture of a file, which may be still being written."""
+        """The picture of a file, which may still be incomplete."""
         data = path.read_bytes()
         while True:
             try:
@@ -111,7 +111,7 @@ class Still(Source):
         self._address = address
 
     def picture(self, until: float) -> Picture:
-        """Ask for a picture."""
+        """Requests a picture."""
         left = max(until - time.monotonic(), 1e-3)
         try:
             within = opener(until, MAX_PICTURE_BYTES, time.monotonic)
@@ -132,10 +132,10 @@ class Still(Source):
 
 
 class Stream(Source):
-    """A device or a stream, read without a pause by a thread of its own, so that its buffers hold no past.
+    """A device or a stream, read continuously in a separate thread, so that its buffers hold no old pictures.
 
     Args:
-        address: as OpenCV takes it.
+        address: in the form of OpenCV.
         backend: of OpenCV.
         size: width and height to set it to.
     """
@@ -147,7 +147,7 @@ class Stream(Source):
         self._frames = 0
         self._trouble = "has not sent a picture yet"
         self._closed = threading.Event()
-        # OpenCV and FFmpeg would write beside our own sentences what each attempt to connect came to.
+        # OpenCV and FFmpeg would print the result of each attempt to connect beside our messages.
         cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
         os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", FFMPEG_SAYS_NOTHING)
         self._thread = threading.Thread(target=self._read, name="camera", daemon=True)
@@ -165,7 +165,7 @@ class Stream(Source):
             return self._frame
 
     def close(self) -> None:
-        """Stop reading; a read that hangs is left to its thread."""
+        """Stops reading; a read that hangs is left to its thread."""
         self._closed.set()
         self._thread.join(RETRY_S)
 
@@ -192,7 +192,8 @@ class Stream(Source):
         if not capture.isOpened():
             self._trouble = "cannot be opened"
         elif self._size is not None:
-            # Full resolution comes through USB 2 only as JPEG; a lens that focuses anew is another lens.
+            # Full resolution comes through USB 2 only as JPEG; a lens that refocuses is another
+            # lens.
             capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG"))
             capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._size[0])
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._size[1])
@@ -201,7 +202,7 @@ class Stream(Source):
 
 
 def decoded(data: bytes, name: str) -> Picture:
-    """The picture in a file's bytes; PictureError where it is none."""
+    """Decodes a picture; raises PictureError where the data is not one."""
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
     if picture is None:
         raise PictureError(f"{name}: what came is no picture ({len(data)} bytes)")
@@ -209,7 +210,7 @@ def decoded(data: bytes, name: str) -> Picture:
 
 
 def grey(frame: Picture) -> Picture:
-    """A frame in grey levels, whatever it came in."""
+    """A frame in grey levels, from any format."""
     if frame.ndim != 3:
         return frame
     return np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), np.uint8)

@@ -1,4 +1,4 @@
-"""Which tag a part carries, and where on the part: measured once for a part, kept in a file."""
+"""The tag of a part, and its place on the part: measured once for a part, kept in a file."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -28,14 +28,14 @@ class PartTag:
 
 
 def save(tag: PartTag, path: Path, date: str) -> None:
-    """Write the file, with its date; OutputError where it cannot be written."""
+    """Writes the file, with its date; raises OutputError where it cannot be written."""
     fields = asdict(tag)
     place = dict(zip(PLACE, fields.pop("on_part"), strict=True))
     documents.save(path, KIND, {"date": date, "family": FAMILY, **fields, **place})
 
 
 def load(path: Path) -> PartTag:
-    """Read and check a file; InputError where it cannot be, was changed, or is of another family."""
+    """Reads and checks a file; raises InputError where it is unreadable, changed, or of another family."""
     return documents.read(path, KIND, REMEDY, _parsed)
 
 

@@ -1,4 +1,4 @@
-"""Finding tags: OpenCV finds and reads them, `drivers.camera.vision.edges` says where exactly they are.
+"""Detection of tags: OpenCV detects and reads them, `drivers.camera.vision.edges` refines their corners.
 
 OpenCV's own refinements are not used: the sub-pixel one searches a pixel or so where squares are small, the
 one of AprilTag takes a second a picture and counts pixels from their corners instead of their centres.
@@ -16,7 +16,7 @@ from drivers.camera.vision.arrays import Array, Picture
 
 FAMILY = "36h11"
 SQUARES = 8  # of a 36h11 tag along a side, its black border included
-RIM = 24  # pixels put around a picture, for tags near its edge are else overlooked
+RIM = 24  # padding in pixels, since tags near the edge of a picture are missed otherwise
 OTHER_FAMILIES: dict[str, int] = {
     "25h9": cv2.aruco.DICT_APRILTAG_25h9,
     "36h10": cv2.aruco.DICT_APRILTAG_36h10,
@@ -33,11 +33,11 @@ class Sighting(NamedTuple):
 
     number: int  # its id
     corners: Array  # (4, 2) pixels: upper left, upper right, lower right, lower left of the print
-    rms_px: float  # how straight its sides are
+    rms_px: float  # straightness of its sides
 
 
 def find(picture: Picture) -> list[Sighting]:
-    """All tags of the family whose four sides are seen, in the order of their ids."""
+    """All tags of the family whose four sides are seen, sorted by id."""
     results = []
     for number, corners in _read(cv2.aruco.DICT_APRILTAG_36h11, picture):
         refined = edges.refine(picture, corners, SQUARES)
@@ -47,12 +47,12 @@ def find(picture: Picture) -> list[Sighting]:
 
 
 def families_seen(picture: Picture) -> list[str]:
-    """Other families that tags in the picture belong to. Slow: for explaining why there is none of ours."""
+    """Other families of tags in the picture. Slow: to explain why there is none of the right family."""
     return [name for name, code in OTHER_FAMILIES.items() if any(_read(code, picture))]
 
 
 def _read(dictionary: int, picture: Picture) -> Iterable[tuple[int, Array]]:
-    """Ids and coarse corners of all tags found; OpenCV 4 and 5 give different shapes, and None for none."""
+    """Ids and coarse corners of all tags; OpenCV 4 and 5 give different shapes, and None for none."""
     soft = cv2.GaussianBlur(picture, (3, 3), 0.0)
     corners, ids, _ = _detector(dictionary).detectMarkers(
         cv2.copyMakeBorder(soft, RIM, RIM, RIM, RIM, cv2.BORDER_REPLICATE)
@@ -69,10 +69,10 @@ def _read(dictionary: int, picture: Picture) -> Iterable[tuple[int, Array]]:
 def _detector(dictionary: int) -> cv2.aruco.ArucoDetector:
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
-    # The smallest window (3) finds the sensor's noise, thousands of contours of it, and no tag of ours.
+    # The smallest window (3) detects sensor noise, thousands of contours of it, and no tag.
     parameters.adaptiveThreshWinSizeMin = 13
     parameters.adaptiveThreshWinSizeMax = 33
     parameters.adaptiveThreshWinSizeStep = 20
-    # A stain beside the tag bulges its outline out by a square, and it has four corners all the same.
+    # A stain beside the tag extends its outline by a square, which still has four corners.
     parameters.polygonalApproxAccuracyRate = 0.05
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(dictionary), parameters)

@@ -1,1 +1,1 @@
-"""The simulated camera: honest pictures of tags and boards on a table, and a server that shows them."""
+"""The simulated camera: realistic pictures of tags and boards on a table, and a server for them."""

@@ -1,4 +1,4 @@
-"""The pictures that calibrate the simulated camera, as drivers/camera/README.md asks for them."""
+"""Pictures for the calibration of the simulated camera, as drivers/camera/README.md requires them."""
 
 import shlex
 from collections.abc import Iterator, Sequence
@@ -17,7 +17,7 @@ from runtime.shell import files
 
 COLUMNS, ROWS = 12, 9
 FIELD_SHARE, MARKER_SHARE = 0.05, 0.75  # of the camera's distance; of a field
-ARM_SIGMA_MM = 0.03  # how exactly an arm knows where it put something
+ARM_SIGMA_MM = 0.03  # accuracy of an arm's placements
 CORNERS = [(x, y) for x in (0.2, 0.8) for y in (0.28, 0.72)]
 TILTED = (
     *((corner, tilt) for corner in CORNERS for tilt in ((0.5, 0.0), (0.0, 0.5))),
@@ -36,7 +36,7 @@ def _field_mm(optics: Optics) -> float:
 
 
 def _on_table(optics: Optics) -> list[Card]:
-    """The board on the table: first in the middle, then all over it."""
+    """Placements of the board on the table: first in the middle, then all over it."""
     field, far = _field_mm(optics), abs(float(optics.eye_mm[2]))
     cells, below = board_cells(COLUMNS, ROWS), bool(optics.eye_mm[2] < 0.0)
     places = [(x * far, y * far, turn) for x, y, turn in SPREAD]
@@ -46,7 +46,7 @@ def _on_table(optics: Optics) -> list[Card]:
 def _held(
     optics: Optics, spot: tuple[float, float], tilt: tuple[float, float], rng: np.random.Generator
 ) -> Card:
-    """The board held before the camera, at a spot of the picture and tilted."""
+    """The board held in front of the camera, at a spot of the picture and tilted."""
     pixel = np.array([spot[0] * optics.width, spot[1] * optics.height])
     ray = np.array([*((pixel - optics.centre) / optics.focal), 1.0])
     middle = rng.uniform(0.70, 1.03) * abs(float(optics.eye_mm[2])) * ray
@@ -59,7 +59,7 @@ def _held(
 
 
 def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Iterator[str]:
-    """Take all pictures; yields the arguments of commands that make calibration and tag files of them.
+    """Takes all pictures; yields the arguments of commands that create calibration and tag files from them.
 
     The seed is of noise, boards and the arm; the names are of the parts, where there are several. OutputError
     where a file cannot be written.

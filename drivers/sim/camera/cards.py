@@ -1,4 +1,4 @@
-"""Printed cards as the simulated camera sees them: a grid of black and white squares, somewhere in space."""
+"""Printed cards for the simulated camera: a grid of black and white squares in space."""
 
 from dataclasses import dataclass, field
 
@@ -15,13 +15,13 @@ Cells = NDArray[np.uint8]
 class Card:
     """A grid of squares."""
 
-    cells: Cells  # (rows, columns) 1 = white, as one reads it
+    cells: Cells  # (rows, columns) 1 = white, as printed
     cell_mm: float  # edge of a square
     margin_mm: float  # white border around the squares
     centre_mm: Array  # (3,) middle of the grid in the world
     right: Array  # (3,) unit vector along which its rows run
     down: Array  # (3,) unit vector along which its columns run
-    # (3,) by how much it moves while the picture is taken
+    # (3,) motion during the exposure
     speed_mm: Array = field(default_factory=lambda: np.zeros(3))
     tones: tuple[float, float] = (0.08, 0.88)  # reflectance of black and of white, 0 to 1
 

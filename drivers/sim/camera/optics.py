@@ -1,6 +1,6 @@
-"""The optics of the simulated camera: which ray each point of the picture comes from.
+"""The optics of the simulated camera: the ray of each point of the picture.
 
-Written out here and not OpenCV's as in the code that measures, so that no mistake hides in both.
+An independent implementation, not OpenCV's as in the measuring code, so that no mistake is in both.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ITERATIONS = 15  # the last moves a ray by less than 1e-7 pixels
+ITERATIONS = 15  # the last one moves a ray by less than 1e-7 pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +26,8 @@ class Optics:
     centre: tuple[float, float]  # principal point, pixels; the centre of the first pixel is (0, 0)
     # k1, k2, p1, p2, k3 as OpenCV numbers them
     distortion: tuple[float, float, float, float, float]
-    rotation: Array  # (3, 3) of the world as the camera sees it
-    eye_mm: Array  # (3,) where the camera is; z < 0 below the table
+    rotation: Array  # (3, 3) rotation from the world to the camera
+    eye_mm: Array  # (3,) position of the camera; z < 0 below the table
 
     @cached_property
     def corner_rays(self) -> Array:
@@ -44,12 +44,12 @@ class Optics:
     def moved(self, x_mm: float, y_mm: float) -> Self:
         """The same camera beside its place."""
         result = replace(self, eye_mm=self.eye_mm + np.array([x_mm, y_mm, 0.0]))
-        # Its rays have the same directions, and take longer to find than a picture.
+        # Its rays have the same directions, and take longer to compute than a picture.
         result.__dict__["corner_rays"] = self.corner_rays
         return result
 
     def project(self, points_mm: Array) -> Array:
-        """Where points of the world are seen, (n, 3) mm -> (n, 2) pixels."""
+        """Projects points of the world, (n, 3) mm -> (n, 2) pixels."""
         seen = (np.asarray(points_mm) - self.eye_mm) @ self.rotation.T
         x, y = seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2]
         radial, shift_x, shift_y = self._bend(x, y)
@@ -74,7 +74,7 @@ def webcam(
     """A camera with the lens of an ordinary wide-angle webcam (82 degrees across).
 
     Args:
-        eye_mm: where it is; below the table it looks up, above it looks down.
+        eye_mm: its position; below the table it looks up, above it looks down.
         tilt_deg: by how much it looks aside, about its own x and y.
         turn_deg: by how much it is turned about its own axis.
         size: width and height of the picture; the lens stays the same.

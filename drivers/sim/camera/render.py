@@ -1,8 +1,8 @@
-"""The picture itself: rays cut with cards, many to a pixel, then everything that spoils a real picture.
+"""Rendering: intersects rays with cards, many for each pixel, then adds the flaws of a real picture.
 
 A pixel is the mean over `SAMPLES` x `SAMPLES` rays spread evenly over its square, as a sensor's is over
-its light: an edge is where it should be to about a hundredth of a pixel, and what a measurement gets wrong is
-its own.
+its light: an edge is accurate to about a hundredth of a pixel, so that larger errors are those of the
+measurement.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,18 +20,18 @@ Levels = NDArray[np.float32]
 
 SAMPLES = 4
 BEHIND_TONE = 0.45
-# In which of the moments of an exposure each sample is taken: any order without a pattern in space does.
+# Moment of the exposure of each sample: any order without a spatial pattern will do.
 MOMENTS = np.random.default_rng(36).permutation(SAMPLES * SAMPLES)
 
 
 @dataclass(frozen=True, slots=True)
 class Flaws:
-    """What spoils a picture."""
+    """Flaws of a picture."""
 
     blur_px: float = 0.7  # standard deviation of the lens's blur
     noise: float = 2.5  # standard deviation of the sensor's noise, grey levels of 255
     gain: float = 0.9  # grey level of a perfect white, as a share of 255
-    # By how much light falls off from the upper left to the lower right, as a share.
+    # Falloff of the light from the upper left to the lower right, as a share
     gradient: float = 0.2
     jpeg_quality: int | None = 90  # 1 to 100; None: not compressed
 
@@ -39,11 +39,11 @@ class Flaws:
 def render(
     optics: Optics, cards: Sequence[Card], flaws: Flaws, rng: np.random.Generator
 ) -> Picture:
-    """Take a picture.
+    """Renders a picture.
 
     Args:
         optics: the camera.
-        cards: what lies before it; a later one covers an earlier one.
+        cards: the visible cards; a later one covers an earlier one.
         flaws: of lens, light, sensor and compression.
         rng: of the noise.
 
@@ -63,7 +63,7 @@ def render(
 
 
 def compressed(picture: Picture, quality: int) -> Picture:
-    """The picture as it comes out of a JPEG file."""
+    """The picture after JPEG compression."""
     decoded = cv2.imdecode(np.frombuffer(jpeg(picture, quality), np.uint8), cv2.IMREAD_GRAYSCALE)
     assert decoded is not None
     return np.asarray(decoded, np.uint8)
@@ -83,7 +83,7 @@ def _light(optics: Optics, flaws: Flaws) -> Levels:
 
 
 def _draw(levels: Levels, optics: Optics, card: Card) -> None:
-    """Lay a card over the picture, in place."""
+    """Draws a card over the picture, in place."""
     box = _box(optics, _outline(card))
     if box is None:
         return
@@ -100,7 +100,7 @@ def _draw(levels: Levels, optics: Optics, card: Card) -> None:
 
 
 def _tone(card: Card, along: Levels, across: Levels, behind: Levels) -> Levels:
-    """What is seen at places of a card's plane: its squares, its margin, or what is behind it."""
+    """Grey levels at points of a card's plane: its squares, its margin, or the background."""
     rows, columns = card.cells.shape
     column = np.clip(np.floor(along / card.cell_mm + 0.5 * columns), -1, columns).astype(np.intp)
     row = np.clip(np.floor(across / card.cell_mm + 0.5 * rows), -1, rows).astype(np.intp)
@@ -112,7 +112,7 @@ def _tone(card: Card, along: Levels, across: Levels, behind: Levels) -> Levels:
 
 
 def _outline(card: Card) -> Array:
-    """Points all around a card and along its way, (n, 3)."""
+    """Points around a card, including its motion, (n, 3)."""
     half_along, half_across = card.half_mm
     rim = np.concatenate([[(t, -1), (t, 1), (-1, t), (1, t)] for t in np.linspace(-1.0, 1.0, 9)])
     way = rim[:, :1] * half_along * card.right + rim[:, 1:] * half_across * card.down
@@ -121,7 +121,7 @@ def _outline(card: Card) -> Array:
 
 
 def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:
-    """Rows and columns of the picture that hold these points; None: outside of it."""
+    """Rows and columns of the picture that contain these points; None: outside of it."""
     seen = optics.project(points_mm)
     left, top = np.floor(seen.min(axis=0)).astype(int) - 2
     right, bottom = np.ceil(seen.max(axis=0)).astype(int) + 3

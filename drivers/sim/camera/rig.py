@@ -1,4 +1,4 @@
-"""A camera under the table of a simulated cell: it sees the part where the world has put it."""
+"""A camera under the table of a simulated cell, which sees the part at its true pose."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -20,11 +20,11 @@ REFERENCES: tuple[tuple[int, Pose2], ...] = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rig:
-    """The camera and all that it sees but the part."""
+    """The camera and everything in its view except the part."""
 
     optics: Optics  # the camera
     flaws: Flaws  # of its pictures
-    number: int = 7  # id of the part's tag; of several parts the first's, and the others' follow
+    number: int = 7  # id of the part's tag, or of the first part's, followed by the others'
     side_mm: float = 22.0  # edge of the tags' black borders
     on_part: Pose2 = (0.0, 0.0, 0.0)  # pose of the tag in the part's frame: mm, mm, rad
     references: tuple[tuple[int, Pose2], ...] = REFERENCES  # fixed tags: id and pose
@@ -35,25 +35,25 @@ class Rig:
         return bool(self.optics.eye_mm[2] < 0.0)
 
     def cards(self, part: Pose2 | None, number: int | None = None) -> list[Card]:
-        """All tags; the part's, of its own number or another, where the part lies."""
+        """All tags, including the part's, with its number or another."""
         laid = list(self.references)
         if part is not None:
             laid.append((self.number if number is None else number, compose(part, self.on_part)))
         return [self.card(number, pose) for number, pose in laid]
 
     def card(self, number: int, pose: Pose2) -> Card:
-        """One tag at a pose of its own."""
+        """One tag at a pose."""
         return lying(tag_cells(number), self.side_mm / 8.0, pose, face_down=self.below)
 
     def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
-        """Takes pictures of what there is to `look` at, as the bytes of a JPEG; the seed is the noise's."""
+        """A function that takes a picture of `look()`, as bytes of a JPEG; the seed is that of the noise."""
         rng = np.random.default_rng([seed, 0x43414D])
         quality = self.flaws.jpeg_quality or 95
-        _ = self.optics.corner_rays  # found once, before anybody waits for a picture
+        _ = self.optics.corner_rays  # computed once, before the first request
         return lambda: jpeg(self.seen(look(), rng), quality)
 
     def seen(self, look: Look, rng: np.random.Generator) -> Picture:
-        """The picture of what there is: a wrong part has the number before, a camera may have moved."""
+        """The picture of a scene: a wrong part has the previous number, a camera may have moved."""
         if look.covered:
             return render(self.optics, [], replace(self.flaws, gain=0.0), rng)
         number = self.number + look.hypothesis
@@ -65,6 +65,6 @@ class Rig:
 
 
 def standard_rig() -> Rig:
-    """The webcam 600 mm under the table; like the tag on the part, not quite straight."""
+    """The webcam 600 mm under the table; like the tag on the part, slightly tilted."""
     optics = webcam((6.0, -9.0, -600.0), (1.5, -1.0), 2.0)
     return Rig(optics, Flaws(jpeg_quality=None), on_part=(2.0, -1.0, 0.3))

@@ -1,4 +1,4 @@
-"""The simulated camera on the network: `GET /picture.jpg` gets a JPEG of the table as it is now."""
+"""HTTP server of the simulated camera: `GET /picture.jpg` returns a JPEG of the table as it is now."""
 
 import contextlib
 import threading
@@ -10,7 +10,7 @@ from drivers.sim.wire.serving import LibraryServer
 
 
 class CameraServer(LibraryServer):
-    """Serves the bytes of JPEGs that `take` returns; it is called by several threads, one at a time."""
+    """Serves JPEGs from `take`, which is called by several threads, one at a time."""
 
     def __init__(self, take: Callable[[], bytes]) -> None:
         lock = threading.Lock()
@@ -49,4 +49,4 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(data)
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the library's name
-        """Keep quiet."""
+        """Logs nothing."""

@@ -13,11 +13,11 @@ from drivers.abb.kinematics import compose, invert
 from drivers.sim.devices import rapid
 
 JOINT_SPEED_DEG_S = 250.0  # IRB 120, slowest of its main axes
-UNIT_TOLERANCE = 1e-3  # how far from unit length RAPID takes a quaternion
-HOME_MM = (0.0, 0.0, 100.0)  # where the hand hangs at start, pointing down
+UNIT_TOLERANCE = 1e-3  # deviation from unit length that RAPID accepts in a quaternion
+HOME_MM = (0.0, 0.0, 100.0)  # pose of the hand at the start, pointing down
 HAND_DOWN: Quaternion = (0.0, 1.0, 0.0, 0.0)
 
-# How many parameters each instruction takes: the TEST of SERVER.mod main.
+# Number of parameters of each instruction: the TEST of SERVER.mod main.
 TAKEN: dict[float, tuple[int, ...]] = {
     **dict.fromkeys((0, 3, 4, 99), (0,)),
     **dict.fromkeys((1, 6, 7), (7,)),
@@ -28,17 +28,17 @@ TAKEN: dict[float, tuple[int, ...]] = {
 
 
 class Answer(NamedTuple):
-    """What an instruction comes to."""
+    """Result of an instruction."""
 
     text: str | None  # what is sent; None: nothing
-    ready_s: float  # when; infinity: never, RAPID execution has stopped
-    closing: bool = False  # the server hangs up without a word
+    ready_s: float  # time of the answer; infinity: never, RAPID execution has stopped
+    closing: bool = False  # the server disconnects without a message
     broken: bool = False  # the connection breaks at once, the motion goes on
-    before: str = ""  # what is sent first, though it answers nothing
+    before: str = ""  # sent first, though it answers nothing
 
 
 class Leg(NamedTuple):
-    """A motion of the flange in the base frame, and the joints at both its ends, whole turns counted."""
+    """A motion of the flange in the base frame, with the joints at both ends, whole turns counted."""
 
     start: Pose
     target: Pose
@@ -49,12 +49,12 @@ class Leg(NamedTuple):
     ramp_s: float = 0.0  # of speeding up, and as long of slowing down
 
     def at(self, now_s: float) -> Pose:
-        """Where the flange is."""
+        """Pose of the flange."""
         share = self._share(now_s)
         return self.target if share == 1.0 else kinematics.between(self.start, self.target, share)
 
     def joints_at(self, now_s: float) -> kinematics.Joints:
-        """How the joints stand."""
+        """Joints."""
         share = self._share(now_s)
         if share == 1.0:
             return self.ends_deg
@@ -81,7 +81,7 @@ class ArmModel:
 
     Args:
         base: its base frame in the world.
-        acceleration: of lines, mm/s2 and deg/s2; none: the arm is at its speed at once.
+        acceleration: of lines, mm/s2 and deg/s2; none: the arm reaches its speed at once.
     """
 
     def __init__(self, base: Pose, acceleration: tuple[float, float] | None = None) -> None:
@@ -99,31 +99,31 @@ class ArmModel:
         self._legs = [Leg(here, here, 0.0, 0.0, joints, joints)]
 
     def pose_at(self, now_s: float) -> Pose:
-        """Where the hand is, in the client's tool and work object."""
+        """Pose of the hand in the client's tool and work object."""
         flange = compose(self._base, self._leg(now_s).at(now_s))
         return compose(invert(self._work_object), compose(flange, self._tool))
 
     def joints_at(self, now_s: float) -> tuple[float, ...]:
-        """The joints in degrees, as far round as the arm has really turned them."""
+        """The joints in degrees, whole turns counted."""
         return self._leg(now_s).joints_at(now_s)
 
     def frames(self, tool: Pose, work_object: Pose) -> None:
-        """Set the tool in the flange frame and the work object in the world."""
+        """Sets the tool in the flange frame and the work object in the world."""
         self._tool, self._work_object = _unit(tool), _unit(work_object)
 
     def line(self, tip: Pose, speed: tuple[float, float], now_s: float) -> float:
-        """Move straight to a fine point at mm/s and deg/s; returns when it stands, or HaltError."""
+        """Moves straight to a fine point at mm/s and deg/s; returns the time of arrival; or HaltError."""
         self._zone_mm = 0.0
         return self._line(tip, speed, now_s)[1]
 
     def stop(self, now_s: float) -> None:
-        """Stand still at once."""
+        """Stops at once."""
         here, joints = self._leg(now_s).at(now_s), self.joints_at(now_s)
         begun = [leg for leg in self._legs if leg.start_s <= now_s]
         self._legs = [*begun, Leg(here, here, now_s, 0.0, joints, joints)]
 
     def displace(self, by: tuple[float, float, float, float], moment_s: float) -> bool:
-        """Something moves the hand at once by x, y, z [mm] and a turn [rad], but not farther than it reaches.
+        """Displaces the hand at once by x, y, z [mm] and a turn [rad], within its reach.
 
         Returns:
             Whether it moved.
@@ -143,11 +143,11 @@ class ArmModel:
         return True
 
     def flange_at(self, now_s: float) -> Pose:
-        """Where the flange is, in the base frame."""
+        """Pose of the flange in the base frame."""
         return self._leg(now_s).at(now_s)
 
     def execute(self, text: str, now_s: float) -> Answer:
-        """One received string, heard now; RapidError where the server hangs up and listens again."""
+        """Executes one received string; raises RapidError where the server disconnects and listens again."""
         self._message.parse(text)
         message = self._message
         code = rapid.to_string(message.code, 0)
@@ -163,7 +163,7 @@ class ArmModel:
         return Answer(f"{code} 1 {self._payload(message.code, now_s)}", ready_s)
 
     def _payload(self, code: float, now_s: float) -> str:
-        """What the answer to an instruction carries; empty for all that are not questions."""
+        """Content of the answer to an instruction; empty for all but questions."""
         if code == 3:
             return rapid.pose_string(self.pose_at(now_s))
         if code == 4:
@@ -171,7 +171,7 @@ class ArmModel:
         return ""
 
     def _run(self, code: float, values: tuple[float, ...], now_s: float) -> float:
-        """Execute an instruction; returns when it is over."""
+        """Executes an instruction; returns the time of its end."""
         match code:
             case 1:
                 return self._line(_pose(values), self._speed, now_s)[0]
@@ -199,7 +199,7 @@ class ArmModel:
         return compose(invert(self._base), world)
 
     def _drive(self, target: Pose, seconds: float, now_s: float, ramp_s: float = 0.0) -> float:
-        """Add a straight motion after what is under way; returns when it ends."""
+        """Adds a straight motion after the current one; returns the time of its end."""
         here, joints = self._leg(now_s).at(now_s), self.joints_at(now_s)
         ends = joints
         for step in kinematics.track(joints, here, target):
@@ -232,7 +232,7 @@ class ArmModel:
     def _profile(
         self, ways: tuple[float, float], speeds: tuple[float, float]
     ) -> tuple[float, float]:
-        """How long a line takes, in all and to speed up, whichever of way and turn takes longer."""
+        """Duration of a line, in total and for acceleration, by the longer of way and turn."""
         if self._acceleration is None:
             return max(way / speed for way, speed in zip(ways, speeds, strict=True)), 0.0
         results = []

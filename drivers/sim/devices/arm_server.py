@@ -11,11 +11,11 @@ from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.wire.serving import Lock, SimulatedTime, TcpServer
 
 ACCEPT_S = 0.5  # simulated: WaitTime after SocketAccept in ServerCreateAndConnect
-MAX_STRING = 80  # SocketReceive \Str takes so much at once
+MAX_STRING = 80  # SocketReceive \Str accepts so much at once
 
 
 class ArmServer(TcpServer):
-    """Serves an arm model as SERVER.mod does.
+    """Serves an arm model like SERVER.mod.
 
     Args:
         model: the arm.
@@ -40,14 +40,14 @@ class ArmServer(TcpServer):
         self._waiting: list[socket.socket] = []
 
     def close(self) -> None:
-        """Stop serving; clients that wait are reset."""
+        """Stops serving; waiting clients are reset."""
         super().close()
         self._left()
 
     def _serve(self, client: socket.socket) -> None:
         self._time.sleep(ACCEPT_S)
         if self._stale is not None:
-            # The instruction that failed was the send of an acknowledgement: RAPID retries it first.
+            # The failed instruction was the send of an acknowledgement: RAPID retries it first.
             client.sendall(self._stale.encode("latin-1"))
             self._stale = None
         while not self._stopped.is_set():
@@ -67,16 +67,16 @@ class ArmServer(TcpServer):
                 return
 
     def _left(self) -> None:
-        """SERVER.mod makes its sockets anew after each client: who queued meanwhile is reset, unserved."""
+        """SERVER.mod recreates its sockets after each client: queued clients are reset, unserved."""
         for waiting in self._waiting:
             waiting.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             waiting.close()
         self._waiting.clear()
 
     def _deliver(self, client: socket.socket, answer: Answer) -> bool:
-        """Send the acknowledgement when the instruction is over; False ends this client."""
+        """Sends the acknowledgement at the end of the instruction; False ends this client."""
         if math.isinf(answer.ready_s):
-            self._stopped.wait()  # RAPID execution stopped: connection open, nobody at home
+            self._stopped.wait()  # RAPID execution stopped: the connection stays open without answers
             return False
         if answer.broken:
             client.shutdown(socket.SHUT_RDWR)
@@ -97,7 +97,7 @@ class ArmServer(TcpServer):
 
 
 def _gone(client: socket.socket) -> bool:
-    """Whether the client has hung up and everything it sent was read."""
+    """Whether the client has disconnected and all its data was read."""
     if not select.select([client], [], [], 0.0)[0]:
         return False
     try:

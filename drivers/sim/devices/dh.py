@@ -1,7 +1,8 @@
 """A gripper of DH-Robotics' AG or PGC series as a state machine over simulated time; no I/O, no clock.
 
-The registers are those of `drivers.dh.registers`. What the manuals leave open, the device does so that a
-driver must not rely on it: the grip state follows a command late, and a value out of range meets silence.
+The registers are those of `drivers.dh.registers`. Where the manuals are unclear, the device behaves
+adversely, so that a driver does not rely on it: the grip state follows a command late, and a value out of
+range gets no answer.
 """
 
 import random
@@ -52,13 +53,13 @@ class DhModel(Fingers):
         self._open_mm = profile.stroke_um / 1000.0
         super().__init__(rng, surroundings, self._open_mm)
         self._scale = Scale(profile)
-        self.writes = 0  # how often a register was written
-        self._closed_mm = 0.0  # opening that was learnt as position 0
+        self.writes = 0  # number of writes of each register
+        self._closed_mm = 0.0  # opening learnt as position 0
         self._settings = dict.fromkeys(ALLOWED, 0) | DEFAULTS
         self._forget()
 
     def _forget(self) -> None:
-        """What the supply's failure leaves: the fingers stay where they are, uninitialised."""
+        """State after a power failure: the fingers stay where they are, uninitialised."""
         self._halt(Grip.AT_POSITION)
         self._show(Grip.AT_POSITION)
         self._initialised = Initialised.NO
@@ -68,7 +69,7 @@ class DhModel(Fingers):
     # -- the registers ----------------------------------------------------------------------------
 
     def heard(self, now_s: float) -> None:
-        """A request arrived, and is served next."""
+        """A request has arrived, and is served next."""
 
     def read(self, address: int, now_s: float) -> int:
         """One of the `READABLE` registers."""
@@ -85,7 +86,7 @@ class DhModel(Fingers):
         return self._settings.get(address, 0)
 
     def write(self, address: int, value: int, now_s: float) -> None:
-        """Write a value that is `ALLOWED` to a register, and obey."""
+        """Writes a value that is `ALLOWED` to a register, and obeys."""
         self.advance(now_s)
         self.writes += 1
         self._settings[address] = value
@@ -102,19 +103,19 @@ class DhModel(Fingers):
     # -- mishaps ----------------------------------------------------------------------------------
 
     def power_cycle(self, now_s: float) -> None:
-        """The supply failed for a moment."""
+        """A short power failure."""
         self.advance(now_s)
         self._forget()
 
     def _dropped(self) -> None:
-        """They close on, to the position asked for."""
+        """They close on, to the requested position."""
         if self._initialised is Initialised.YES:
             self._go(dropped=True)
 
     # -- motion -----------------------------------------------------------------------------------
 
     def _initialise(self, how: int) -> None:
-        """Look for one end stop, or for both."""
+        """Starts the search for one end stop, or for both."""
         self._initialised = Initialised.IN_PROGRESS
         self._show(Grip.MOVING)
         ends = [self._open_mm, 0.0]
@@ -136,11 +137,11 @@ class DhModel(Fingers):
         self._start(target, speed, (free, Grip.CAUGHT), meets=not dropped)
 
     def _arrived(self) -> None:
-        """Search on."""
+        """Continues the search."""
         if self._initialised is not Initialised.IN_PROGRESS:
             return
         if self._stroke.rate < 0.0:
-            # Whatever stopped the fingers is taken for the end stop.
+            # Anything that stops the fingers is taken for the end stop.
             self._closed_mm = self._stroke.stop
         if self._searches:
             self._drive(self._searches.pop(0), SEARCH_PERCENT)
@@ -151,7 +152,7 @@ class DhModel(Fingers):
 
 
 class DhRegisters:
-    """A DH gripper's registers as `drivers.sim.wire.modbus.answer` asks for them.
+    """A DH gripper's registers for `drivers.sim.wire.modbus.answer`.
 
     Args:
         device: the gripper.
@@ -163,18 +164,18 @@ class DhRegisters:
         self._now = now
 
     def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` is spoken here and there are so many registers."""
+        """Whether `function` is supported and these registers exist."""
         return function in FUNCTIONS and READABLE.issuperset(range(address, address + count))
 
     def read(self, address: int, count: int) -> bytes:
-        """So many registers."""
+        """Reads `count` registers."""
         now_s = self._now()
         self._device.heard(now_s)
         words = [self._device.read(address + step, now_s) for step in range(count)]
         return struct.pack(f">{count}H", *words)
 
     def write(self, function: int, address: int, data: bytes) -> bool:
-        """Write registers in their order, or none of them where one is refused."""
+        """Writes registers in order, or none where one is refused."""
         words = dict(enumerate(struct.unpack(f">{len(data) // 2}H", data), address))
         taken = function in FUNCTIONS and all(
             word in ALLOWED.get(register, ()) for register, word in words.items()

@@ -1,4 +1,4 @@
-"""Grippers and an arm controller that fail as a schedule has it."""
+"""Grippers and an arm controller that fail by a schedule."""
 
 import math
 import random
@@ -20,9 +20,9 @@ STALE = "1 1 "  # the acknowledgement of a MoveL
 FLAG_BYTE, FLAG_SHIFT, FAULT_BYTE, COUNT_BYTE = 0, 6, 2, 4
 GOING, MOVING = 0x08, 0
 RELEASING = 0x0B
-LEAST_MAJOR = 0x0A  # these the model itself has from then on; lesser ones only show
-SUPPLY = 0x74  # the error of a SCHUNK gripper that stands for a major fault of a Robotiq gripper
-# Outcomes of a SCHUNK gripper that stand for gOBJ 0 to 3.
+LEAST_MAJOR = 0x0A  # faults that stay in the model; lesser ones only show in readings
+SUPPLY = 0x74  # a SCHUNK gripper's counterpart of a Robotiq gripper's major fault
+# Outcomes of a SCHUNK gripper that correspond to gOBJ 0 to 3.
 STATES = (
     Status(0),
     Status.POSITION_REACHED | Status.SUCCESS,
@@ -32,13 +32,13 @@ STATES = (
 
 
 class FaultyArm(ArmModel):
-    """A controller that fails as the desk says; each instruction is one event of it.
+    """A controller that fails by the desk's schedule; each instruction is one event.
 
     Args:
-        rng: draws where to a hand is displaced.
-        base: as of `ArmModel`.
-        desk: says what holds when.
-        acceleration: as of `ArmModel`.
+        rng: draws displacements of the hand.
+        base: see `ArmModel`.
+        desk: gives the current faults.
+        acceleration: see `ArmModel`.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class FaultyArm(ArmModel):
         self._desk = desk
 
     def execute(self, text: str, now_s: float) -> Answer:
-        """One received string; nothing is executed while the program stands still."""
+        """Executes one received string; nothing while the program stands still."""
         self._desk.next(Channel.ARM)
         kinds = {fault.kind for fault in self._desk.holding(Channel.ARM)}
         if "arm_silent" in kinds:
@@ -71,7 +71,7 @@ class FaultyArm(ArmModel):
         return answer._replace(before=STALE) if "arm_stale_ack" in kinds else answer
 
     def _displace_hand(self, moment_s: float) -> None:
-        """A bump or a slipped joint: what the controller knows of, but was not asked for."""
+        """Displaces the hand, as a bump does: the controller knows its pose, but did not command it."""
         for fault in self._desk.beginning(Channel.ARM):
             if fault.kind == "arm_displaced":
                 bearing = self._rng.uniform(-math.pi, math.pi)
@@ -83,13 +83,13 @@ class FaultyArm(ArmModel):
 
 
 class Failing(Fingers):
-    """Mixed into a gripper's model: it fails, and each request that it hears is one event of a desk.
+    """Mixin for a gripper's model: it fails; each request that it receives is one event of a desk.
 
     Args:
-        rng: as of the model.
+        rng: see the model.
         surroundings: what the fingers may meet.
         profile: of its model.
-        desk: says what holds when.
+        desk: gives the current faults.
     """
 
     def __init__(
@@ -97,13 +97,13 @@ class Failing(Fingers):
     ) -> None:
         super().__init__(rng, surroundings, profile)
         self._desk = desk
-        self._last: int | None = None  # the position as it was last read, which is what freezes
+        self._last: int | None = None  # last position read, for a frozen reading
 
     def _report(self, code: int, now_s: float) -> None:
-        """A fault of a Robotiq gripper begins: whatever is like it here."""
+        """Starts the counterpart of a Robotiq gripper's fault."""
 
     def _next_event(self, now_s: float) -> list[Fault]:
-        """One more request: whatever befalls the gripper now, befalls it before it obeys."""
+        """Counts one more request: a fault takes effect before the request."""
         self._desk.next(Channel.GRIPPER)
         for fault in self._desk.beginning(Channel.GRIPPER):
             if fault.kind == "power_cycle":
@@ -117,7 +117,7 @@ class Failing(Fingers):
         return faults
 
     def _misread(self, position: int, faults: list[Fault], most: int = MOST_COUNT) -> int:
-        """A position of 0 to `most`, with whatever is wrong with it; a schedule says 255ths of the stroke."""
+        """A position of 0 to `most`, with its faults; a schedule uses 255ths of the stroke."""
         values = {fault.kind: round(fault.value * most / MOST_COUNT) for fault in faults}
         if "count_frozen" not in values or self._last is None:
             self._last = position
@@ -126,12 +126,12 @@ class Failing(Fingers):
 
 
 def _code(fault: Fault) -> int:
-    """The gFLT code that a fault is named after; 0: it is none of these."""
+    """The gFLT code in a fault's name; 0 without one."""
     return int(fault.kind.removeprefix("gflt_"), 16) if fault.kind.startswith("gflt_") else 0
 
 
 def _state(faults: list[Fault], *, moving: bool) -> int | None:
-    """The object state that is told, as gOBJ has it; None: the true one."""
+    """The reported object state in terms of gOBJ; None: the true one."""
     for fault in faults:
         if fault.kind == "flag_stuck" or (fault.kind == "flag_false" and moving):
             return int(fault.value) & 3
@@ -142,7 +142,7 @@ class FaultyGripper(Failing, GripperModel):
     """A Robotiq gripper that fails."""
 
     def read_input(self, now_s: float) -> bytes:
-        """The 16 input bytes, with whatever is wrong with them."""
+        """The 16 input bytes, with their faults."""
         faults = self._next_event(now_s)
         block = bytearray(super().read_input(now_s))
         moving = block[FLAG_BYTE] >> FLAG_SHIFT == MOVING and block[FLAG_BYTE] & GOING
@@ -155,7 +155,7 @@ class FaultyGripper(Failing, GripperModel):
         return bytes(block)
 
     def write_output(self, offset: int, data: bytes, now_s: float) -> None:
-        """Write and obey."""
+        """Writes and obeys."""
         self._next_event(now_s)
         super().write_output(offset, data, now_s)
 
@@ -167,14 +167,14 @@ class FaultyGripper(Failing, GripperModel):
 
 
 class FaultyDhModel(Failing, DhModel):
-    """A DH gripper that fails; it has no fault register, so no gFLT befalls it."""
+    """A DH gripper that fails; it has no fault register, so gFLT faults do not apply."""
 
     def heard(self, now_s: float) -> None:
-        """One more event."""
+        """Counts one more event."""
         self._next_event(now_s)
 
     def read(self, address: int, now_s: float) -> int:
-        """One register, with whatever is wrong with it."""
+        """One register, with its faults."""
         word, faults = super().read(address, now_s), self._desk.holding(Channel.GRIPPER)
         if address == dh.GRIP:
             state = _state(faults, moving=word == Grip.MOVING)
@@ -186,7 +186,7 @@ class FaultySchunkModel(Failing, SchunkModel):
     """A SCHUNK gripper that fails."""
 
     def read(self, name: str, now_s: float) -> bytes:
-        """A parameter, with whatever is wrong with the status and the width."""
+        """A parameter, with the faults of status and width."""
         faults = self._next_event(now_s)
         data = super().read(name, now_s)
         if name != "plc_sync_input":
@@ -199,7 +199,7 @@ class FaultySchunkModel(Failing, SchunkModel):
         return PARAMETERS[name].pack(*seen._replace(position_um=stroke_um - closed_um))
 
     def write(self, name: str, data: bytes, now_s: float) -> None:
-        """Write and obey."""
+        """Writes and obeys."""
         self._next_event(now_s)
         super().write(name, data, now_s)
 

@@ -1,6 +1,6 @@
-"""The 2F-85 as a state machine over simulated time; no I/O, no clock of its own.
+"""The 2F-85 as a state machine over simulated time, without I/O or clock.
 
-Behaviour from the 2F-85 manual ([M18] p54-62) and Robotiq's SDK as far as public sources tell.
+Behaviour by the 2F-85 manual ([M18] p54-62) and Robotiq's SDK.
 """
 
 import math
@@ -33,7 +33,7 @@ FUNCTIONS = {RTU: frozenset({3, 4, 6, 16, 23}), TCP: frozenset({4, 16})}
 
 @lru_cache(4096)
 def input_block(**fields: int) -> bytes:
-    """The 16 input bytes that say so."""
+    """The 16 input bytes of this state."""
     return pack(INPUT_FIELDS, fields) + bytes(10)
 
 
@@ -61,16 +61,16 @@ class GripperModel(Fingers):
         self._forget()
 
     def _forget(self) -> None:
-        """What the supply's failure leaves: nothing was ever written, the jaws stay where they are."""
+        """State after a power failure: nothing was written, the jaws stay where they are."""
         self._output = bytearray(16)
         self._request = unpack(OUTPUT_FIELDS, self._output)
         self._show(robotiq.OBJ_MOVING)
         self._reset(0)
 
     def _reset(self, fault: int) -> None:
-        """Halt, inactive from now on, with a fault or 0."""
+        """Stops, inactive from now on, with a fault or 0."""
         self._stand()
-        self._legs: list[int] = []  # counts the activation sweep still has to visit
+        self._legs: list[int] = []  # counts that the activation sweep still has to visit
         self._status, self._fault = robotiq.STA_RESET, fault
 
     # -- the two register blocks ------------------------------------------------------------------
@@ -96,7 +96,7 @@ class GripperModel(Fingers):
         return bytes(self._output)
 
     def write_output(self, offset: int, data: bytes, now_s: float) -> None:
-        """Write bytes of the output block and obey."""
+        """Writes bytes of the output block and obeys."""
         self.advance(now_s)
         self._hear(now_s)
         self._output[offset : offset + len(data)] = data
@@ -104,7 +104,7 @@ class GripperModel(Fingers):
         self._obey(old)
 
     def _hear(self, now_s: float) -> None:
-        # The register still tells of the silence until the next refresh, so the first answer does too.
+        # The register reports the silence until the next refresh, so the first answer does too.
         if now_s - self._heard_s > SILENCE_S:
             self._silent_until_s = now_s + CYCLE_S
         self._heard_s = now_s
@@ -120,17 +120,17 @@ class GripperModel(Fingers):
     # -- mishaps ----------------------------------------------------------------------------------
 
     def fail(self, code: int, now_s: float) -> None:
-        """A major fault: the jaws stop where they are and nothing moves them before a reset."""
+        """A major fault: the jaws stop, and nothing moves them before a reset."""
         self.advance(now_s)
         self._reset(code)
 
     def auto_release(self, now_s: float) -> None:
-        """The automatic release, as rATR with rARD for opening starts it."""
+        """Starts the automatic release, as rATR with rARD for opening."""
         self.advance(now_s)
         self._release(opens=True)
 
     def power_cycle(self, now_s: float) -> None:
-        """The supply failed for a moment: all volatile state is gone, the screw drive holds the jaws."""
+        """A short power failure: all volatile state is gone, the screw drive holds the jaws."""
         self.advance(now_s)
         self._forget()
 
@@ -190,7 +190,7 @@ class GripperModel(Fingers):
             self._halt(robotiq.OBJ_MOVING)
 
     def _arrived(self) -> None:
-        """Sweep on, finish activation or release."""
+        """Continues the sweep, or finishes activation or release."""
         if self._fault == FAULT_RELEASING:
             self._fault = FAULT_RELEASED
         elif self._status == robotiq.STA_ACTIVATING and self._meets:

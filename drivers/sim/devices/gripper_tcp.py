@@ -1,4 +1,4 @@
-"""The simulated gripper on a TCP port: RTU frames as a serial device server passes them, or Modbus TCP.
+"""The simulated gripper on a TCP port: RTU frames as through a serial device server, or Modbus TCP.
 
 Over Modbus TCP the blocks start at 0, the unit is 2, and closing the connection stops the jaws ([M200] p66).
 """
@@ -18,13 +18,13 @@ HEADER = 7  # MBAP: transaction, protocol 0, length, unit
 
 
 class MbapSlave(Slave):
-    """Modbus TCP framing; another protocol meets silence, too."""
+    """Modbus TCP framing; another protocol gets no answer, too."""
 
     usual_unit = TCP.unit
 
     @property
     def pending(self) -> bool:
-        """Never: TCP delivers every byte."""
+        """Always False: TCP delivers every byte."""
         return False
 
     def reply(self, frame: bytes) -> bytes | None:
@@ -43,7 +43,7 @@ class MbapSlave(Slave):
 
 
 def stop_jaws(device: GripperModel, now: Callable[[], float]) -> None:
-    """What the closing of a Modbus TCP connection does: rGTO falls to 0."""
+    """Effect of closing a Modbus TCP connection: rGTO falls to 0."""
     action = device.read_output()[0] & ~0x08
     device.write_output(0, bytes((action,)), now())
 
@@ -54,7 +54,7 @@ class TcpPort(TcpServer):
     Args:
         slave: the device.
         lock: held while bytes are served.
-        time: simulated time, of answers that come late.
+        time: simulated time, for late answers.
         hung_up: called when a client leaves.
     """
 

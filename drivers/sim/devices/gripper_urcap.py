@@ -19,11 +19,11 @@ MAX_LINE = 256
 
 @dataclass
 class Urcap:
-    """What the URCap answers to a line."""
+    """Answers of the URCap to lines."""
 
     device: GripperModel
     now: Callable[[], float]  # simulated seconds
-    # What follows the answer to a question; an acknowledgement stands alone.
+    # Suffix of the answer to a question; an acknowledgement has none.
     line_end: bytes = b"\n"
 
     def answer(self, line: bytes) -> bytes | None:

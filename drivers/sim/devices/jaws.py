@@ -1,4 +1,4 @@
-"""Fingers between their end stops over simulated time: strokes, what they meet, a state that lags behind."""
+"""Fingers between their end stops over simulated time: strokes, contacts, and a state that lags behind."""
 
 import math
 import random
@@ -19,10 +19,10 @@ class Jaws(NamedTuple):
 
     @classmethod
     def of(cls, profile: GripperProfile) -> Self:
-        """Those of a gripper that counts.
+        """The jaws of a gripper that counts.
 
         Raises:
-            UsageError: its readings are no counts.
+            UsageError: its readings are not counts.
         """
         if profile.counts is None:
             raise UsageError(f"there is no simulated gripper {profile.model}")
@@ -44,17 +44,17 @@ class Jaws(NamedTuple):
 
 
 class Surroundings:
-    """What the fingers may meet; here nothing."""
+    """Interface for objects between the fingers; by default there are none."""
 
     def closing(self) -> float | None:
-        """The jaws start to close: the width [mm] at which something will stop them, or None."""
+        """The jaws start to close: returns the width [mm] at which something will stop them, or None."""
         return None
 
     def gripped(self) -> None:
-        """They were stopped by it now."""
+        """The jaws have stopped at it."""
 
     def released(self) -> None:
-        """They open again and let go of it."""
+        """The jaws open again and release it."""
 
 
 class Stroke(NamedTuple):
@@ -68,16 +68,16 @@ class Stroke(NamedTuple):
 
     @property
     def end_s(self) -> float:
-        """When it ends."""
+        """Time of its end."""
         return self.start_s + (abs((self.stop - self.start) / self.rate) if self.rate else 0.0)
 
     def at(self, now_s: float) -> float:
-        """Where the fingers are."""
+        """Position of the fingers."""
         return self.stop if now_s >= self.end_s else self.start + self.rate * (now_s - self.start_s)
 
 
 class ObjectFlag(NamedTuple):
-    """A state over one move: the old one, 0 while moving, the outcome; each change comes late."""
+    """The object state during one move: the old one, 0 while moving, the outcome; each change comes late."""
 
     old: int
     moving_s: float
@@ -92,34 +92,36 @@ class ObjectFlag(NamedTuple):
 
 
 class Fingers(ABC):
-    """Fingers that move, meet something, hold it and let go of it. Times never go back.
+    """Fingers that move, meet something, hold and release it. Times never go back.
 
     Positions are in the device's steps, which grow or fall (`CLOSING`) as the fingers close.
 
     Args:
         rng: draws the lags.
         surroundings: what the fingers may meet.
-        start: where they are.
+        start: their position.
     """
 
     CLOSING = -1.0
     CYCLE_S = 0.005  # between two refreshes of the registers
-    LAG_CYCLES = (1, 5)  # of a state behind what it tells of
+    LAG_CYCLES = (1, 5)  # lag of a state behind its cause
 
     def __init__(self, rng: random.Random, surroundings: Surroundings | None, start: float) -> None:
-        self.delay_s = 0.0  # how much later than usual states follow
+        self.delay_s = 0.0  # additional lag of states
         self._rng = rng
         self._surroundings = surroundings or Surroundings()
         self._now = self._shown_s = 0.0
         self._stroke = Stroke(start, 0.0, 0.0, start, 0)
-        self._ends_s = math.inf  # when the stroke under way is over; infinity: none is
-        self._contact: float | None = None  # where the closing stroke will meet something
+        self._ends_s = math.inf  # end of the current stroke; infinity: none
+        self._contact: float | None = (
+            None  # position at which the closing stroke will meet something
+        )
         self._meets = False  # whether it ends there
         self._show(OBJ_MOVING)
         self._gripping = False
 
     def _met_at(self, width_mm: float) -> float:
-        """The position at which something so wide stops the fingers; a width itself."""
+        """The position at which an object of this width stops the fingers."""
         return width_mm
 
     def opening_mm(self, now_s: float) -> float:
@@ -129,18 +131,18 @@ class Fingers(ABC):
 
     @abstractmethod
     def _arrived(self) -> None:
-        """The stroke is over."""
+        """The stroke has ended."""
 
     @abstractmethod
     def _dropped(self) -> None:
-        """What was held has slipped out."""
+        """The held part has slipped out."""
 
     @abstractmethod
     def power_cycle(self, now_s: float) -> None:
-        """The supply failed for a moment."""
+        """A short power failure."""
 
     def advance(self, now_s: float) -> None:
-        """Let time pass up to `now_s`."""
+        """Advances time to `now_s`."""
         while self._ends_s <= now_s:
             self._now = max(self._now, self._ends_s)
             self._ends_s = math.inf
@@ -151,30 +153,30 @@ class Fingers(ABC):
         self._now = max(self._now, now_s)
 
     def next_change(self) -> float:
-        """When the next reading will differ from the last, but for a moving width; infinity: never."""
+        """When the next reading will differ from the last, apart from a moving width; infinity: never."""
         states = self._flag.moving_s, self._flag.outcome_s
         changes = (moment for moment in states if moment > self._shown_s)
         coming = min(self._ends_s, *changes, math.inf)
         return math.ceil(coming / self.CYCLE_S) * self.CYCLE_S if coming < math.inf else coming
 
     def lose_object(self, now_s: float) -> None:
-        """What the fingers hold slips out."""
+        """The held part slips out."""
         self.advance(now_s)
         if self._gripping:
             self._gripping, self._contact = False, None
             self._dropped()
 
     def _refresh(self, now_s: float) -> None:
-        """Let time pass up to the last refresh of the registers."""
+        """Advances time to the last refresh of the registers."""
         self.advance(max(math.floor(now_s / self.CYCLE_S) * self.CYCLE_S, self._now))
         self._shown_s = self._now
 
     def _show(self, state: int) -> None:
-        """A state shows at once, and stays."""
+        """Sets a state at once."""
         self._flag = ObjectFlag(state, self._now, state, self._now)
 
     def _follow(self, shown: int) -> None:
-        """From what is shown on the state follows the stroke that begins now."""
+        """Makes the state follow the stroke that begins now, from the shown one."""
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
         self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
 
@@ -187,10 +189,10 @@ class Fingers(ABC):
     def _start(
         self, target: float, speed: float, outcomes: tuple[int, int] = (0, 0), *, meets: bool = True
     ) -> None:
-        """Set the fingers in motion; a closing stroke asks once what it meets.
+        """Sets the fingers in motion; a closing stroke asks once what it meets.
 
         Args:
-            target: where to.
+            target: of the stroke.
             speed: steps per second.
             outcomes: of the stroke at the target, and at what it meets.
             meets: whether it may meet anything.
@@ -217,7 +219,7 @@ class Fingers(ABC):
         self._ends_s = self._stroke.end_s
 
     def _halt(self, outcome: int = 0) -> None:
-        """Stop where the fingers are; a grip that was not completed has not happened."""
+        """Stops the fingers where they are; an incomplete grip has not happened."""
         here = self._here()
         self._stroke = Stroke(here, self._now, 0.0, here, outcome)
         if self._ends_s < math.inf:

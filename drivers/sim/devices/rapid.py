@@ -1,4 +1,4 @@
-"""RAPID as SERVER.mod uses it: string functions, single-precision numbers, the message parser."""
+"""RAPID for SERVER.mod: string functions, single-precision numbers, the message parser."""
 
 import math
 import re
@@ -25,7 +25,7 @@ def to_value(text: str) -> float | None:
 
 
 def to_string(value: float, decimals: int) -> str:
-    """NumToStr: rounded half away from zero, as many decimals as asked for."""
+    """NumToStr: rounded half away from zero, to `decimals` decimals."""
     scaled = math.floor(abs(value) * 10.0**decimals + 0.5)
     text = f"{scaled / 10.0**decimals:.{decimals}f}"
     return f"-{text}" if value < 0 and scaled else text
@@ -38,22 +38,22 @@ def pose_string(pose: Pose) -> str:
 
 
 def match(text: str, position: int, pattern: str) -> int:
-    """StrMatch: 1-based place of `pattern` from `position` on; one past the end if there is none."""
+    """StrMatch: 1-based index of `pattern` from `position` on; one past the end if there is none."""
     result = text.find(pattern, position - 1)
     return result + 1 if result >= 0 else len(text) + 1
 
 
 class Message:
-    """The parser's state, which outlives each message: SERVER.mod's globals."""
+    """The parser's state, which persists between messages: SERVER.mod's globals."""
 
     def __init__(self) -> None:
         self.code = 0.0  # instructionCode, kept when a head is malformed
-        # params{1..10}: a number that cannot be read leaves the old value in place.
+        # params{1..10}: an unreadable number leaves the old value in place.
         self.parameters = [0.0] * MAX_PARAMETERS
         self.count = 0  # nParams; -1 for a malformed message
 
     def parse(self, text: str) -> None:
-        """Take one received string (PROC ParseMsg); RapidError for more parameters than the array has."""
+        """Parses one received string (PROC ParseMsg); raises RapidError for too many parameters."""
         end = match(text, 1, "#")
         after = match(text, 1, " ") + 1
         code = to_value(text[: after - 2])

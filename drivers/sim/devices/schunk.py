@@ -1,8 +1,8 @@
 """A SCHUNK EGU or EGK with Modbus RTU as a state machine over simulated time; no I/O, no clock.
 
-Behaviour from the sources of `drivers.schunk.registers`. What they leave open, the device does so that a
-driver must not rely on it: a contact while positioning is an error, an outcome shows late, a grip cannot be
-changed while something is held.
+Behaviour by the sources of `drivers.schunk.registers`. Where they are unclear, the device behaves
+adversely, so that a driver does not rely on it: a contact while positioning is an error, an outcome shows
+late, a grip cannot be changed while something is held.
 """
 
 import math
@@ -19,7 +19,7 @@ MESSAGES = 32  # [CM] 4.2: sys_msg_req selects one of 0 to 31
 
 
 class Module(NamedTuple):
-    """What the read-only parameters of one model say, beside its profile."""
+    """Read-only parameters of one model, in addition to its profile."""
 
     module_type: int
     grip_mm_s: float  # with 100 percent of the force
@@ -43,7 +43,7 @@ _COMMANDS = {
 
 
 class Stop(NamedTuple):
-    """How a motion ends: bits of the status, and an error or 0."""
+    """End of a motion: bits of the status, and an error or 0."""
 
     status: Status
     error: int = 0
@@ -63,7 +63,7 @@ class SchunkModel(Fingers):
         rng: draws the lags of the outcomes.
         surroundings: what the fingers may meet.
         profile: stroke, speeds and forces.
-        silence_s: how long nobody may ask anything.
+        silence_s: longest silence of the host.
     """
 
     CYCLE_S = 0.002
@@ -77,17 +77,17 @@ class SchunkModel(Fingers):
     ) -> None:
         super().__init__(rng, surroundings, profile.stroke_um / 1000)
         self.profile, self.module = profile, MODULES[profile.model]
-        self.written: list[str] = []  # names of the parameters that were written
+        self.written: list[str] = []  # names of parameters written so far
         self._silence_s = silence_s
         self._heard_s = 0.0
         self._stop = REACHED
-        self._positioning = False  # whether the last command asked for a position, not for a grip
+        self._positioning = False  # whether the last command was a move, not a grip
         self._messages: list[str] = []
         self._settings: dict[str, tuple[float | bytes, ...]] = {}
         self._power_up()
 
     def _power_up(self) -> None:
-        """What the supply's failure leaves: the brake holds, every control bit reads as set ([DUMP])."""
+        """State after a power failure: the brake holds, every control bit reads as set ([DUMP])."""
         self._settings = {name: one.unpack(bytes(216)) for name, one in PARAMETERS.items()}
         self._settings.update({name: (value,) for name, value in self._facts().items()})
         self._control, self._output = Control(0xFFFFFFFF), Output(Control(0xFFFFFFFF))
@@ -137,7 +137,7 @@ class SchunkModel(Fingers):
         return PARAMETERS[name].pack(*self._values(name))
 
     def write(self, name: str, data: bytes, now_s: float) -> None:
-        """Write a parameter, and obey."""
+        """Writes a parameter, and obeys."""
         self._hear(now_s)
         self.advance(now_s)
         self.written.append(name)
@@ -193,17 +193,17 @@ class SchunkModel(Fingers):
     # -- mishaps ----------------------------------------------------------------------------------
 
     def power_cycle(self, now_s: float) -> None:
-        """The supply failed for a moment: it has to be acknowledged again."""
+        """A short power failure: it has to be acknowledged again."""
         self.advance(now_s)
         self._power_up()
 
     def fail(self, code: int, now_s: float) -> None:
-        """An error: the fingers stop where they are, the brake holds them until it is acknowledged."""
+        """An error: the fingers stop, and the brake holds them until it is acknowledged."""
         self.advance(now_s)
         self._fail(code)
 
     def _dropped(self) -> None:
-        """They close on until they are together."""
+        """They close on until they meet."""
         gripping = self._status & (Status.GRIPPED | Status.READY)
         if gripping == Status.GRIPPED | Status.READY:
             self._status &= ~(Status.GRIPPED | Status.SUCCESS)
@@ -219,7 +219,7 @@ class SchunkModel(Fingers):
     # -- commands ---------------------------------------------------------------------------------
 
     def _obey(self, output: Output) -> None:
-        """A new control word: a command is an edge of its bit, or a bit that stays and the repeat toggle."""
+        """Obeys a control word: a command is an edge of its bit, or a set bit with the repeat toggle."""
         old, new = self._control, output.control
         self._control, self._output = new, output
         risen = new & ~old
@@ -280,7 +280,7 @@ class SchunkModel(Fingers):
         self._status |= REACHED.status
 
     def _command(self, command: Control, output: Output) -> None:
-        """One of `MOTIONS`, to the place, and with speed and force, of an output."""
+        """Executes one of `MOTIONS`, with position, speed and force of an output."""
         position_mm, speed_mm_s = output.position_um / 1000, output.velocity_um_s / 1000
         inside, percent = output.control & Control.GRIP_FROM_INSIDE, output.force_percent
         gripped = bool(self._status & Status.GRIPPED)
@@ -297,7 +297,8 @@ class SchunkModel(Fingers):
             0x0A: command.bit_count() > 1,
             0x0E: command == Control.RELEASE and not gripped,
             0x0F: command != Control.RELEASE and gripped,
-            # A move replaces a move, and nothing else anything (bkstools, demo_interrupt_movement).
+            # A move replaces a move; nothing else replaces anything (bkstools,
+            # demo_interrupt_movement).
             0x12: under_way and not self._positioning,
             0x15: under_way and not moves,
             0x10: positions and not lowest <= position_mm <= highest,

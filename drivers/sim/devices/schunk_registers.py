@@ -10,7 +10,7 @@ _FUNCTIONS = frozenset({3, 16})  # [CM]: no others are supported
 
 
 class SchunkRegisters:
-    """The parameters at their wire addresses, as `drivers.sim.wire.modbus.answer` asks for them.
+    """The parameters at their wire addresses, for `drivers.sim.wire.modbus.answer`.
 
     Args:
         device: the gripper.
@@ -22,17 +22,17 @@ class SchunkRegisters:
         self._now = now
 
     def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` is spoken here and the registers are those of one whole parameter."""
+        """Whether `function` is supported and the registers are those of one whole parameter."""
         parameter = _BY_ADDRESS.get(address)
         return function in _FUNCTIONS and parameter is not None and parameter.registers == count
 
     def read(self, address: int, count: int) -> bytes:
-        """The registers of a parameter."""
+        """Reads the registers of a parameter."""
         del count
         return self._device.read(_BY_ADDRESS[address].name, self._now())
 
     def write(self, function: int, address: int, data: bytes) -> bool:
-        """Write a parameter; whether that is allowed."""
+        """Writes a parameter; returns whether that is allowed."""
         if not self.serves(function, address, len(data) // 2):
             return False
         parameter = _BY_ADDRESS[address]

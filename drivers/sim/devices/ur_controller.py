@@ -1,8 +1,8 @@
-"""A simulated UR controller: its state, and what our programs do to it.
+"""A simulated UR controller: its state, and the execution of programs.
 
-The arm's mechanics are those of the simulated ABB arm. A program is a list of `set_tcp`, `movel`, `stopl` and
-`write_output_integer_register`; one with anything else is not run, as a syntax error is not. A new one takes
-the place of the one that runs.
+The arm's mechanics are those of the simulated ABB arm. A program is a list of `set_tcp`, `movel`, `stopl`
+and `write_output_integer_register`; a program with any other statement is ignored, like a syntax error. A
+new program replaces the running one.
 """
 
 import math
@@ -27,29 +27,29 @@ class UrModel:
 
     Args:
         arm: its mechanics; only this controller moves it.
-        base: the arm's base frame in the world, in which programs are written.
-        executed: called after each motion that was looked at.
+        base: the arm's base frame in the world, which programs use.
+        executed: called after each observed motion.
     """
 
     def __init__(
         self, arm: ArmModel, base: Pose, executed: Callable[[], None] = lambda: None
     ) -> None:
-        self.remote = True  # whether programs are taken from outside
+        self.remote = True  # whether remote programs are accepted
         self.mode, self.safety_bits = 7, NORMAL
         self.speed_fraction = 1.0
         self.registers = dict.fromkeys(range(48), 0)
         self._arm, self._base, self._executed = arm, base, executed
         self._tool = IDENTITY
-        # Moment, register, value: what a program has still to do.
+        # Moment, register, value: remaining writes of the program.
         self._events: list[tuple[float, int, int]] = []
         self._ends_s = 0.0
         self._motion_ends_s = 0.0
-        self._motion = ""  # arguments of the `movel` that was begun last
+        self._motion = ""  # arguments of the last `movel`
         self._paused = False
-        self._held_s: float | None = None  # since when the program does not go on
+        self._held_s: float | None = None  # since when the program is paused
 
     def take(self, program: str, now_s: float) -> None:
-        """A program arrives on the secondary interface."""
+        """Receives a program on the secondary interface."""
         statements = _parsed(program)
         if not (self.remote and statements and self.safety_bits == NORMAL and self.mode == 7):
             return
@@ -64,7 +64,7 @@ class UrModel:
         self._ends_s = at_s
 
     def advance(self, now_s: float) -> None:
-        """Let time pass."""
+        """Advances time."""
         if self._held_s is not None:
             return
         while self._events and self._events[0][0] <= now_s:
@@ -74,29 +74,29 @@ class UrModel:
             self._executed()
 
     def pause(self, now_s: float) -> None:
-        """Somebody pauses the program on the pendant."""
+        """A person pauses the program on the pendant."""
         self._hold(now_s)
         self._paused = True
 
     def play(self, now_s: float) -> None:
-        """And lets it go on."""
+        """A person resumes it."""
         self._paused = False
         self._go_on(now_s)
 
     def slide(self, fraction: float, now_s: float) -> None:
-        """Somebody moves the speed slider; at 0 the program runs, and the arm stands."""
+        """A person moves the speed slider; at 0 the program runs, and the arm stands."""
         self._hold(now_s)
         self.speed_fraction = fraction
         self._go_on(now_s)
 
     def protective_stop(self, now_s: float) -> None:
-        """Something was in the way: the program ends, the arm stands."""
+        """A protective stop: the program ends, the arm stands."""
         self.advance(now_s)
         self._halt(now_s)
         self.safety_bits = PROTECTIVE_STOP
 
     def fields(self, now_s: float) -> Fields:
-        """All output fields that are offered, with their types."""
+        """All available output fields, with their types."""
         self.advance(now_s)
         pose, soon = self._tcp_at(now_s), self._tcp_at(now_s + 0.002)
         vector = _vector(pose)
@@ -134,7 +134,7 @@ class UrModel:
                 self._arm.stop(now_s)
 
     def _go_on(self, now_s: float) -> None:
-        """Go on with what is left of the program, if anything; later by as long as the arm stood."""
+        """Continues the rest of the program, delayed by as long as the arm stood."""
         if self._held_s is None or self._paused or self.speed_fraction <= 0.0:
             return
         before_s, later_s = self._motion_ends_s, now_s - self._held_s
@@ -151,7 +151,7 @@ class UrModel:
         self._ends_s = self._motion_ends_s = now_s
 
     def _run(self, name: str, words: str, at_s: float) -> float:
-        """One statement; returns when the next one may start."""
+        """Executes one statement; returns when the next one may start."""
         if name == "set_tcp":
             self._tool = _pose(words)
         elif name == "write_output_integer_register":
@@ -169,7 +169,7 @@ class UrModel:
         return at_s
 
     def _speed(self, words: str, at_s: float) -> tuple[float, float]:
-        """What the arm's model calls speed: mm/s and deg/s, the slower of which holds."""
+        """Speeds for the arm's model, mm/s and deg/s, of which the slower applies."""
         pacing = dict(re.findall(r"\b([avt])=([\d.]+)", words))
         if "t" not in pacing:
             return 1000.0 * float(pacing["v"]) * self.speed_fraction, math.inf
@@ -181,7 +181,7 @@ class UrModel:
 
 
 def _parsed(program: str) -> list[tuple[str, str]]:
-    """Name and arguments of each statement; none where one is not understood."""
+    """Name and arguments of each statement; empty where one is unknown."""
     lines = [line.strip() for line in program.strip().splitlines()]
     if len(lines) < 3 or not re.fullmatch(r"def \w+\(\):", lines[0]) or lines[-1] != "end":
         return []

@@ -1,4 +1,4 @@
-"""The ports of a simulated UR controller: the secondary interface, and RTDE as it streams."""
+"""The ports of a simulated UR controller: the secondary interface, and the RTDE stream."""
 
 import socket
 import struct
@@ -17,7 +17,7 @@ LEAST_HZ, MOST_HZ = 1.0, 500.0
 def served(
     model: UrModel, lock: Lock, time: SimulatedTime, host: str = "127.0.0.1"
 ) -> tuple["SecondaryPort", "RtdePort"]:
-    """Both ports of a controller, the secondary interface two below RTDE."""
+    """Opens both ports of a controller, the secondary interface two below RTDE."""
     while True:
         script_port = SecondaryPort(model, lock, time, (host, 0))
         try:
@@ -29,7 +29,7 @@ def served(
 
 
 class UrPort(TcpServer):
-    """A port of the controller; `mute`: it says nothing."""
+    """A port of the controller; `mute`: it sends nothing."""
 
     def __init__(
         self, model: UrModel, lock: Lock, time: SimulatedTime, address: tuple[str, int]
@@ -40,7 +40,7 @@ class UrPort(TcpServer):
 
 
 class SecondaryPort(UrPort):
-    """Takes programs; tells its clients nothing that they read."""
+    """Receives programs; sends its clients nothing that they read."""
 
     def _serve(self, client: socket.socket) -> None:
         text = ""
@@ -53,7 +53,7 @@ class SecondaryPort(UrPort):
 
 
 class RtdePort(UrPort):
-    """RTDE version 2 for one client: its outputs; inputs are refused."""
+    """RTDE version 2 for one client: outputs only; inputs are refused."""
 
     def _serve(self, client: socket.socket) -> None:
         session = _Session(self._fields)

@@ -1,1 +1,1 @@
-"""What lies between the fingers: the scene, the part on the table, and the scene's protocol."""
+"""Physics of a simulated cell: the scene, the part on the table, and the scene's protocol."""

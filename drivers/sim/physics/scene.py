@@ -1,6 +1,6 @@
-"""What a simulated cell starts from: part and world.
+"""The setting of a simulated cell: part and world.
 
-The planner may be missing, so its job reader is imported when a job is read; the drivers do not know it.
+The planner may be missing, so its job reader is imported when a job is read; drivers do not depend on it.
 """
 
 import math
@@ -17,7 +17,7 @@ from runtime.shell.errors import InputError, UsageError
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
 
 REHEARSAL = "runtime.devices.rehearsal:make"
-REHEARSAL_RADIUS_MM = 10.0  # a rehearsal's part lies somewhere; its world does not look where
+REHEARSAL_RADIUS_MM = 10.0  # a rehearsal's part has no pose; its world does not use it
 
 
 class World(Protocol):
@@ -28,7 +28,7 @@ class World(Protocol):
 
 
 class Geometry(NamedTuple):
-    """What the cell itself needs to know of a job."""
+    """Values of a job that the cell needs."""
 
     gripper: GripperProfile
     squeeze_height_mm: float
@@ -36,8 +36,8 @@ class Geometry(NamedTuple):
     radius_mm: float
     halfwidth_rad: float
     height_mm: float | None = None  # of the part
-    acceleration_mm_s2: float | None = None  # of the arm, None: it needs no time for that
-    turn_radius_mm: float = TURN_RADIUS_MM  # at which a turn has this acceleration
+    acceleration_mm_s2: float | None = None  # of the arm, None: instantaneous
+    turn_radius_mm: float = TURN_RADIUS_MM  # radius that converts it to the acceleration of a turn
 
     @property
     def opening_mm(self) -> float:
@@ -46,20 +46,21 @@ class Geometry(NamedTuple):
 
     @property
     def reach_mm(self) -> float:
-        """Hand height at and below which open fingers meet the part: its own, else as for closing ones."""
+        """Hand height at and below which open fingers meet the part: as given, else as for closing ones."""
         return self.closing_mm if self.height_mm is None else self.height_mm
 
     @property
     def closing_mm(self) -> float:
         """Hand height at and below which fingers that came down meet the part: half way to the retreat.
 
-        That is above the part: a hand whose tips move on an arc rises as they close, and these are straight.
+        That is above the part: a hand for tips on an arc rises as they close, but simulated tips are
+        straight.
         """
         return (self.squeeze_height_mm + self.retreat_height_mm) / 2.0
 
 
 class Block(NamedTuple):
-    """A square block that is held fast, its sides along the axes."""
+    """A fixed square block, its sides along the axes."""
 
     width_mm: float
     x_mm: float = 0.0
@@ -67,20 +68,20 @@ class Block(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """Everything a scene starts from: `subject` is the job, or the table for a rehearsal."""
+    """Inputs of a scene: `subject` is the job, or the table for a rehearsal."""
 
     subject: Any
     geometry: Geometry
     world: str
     factory: Callable[[Any, int], World]
-    middle_mm: float = 0.0  # how far off the hand's middle the fingers meet, along its y
-    block: Block | None = None  # what stands on the table instead of parts
-    # The share and the job of each part, where there are several.
+    middle_mm: float = 0.0  # distance from the hand's middle, along its y, where the fingers meet
+    block: Block | None = None  # a fixed block instead of parts
+    # Share and job of each part, if there are several
     parts: tuple[tuple[float, Any], ...] = ()
-    pushing: bool = False  # whether the table that will run here pushes parts
+    pushing: bool = False  # whether the table pushes parts
 
     def make_worlds(self, seed: int) -> list[World]:
-        """A world for each part; UsageError where the factory fails or returns what cannot squeeze."""
+        """A world for each part; raises UsageError where the factory fails or its result cannot squeeze."""
         subjects = [subject for _, subject in self.parts] or [self.subject]
         return [self._make_world(subject, seed + number) for number, subject in enumerate(subjects)]
 
@@ -95,15 +96,15 @@ class Setting(NamedTuple):
 
     @property
     def truthful(self) -> bool:
-        """Whether the world knows where the part really is."""
+        """Whether the world knows the true pose of the part."""
         return self.world != REHEARSAL
 
 
 def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
-    """Read table or job, and find the world.
+    """Reads a table or a job, and loads the world.
 
-    The world is `module:factory`; none: the planner's, or a rehearsal where the planner is not installed.
-    UsageError where the world cannot be had, InputError where a file cannot.
+    The world is `module:factory`; by default the planner's, or a rehearsal without the planner. Raises
+    UsageError for the world, InputError for a file.
     """
     path = tree or job
     if path is None or not path.is_file():
@@ -129,7 +130,7 @@ def _setting_of(job: Any, world: str, factory: Callable[[Any, int], World]) -> S
 
 
 def _world(name: str | None) -> tuple[str, Callable[[Any, int], Any]]:
-    """Name and factory of a world; of the rehearsal where none is named and the planner's is missing."""
+    """Name and factory of a world; by default the planner's, or the rehearsal if that is missing."""
     try:
         return name or DEFAULT_WORLD, find_factory(name or DEFAULT_WORLD)
     except WorldError as error:
@@ -147,7 +148,7 @@ def _planner_job() -> Any:
 
 
 def job_geometry(job: Any) -> Geometry:
-    """What the cell needs, from a parsed job."""
+    """Values for the cell from a parsed job."""
     gripper, cell, uncertainty = job.gripper, job.cell, job.uncertainty
     timing = import_module("planner.job.cell").timing_of(job)
     return Geometry(
@@ -163,13 +164,13 @@ def job_geometry(job: Any) -> Geometry:
 
 
 def _height_mm(job: Any) -> float | None:
-    """Of the highest of the parts that may lie there; None where one's is not known."""
+    """Height of the highest part that may lie there; None where one is unknown."""
     heights = [alone.part.height_mm for alone in job.alone]
     return None if None in heights else max(heights)
 
 
 def table_geometry(table: tables.Table) -> Geometry:
-    """What the cell needs, from a table's header."""
+    """Values for the cell from a table."""
     limits = table.limits
     timing = tables.Schedule.of(table, tables.job_of(table)).timing
     regrasp_mm = timing.regrasp_mm
@@ -186,7 +187,7 @@ def table_geometry(table: tables.Table) -> Geometry:
 
 
 def warm_up(setting: Setting, seed: int) -> None:
-    """Act once in a world of its own, so that kernels compile before anything waits for an answer.
+    """Squeezes once in a separate world, so that kernels compile before anything waits for an answer.
 
     Raises:
         UsageError: the world fails.
@@ -202,7 +203,7 @@ def warm_up(setting: Setting, seed: int) -> None:
 
 @contextmanager
 def _telling(world: str, method: str) -> Iterator[None]:
-    """What a world from elsewhere raises, as a sentence that names it."""
+    """Context that turns an external world's error into a message with the world's name."""
     try:
         yield
     except Exception as error:

@@ -1,8 +1,8 @@
-"""The scene's line protocol, both ends: it stands for the feeder, and tells the ground truth.
+"""The scene's line protocol, both ends: stand-in for the feeder, and ground truth.
 
 One JSON object a line. `{"do":"next_part"}` -> `{"part": k}`; `{"do":"truth"}` -> pose, squeezes, crashes,
-status, and which of the table's parts it is (pose null where the world has no pose to tell); `{"do":"quit"}`
-ends the cell. Nothing of this exists in a real cell.
+status, and hypothesis (pose null where the world has none); `{"do":"quit"}`
+ends the cell. A real cell has no scene.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ MAX_LINE = 4096
 
 
 def truth_of(said: Mapping[str, object]) -> Truth:
-    """What the scene's answer to "truth" tells."""
+    """The ground truth in the scene's answer to "truth"."""
     x, y, theta = (
         math.nan if said[name] is None else float(str(said[name]))
         for name in ("x_mm", "y_mm", "theta_rad")
@@ -37,34 +37,34 @@ def truth_of(said: Mapping[str, object]) -> Truth:
 
 
 class Feeder:
-    """Feeder and ground truth of a simulated cell, which answers what it is asked."""
+    """Feeder and ground truth of a simulated cell, over its line protocol."""
 
     def __init__(self, ask: Callable[[str], Mapping[str, object]]) -> None:
         self._ask = ask
 
     def next_part(self) -> int:
-        """Bring the next part; returns its number; LinkError where the cell is gone, or refuses."""
+        """Brings the next part; returns its number; raises LinkError where the cell is gone, or refuses."""
         return int(str(self._ask("next_part")["part"]))
 
     def truth(self) -> Truth:
-        """Where the part really is; LinkError where the cell is gone, or refuses."""
+        """The true pose of the part; raises LinkError where the cell is gone, or refuses."""
         return truth_of(self._ask("truth"))
 
     def close(self) -> None:
-        """Hang up; the cell stays."""
+        """Disconnects; the cell continues."""
 
 
 class Scene(Feeder):
-    """Client of a simulated cell's scene; PortError where nobody accepts the connection."""
+    """Client of a simulated cell's scene; raises PortError where the connection is refused."""
 
     def __init__(self, host: str, port: int) -> None:
         super().__init__(self._sent)
         self.endpoint = f"tcp://{host}:{port}"
         self._stream = open_tcp(host, port, self.endpoint, "is grasp-cell running?")
-        self._lost = False  # whether what comes may answer an earlier question
+        self._lost = False  # whether pending data may answer an earlier question
 
     def close(self) -> None:
-        """Hang up; the cell stays."""
+        """Disconnects; the cell continues."""
         self._stream.close()
 
     def _sent(self, what: str) -> Mapping[str, object]:
@@ -83,7 +83,7 @@ class Scene(Feeder):
         return said
 
     def _line(self) -> bytes:
-        """An answer; TimeoutError without a whole one in time."""
+        """An answer; TimeoutError without a complete one in time."""
         until, line = time.monotonic() + ANSWER_S, b""
         while not line.endswith(b"\n") and len(line) < MAX_LINE:
             if (left_s := until - time.monotonic()) <= 0.0:
@@ -93,7 +93,7 @@ class Scene(Feeder):
 
 
 class SceneServer(LibraryServer):
-    """Answers scene requests of any number of clients, a thread each; `stopped` tells that the cell stops."""
+    """Answers scene requests of any number of clients, in a thread each; the cell sets `stopped`."""
 
     def __init__(
         self, answer: Callable[[str], Mapping[str, object]], stopped: threading.Event

@@ -1,4 +1,4 @@
-"""The part on the table, and what fingers do to it by way of a world; or a block held fast there."""
+"""The part on the table and its motions by fingers, through a world; or a fixed block."""
 
 import math
 import random
@@ -8,29 +8,29 @@ from drivers.planar import Pose2, compose, relative
 from drivers.sim.faults import Channel, Desk
 from drivers.sim.physics.scene import Setting
 
-# What a motion straight ahead may be off, as arms read themselves back.
+# Tolerance of a motion straight ahead, by the reading of an arm.
 AHEAD_MM, AHEAD_RAD = 0.05, 0.005
-BESIDE: Pose2 = (0.0, 70.0, 0.8)  # where a second part lies, in the frame of the first
+BESIDE: Pose2 = (0.0, 70.0, 0.8)  # pose of a second part, in the frame of the first
 
 
 class Look(NamedTuple):
-    """What a camera under the table has before it."""
+    """The view of a camera under the table."""
 
-    pose: Pose2 | None  # of the part; None: there is no part, or the world knows no poses
-    strange: bool = False  # whether it is another part than the one that should come
+    pose: Pose2 | None  # pose of the part; None: there is no part, or the world has no poses
+    strange: bool = False  # whether it is another part than expected
     second: Pose2 | None = None  # pose of a second part; None: there is none
-    covered: bool = False  # whether something lies on the lens
-    moved_mm: float = 0.0  # how far the camera stands from its place
-    hypothesis: int = 0  # which of the parts that may come it is
+    covered: bool = False  # whether something covers the lens
+    moved_mm: float = 0.0  # displacement of the camera
+    hypothesis: int = 0  # hypothesis
 
 
 class TableTop:
-    """The part on the table and what the fingers do to it.
+    """The part on the table and its motions by the fingers.
 
     Args:
-        setting: what to start from.
+        setting: the inputs.
         seed: of parts, world and encoder noise.
-        desk: says what goes wrong with the part; a closing of the jaws is one event.
+        desk: gives the faults of the part; a closing of the jaws is one event.
     """
 
     def __init__(self, setting: Setting, seed: int, desk: Desk) -> None:
@@ -45,21 +45,21 @@ class TableTop:
         self.next_part()
 
     def next_part(self) -> int:
-        """Put the next part down; its pose depends on seed and number alone."""
+        """Puts the next part down; its pose depends only on seed and number."""
         self.part += 1
         self.squeezes = self.crashes = self.drops = 0
         self.status = "untouched"
         self.pose, self.hypothesis = self._lay(self.part), self._drawn(self.part)
         self._world = self._worlds[self.hypothesis]
         self._coming = (self.pose, self.status)
-        self._hand: Pose2 | None = None  # where the squeeze under way met the part
+        self._hand: Pose2 | None = None  # where the current squeeze met the part
         self._held: Pose2 | None = None
         self._lifted = False
         self._desk.begin(self.part)
         return self.part
 
     def squeeze(self, hand: Pose2) -> float | None:
-        """The fingers start to close: the width (mm, as the encoder sees it) that will stop them, or None."""
+        """The fingers start to close: returns the width (mm, by the encoder) that will stop them, or None."""
         self._desk.next(Channel.SCENE)
         for fault in self._desk.beginning(Channel.SCENE):
             if fault.kind == "part_bumped":
@@ -78,19 +78,19 @@ class TableTop:
         return width_mm + self._noise.gauss(0.0, self.geometry.gripper.noise_um / 1000.0)
 
     def gripped(self) -> None:
-        """The squeeze is complete: the part lies where the world left it, held if the fingers met it."""
+        """The squeeze is complete: the part is at the world's final pose, held if the fingers met it."""
         self.pose, self.status = self._coming
         self._held = None if self._hand is None else relative(self._hand, self.pose)
         self.squeezes += 1
 
     def released(self) -> None:
-        """The fingers open: the part stays where it is, or falls straight down if it was lifted."""
+        """The fingers open: the part stays, or falls straight down if it was lifted."""
         if self._held is not None and self._lifted:
             self.drops += 1
         self._held, self._lifted = None, False
 
     def carried(self, hand: Pose2, *, lifted: bool) -> bool:
-        """The hand stands here with whatever it holds; False: a lifted part has slipped out."""
+        """The hand is here with anything that it holds; returns False if a lifted part has slipped out."""
         if self._held is None:
             return True
         if lifted and self._desk.holds("part_slips"):
@@ -100,9 +100,9 @@ class TableTop:
         return True
 
     def pushed(self, start: Pose2, end: Pose2, opening_mm: float) -> None:
-        """The hand went along the table with jaws that hold nothing: straight ahead, it pushes the part.
+        """The hand went along the table with empty jaws: straight ahead, it pushes the part.
 
-        A world that cannot push leaves it where it lies, as does any other way of the hand.
+        In a world that cannot push, and for any other way of the hand, the part stays.
         """
         push = getattr(self._world, "push", None)
         way_mm, aside_mm, turn_rad = relative(start, end)
@@ -124,7 +124,7 @@ class TableTop:
             self.crashes += 1
 
     def truth(self) -> dict[str, object]:
-        """The ground truth, as the scene protocol sends it."""
+        """The ground truth, for the scene protocol."""
         x, y, theta = self.pose if self.truthful else (None, None, None)
         return {
             "x_mm": x,
@@ -138,7 +138,7 @@ class TableTop:
         }
 
     def look(self) -> Look:
-        """What a camera sees."""
+        """The view of a camera."""
         there = self.truthful and not self._desk.holds("part_missing")
         moved, two = self._desk.holds("camera_moved"), self._desk.holds("two_parts")
         return Look(
@@ -156,7 +156,7 @@ class TableTop:
         self.pose = (x + distance_mm * math.cos(bearing), y + distance_mm * math.sin(bearing), turn)
 
     def _drawn(self, part: int) -> int:
-        """Which of the parts that may come this one is."""
+        """The hypothesis of a part."""
         if not self._shares:
             return 0
         draw = random.Random(f"{self._seed}/hypothesis/{part}")
@@ -171,10 +171,10 @@ class TableTop:
 
 
 class Vice(TableTop):
-    """The table with the setting's block on it; no part comes."""
+    """The table with the setting's block on it; there are no parts."""
 
     def squeeze(self, hand: Pose2) -> float | None:
-        """The first finger that touches stops both: the width (mm, as the encoder sees it), or None."""
+        """The first finger that touches stops both: the width (mm, as the encoder reads it), or None."""
         self.squeezes += 1
         needed_mm = self._needed(hand)
         if needed_mm is None:
@@ -185,14 +185,14 @@ class Vice(TableTop):
         """It stays where it is."""
 
     def placed(self, hand: Pose2, opening_mm: float) -> None:
-        """Fingers that come down on it crash."""
+        """Fingers that come down on the block crash."""
         self.crashes += (self._needed(hand) or 0.0) > opening_mm
 
     def _needed(self, hand: Pose2) -> float | None:
-        """How far fingers about the hand are apart as the first of them touches; None beside the block."""
+        """Distance of fingers about the hand when the first of them touches; None beside the block."""
         block = self._setting.block
         assert block is not None
         x, y = block.x_mm - hand[0], block.y_mm - hand[1]
         c, s = math.cos(hand[2]), math.sin(hand[2])
-        wide_mm = block.width_mm * (abs(c) + abs(s))  # as it is turned to the fingers
+        wide_mm = block.width_mm * (abs(c) + abs(s))  # turned to the fingers
         return wide_mm + 2.0 * abs(c * y - s * x) if abs(c * x + s * y) < wide_mm / 2.0 else None

@@ -1,6 +1,6 @@
 """The whole cell in one thread on a virtual clock: the same bytes, but ports in memory and no waiting.
 
-Time passes when somebody waits for it. The same seed gives the same run, byte for byte.
+Time advances only when somebody waits. The same seed gives the same run, byte for byte.
 """
 
 from collections.abc import Callable
@@ -19,13 +19,13 @@ from drivers.stream import Stream
 
 
 class VirtualCell:
-    """A cell whose time is `clock`; its devices are connected to as often as one likes.
+    """A cell with virtual time; its devices can be connected repeatedly.
 
     Args:
         setting: part and world.
         seed: of every draw.
-        faults: what goes wrong when; None: nothing.
-        overheard: told of each string that the arm's controller receives.
+        faults: schedule of faults; None: no faults.
+        overheard: receives each string for the arm's controller.
     """
 
     def __init__(
@@ -45,13 +45,13 @@ class VirtualCell:
         self._arm_port = ArmPort(self.works.arm, self.clock, self.works.arm_stands, overheard)
 
     def serial(self) -> Stream:
-        """The gripper's serial port; PortError where it is gone."""
+        """The gripper's serial port; raises PortError where it is gone."""
         return self._gripper_port.open()
 
     def gripper(self, report: Report = no_report) -> Gripper:
-        """The driver, connected; PortError where the port is gone. LinkError: the gripper does not answer."""
+        """The connected driver; raises PortError where the port is gone, LinkError without an answer."""
         return self.works.simulator.driver(self.serial(), self.pace, report, self.works.profile)
 
     def arm(self) -> Arm:
-        """The driver, connected, which knows where the base is; ArmError without an answer."""
+        """The connected driver, with the base frame; raises ArmError without an answer."""
         return over(self._arm_port.connect, self.pace, Setup(base=ARM_BASE))

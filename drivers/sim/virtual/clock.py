@@ -1,4 +1,4 @@
-"""Time that passes only when somebody waits."""
+"""Time that advances only when somebody waits."""
 
 import heapq
 import itertools
@@ -8,12 +8,12 @@ from datetime import UTC, datetime, timedelta
 
 from drivers.clock import LINK_TIMEOUT_S, Clock
 
-AFTER_S = 1e-6  # a look at a device that changes at some moment comes just after it
+AFTER_S = 1e-6  # a poll of a device that changes at some moment comes just after it
 EPOCH = datetime(2000, 1, 1, tzinfo=UTC)  # when every simulated cell comes up
 
 
 class VirtualClock(Clock):
-    """A clock for a cell in one thread: as the drivers want one, and as the runtime does."""
+    """A clock for a cell in one thread, for drivers and runtime."""
 
     def __init__(self) -> None:
         self._now = 0.0
@@ -23,7 +23,7 @@ class VirtualClock(Clock):
 
     @property
     def next_s(self) -> float:
-        """The next moment at which something is to happen; infinity: nothing is."""
+        """The moment of the next event; infinity without one."""
         return self._coming[0][0] if self._coming else math.inf
 
     def now(self) -> float:
@@ -31,7 +31,7 @@ class VirtualClock(Clock):
         return self._now
 
     def deadline(self, seconds: float) -> float:
-        """The moment by which so many seconds are over, a last look at a device included."""
+        """The moment by which `seconds` are over, including a last poll of a device."""
         return self._now + seconds + LINK_TIMEOUT_S
 
     def stamp(self) -> str:
@@ -39,11 +39,11 @@ class VirtualClock(Clock):
         return (EPOCH + timedelta(seconds=self._now)).isoformat(timespec="milliseconds")
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass, and with it what was to happen meanwhile."""
+        """Advances time, with its events."""
         self.advance(self._now + max(seconds, 0.0))
 
     def advance(self, moment: float) -> None:
-        """Let time pass until a moment."""
+        """Advances time to a moment."""
         while self._coming and self._coming[0][0] <= moment:
             due, _, happens = heapq.heappop(self._coming)
             self._now = max(self._now, due)
@@ -51,16 +51,16 @@ class VirtualClock(Clock):
         self._now = max(self._now, moment)
 
     def idle(self, seconds: float, until: float) -> None:
-        """Go to the next moment at which a device changes, at least `seconds` and at most to `until`."""
+        """Advances to the next change of a device, by at least `seconds` and at most to `until`."""
         change = min((watch() for watch in self._watched), default=math.inf) + AFTER_S
         self.advance(min(max(self._now + seconds, change), until))
 
     def at(self, moment: float, happens: Callable[[], None]) -> None:
-        """Have something happen at a moment."""
+        """Schedules an event."""
         heapq.heappush(self._coming, (moment, next(self._number), happens))
 
     def every(self, seconds: float, happens: Callable[[], None]) -> Callable[[], None]:
-        """Have something happen again and again; returns what ends that."""
+        """Schedules a repeated event; returns a function that ends it."""
         ended: list[bool] = []
 
         def repeat() -> None:
@@ -72,5 +72,5 @@ class VirtualClock(Clock):
         return lambda: ended.append(True)
 
     def watch(self, next_change: Callable[[], float]) -> None:
-        """Take a device's word for when it will next look different."""
+        """Registers a device's function for its next change."""
         self._watched.append(next_change)

@@ -1,4 +1,4 @@
-"""Ports of a cell in one thread: what is written arrives on a virtual clock."""
+"""Ports of a cell in one thread: data arrives on a virtual clock."""
 
 import errno
 import math
@@ -14,12 +14,12 @@ from drivers.stream import port_error
 
 FRAME_GAP_S = 0.002  # silence that ends a frame (Modbus over serial line 1.02, 2.5.1.1: 1.75 ms)
 TURNAROUND_S = 0.001  # of the gripper, and of the network to the arm's controller
-ACCEPT_S = 0.5  # SERVER.mod waits so long after it has accepted a client
-MAX_STRING = 80  # SocketReceive \\Str takes so much at once
+ACCEPT_S = 0.5  # delay of SERVER.mod after it has accepted a client
+MAX_STRING = 80  # SocketReceive \\Str accepts so much at once
 
 
 class VirtualPort:
-    """A port in memory, as `drivers.stream.Stream`: what comes arrives in its time.
+    """A port in memory, as `drivers.stream.Stream`: data arrives at its time.
 
     Args:
         endpoint: its name in messages.
@@ -33,7 +33,7 @@ class VirtualPort:
         self._gone: OSError | None = None
 
     def receive(self, seconds: float) -> bytes:
-        """What has come by then; what happens meanwhile may send more."""
+        """Data that has arrived; events during the wait may send more."""
         until = self._clock.now() + max(seconds, 0.0)
         while not (data := self._outbox.due(self._clock.now())):
             self._check()
@@ -44,7 +44,7 @@ class VirtualPort:
         return data
 
     def close(self) -> None:
-        """Give the port up."""
+        """Closes the port."""
         self._gone = self._gone or OSError("the port was closed")
 
     def _check(self) -> None:
@@ -61,7 +61,7 @@ class GripperPort(VirtualPort):
         self._sent_s = 0.0
 
     def open(self) -> "GripperPort":
-        """The port, if it can be opened; PortError where it was unplugged, or may not be opened any more."""
+        """Opens the port; raises PortError where it is unplugged, or may not be opened any more."""
         if isinstance(self._gone, UnpluggedError):
             raise port_error(
                 self.endpoint, OSError(errno.EACCES if self._gone.forbidden else errno.ENOENT, "")
@@ -70,7 +70,7 @@ class GripperPort(VirtualPort):
         return self
 
     def send(self, data: bytes) -> None:
-        """Put a frame on the line; time passes while it crosses."""
+        """Sends a frame on the line; time passes while it crosses."""
         self._check()
         if self._clock.now() - self._sent_s > FRAME_GAP_S:
             self._slave.silence()
@@ -91,12 +91,12 @@ class ArmPort:
     controller: ArmModel  # executes instructions
     clock: VirtualClock
     stands: Callable[[], None]  # called when an instruction is over
-    overheard: Callable[[str], None] | None = None  # told of each string received
+    overheard: Callable[[str], None] | None = None  # receives each string
     free_s: float = 0.0
     stale: str = ""
 
     def connect(self) -> "ArmConnection":
-        """A connection, greeted with the acknowledgement that its predecessor did not stay for."""
+        """A connection, which starts with the acknowledgement left over from its predecessor."""
         connection = ArmConnection(self, self.clock)
         self.free_s = max(self.free_s, self.clock.now()) + ACCEPT_S
         connection.arrives(self.stale, self.free_s)
@@ -104,7 +104,7 @@ class ArmPort:
         return connection
 
     def execute(self, text: str, connection: "ArmConnection") -> None:
-        """One received string: what it comes to happens later, in its time."""
+        """Executes one received string: its effects happen later, at their times."""
         if self.overheard is not None:
             self.overheard(text)
         start_s = max(self.clock.now() + TURNAROUND_S, self.free_s)
@@ -135,17 +135,17 @@ class ArmConnection(VirtualPort):
         self._port = port
 
     def send(self, data: bytes) -> None:
-        """Send in one piece."""
+        """Sends data in one piece."""
         self._check()
         for start in range(0, len(data), MAX_STRING):
             self._port.execute(data[start : start + MAX_STRING].decode("latin-1"), self)
 
     def hang_up(self) -> None:
-        """The controller hangs up."""
+        """The controller disconnects."""
         self._gone = ConnectionResetError("closed by the arm")
 
     def arrives(self, text: str, moment: float) -> bool:
-        """Have a text arrive; False: nobody is there to take it."""
+        """Delivers a text at a moment; returns False where the client is gone."""
         if self._gone is None and text:
             self._outbox.put([Piece(text.encode("latin-1"))], moment + TURNAROUND_S)
         return self._gone is None

@@ -1,1 +1,1 @@
-"""The bytes between host and simulated gripper: Modbus RTU on a line with its timing."""
+"""Bytes between host and simulated gripper: Modbus RTU on a line with its timing."""

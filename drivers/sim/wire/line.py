@@ -1,4 +1,4 @@
-"""The line between gripper and host: what its frames meet on the way."""
+"""The line between gripper and host, and its faults."""
 
 import errno
 import random
@@ -10,14 +10,14 @@ from drivers.sim.wire.modbus import crc16
 
 
 class Piece(NamedTuple):
-    """Bytes to send, `delay_s` later than they would come otherwise."""
+    """Bytes to send, `delay_s` later than usual."""
 
     data: bytes
     delay_s: float = 0.0
 
 
 class UnpluggedError(OSError):
-    """The port is gone; `forbidden`: and may not be opened again."""
+    """The port is gone; `forbidden`: it may not be opened again either."""
 
     def __init__(self, *, forbidden: bool) -> None:
         super().__init__(errno.EIO, "the port is gone")
@@ -25,29 +25,29 @@ class UnpluggedError(OSError):
 
 
 class CleanLine:
-    """A line that changes nothing."""
+    """A line without faults."""
 
     def hears(self, frame: bytes) -> bool:
-        """Whether the gripper hears a request at all."""
+        """Whether the gripper receives a request."""
         del frame
         return True
 
     def carries(self, frame: bytes, reply: bytes | None) -> list[Piece]:
-        """What comes back to the host."""
+        """The bytes that come back to the host."""
         del frame
         return [] if reply is None else [Piece(reply)]
 
 
 @dataclass(frozen=True, slots=True)
 class FaultyLine(CleanLine):
-    """A line as a fault schedule has it."""
+    """A line with the faults of a schedule."""
 
     desk: Desk
     rng: random.Random  # draws the noise
     checked: bool = True  # whether frames end in a CRC (RTU)
 
     def hears(self, frame: bytes) -> bool:
-        """Whether the gripper hears it; UnpluggedError where there is no line any more."""
+        """Whether the gripper receives a request; raises UnpluggedError where the line is gone."""
         del frame
         self.desk.next(Channel.LINE)
         for kind in ("unplugged", "permission_lost"):
@@ -56,7 +56,7 @@ class FaultyLine(CleanLine):
         return self.desk.holds("request_lost") is None
 
     def carries(self, frame: bytes, reply: bytes | None) -> list[Piece]:
-        """What comes back to the host: echo and noise first, then what is left of the reply."""
+        """The bytes that come back to the host: echo and noise first, then the remains of the reply."""
         faults = {fault.kind: fault for fault in self.desk.holding(Channel.LINE)}
         pieces = [Piece(frame)] if "echo" in faults else []
         if "noise" in faults:
@@ -92,14 +92,14 @@ def _cut(reply: bytes, length: int) -> bytes:
 
 
 class Outbox:
-    """What has still to be sent, each piece at its moment. One goes out after the other."""
+    """Pieces to send, each at its time, one after the other."""
 
     def __init__(self) -> None:
         self._waiting: list[tuple[float, bytes]] = []
         self._free_s = 0.0
 
     def put(self, pieces: list[Piece], now_s: float, byte_s: float = 0.0) -> None:
-        """Take pieces; each is whole on the other side once its bytes have crossed a line of that speed."""
+        """Adds pieces; each has arrived once its bytes have crossed a line of that speed."""
         for piece in pieces:
             start_s = now_s + piece.delay_s if piece.delay_s else max(now_s, self._free_s)
             whole_s = start_s + len(piece.data) * byte_s
@@ -109,7 +109,7 @@ class Outbox:
         self._waiting.sort(key=lambda waiting: waiting[0])
 
     def due(self, now_s: float) -> bytes:
-        """Whatever has arrived by now."""
+        """All data that has arrived."""
         arrived = b""
         while self._waiting and self._waiting[0][0] <= now_s:
             arrived += self._waiting.pop(0)[1]
@@ -117,5 +117,5 @@ class Outbox:
 
     @property
     def next_s(self) -> float | None:
-        """When the next piece arrives; None: nothing is on its way."""
+        """When the next piece arrives; None: there is none."""
         return self._waiting[0][0] if self._waiting else None

@@ -1,6 +1,6 @@
-"""Modbus as a slave speaks it: the requests a gripper knows. Pure functions on bytes.
+"""Modbus slave: the requests that a gripper knows. Pure functions on bytes.
 
-A gripper never sends exception frames: what it cannot serve meets silence ([M16] p55, [ME] p53).
+A gripper never sends exception frames: unsupported requests get no answer ([M16] p55, [ME] p53).
 """
 
 import struct
@@ -13,16 +13,16 @@ MAX_REGISTERS = 125  # Modbus application protocol 1.1b3, 6.3
 
 
 class Registers(Protocol):
-    """What a slave serves."""
+    """The registers of a slave."""
 
     def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` is spoken here and there are so many registers."""
+        """Whether `function` is supported and these registers exist."""
 
     def read(self, address: int, count: int) -> bytes:
-        """So many registers."""
+        """Reads `count` registers."""
 
     def write(self, function: int, address: int, data: bytes) -> bool:
-        """Write registers; False where that is refused."""
+        """Writes registers; returns False where that is refused."""
 
 
 def answer(pdu: bytes, registers: Registers) -> bytes | None:
@@ -35,7 +35,7 @@ def answer(pdu: bytes, registers: Registers) -> bytes | None:
         case b"\x10" if _counted(pdu[3:]):
             return pdu[:5] if registers.write(16, _word(pdu, 1), pdu[6:]) else None
         case b"\x17" if _counted(pdu[7:]) and registers.serves(23, _word(pdu, 1), _word(pdu, 3)):
-            # The write takes effect first, the reading shows it ([M18] p54).
+            # The write takes effect first, and the reading shows it ([M18] p54).
             written = registers.write(23, _word(pdu, 5), pdu[10:])
             return _read(23, pdu[1:5], registers) if written else None
     return None
@@ -49,7 +49,7 @@ def _read(function: int, span: bytes, registers: Registers) -> bytes | None:
 
 
 def _counted(tail: bytes) -> bool:
-    """Whether a request's end is a count of registers, a count of bytes, and as many bytes."""
+    """Whether a request ends with a count of registers, a count of bytes, and that many bytes."""
     return len(tail) > 3 and tail[2] == len(tail) - 3 == 2 * _word(tail, 0)
 
 
@@ -57,14 +57,14 @@ def _word(pdu: bytes, at: int) -> int:
     return int.from_bytes(pdu[at : at + 2], "big")
 
 
-@lru_cache(4096)  # a cell says the same few things over and over
+@lru_cache(4096)  # a cell repeats the same few frames
 def crc16(data: bytes) -> bytes:
     """Modbus CRC of a frame, low byte first (Modbus over serial line 1.02, 6.2.2)."""
     return FramerRTU.compute_CRC(data).to_bytes(2, "big")
 
 
 def frame_length(head: bytes | bytearray) -> int | None:
-    """Bytes of the RTU request that starts with `head`; 0: cannot be told yet, None: unknown function."""
+    """Length of the RTU request that starts with `head`; 0: not known yet, None: unknown function."""
     if len(head) < 2:
         return 0
     function = head[1]

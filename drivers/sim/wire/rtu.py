@@ -14,16 +14,16 @@ from drivers.sim.wire.serving import Lock, Server, SimulatedTime
 
 # Wall; the line's own 0.3 ms of silence between frames is below what a scheduler keeps.
 GAP_S = 0.010
-IDLE_S = 0.05  # wall; between two looks at whether the server is to stop
+IDLE_S = 0.05  # wall; between two checks whether the server is to stop
 BYTE_S = 10 / BAUD  # 8N1
 
 
 class Slave:
-    """Frames of one slave on a bus, fed with bytes as they come; another unit's frames meet silence.
+    """Frames of one slave on a bus, fed with bytes as they come; frames of other units get no answer.
 
     Args:
-        registers: what it serves.
-        line: what its frames meet on the way.
+        registers: of the slave.
+        line: carries its frames.
         unit: its slave id; None: the usual one of a Robotiq gripper.
     """
 
@@ -38,7 +38,7 @@ class Slave:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Piece]:
-        """Take bytes off the wire and return what comes back; UnpluggedError without a line."""
+        """Takes bytes off the wire and returns the answer; raises UnpluggedError without a line."""
         self._buffer += data
         pieces: list[Piece] = []
         while length := self._frame_length():
@@ -51,12 +51,12 @@ class Slave:
         return pieces
 
     def silence(self) -> None:
-        """The line was quiet: whatever was incomplete is dropped, the next byte starts a frame."""
+        """The line was quiet: drops an incomplete frame; the next byte starts a new one."""
         self._buffer.clear()
 
     @property
     def pending(self) -> bool:
-        """Whether an unfinished frame is waiting for more, and ends if the line is quiet."""
+        """Whether an unfinished frame is waiting for more, and would end if the line is quiet."""
         return bool(self._buffer)
 
     def reply(self, frame: bytes) -> bytes | None:
@@ -64,7 +64,7 @@ class Slave:
         raise NotImplementedError
 
     def _frame_length(self) -> int | None:
-        """Bytes of the frame at the start of the buffer; 0 or None: not known."""
+        """Length of the frame at the start of the buffer; 0 or None: unknown."""
         raise NotImplementedError
 
 
@@ -95,15 +95,15 @@ def exchange(
     stopped: threading.Event,
     byte_s: float = 0.0,
 ) -> None:
-    """Serve what comes over a descriptor until its other end is closed or the server stops.
+    """Serves data on a descriptor until its other end is closed or the server stops.
 
     Args:
         slave: the device.
         descriptor: of a terminal or a socket.
         lock: held while bytes are served.
-        time: simulated time, which answers take.
+        time: simulated time, for the delay of answers.
         stopped: ends it.
-        byte_s: how long a byte takes, simulated seconds.
+        byte_s: duration of a byte, simulated seconds.
 
     Raises:
         OSError: the connection broke, or the fault schedule has unplugged it.
@@ -130,7 +130,7 @@ class PtyPort(Server):
     Args:
         slave: the device.
         lock: held while a frame is served.
-        time: simulated time; bytes take theirs on a 115200 baud line.
+        time: simulated time, for the bytes on a 115200 baud line.
     """
 
     def __init__(self, slave: RtuSlave, lock: Lock, time: SimulatedTime) -> None:
@@ -138,13 +138,14 @@ class PtyPort(Server):
         self._slave = slave
         self._lock = lock
         self._time = time
-        # The slave end stays open here too: else the master end reports an error whenever a client leaves.
+        # The slave end stays open here, too: else the master end reports an error whenever a client
+        # leaves.
         self._ends = os.openpty()
         tty.setraw(self._ends[1])
         self.path = os.ttyname(self._ends[1])
 
     def close(self) -> None:
-        """Stop serving; the path is gone."""
+        """Stops serving; the path disappears."""
         super().close()
         self._unplug()
 
@@ -154,7 +155,7 @@ class PtyPort(Server):
         self._unplug()
 
     def _unplug(self) -> None:
-        """Take both ends away, as a pulled adapter does."""
+        """Closes both ends, like a pulled adapter."""
         for descriptor in self._ends:
             with contextlib.suppress(OSError):
                 os.close(descriptor)

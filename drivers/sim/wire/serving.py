@@ -1,4 +1,4 @@
-"""Simulated time on the machine's clock, and servers on TCP ports of this machine."""
+"""Simulated time from the machine's clock, and servers on local TCP ports."""
 
 import contextlib
 import select
@@ -29,11 +29,11 @@ class SimulatedTime:
         return (time.monotonic() - self._start) * self._scale
 
     def sleep(self, seconds: float) -> None:
-        """Pause for so many simulated seconds, or until the cell stops."""
+        """Sleeps for `seconds` of simulated time, or until the cell stops."""
         self.stopped.wait(seconds / self._scale)
 
     def wall(self, seconds: float) -> float:
-        """Wall seconds of so many simulated ones."""
+        """Wall seconds of simulated ones."""
         return seconds / self._scale
 
 
@@ -50,11 +50,11 @@ class Server:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
-        """Serve until closed."""
+        """Serves until closed."""
         self._thread.start()
 
     def close(self) -> None:
-        """Stop serving."""
+        """Stops serving."""
         self._stopped.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()
@@ -82,7 +82,7 @@ class LibraryServer(Server):
         self._server = server
 
     def close(self) -> None:
-        """Stop serving."""
+        """Stops serving."""
         if self._thread.is_alive():
             self._server.shutdown()
         super().close()
@@ -93,7 +93,7 @@ class LibraryServer(Server):
 
 
 class TcpServer(Server):
-    """Serves one client after another on a TCP port; subclasses say how."""
+    """Serves one client after another on a TCP port; subclasses implement how."""
 
     def __init__(
         self, name: str, stopped: threading.Event, address: tuple[str, int] = ("127.0.0.1", 0)
@@ -104,7 +104,7 @@ class TcpServer(Server):
         self.url = f"tcp://127.0.0.1:{self.port}"
 
     def close(self) -> None:
-        """Stop serving."""
+        """Stops serving."""
         super().close()
         self._listener.close()
 
@@ -119,14 +119,14 @@ class TcpServer(Server):
         self._listener.close()
 
     def _serve(self, client: socket.socket) -> None:
-        """Serve one client until it leaves, which may raise an OSError, or the server stops."""
+        """Serves one client until it leaves, which may raise an OSError, or the server stops."""
         raise NotImplementedError
 
     def _left(self) -> None:
         """The client was served, and its connection is closed."""
 
     def _received(self, client: socket.socket, most: int = 4096) -> Iterator[bytes]:
-        """What a client sends, until it leaves or the server stops."""
+        """Data from a client, until it leaves or the server stops."""
         while not self._stopped.is_set():
             if self._readable([client]):
                 if not (data := client.recv(most)):

@@ -1,1 +1,1 @@
-"""Outlines from DXF, SVG, CSV, STL and KiCad files; `file.read_outline` takes any of them."""
+"""Importers of outlines from DXF, SVG, CSV, STL and KiCad files; `file.read_outline` reads any of them."""

@@ -1,4 +1,4 @@
-"""From shapes to contours: strokes joined, copies and holes told apart, one contour chosen."""
+"""Contours from shapes: strokes joined, copies and holes recognised, one contour chosen."""
 
 import math
 from collections.abc import Sequence
@@ -16,8 +16,8 @@ from runtime.shell.errors import InputError, UsageError
 
 LISTED = 12
 MOST = 2000  # Most contours of one drawing
-NEARLY = 0.1  # of its size: an outline that is open by no more was meant to be closed
-LARGER_MM = 0.1  # by which what was not read must extend beyond a contour to go around it
+NEARLY = 0.1  # gap, as a share of its size, up to which an open outline was meant to be closed
+LARGER_MM = 0.1  # distance that an unread shape must extend beyond a contour to surround it
 
 SHEETS_MM = (
     (841, 1189),
@@ -27,7 +27,7 @@ SHEETS_MM = (
     (210, 297),
     (148, 210),
 )  # ISO 216, A0 to A5
-MARGINS_MM = 50.0  # both sides together: 20 mm to file it and 10 mm (ISO 5457), and some more
+MARGINS_MM = 50.0  # both sides together: 20 mm to file it and 10 mm (ISO 5457), and some tolerance
 SHEET_SLACK_MM = 0.5
 
 
@@ -35,21 +35,21 @@ class Contour(NamedTuple):
     """A closed curve of a drawing."""
 
     points: Array  # (n, 2) [mm], not closed
-    area_mm2: float  # what it encloses
+    area_mm2: float  # enclosed area
     holes: int  # how many contours lie inside it
     outer: bool  # whether it lies inside none
     note: str = ""  # how it was joined from several faces
-    ambiguity: str = ""  # why its lines may also bound something else; where and what to do
+    ambiguity: str = ""  # why its lines may bound another contour; where, and what to do
 
 
 def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour], list[str]]:
-    """All contours of a drawing, the outer ones first, the larger before the smaller; and notes.
+    """All contours of a drawing, outer before inner, larger before smaller; and notes.
 
-    Gaps of up to `join_mm` at ends of strokes are closed; lines that cross or lie upon others are noded, and
-    faces that share an edge are one contour.
+    Gaps of up to `join_mm` at ends of strokes are closed; crossing and overlapping lines are noded; faces
+    that share an edge are one contour.
 
     Raises:
-        InputError: there is none; says where the drawing is open.
+        InputError: there is no contour; the message says where the drawing is open.
     """
     alone, drawn = _sorted(pieces, join_mm)
     origin = drawn.origin
@@ -81,7 +81,7 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
 def choose(
     candidates: list[Contour], number: int | None, where: str, lost: Sequence[Lost] = ()
 ) -> tuple[Contour, list[str]]:
-    """The contour asked for, or the only outer one; and notes.
+    """The requested contour, or the only outer one; and notes.
 
     Raises:
         UsageError: there is no such contour, or there are several to choose from; lists them.
@@ -128,7 +128,7 @@ def _face(ring: Array) -> shapely.Geometry:
 
 
 def listing(contours: list[Contour]) -> str:
-    """The contours in one line: number, extent, what they are."""
+    """Describes the contours in one line: number, extent, kind."""
     lines = []
     for number, contour in enumerate(contours[:LISTED], 1):
         width, height = np.ptp(contour.points, axis=0)
@@ -140,9 +140,9 @@ def listing(contours: list[Contour]) -> str:
 
 
 def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
-    """Rings that nothing else is near, and all other lines, about a local origin.
+    """Separates isolated rings from all other lines, about a local origin.
 
-    A ring that crosses itself stands alone, too, unless its lines bound one region: it is refused if chosen.
+    A ring that crosses itself is isolated, too, unless its lines bound one region: it is refused if chosen.
     """
     curves = [*pieces.rings, *pieces.strokes]
     if not curves:
@@ -180,7 +180,7 @@ def _contour(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: f
 
 
 def _is_wide(ring: Array, join_mm: float) -> bool:
-    """Whether a ring encloses more than a line drawn twice does."""
+    """Whether a ring encloses more than a line drawn twice."""
     least = 0.5 * join_mm * float(shapely.LinearRing(ring).length) if len(ring) > 2 else 0.0
     return len(ring) > 2 and _hull(ring).area > least and float(_face(ring).area) > least
 
@@ -190,9 +190,9 @@ def _hull(points: Array) -> shapely.Geometry:
 
 
 def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
-    """Whether a ring is the border of an ISO 216 sheet, or of its margins, about at least one other ring.
+    """Whether a ring is the border of an ISO 216 sheet, or of its margins, around another ring.
 
-    What no gripper takes is no part: the shorter side of the smallest such border is that of A5 less margins.
+    The smallest such border is wider than any gripper: its shorter side is that of A5 less margins.
     """
     low, high = ring.min(axis=0), ring.max(axis=0)
     sides = np.sort(high - low)
@@ -226,7 +226,7 @@ def _without_copies(rings: list[Contour], tolerance_mm: float) -> list[Contour]:
 
 
 def _nested(rings: list[Contour]) -> list[Contour]:
-    """Which ring lies inside which: by a point of each, since contours of a part do not cross."""
+    """For each ring the rings around it, by one point of each, since contours of a part do not cross."""
     faces = [_face(ring.points) for ring in rings]
     tree = shapely.STRtree(faces)
     inner, outer = tree.query(faces, predicate="within")
@@ -255,9 +255,9 @@ def _no_contour(loose: list[Array], origin: Array, where: str) -> InputError:
 
 
 def _around(loose: list[Array], rings: list[Array]) -> bool:
-    """Whether open lines go around all rings: an open outline, and closed holes in it.
+    """Whether open lines surround all rings: an open outline with closed holes.
 
-    One chain of them does so however wide it is open, several do where they nearly close.
+    A single chain may be open at any width, several must nearly close.
     """
     if not loose:
         return False
@@ -270,14 +270,14 @@ def _around(loose: list[Array], rings: list[Array]) -> bool:
 
 
 class Gap(NamedTuple):
-    """Where a contour is open."""
+    """The place where a contour is open."""
 
     point: Array  # (2,) an end of a line [mm]
     width_mm: float  # to the nearest end of another
 
 
 def _chains(lines: list[Array]) -> list[Array]:
-    """Lines put together where two of them meet."""
+    """Merges lines where exactly two of them meet."""
     merged = shapely.line_merge(
         shapely.multilinestrings([shapely.linestrings(line) for line in lines])
     )
@@ -285,7 +285,7 @@ def _chains(lines: list[Array]) -> list[Array]:
 
 
 def _gap(lines: list[Array]) -> Gap:
-    """The smallest distance between ends of lines that are put together where they meet."""
+    """The smallest distance between ends of merged lines."""
     ends = np.array([chain[k] for chain in _chains(lines) for k in (0, -1)])
     gaps = cKDTree(ends).query(ends, k=2)[0][:, 1]
     apart = np.where(gaps > 0.0, gaps, np.inf)  # where three lines meet, two ends have no gap
@@ -294,7 +294,7 @@ def _gap(lines: list[Array]) -> Gap:
 
 
 def _exceeds(box: Array, contour: Contour) -> bool:
-    """Whether a box holds a contour, and more."""
+    """Whether a box contains a contour, and more."""
     low, high = contour.points.min(axis=0), contour.points.max(axis=0)
     beyond = np.concatenate([low - box[0], box[1] - high])
     return bool((beyond > -LARGER_MM).all() and (beyond > LARGER_MM).any())

@@ -27,18 +27,18 @@ UNITS_MM = {
     13: 1e-3,
     14: 100.0,
 }
-"""$INSUNITS (Autodesk's DXF reference, HEADER) in mm; what is left out measures no part."""
+"""$INSUNITS (Autodesk's DXF reference, HEADER) in mm; omitted ones do not measure parts."""
 MAX_DEPTH = 50
 
 
 def read(
     data: bytes, where: str, unit_mm: float | None, tolerance_mm: float, layer: str | None = None
 ) -> pieces.Pieces:
-    """The shapes of a DXF file; raises what `file.read_outline` does.
+    """The shapes of a DXF file; raises the errors of `file.read_outline`.
 
-    `unit_mm` is what one unit of the drawing is (None: believe the file), `tolerance_mm` the largest distance
-    of a chord from its curve, `layer` the only one that counts (None: all visible ones); `where` names the
-    file in errors.
+    `unit_mm` is the size of one unit (None: as the file says), `tolerance_mm` the largest distance of a
+    chord from its curve, `layer` the layer to read (None: all visible ones); `where` names the file in
+    errors.
     """
     document, auditor = _document(data, where)
     scale, notes = _scale(document, where, unit_mm)
@@ -66,7 +66,7 @@ def read(
 def _document(data: bytes, where: str) -> tuple[Drawing, Auditor]:
     if not data.strip():
         raise InputError("is empty; export the drawing again", where=where)
-    if b"SECTION" not in data:  # of such a file the parser would make a drawing without shapes
+    if b"SECTION" not in data:  # the parser would read such a file as a drawing without shapes
         raise InputError(
             "is no DXF file; export the drawing again, as DXF R2000 or later", where=where
         )
@@ -74,7 +74,7 @@ def _document(data: bytes, where: str) -> tuple[Drawing, Auditor]:
         return recover.read(io.BytesIO(data))
     except InputError:
         raise
-    except Exception as error:  # the parser meets damage of all kinds in all its corners
+    except Exception as error:  # the parser raises all kinds of errors for damaged files
         reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
         problem = (
             f"is no DXF file that can be read ({reason}); export it again, as DXF R2000 or later"
@@ -96,7 +96,7 @@ def _scale(document: Drawing, where: str, unit_mm: float | None) -> tuple[float,
 
 
 def _size(document: Drawing, space: Modelspace, where: str) -> int:
-    """How many shapes a drawing has when its blocks are written out, each as often as it is inserted."""
+    """Number of shapes of a drawing with its blocks expanded, each as often as it is inserted."""
     known: dict[str, int] = {}
 
     def count(layout: BlockLayout | Modelspace, above: tuple[str, ...]) -> int:
@@ -125,7 +125,7 @@ def _size(document: Drawing, space: Modelspace, where: str) -> int:
 
 
 def _elsewhere(document: Drawing) -> list[str]:
-    """Where the drawing is, if its model space shows nothing."""
+    """Where the shapes are, if the model space has none."""
     counts = {
         layout.name: sum(entity.dxftype() != "VIEWPORT" for entity in layout)
         for layout in document.layouts

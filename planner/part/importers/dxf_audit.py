@@ -1,4 +1,4 @@
-"""What ezdxf removed from a damaged DXF file, or guessed, before it could be read."""
+"""Shapes that ezdxf removed from a damaged DXF file, or guessed, while reading it."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ GEOMETRY = re.compile(
     "MISSING_(SECTION|ENDSEC)|FOUND_TAG|REMOVED_(INVALID_GRAPHIC|ENTITY)|UNDEFINED_BLOCK|BLOCK_REFERENCE_CYCLE|"
     "INVALID_(INTEGER|FLOATING|ENTITY|EXTRUSION|MAJOR|VERTEX|MLINE_VERTEX|SPLINE|ELLIPSE|HATCH|MESH)"
 )
-"""Which of ezdxf's findings concern shapes; all others are about styles, tables and objects."""
+"""Patterns of ezdxf's messages about shapes; all others are about styles, tables and objects."""
 REMOVED = re.compile(r"(?:Removed|Deleted)(?: invalid| DXF| entity)* ([A-Z0-9_]+)\b")
 LINE = re.compile(r"near line:? (\d+)")
 SHAPE_SECTIONS = (b"BLOCKS", b"ENTITIES")
 
 
 class Losses(NamedTuple):
-    """What a repaired file does not hold, or holds otherwise."""
+    """Shapes that a repaired file lacks, or has with other values."""
 
-    lost: list[Lost]  # shapes that are gone, or whose numbers were guessed
-    repairs: list[str]  # what was repaired, one sentence each
+    lost: list[Lost]  # shapes that were removed, or whose numbers were guessed
+    repairs: list[str]  # repairs, one sentence each
 
 
 def losses(auditor: Auditor, data: bytes) -> Losses:
-    """Sorts what the auditor reports about shapes; `data` is the file."""
+    """Filters the auditor's messages about shapes; `data` is the file."""
     lost, repairs = list[str](), list[str]()
     for entry in (*auditor.errors, *auditor.fixes):
         if not GEOMETRY.search(AuditError(entry.code).name):
@@ -51,7 +51,7 @@ def losses(auditor: Auditor, data: bytes) -> Losses:
 
 
 def _among_shapes(words: str, data: bytes) -> bool:
-    """Whether the line that a message names lies in a section that holds shapes."""
+    """Whether the line named in a message lies in a section that holds shapes."""
     line = LINE.search(words)
     if line is None:
         return True

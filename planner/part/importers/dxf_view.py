@@ -1,4 +1,4 @@
-"""What the model space of a DXF drawing shows, by ezdxf's rendering front end: layers, blocks, flags."""
+"""Visible shapes of a DXF drawing's model space, by ezdxf's rendering front end: layers, blocks, flags."""
 
 from __future__ import annotations
 
@@ -40,21 +40,23 @@ ANNOTATION = re.compile(
     r"\w*DIMENSION|\w*TEXT|ATTDEF|ATTRIB|M?(ULTI)?LEADER|TOLERANCE|ACAD_TABLE|POINT|RAY|XLINE|IMAGE|WIPEOUT|"
     r"OLE2FRAME|VIEWPORT|LIGHT|CAMERA|SECTION|GEOPOSITIONMARKER|\w+UNDERLAY"
 )
-"""What is never an outline."""
+"""Kinds of entities that are never an outline."""
 FILLED = frozenset({"HATCH", "MPOLYGON", "SOLID", "TRACE", "3DFACE", "MESH"})
-"""What is no outline unless it goes around all that is one."""
+"""Kinds of entities that are an outline only if they surround all others."""
 INVISIBLE = "invisible"  # ezdxf's reason
 LAYER = 8  # group code
-STRAIGHT = 1e-9  # sine of an angle that is none
+STRAIGHT = 1e-9  # sine below which an angle is zero
 FAR = 1e4
-"""From here on [units] shapes are drawn about an origin of their own: ezdxf takes points for equal that
-differ by 1e-9 of their coordinates."""
+"""Distance [units] beyond which shapes are drawn about a local origin.
+
+ezdxf treats points as equal if they differ by 1e-9 of their coordinates.
+"""
 ABSURD: Array = np.full((1, 2), np.inf)
-"""Stands for a shape that is not flattened, since its coordinates are absurd; refused later."""
+"""Placeholder for a shape that is not flattened, since its coordinates are absurd; refused later."""
 
 
 class View(NamedTuple):
-    """What is seen, and what not."""
+    """Visible shapes, and those that are not read."""
 
     curves: list[pieces.Curve]
     lost: list[pieces.Lost]  # shown, but not read
@@ -64,9 +66,9 @@ class View(NamedTuple):
 def view(
     document: Drawing, scale: float, tolerance_mm: float, where: str, only: str | None
 ) -> View:
-    """The curves of the model space that are visible and plotted, or lie on the layer that is asked for.
+    """The curves of the model space that are visible and plotted, or lie on the requested layer.
 
-    `scale` is mm a unit; the rest is as in `dxf.read`.
+    `scale` is the size of a unit in mm; the others are as in `dxf.read`.
 
     Raises:
         InputError: a shape cannot be drawn.
@@ -98,7 +100,7 @@ def _flattened(record: PathRecord, scale: float, tolerance_mm: float) -> Array:
 
 
 class _Viewer(Frontend):
-    """Draws the shapes that are seen, and records those that are not."""
+    """Draws the visible shapes, and records the others."""
 
     def __init__(
         self, document: Drawing, recorder: Recorder, tolerance: float, where: str, only: str | None
@@ -123,7 +125,7 @@ class _Viewer(Frontend):
         self.lost: list[pieces.Lost] = []
 
     def notes(self, scale: float) -> list[str]:
-        """What a reader should know, one sentence each; `scale` is mm a unit."""
+        """Notes on the drawing, one sentence each; `scale` is the size of a unit in mm."""
         notes = []
         if self._strays:
             notes.append(f"not outlines, ignored: {_counted(self._strays)}")
@@ -145,7 +147,7 @@ class _Viewer(Frontend):
             layer.is_visible |= layer.layer.lower() == self._only
 
     def skip_entity(self, entity: DXFEntity, msg: str) -> None:
-        """Called by ezdxf for what it does not draw, and why."""
+        """Called by ezdxf for entities that it does not draw, with the reason."""
         layer, block = layer_of(entity).lower(), self.ctx.current_block_reference_properties
         if layer == "0" and block is not None:
             layer = block.layer.lower()
@@ -155,7 +157,7 @@ class _Viewer(Frontend):
             self._lose(entity, msg)
 
     def draw_entity(self, entity: DXFGraphic, properties: Properties) -> None:
-        """Called by ezdxf for what is visible; INSERTs that are hidden otherwise end here."""
+        """Called by ezdxf for visible entities; otherwise hidden INSERTs end here."""
         kind, layer = entity.dxftype(), properties.layer.lower()
         if isinstance(entity, Insert):
             self._draw_block(entity, properties)
@@ -195,7 +197,7 @@ class _Viewer(Frontend):
             self.lost.append(pieces.Lost(f"{_name(entity)}: {why}"))
 
     def _lose_around(self, entity: DXFGraphic, why: str) -> None:
-        """Records what is no outline unless it goes around all others."""
+        """Records an entity that is an outline only if it surrounds all others."""
         box = bbox.extents([entity])
         if box.has_data:
             corners = np.array([tuple(box.extmin)[:2], tuple(box.extmax)[:2]])
@@ -218,7 +220,7 @@ def _counted(kinds: Counter[str]) -> str:
 
 
 def layer_of(entity: DXFEntity) -> str:
-    """The layer that an entity names, of a kind that ezdxf knows or not."""
+    """The layer of an entity, known to ezdxf or not."""
     if isinstance(entity, DXFTagStorage):
         tags = (tag for part in entity.xtags.subclasses for tag in part)
         return next((str(tag.value) for tag in tags if tag.code == LAYER), "0")
@@ -244,7 +246,7 @@ def _width(entity: LWPolyline | Polyline) -> float:
 
 
 def _is_skewed(insert: Insert) -> bool:
-    """Whether ezdxf would turn a block in the block before it stretches it, not after."""
+    """Whether ezdxf would rotate a nested block before scaling it, instead of after."""
     if math.isclose(abs(insert.dxf.xscale), abs(insert.dxf.yscale), rel_tol=1e-9):
         return False
     inner = (entity for entity in insert.block() or () if isinstance(entity, Insert))
@@ -252,12 +254,12 @@ def _is_skewed(insert: Insert) -> bool:
 
 
 def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
-    """The path of a shape, worked out about an origin near it."""
+    """The path of a shape, computed about an origin near it."""
     if isinstance(entity, Spline) and len(entity.control_points):
         points = _spline(entity, tolerance)
         origin = np.round(points[0])
         return _moved(path.from_vertices((points - origin).tolist()), Vec3(*origin))
-    if isinstance(entity, Polyline):  # points that frame a fitted curve are none of it
+    if isinstance(entity, Polyline):  # frame points of a fitted curve are not part of it
         entity.vertices[:] = [
             v for v in entity.vertices if not v.dxf.flags & DXFVertex.SPLINE_FRAME_CONTROL_POINT
         ]

@@ -1,4 +1,4 @@
-"""Any outline file, by its suffix: read, one contour chosen, simplified, checked and centred."""
+"""Outline files of any format, by suffix: read, one contour chosen, simplified, checked and centred."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,13 +18,13 @@ from runtime.shell.errors import ExpectedError, InputError, UsageError
 READERS = {".svg": svg.read, ".csv": table.read, ".kicad_mod": kicad.read}
 SUFFIXES = (".dxf", *READERS, ".stl")
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
-"""Extents of what fingers could close on, generously; beyond, the unit is wrong."""
+"""Generous bounds on the extents of a part for fingers; beyond, the unit is wrong."""
 MOST_VERTICES = 2000
-LEAST_SHARE = 0.01  # of the parts that lie on a face; rarer ones are left out
+LEAST_SHARE = 0.01  # least share of the parts that lie on a face
 
 
 DATUM = "the drawing's origin"
-DATUM_MM = 10_000.0  # The furthest that a job's datum lies from its part
+DATUM_MM = 10_000.0  # Largest distance of a job's datum from its part
 
 
 class Imported(NamedTuple):
@@ -33,26 +33,26 @@ class Imported(NamedTuple):
     outline_mm: Array  # (N, 2) counter-clockwise, centroid at the origin, read-only
     symmetry: int  # its rotational order
     size_mm: Array  # (2,) extent of its bounding box, as drawn
-    notes: tuple[str, ...]  # what a reader should know, one sentence each
-    height_mm: float | None = None  # of the solid; None where the file holds an outline alone
+    notes: tuple[str, ...]  # notes on the drawing, one sentence each
+    height_mm: float | None = None  # height of the solid; None for an outline
     holes_mm: tuple[Array, ...] = ()  # its inner contours, each (n, 2), in the outline's frame
     origin_mm: tuple[float, float] = (0.0, 0.0)  # the drawing's datum in the outline's frame
-    origin_name: str = DATUM  # what of the drawing that is
+    origin_name: str = DATUM  # name of the datum's point
 
 
 class Face(NamedTuple):
-    """How a solid may lie on the table."""
+    """A face on which a solid may lie on the table."""
 
-    share: float  # of the parts that come to lie so
+    share: float  # share of the parts that come to rest on it
     imported: Imported
-    cut_mm: float  # height of the finger tips, of all faces of the solid
+    cut_mm: float  # height of the finger tips, equal for all faces of the solid
     down: tuple[
         tuple[float, float, float], ...
     ]  # outward normals of the solid's faces that may be down
 
     @property
     def down_text(self) -> str:
-        """Which faces of the solid are down, for people."""
+        """The faces of the solid that may be down, for people."""
         return " or ".join(f"({x:g}, {y:g}, {z:g})" for x, y, z in self.down)
 
 
@@ -60,10 +60,10 @@ def read_outline(path: Path, options: Options) -> Imported:
     """Reads an outline from a file that ends in one of `SUFFIXES`.
 
     Raises:
-        UsageError: neither file nor options tell the unit or which contour is meant; the height lies beside
-            the solid; the suffix is not known, or trimesh not installed.
-        InputError: it is missing, too large, or not what its suffix says.
-        InputError: it holds no closed contour, one that crosses itself, or too much.
+        UsageError: neither file nor options state the unit or the contour; the height is outside the solid;
+            the suffix is unknown, or trimesh is not installed.
+        InputError: the file is missing, too large, or of another format than its suffix.
+        InputError: it holds no closed contour, one that crosses itself, or too many shapes.
         InputError: a line of a CSV file is not two numbers.
     """
     where = str(path)
@@ -80,7 +80,7 @@ def read_contours(path: Path, options: Options) -> list[Contour]:
     """All contours of a drawing, in the order of their numbers, to choose one from.
 
     Raises:
-        InputError: as `read_outline`.
+        InputError: see `read_outline`.
     """
     with _pieces(path, options) as pieces, _noted(pieces):
         return contours.contours(pieces, options.tolerance_mm, str(path))[0]
@@ -88,7 +88,7 @@ def read_contours(path: Path, options: Options) -> list[Contour]:
 
 @contextmanager
 def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
-    """The shapes of a file, within the time that it may be read for."""
+    """The shapes of a file, read within a time limit."""
     where = str(path)
     if not 1e-4 <= options.tolerance_mm <= 1.0:
         raise UsageError(f"--tolerance {options.tolerance_mm:g} is not between 0.0001 and 1 mm")
@@ -97,7 +97,10 @@ def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
     data, suffix = _bytes(path), path.suffix.lower()
     if options.layer is not None and suffix != ".dxf":
         raise UsageError(f"{where}: --layer is for DXF drawings; leave it out")
-    unit_mm, tolerance_mm = _unit_mm(options), 0.5 * options.tolerance_mm  # half: for leaving out
+    unit_mm, tolerance_mm = (
+        _unit_mm(options),
+        0.5 * options.tolerance_mm,
+    )  # half for removing vertices
     with time_limit(where):
         if suffix == ".stl":
             yield mesh.read(data, where, unit_mm, options.height_mm)
@@ -109,7 +112,7 @@ def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
 
 @contextmanager
 def _noted(pieces: Pieces) -> Iterator[None]:
-    """Adds what a reader should know about a drawing to the error that refuses it."""
+    """Adds the notes on a drawing to the error that refuses it."""
     try:
         yield
     except ExpectedError as error:
@@ -122,12 +125,12 @@ def _noted(pieces: Pieces) -> Iterator[None]:
 def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) -> list[Face]:
     """Reads a solid as it lies on each of its stable faces, the commonest first.
 
-    Fingers meet all at one height: that of the options, or the least of `tips_mm` of their heights. Those
-    whose silhouettes above it look alike are one.
+    Fingers meet all faces at one height: that of the options, or the least `tips_mm` of their heights.
+    Faces whose silhouettes above it look alike are merged.
 
     Raises:
-        UsageError: the file is no solid.
-        ExpectedError: as `read_outline`; or the solid is not closed.
+        UsageError: the file is not a solid.
+        ExpectedError: see `read_outline`; or the solid is not closed.
     """
     where = str(path)
     if path.suffix.lower() != ".stl":
@@ -157,7 +160,7 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
 
 
 def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) -> Imported:
-    """The outline of a solid on a face; around several contours their hull, as flat jaws meet them."""
+    """The outline of a solid on a face; the convex hull of several contours, as flat jaws meet them."""
     pieces = mesh.silhouette(face.solid, where, height_mm)
     result, notes = contours.contours(pieces, tolerance_mm, where)
     outer = [contour.points for contour in result if contour.outer]
@@ -171,7 +174,7 @@ def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) 
 
 
 def _alike(one: Imported, other: Imported) -> bool:
-    """Whether nobody can tell two faces apart by what lies on the table."""
+    """Whether two faces of a solid look the same on the table."""
     assert one.height_mm is not None
     assert other.height_mm is not None
     return abs(one.height_mm - other.height_mm) < mesh.WIDER_MM and symmetry.congruent(
@@ -228,7 +231,7 @@ def _checked(
         return Imported(
             simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))
         ), shift
-    corner = simple.min(axis=0)  # nearer the part than the drawing's origin is
+    corner = simple.min(axis=0)  # a point nearer the part than the drawing's origin
     name = f"the lower left corner of the part's box, {place(corner - shift)} mm in the drawing"
     metres = float(np.hypot(*shift)) / 1000
     far = f"the drawing's origin, {metres:.4g} m away, is too far for a datum; that is {name}"

@@ -1,4 +1,4 @@
-"""KiCad footprints: the component's body, as the fabrication layer of a `.kicad_mod` file draws it.
+"""KiCad footprints: the component's body as drawn on the fabrication layer of a `.kicad_mod` file.
 
 A footprint is one S-expression, read by sexpdata; its shapes are those of KiCad 5 (`module`) to 9.
 """
@@ -20,17 +20,17 @@ from runtime.shell.errors import InputError
 BODY = "F.Fab"
 ON_BODY = frozenset({BODY, "*.Fab", "F&B.Fab"})  # names of layers that hold the body
 TEXTS = frozenset({"fp_text", "fp_text_box", "property"})
-ROUNDS = 32  # chords of a rounded corner: off by 3e-4 of its radius
+ROUNDS = 32  # chords of a rounded corner: error 3e-4 of its radius
 
 
 class Expression(NamedTuple):
     """A list of a footprint that begins with a name."""
 
     name: str
-    values: list[object]  # what follows: words, texts, numbers and lists
+    values: list[object]  # the rest: words, texts, numbers and lists
 
     def parts(self) -> list["Expression"]:
-        """The lists in it that are not empty."""
+        """The non-empty lists in it."""
         return [Expression(_word(value[0]), value[1:]) for value in self.values if _is_list(value)]
 
     def has(self, name: str) -> bool:
@@ -45,11 +45,11 @@ class Expression(NamedTuple):
         return matches[0]
 
     def numbers(self, name: str, count: int) -> Array:
-        """The first numbers (count,) of a part; raises KeyError, and ValueError where they are none."""
+        """The first numbers (count,) of a part; raises KeyError, or ValueError for other values."""
         return self.part(name).first(count)
 
     def first(self, count: int) -> Array:
-        """The first values as numbers (count,); raises ValueError where they are none."""
+        """The first values as numbers (count,); raises ValueError where they are not numbers."""
         values = [value for value in self.values[:count] if isinstance(value, int | float)]
         if len(values) != count or not all(map(math.isfinite, values)):
             written = " ".join(map(str, (self.name, *self.values)))[:40]
@@ -57,7 +57,7 @@ class Expression(NamedTuple):
         return np.array(values, dtype=np.float64)
 
     def layers(self) -> frozenset[str]:
-        """The layers that it lies on, if it states some."""
+        """The layers that it is on, if stated."""
         stated = [part for part in self.parts() if part.name in ("layer", "layers")]
         return frozenset(_word(value) for part in stated for value in part.values)
 
@@ -67,7 +67,7 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
 
     Raises:
         InputError: it is not a footprint, or one of its shapes is damaged.
-        InputError: it holds more shapes than any body has, or none on the layer of the body.
+        InputError: it holds too many shapes, or none on the layer of the body.
     """
     shapes = _shapes(data.decode("utf-8", errors="replace"), where)
     if len(shapes) > MAX_SHAPES:
@@ -99,7 +99,7 @@ def _shapes(text: str, where: str) -> list[Expression]:
         raise InputError("is not a KiCad footprint; export one, or a DXF", where=where)
     try:
         footprint = sexpdata.loads(text, nil=None, true=None, line_comment="\0")
-    except InputError:  # its time is over
+    except InputError:  # the time limit
         raise
     except Exception as error:  # the parser asserts, recurses and looks up attributes
         problem = f"is a damaged KiCad footprint ({_reason(error)}); export it anew"
@@ -127,7 +127,7 @@ def _word(value: object) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """Why something could not be read, on one line."""
+    """The reason of an error, on one line."""
     if isinstance(error, KeyError):
         return f"no {error.args[0]}"
     return str(error).split("\n")[0][:120] or type(error).__name__
@@ -155,7 +155,7 @@ def _circle(shape: Expression, tolerance: float) -> Array:
 
 
 def _bow(shape: Expression, tolerance: float) -> Array:
-    """An arc: through three points, or, as before KiCad 6, of a centre (`start`), an end and an angle."""
+    """An arc: through three points, or, before KiCad 6, by centre (`start`), end and angle."""
     start, end = shape.numbers("start", 2), shape.numbers("end", 2)
     if shape.has("angle"):
         return _arc(start, end, math.radians(float(shape.numbers("angle", 1)[0])), tolerance)
@@ -163,7 +163,7 @@ def _bow(shape: Expression, tolerance: float) -> Array:
 
 
 def _polygon(shape: Expression, tolerance: float) -> Array:
-    """Points and arcs, in order, and back to the first point."""
+    """Points and arcs in order, closed to the first point."""
     points = np.concatenate([_run(part, tolerance) for part in shape.part("pts").parts()])
     return np.concatenate([points, points[:1]])
 
@@ -199,7 +199,7 @@ CURVES: dict[str, Callable[[Expression, float], Array]] = {
     "fp_poly": _polygon,
     "fp_curve": _bezier,
 }
-"""How each kind of shape becomes a polyline (n, 2), in the file's units."""
+"""Functions that convert each kind of shape to a polyline (n, 2), in the file's units."""
 
 
 def _arc(centre: Array, start: Array, turn: float, tolerance: float) -> Array:

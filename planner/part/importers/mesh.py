@@ -1,4 +1,4 @@
-"""STL solids, by trimesh: the silhouette that closing fingers meet, and the faces that solids rest on."""
+"""STL solids, by trimesh: the silhouette that closing fingers meet, and the faces that a solid rests on."""
 
 import io
 from types import ModuleType
@@ -12,31 +12,31 @@ from planner.part.tips import tips_height_mm
 from runtime.shell.errors import InputError, UsageError
 
 FARTHEST_MM = 1e6
-WIDER_MM = 0.1  # by which a solid must differ between heights or faces for a note
-CRACK_MM = 1e-3  # Gaps between triangles up to so wide come from rounded vertices
-GRID_MM = 1e-4  # on which polygons are united
-FLAT_MM2 = 1e-9  # Triangles that are seen smaller stand upright
+WIDER_MM = 0.1  # difference between heights or faces that is worth a note
+CRACK_MM = 1e-3  # Largest gap between triangles due to rounded vertices
+GRID_MM = 1e-4  # grid on which polygons are united
+FLAT_MM2 = 1e-9  # Projected area below which a triangle is vertical
 UP = (0.0, 0.0, 1.0)
 
 
 class Lying(NamedTuple):
     """A solid at rest on one of its stable faces."""
 
-    share: float  # of parts dropped in any orientation that come to rest on it
-    down: tuple[float, float, float]  # that face's outward normal, as the solid was drawn
+    share: float  # share of parts dropped in any orientation that come to rest on it
+    down: tuple[float, float, float]  # that face's outward normal, in the drawing
     solid: Any  # the trimesh, turned so that the face is down
 
 
 def read(data: bytes, where: str, unit_mm: float | None, height_mm: float | None) -> Pieces:
-    """The silhouette of a solid above `height_mm`; as `silhouette`."""
+    """The silhouette of a solid above `height_mm`; see `silhouette`."""
     return silhouette(_solid(_trimesh(where), data, where, unit_mm), where, height_mm)
 
 
 def lying(data: bytes, where: str, unit_mm: float | None) -> list[Lying]:
     """A solid on each facet of its convex hull that it can rest on, the commonest first, else by direction.
 
-    The share of a facet is that of the directions in which a ray from the centre of mass passes through it,
-    with those of the facets that tip over onto it. That is quasi-static: bouncing and rolling on are ignored.
+    The share of a facet is the solid angle that it subtends at the centre of mass, plus that of the facets
+    that tip over onto it. That is quasi-static: bouncing and rolling are ignored.
     """
     trimesh = _trimesh(where)
     solid = _solid(trimesh, data, where, unit_mm)
@@ -52,13 +52,13 @@ def lying(data: bytes, where: str, unit_mm: float | None) -> list[Lying]:
 
 
 def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
-    """What closing fingers meet: all of a solid above their tips, seen from above.
+    """The silhouette of a solid above finger tips, which closing fingers meet, seen from above.
 
-    The tips are `height_mm` above its lowest point, or where they squeeze a part of its height by default.
+    The tips are `height_mm` above its lowest point, or at the default height for a part of its height.
 
     Raises:
-        UsageError: they pass beside it.
-        InputError: nothing is above them.
+        UsageError: the tips are above or below it.
+        InputError: nothing is above the tips.
     """
     low, high = solid.bounds[:, 2].tolist()
     height = tips_height_mm(high - low) if height_mm is None else height_mm
@@ -94,10 +94,10 @@ def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
 
 
 def _shadow(solid: Any, height: float, where: str) -> shapely.Geometry:
-    """The projection of all of a solid above a height.
+    """The projection of the part of a solid above a height.
 
-    It is that of the triangles there: a vertical line that enters a closed solid leaves it through one. Where
-    the surface is open, the section at the height belongs to it, too.
+    It is the projection of the triangles there: a vertical line that enters a closed solid leaves it
+    through one. The section at the height is added where the surface is open.
     """
     trimesh = _trimesh(where)
     cut = trimesh.intersections
@@ -119,9 +119,9 @@ def _shadow(solid: Any, height: float, where: str) -> shapely.Geometry:
 
 
 def _patches(trimesh: ModuleType, surface: Any) -> list[shapely.Geometry]:
-    """The projections of a surface's patches: triangles that join one another and face alike, up or down.
+    """The projections of a surface's patches: connected triangles that all face up or all face down.
 
-    The triangles of most patches do not overlap, so that leaving out their common edges unites them.
+    The triangles of most patches do not overlap, so that removing their common edges unites them.
     """
     corners = np.asarray(surface.triangles)[:, :, :2]
     one, other = (corners[:, k] - corners[:, 0] for k in (1, 2))
@@ -146,7 +146,7 @@ def _patches(trimesh: ModuleType, surface: Any) -> list[shapely.Geometry]:
 def _union(polygons: list[shapely.Geometry]) -> shapely.Geometry:
     """The union of polygons, cracks between them closed.
 
-    It is found on a grid: without one, GEOS loses some of the polygons whose edges nearly coincide.
+    It is computed on a grid: without one, GEOS loses some polygons whose edges nearly coincide.
     """
     whole = shapely.union_all(polygons, grid_size=GRID_MM)
     wider = shapely.buffer(whole, CRACK_MM, join_style="mitre")
@@ -160,9 +160,9 @@ def _solid(trimesh: ModuleType, data: bytes, where: str, unit_mm: float | None) 
         solid = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
         vertices = np.asarray(solid.vertices, dtype=np.float64) * unit_mm
         faces = np.asarray(solid.faces)
-    except InputError:  # its time is over
+    except InputError:  # the time limit
         raise
-    except Exception as error:  # damage shows in many places of the parser
+    except Exception as error:  # damage raises many kinds of errors in the parser
         raise InputError("is no STL file that can be read; export it again", where=where) from error
     if len(faces) == 0 or not np.isfinite(vertices).all():
         raise InputError("holds no triangles; export it again", where=where)

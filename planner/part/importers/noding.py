@@ -1,4 +1,4 @@
-"""Lines that meet, cross or lie upon each other become regions: nodes, faces, and faces that share an edge.
+"""Regions from lines that meet, cross or overlap: nodes, faces, and joined faces that share an edge.
 
 GEOS nodes the lines by snap rounding and finds the faces that they bound (`polygonize`).
 """
@@ -15,8 +15,8 @@ from shapely.ops import substring
 
 from planner.arrays import Array, BoolArray, IntArray
 
-GRID_MM = 1e-6  # Of the snap rounding: what differs by less is a rounding error of the file
-BESIDE_MM = 1e-5  # A noded line lies no further from the one that it was
+GRID_MM = 1e-6  # Grid of the snap rounding: smaller differences are rounding errors of the file
+BESIDE_MM = 1e-5  # Largest distance of a noded line from the original
 
 
 class Region(NamedTuple):
@@ -27,11 +27,11 @@ class Region(NamedTuple):
 
 
 class Regions(NamedTuple):
-    """What lines bound."""
+    """The regions that lines bound."""
 
     regions: list[Region]
     loose: list[Array]  # lines (n, 2) that bound no face [mm]
-    repeated_mm: float  # length of the lines that lie upon others
+    repeated_mm: float  # length of the overlapping lines
 
 
 class _Ends(NamedTuple):
@@ -43,10 +43,10 @@ class _Ends(NamedTuple):
 
 
 def regions(lines: Sequence[Array], join_mm: float) -> Regions:
-    """The regions that lines (n, 2) [mm] bound; gaps of up to `join_mm` at their ends are closed.
+    """The regions that lines (n, 2) [mm] bound, with gaps of up to `join_mm` at their ends closed.
 
-    Faces thinner than `join_mm` lie between two drawings of one line; they join their neighbours, too, but
-    make no seams.
+    Faces thinner than `join_mm` lie between two copies of one line; they are joined to their neighbours
+    without seams.
     """
     if not lines:
         return Regions([], [], 0.0)
@@ -85,7 +85,7 @@ def _bridged(noded: shapely.Geometry, join_mm: float) -> shapely.Geometry:
 
 
 def _free_ends(chains: Array, join_mm: float) -> _Ends:
-    """The ends of chains where no other line begins, but for those of short overshoots."""
+    """The ends of chains where no other line begins, except those of short overshoots."""
     points = np.concatenate(
         [shapely.get_coordinates(shapely.get_point(chains, index)) for index in (0, -1)]
     )
@@ -99,7 +99,7 @@ def _free_ends(chains: Array, join_mm: float) -> _Ends:
 
 
 def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[shapely.Geometry]]:
-    """Which ends have another free end near them (n,), the nearest first, and the lines between the two.
+    """The ends (n,) with another free end near them, the nearest first, and the lines between the two.
 
     The two ends of a chain that is hardly longer than the gap belong to different neighbours.
     """
@@ -119,7 +119,7 @@ def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[
 def _to_nearest(
     tree: shapely.STRtree, ends: _Ends, k: int, join_mm: float
 ) -> shapely.Geometry | None:
-    """The shortest line from an end to a line within `join_mm`, its own chain's far part included."""
+    """The shortest line from an end to a line within `join_mm`, the far part of its own chain included."""
     end, index = shapely.Point(ends.points[k]), int(ends.chain[k])
     near = tree.query(end, predicate="dwithin", distance=join_mm)
     lines = [tree.geometries[j] for j in near if j != index]
@@ -136,7 +136,7 @@ def _to_nearest(
 
 
 def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
-    """Faces that share an edge of their outer boundaries as one region; `thin` ones make no seams."""
+    """Joins faces that share an edge of their outer boundaries; `thin` ones leave no seams."""
     segments, faces = _shared_edges(polygons)
     links = coo_array((np.ones(len(faces)), faces.T), shape=(len(polygons), len(polygons)))
     count, group = connected_components(links, directed=False)
@@ -157,7 +157,7 @@ def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
 
 
 def _shared_edges(polygons: Array) -> tuple[Array, IntArray]:
-    """Segments (n, 2, 2) that two outer boundaries share, and whose (n, 2) they are."""
+    """Segments (n, 2, 2) that two outer boundaries share, and the indices (n, 2) of the two."""
     points, owner = shapely.get_coordinates(shapely.get_exterior_ring(polygons), return_index=True)
     same = owner[1:] == owner[:-1]
     first, second, owner = points[:-1][same], points[1:][same], owner[:-1][same]
@@ -172,7 +172,7 @@ def _shared_edges(polygons: Array) -> tuple[Array, IntArray]:
 
 
 def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> int | None:
-    """A line that bounds a region and goes on beyond it, as an extension line does; None where none does."""
+    """A line that bounds a region and continues beyond it, like an extension line; None without one."""
     if not loose:
         return None
     edges = shapely.linestrings(np.stack([region.ring, np.roll(region.ring, -1, axis=0)], axis=1))

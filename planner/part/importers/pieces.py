@@ -1,4 +1,4 @@
-"""How a drawing is to be read, and what it holds before it is a contour: rings and open strokes, in mm."""
+"""Options for reading a drawing, and its content before contours: rings and open strokes, in mm."""
 
 import signal
 import threading
@@ -14,70 +14,66 @@ from planner.errors import UnitsMissingError
 from runtime.shell.errors import InputError
 
 MAX_BYTES = 32 << 20
-MAX_SHAPES = 20_000  # Most shapes a drawing may hold, blocks and copies written out
+MAX_SHAPES = 20_000  # Most shapes of a drawing, blocks and copies expanded
 MAX_POINTS = 500_000  # Most points of all shapes together, curves flattened
-SECONDS = 30.0  # Longest time that one file is read for
+SECONDS = 30.0  # Longest time for reading one file
 TOLERANCE_MM = 0.02
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "m": 1000.0}
-CLOSED = 0.1  # of its length: a stroke whose ends are no further apart is a ring
-REPEAT_MM = 1e-6  # Points that are closer are one, written twice
-LARGEST_MM = (
-    1e10  # Where coordinates end, as those of maps do; beyond, a double holds no micrometre
-)
+CLOSED = 0.1  # share of its length: a stroke whose ends are no further apart is a ring
+REPEAT_MM = 1e-6  # Distance below which points are the same, written twice
+LARGEST_MM = 1e10  # Largest coordinates; beyond, as on maps, a double does not resolve a micrometre
 
 
 class Options(NamedTuple):
     """How to read a file of any kind."""
 
-    units: str | None = None  # one of `UNITS_MM`, or None to believe the file
+    units: str | None = None  # one of `UNITS_MM`, or None for that of the file
     contour: int | None = None  # number of the contour, from 1, or None where there is only one
     tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
     height_mm: float | None = (
-        None  # of the finger tips beside a solid, or None for `tips.tips_height_mm`
+        None  # height of the finger tips beside a solid; None: `tips.tips_height_mm`
     )
-    layer: str | None = (
-        None  # of a DXF drawing, the only one to read; None for all that are visible
-    )
-    scale: float | None = None  # mm a unit, for drawings in pixels; instead of units
+    layer: str | None = None  # the layer of a DXF drawing to read; None for all visible ones
+    scale: float | None = None  # mm of one unit, for drawings in pixels; instead of units
 
 
 class Lost(NamedTuple):
-    """A shape of a drawing that is not read, and may be the part's outline."""
+    """A shape of a drawing that is not read and may be the part's outline."""
 
-    what: str  # which, and why, for people
-    box: Array | None = None  # (2, 2) its least and largest corner [mm]; None where nobody knows
+    what: str  # description and reason, for people
+    box: Array | None = None  # (2, 2) its least and largest corner [mm]; None: unknown
 
 
 class Pieces(NamedTuple):
     """The shapes of one file."""
 
-    rings: list[Array]  # closed curves, each (n, 2) without its first point repeated [mm]
+    rings: list[Array]  # closed curves, each (n, 2), first point not repeated [mm]
     strokes: list[Array]  # open ones, each (n, 2) [mm]
-    notes: list[str]  # what a reader should know, one sentence each
-    height_mm: float | None = None  # of a solid, from its lowest to its highest point
+    notes: list[str]  # notes on the drawing, one sentence each
+    height_mm: float | None = None  # height of a solid
     layers: tuple[
         str, ...
-    ] = ()  # of each ring, then of each stroke; empty where the format has none
-    lost: tuple[Lost, ...] = ()  # what was not read
+    ] = ()  # layer of each ring, then of each stroke; empty where the format has none
+    lost: tuple[Lost, ...] = ()  # shapes that were not read
 
 
 def need_units(where: str, said: str) -> UnitsMissingError:
-    """The error of a file that does not tell its scale; `said` is why, as a clause about the file."""
+    """The error about a file without a scale; `said` is the reason, as a clause about the file."""
     hint = "say what one unit is with --units mm, cm, in or m, or with --scale MM"
     return UnitsMissingError(f"{where}: {said}; {hint}")
 
 
 def too_much(where: str, what: str) -> InputError:
-    """The error of a file that would take too long."""
+    """The error about a file that would take too long."""
     return InputError(f"{what}; export the part's outline alone", where=where)
 
 
 def flattened(curve: Callable[[Array], Array], tolerance: float) -> Array:
-    """Points (n, 2) of a curve, both ends included; no chord is further from it than a tolerance.
+    """Points (n, 2) of a curve, both ends included, with chords within a tolerance of it.
 
     `curve` takes (n,) parameters in [0, 1] and returns (n, 2) points in its own unit.
     """
-    n = 8  # enough that a curve does not cross its chord in all the middles at once
+    n = 8  # so many that a curve does not cross its chord in all middles at once
     while True:
         points = curve(np.linspace(0.0, 1.0, 2 * n + 1))
         chords = 0.5 * (points[0:-1:2] + points[2::2])
@@ -96,9 +92,9 @@ class Curve(NamedTuple):
 def sorted_out(
     curves: Iterable[Array | Curve], join_mm: float, where: str, notes: list[str]
 ) -> Pieces:
-    """Curves (n, 2) [mm] as rings and strokes: a ring ends where it began.
+    """Sorts curves (n, 2) [mm] into rings, which end where they began, and strokes.
 
-    A stroke that is hardly longer than `join_mm` is no ring: it belongs to a chain of such.
+    A stroke that is hardly longer than `join_mm` is no ring, but part of a chain of strokes.
 
     Raises:
         InputError: a coordinate is not finite or too large, or there are too many points.
@@ -130,7 +126,7 @@ def sorted_out(
 
 
 def place(point: Array) -> str:
-    """A point of a drawing for people, to 0.01 mm however far away it is."""
+    """Formats a point of a drawing to 0.01 mm, at any distance from the origin."""
     x, y = (np.round(point, 2) + 0.0).tolist()
     return f"({x:.12g}, {y:.12g})"
 
@@ -140,7 +136,7 @@ REPEAT_S = 0.1
 
 @contextmanager
 def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
-    """Ends the reading of a file that takes too long; only in the main thread, where signals arrive."""
+    """Limits the time for reading a file; only in the main thread, where signals arrive."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -151,7 +147,8 @@ def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
         )
 
     usual = signal.signal(signal.SIGALRM, stop)
-    # Again and again: Python drops what is raised within a finalizer or a callback of the collector.
+    # Repeatedly: Python drops an exception raised within a finalizer or a callback of the
+    # collector.
     signal.setitimer(signal.ITIMER_REAL, seconds, REPEAT_S)
     try:
         yield

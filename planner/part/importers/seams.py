@@ -1,4 +1,4 @@
-"""Lines inside a contour that two of its faces share: bend lines, or signs that it is not the outline."""
+"""Seams: lines inside a contour that two of its faces share, such as bend lines, and their meaning."""
 
 from typing import NamedTuple
 
@@ -13,26 +13,27 @@ LISTED = 6
 
 
 class Drawn(NamedTuple):
-    """Lines of a drawing that may bound something, about a local origin."""
+    """Lines of a drawing that may bound a contour, about a local origin."""
 
     lines: list[Array]  # each (n, 2) [mm]; a ring ends where it begins
     layers: list[str]  # of each; "" in formats that have none
     origin: Array  # (2,) [mm] in the drawing
-    tree: shapely.STRtree  # of the lines
+    tree: shapely.STRtree  # tolerance of the lines
 
 
 class Meaning(NamedTuple):
-    """What the seams of a region say about it; "" where they say nothing."""
+    """Meaning of the seams of a region; "" where they have none."""
 
-    note: str = ""  # that faces were joined, and along which lines
+    note: str = ""  # the faces that were joined, and the lines between them
     ambiguity: str = ""  # why the contour may be another one, and what to do
 
 
 def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: float) -> Meaning:
-    """What the seams of a region say; `loose` lines bound nothing.
+    """The meaning of a region's seams; `loose` lines bound nothing.
 
-    A region is ambiguous where closed contours overlap in it, where one of its lines goes on beyond it, as
-    the extension lines of a dimension do, or where no layer alone bounds it, but one bounds something else.
+    A region is ambiguous where closed contours overlap in it, where one of its lines continues beyond it
+    (like the extension line of a dimension), or where no single layer bounds it but one bounds another
+    region.
     """
     if not region.seams:
         return Meaning()
@@ -65,7 +66,7 @@ def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: fl
 
 
 def _named(points: Array, drawn: Drawn) -> str:
-    """A line (n, 2) for people: where it runs, and on which layers."""
+    """Describes a line (n, 2) for people: its course and its layers."""
     ends = " to ".join(place(end + drawn.origin) for end in sorted(points[[0, -1]].tolist()))
     middle = shapely.line_interpolate_point(shapely.LineString(points), 0.5, normalized=True)
     near = drawn.tree.query(middle, "dwithin", distance=noding.BESIDE_MM)
@@ -74,7 +75,7 @@ def _named(points: Array, drawn: Drawn) -> str:
 
 
 def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str:
-    """A layer that alone bounds something else than the region; "" where one bounds it, or none anything."""
+    """A layer that alone bounds another region; "" where one bounds this region, or none bounds any."""
     face = _filled(region)
     near = drawn.tree.query(face, "dwithin", distance=join_mm)
     layers = sorted({drawn.layers[k] for k in near})

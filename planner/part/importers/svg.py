@@ -1,4 +1,4 @@
-"""SVG drawings: what a viewer would show, with shapes, transforms and copies (`use`) worked out.
+"""SVG drawings as a viewer shows them: shapes, transforms and copies (`use`) resolved.
 
 The file is parsed by defusedxml, which refuses entities. The picture's y axis points down, the part's up.
 """
@@ -29,9 +29,9 @@ ASPECT = 1e-3
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> pieces.Pieces:
-    """The shapes of an SVG file; as `dxf.read`, a unit_mm of None believes its width and viewBox.
+    """The shapes of an SVG file; see `dxf.read`. A unit_mm of None uses its width and viewBox.
 
-    A length with a unit, such as 40mm, is that long whatever one user unit is.
+    A length with a unit, such as 40mm, does not depend on the user unit.
     """
     root = _root(data, where)
     sheets = Sheets(root)
@@ -76,7 +76,7 @@ def _root(data: bytes, where: str) -> Tree.Element:
 
 
 def _box(page: Values) -> list[float] | None:
-    """The view box of the whole drawing; None where there is none that can be used."""
+    """The view box of the whole drawing; None where there is no usable one."""
     try:
         box = page.box()
     except InputError:  # with --units, nothing depends on it
@@ -85,7 +85,7 @@ def _box(page: Values) -> list[float] | None:
 
 
 def _stated_scale(page: Values, box: list[float] | None, where: str) -> float | None:
-    """Millimetres a user unit by the drawing's physical size and viewBox, None where one is missing."""
+    """Millimetres of one user unit by the drawing's physical size and viewBox; None where one is missing."""
     scales = []
     for name, extent in zip(SIZES, box[2:] if box else (0.0, 0.0), strict=True):
         size = page.stated(name)
@@ -109,7 +109,7 @@ def _viewport(page: Values, box: list[float] | None) -> Viewport:
 
 
 def _states_lengths(root: Tree.Element) -> bool:
-    """Whether some shape's size or place has a physical unit."""
+    """Whether some shape's size or position has a physical unit."""
     texts = (
         text
         for each in root.iter()

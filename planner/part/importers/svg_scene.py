@@ -1,4 +1,4 @@
-"""What an SVG drawing shows: its tree walked as a viewer does, copies (`use`) written out.
+"""Visible shapes of an SVG drawing: walks the tree as a viewer does, with copies (`use`) expanded.
 
 Definitions (`defs`, `symbol`, `marker`, `mask`, `clipPath`, `pattern`) show only where a copy places them.
 """
@@ -23,38 +23,38 @@ XLINK = "{http://www.w3.org/1999/xlink}href"
 SIZES = ("width", "height")
 GROUPS = frozenset({"svg", "g", "a", "switch", "use"})
 STRAYS = frozenset({"text", "image", "foreignObject"})
-CONDITIONS = ("requiredExtensions", "systemLanguage")  # on which a viewer draws a child of `switch`
+CONDITIONS = ("requiredExtensions", "systemLanguage")  # elements of `switch` that a viewer draws
 
 
 class Shape(NamedTuple):
-    """A shape that is seen."""
+    """A visible shape."""
 
     kind: str  # one of `SHAPES`
     values: Values
     matrix: Array  # (3, 3) from its user units to the drawing's
-    window: shapely.Geometry | None  # what is seen, in the drawing's user units; None for all
+    window: shapely.Geometry | None  # visible window in the drawing's user units; None: all
 
 
 class Frame(NamedTuple):
-    """What an element has from those around it."""
+    """Properties that an element inherits from those around it."""
 
     matrix: Array  # (3, 3)
     style: Style
     viewport: Viewport
-    window: shapely.Geometry | None = None  # as of `Shape`
-    above: tuple[int, ...] = ()  # ids of the elements that it lies in
+    window: shapely.Geometry | None = None  # see `Shape`
+    above: tuple[int, ...] = ()  # ids of the elements around it
 
 
 class Scene:
-    """The shapes of a drawing, and what else became of its elements."""
+    """The shapes of a drawing, and counts of its other elements."""
 
     def __init__(
         self, root: Tree.Element, sheets: Sheets, viewport: Viewport, unit_mm: float, where: str
     ) -> None:
         self.unseen = 0  # elements that are hidden, transparent or without paint
         self.cut = 0  # elements that a clip path, mask or viewport cuts
-        self.strays = Counter[str]()  # elements that are seen and no outlines
-        self.missing: list[str] = []  # what is copied and not there
+        self.strays = Counter[str]()  # visible elements that are not outlines
+        self.missing: list[str] = []  # targets of copies that do not exist
         self._root, self._viewport, self._unit_mm, self._where = root, viewport, unit_mm, where
         self._namespace = str(root.tag).rpartition("}")[0]
         self._sheets = sheets
@@ -64,7 +64,7 @@ class Scene:
         self._elements = 0
 
     def shapes(self) -> Iterator[Shape]:
-        """The shapes that are seen, in the order in which they are drawn.
+        """The visible shapes, in drawing order.
 
         Raises:
             InputError: an attribute is malformed.
@@ -73,7 +73,7 @@ class Scene:
         return self._draw(self._root, Frame(np.eye(3), INHERITED, self._viewport), None)
 
     def notes(self) -> list[str]:
-        """What a reader should know of the elements that are not among the shapes."""
+        """Notes on the elements that are not among the shapes."""
         notes = []
         if self.unseen:
             why = "hidden, transparent, out of sight, or neither filled nor stroked"
@@ -131,7 +131,7 @@ class Scene:
         yield from self._draw(target, frame._replace(matrix=frame.matrix @ place), values)
 
     def _viewed(self, kind: str, frame: Frame, values: Values, copy: Values | None) -> Frame | None:
-        """The frame inside a group; None where it shows nothing, being of no extent."""
+        """The frame inside a group; None where it has no extent and shows nothing."""
         if kind not in ("svg", "symbol"):
             return frame
         texts = {name: (copy and copy.style.get(name)) or values.style.get(name) for name in SIZES}
@@ -155,7 +155,7 @@ class Scene:
         return frame._replace(matrix=frame.matrix @ fit, viewport=inner, window=window)
 
     def _window(self, frame: Frame, values: Values, size: Viewport) -> shapely.Geometry | None:
-        """What is seen through a viewport at the element's x and y, and those around it."""
+        """The visible window through a viewport at the element's x and y, and those around it."""
         width, height = size
         overflow = values.style.get("overflow", "hidden").split()
         if width is None or height is None or "visible" in overflow or "auto" in overflow:
@@ -182,6 +182,6 @@ class Scene:
             )
 
     def _kind(self, element: Tree.Element) -> str:
-        """An element's name in SVG, empty for those of other vocabularies."""
+        """An element's name in SVG; empty for other namespaces."""
         namespace, _, name = str(element.tag).rpartition("}")
         return name if namespace == self._namespace else ""

@@ -31,7 +31,7 @@ PATH = re.compile(rf"\s*(?:(?=[Mm])(?:(?>{'|'.join(COMMANDS)})\s*)+)?")
 
 
 def polylines(kind: str, values: Values, tolerance: float) -> list[Array]:
-    """A shape as polylines, each (n, 2), in its own user units; no chord is off by more than a tolerance.
+    """A shape as polylines, each (n, 2), in its own user units, with chords within a tolerance.
 
     Raises:
         InputError: an attribute is malformed.

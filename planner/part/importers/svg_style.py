@@ -1,4 +1,4 @@
-"""How SVG elements look: presentation attributes, style sheets and `style`, as CSS cascades them.
+"""Styles of SVG elements: presentation attributes, style sheets and `style`, cascaded as in CSS.
 
 Selectors are matched by cssselect2, declarations and colours parsed by tinycss2.
 """
@@ -22,9 +22,9 @@ INHERITED = {
     "stroke-opacity": "1",
     "stroke-width": "1",
 }
-"""Properties that an element has from its parent, and their initial values."""
+"""Inherited properties, and their initial values."""
 SHARE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(%?)\s*")
-SCREEN = ("", "all", "screen")  # media whose style sheets count
+SCREEN = ("", "all", "screen")  # media whose style sheets apply
 
 Style = Mapping[str, str]
 """The properties of one element, lower-case names; those of `INHERITED` are always there."""
@@ -71,7 +71,7 @@ class Sheets:
                 continue
             try:
                 selectors = cssselect2.compile_selector_list(rule.prelude)
-            except cssselect2.SelectorError:  # such a rule counts for nothing, says CSS
+            except cssselect2.SelectorError:  # CSS ignores such a rule
                 continue
             content = _declarations(rule.content)
             self._empty = False
@@ -80,12 +80,12 @@ class Sheets:
 
 
 def shows(style: Style, where: str) -> bool:
-    """Whether an element shows anything of itself and of what it contains."""
+    """Whether an element and its content are displayed."""
     return style.get("display", "").strip() != "none" and _share(style, "opacity", where) > 0.0
 
 
 def paints(style: Style, stroke_width: float, where: str) -> bool:
-    """Whether a shape is seen: visible, and filled or stroked with some colour."""
+    """Whether a shape is visible, and filled or stroked with some colour."""
     filled = _inks(style, "fill", where)
     stroked = stroke_width > 0.0 and _inks(style, "stroke", where)
     return style["visibility"].strip() == "visible" and (filled or stroked)

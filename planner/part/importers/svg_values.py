@@ -1,4 +1,4 @@
-"""Numbers of SVG attributes: lengths, lists, transforms and view boxes. What is malformed is refused."""
+"""Numbers in SVG attributes: lengths, lists, transforms and view boxes. Malformed ones are refused."""
 
 import math
 import re
@@ -14,12 +14,12 @@ from runtime.shell.errors import InputError
 NUMBER = r"(?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 GAP = r"(?>\s*,?\s*)"
 LENGTH = re.compile(rf"\s*({NUMBER})\s*(mm|cm|in|pt|pc|Q|px|%)?\s*", re.IGNORECASE)
-APART = r"(?!\.)"  # 1.1.1 is two numbers in a path alone
+APART = r"(?!\.)"  # 1.1.1 is two numbers in a path only
 LIST = re.compile(rf"\s*(?:{NUMBER}{APART}{GAP})*")
 CALL = rf"([a-zA-Z]+)\s*\(\s*((?:{NUMBER}{APART}(?:px|deg|grad|rad|turn)?{GAP})*)\)"
 CALLS = re.compile(rf"\s*(?:{CALL}{GAP})*")
 PHYSICAL_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "q": 0.25}
-PIXEL_MM = 25.4 / 96  # CSS; what a user unit is where no view box says otherwise
+PIXEL_MM = 25.4 / 96  # CSS; size of a user unit without a view box
 ARGUMENTS = {
     "matrix": (6,),
     "translate": (1, 2),
@@ -34,8 +34,8 @@ ARGUMENTS = {
 }
 ACROSS = frozenset(
     {"x", "cx", "rx", "x1", "x2", "width"}
-)  # a share of these is one of the viewport's width
-ALONG = frozenset({"y", "cy", "ry", "y1", "y2", "height"})  # and of these of its height
+)  # percentages of these refer to the viewport's width
+ALONG = frozenset({"y", "cy", "ry", "y1", "y2", "height"})  # and of these to its height
 PLACES = ACROSS | ALONG | {"r"}
 EDGES = {"left": "0%", "top": "0%", "center": "50%", "right": "100%", "bottom": "100%"}
 ASPECT = re.compile(
@@ -44,14 +44,14 @@ ASPECT = re.compile(
 
 
 class Viewport(NamedTuple):
-    """What percentages refer to, in user units; None where nobody says."""
+    """Size to which percentages refer, in user units; None: unknown."""
 
     width: float | None
     height: float | None
 
 
 class Length(NamedTuple):
-    """A length as it is written."""
+    """A length as written."""
 
     value: float
     unit: str  # lower case; empty for user units
@@ -62,11 +62,11 @@ class Values(NamedTuple):
 
     style: Style
     viewport: Viewport
-    unit_mm: float  # what one unit of the drawing's outermost system is
+    unit_mm: float  # size of one unit of the drawing's outermost system
     where: str  # file and element, for errors
 
     def stated(self, name: str) -> Length | None:
-        """A length as it is written; None where it is not stated, or `auto`.
+        """A length as written; None where it is not stated, or `auto`.
 
         Raises:
             InputError: it is malformed.
@@ -83,7 +83,7 @@ class Values(NamedTuple):
         """A length in user units; None where it is not stated, or `auto`.
 
         Raises:
-            InputError: it is malformed, or a share of an unknown size.
+            InputError: it is malformed, or a percentage of an unknown size.
         """
         stated = self.stated(name)
         if stated is None:

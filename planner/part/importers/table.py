@@ -13,9 +13,9 @@ HEADER = re.compile(r"^[\"']?x(?:[_ \[(]+(mm|cm|in|m)[\])]?)?[\"']?$", re.IGNORE
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
-    """The one ring of a CSV file; as `dxf.read`.
+    """The single ring of a CSV file; see `dxf.read`.
 
-    Columns are parted by commas, semicolons (then a comma may be the decimal sign), tabs or spaces; lines
+    Columns are separated by commas, semicolons (then a comma may be the decimal sign), tabs or spaces; lines
     that begin with # are skipped.
     """
     try:

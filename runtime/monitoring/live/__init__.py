@@ -1,1 +1,1 @@
-"""Live views of a run in a terminal or a browser; loaded only when asked for."""
+"""Live views of a run in a browser; loaded only on request."""

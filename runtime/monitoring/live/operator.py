@@ -1,6 +1,6 @@
-"""What the person beside the cell sees: state, yield, takt, lost parts, widths, the table, the last parts.
+"""The operator's page: state, yield, takt, lost parts, widths, the table, the last parts.
 
-Written by the server, so that a browser only puts it in place; all text from files and devices is escaped.
+The server writes the HTML, which the browser only inserts; all text from files and devices is escaped.
 """
 
 from collections.abc import Iterator, Mapping
@@ -49,7 +49,7 @@ Outline = list[list[float]]
 
 
 def state(seen: Mapping[str, Any]) -> str:
-    """What the cell does, in large letters, of a status (`Status.as_object`)."""
+    """The state of the cell in large letters, from a status (`Status.as_object`)."""
     if seen["end"] is not None:
         last = seen["last_part"] or {"reason": None, "safe_state": []}
         said = [last["reason"], *last["safe_state"]] if seen["end"]["grade"] != "good" else []
@@ -61,7 +61,7 @@ def state(seen: Mapping[str, Any]) -> str:
 
 
 def screen(loaded: Table, outline: Outline, seen: Mapping[str, Any]) -> str:
-    """All below the state, of a table, its part's outline (n, 2) [mm] and a status (`Status.as_object`)."""
+    """Everything below the state: of a table, its part's outline (n, 2) [mm] and a status."""
     return "\n".join(
         [
             *_signs(seen),
@@ -79,7 +79,7 @@ def screen(loaded: Table, outline: Outline, seen: Mapping[str, Any]) -> str:
 
 
 def _signs(seen: Mapping[str, Any]) -> Iterator[str]:
-    """What somebody should look at: alarms of the charts, and whether the cell is another than planned."""
+    """Signs that need attention: alarms of the charts, and whether the cell differs from the plan."""
     for alarm in seen["charts"]["alarms"]:
         yield verdict("fair", f"{_capital(alarm['sentence'])} (part {alarm['number']}).")
     if seen["refit_pays"]:
@@ -110,7 +110,7 @@ def _figures(seen: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
 
 
 def _pose(answer: Mapping[str, Any]) -> tuple[str, str]:
-    """Where a part lies, or its drawing's datum, if the job names one; and its angle, and which it is."""
+    """Pose of a part, or of its drawing's datum if the job names one, with its name if any."""
     shown = answer["datum"] or answer
     which = f"{answer['hypothesis']}, " if "hypothesis" in answer else ""
     datum = " (datum)" if answer["datum"] else ""
@@ -158,7 +158,7 @@ def picture(loaded: Table, outline: Outline, node: int, width_mm: float | None) 
     Args:
         loaded: the table.
         outline: of its part (n, 2) [mm], empty if not known.
-        node: whose squeeze it was.
+        node: index of the squeeze's node.
         width_mm: between the fingers; None: they are open.
     """
     squeeze, gripper = loaded.nodes[node].squeeze, loaded.gripper
@@ -188,7 +188,7 @@ def _moved(drawn: str, x_um: int, y_um: int, angle_urad: int) -> str:
 
 
 def _usual(loaded: Table, node: int, width_mm: float | None) -> int:
-    """The leaf that most parts reach from the outcome whose width is nearest."""
+    """The leaf that most parts reach from the branch with the nearest width."""
     branches = loaded.nodes[node].branches
     target = max(branches, key=lambda branch: branch.probability_ppm).target
     if width_mm is not None:
@@ -212,8 +212,8 @@ def _widths(charts: Mapping[str, Any]) -> Iterator[str]:
     limit = charts["limit"]
     yield trend("Widths against the plan", lines, (-limit, limit), "squeeze")
     yield (
-        '<p class="note">How much speaks for fingers that stop wider or narrower than planned. At a dashed '
-        "line the gripper should be looked at; the line then begins again at 0.</p>"
+        '<p class="note">Evidence for fingers that stop wider or narrower than planned. At a dashed line, '
+        "check the gripper; the line then restarts at 0.</p>"
     )
 
 

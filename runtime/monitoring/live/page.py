@@ -1,7 +1,7 @@
-"""The page that follows a run: what the person beside the cell needs, and on demand the tree of the table.
+"""The page that follows a run: the operator's view, and on demand the tree of the table.
 
-Everything is in the file but the state, which it asks its own server for. Where the table carries its job,
-pictures show the part's outline.
+The page contains everything except the state, which it requests from its server. Pictures show the part's
+outline where the table carries its job.
 """
 
 import json
@@ -21,14 +21,14 @@ METRICS = "text/plain; version=0.0.4; charset=utf-8"
 
 
 class Part(NamedTuple):
-    """What the job within a table says of its part."""
+    """Data about the part from the job within the table."""
 
     name: str
-    outline: list[list[float]]  # (n, 2) [mm], empty if not known
+    outline: list[list[float]]  # (n, 2) [mm], empty if unknown
 
 
 def pages(table: Table, name: str, status: Status) -> Pages:
-    """What a server of one run tells, by path with its media type; `name` is that of the table's file."""
+    """The pages of a run's server, by path with media type; `name` is that of the table's file."""
     html, part = page(table, name).encode(), part_of(table)  # once, before anything moves
 
     def screen() -> bytes:
@@ -64,7 +64,7 @@ def page(table: Table, name: str) -> str:
 
 
 def tree(table: Table, outline: list[list[float]]) -> dict[str, Any]:
-    """A table for the page, by columns in its own units, and the outline (n, 2) [mm] of its part."""
+    """Data of a table for the page, as columns in its units, and the outline (n, 2) [mm] of its part."""
     branches = [
         {"node": index, **branch._asdict()}
         for index, node in enumerate(table.nodes)
@@ -90,7 +90,7 @@ def _columns(rows: list[dict[str, Any]], *names: str) -> dict[str, list[Any]]:
 
 
 def part_of(table: Table) -> Part:
-    """The part's name and outline from the job within the table; a job of another make shows without them."""
+    """The part's name and outline from the job within the table; a foreign job format has neither."""
     try:
         part = (job_of(table) or {})["part"]
         outline = [[float(x), float(y)] for x, y in part["outline_mm"]]

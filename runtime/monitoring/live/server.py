@@ -1,7 +1,7 @@
-"""The TCP server of the live page: where it listens, and what it answers.
+"""The TCP server of the live page: its address, and its answers.
 
-It listens at `PORT`, `HOST:PORT` or `[::1]:PORT`; without a host for this machine alone. It answers GET and
-HEAD of a few pages, and one sentence to all else.
+It listens at `PORT`, `HOST:PORT` or `[::1]:PORT`; without a host for this machine only. It answers GET and
+HEAD of a few pages, and anything else with one sentence.
 """
 
 import ipaddress
@@ -24,7 +24,7 @@ TEXT = "text/plain; charset=utf-8"
 
 
 class Address(NamedTuple):
-    """A host, by name or number, and a TCP port; port 0 stands for any that is free."""
+    """A host, by name or number, and a TCP port; port 0 stands for any free one."""
 
     host: str
     port: int
@@ -34,10 +34,10 @@ class Address(NamedTuple):
 
 
 def parse(text: str, option: str = "--http") -> Address:
-    """Read an address as an option takes it.
+    """Parses an address in the form of an option.
 
     Raises:
-        UsageError: it is none.
+        UsageError: it is not an address.
     """
     netloc = text if ":" in text else f"{LOOPBACK}:{text}"
     try:
@@ -55,17 +55,17 @@ def parse(text: str, option: str = "--http") -> Address:
 def served(
     text: str, option: str, schemes: Collection[str], *, network: bool, risk: str
 ) -> Address:
-    """Read where an option says that clients connect, `SCHEME://HOST:PORT`.
+    """Parses the address `SCHEME://HOST:PORT` of an option at which clients connect.
 
     Args:
         text: of the option.
         option: its name.
-        schemes: that there are.
-        network: whether another address than this machine's own is allowed.
-        risk: what whoever reaches the address may do.
+        schemes: the valid schemes.
+        network: whether an address that other machines reach is allowed.
+        risk: what a client at the address may do.
 
     Raises:
-        UsageError: it is no such address, or reaches farther than is allowed.
+        UsageError: it is not such an address, or may be reached by other machines without permission.
     """
     scheme, _, place = text.partition("://")
     if scheme not in schemes or not place or urlsplit(f"//{place}").path:
@@ -89,10 +89,10 @@ def is_loopback(host: str) -> bool:
 
 
 class PageServer(Server):
-    """Answers requests on a TCP port; its `address` has the port that was free in place of 0.
+    """Answers requests on a TCP port; its `address` has the actual port in place of 0.
 
     Raises:
-        UsageError: nothing can listen there.
+        UsageError: the address is not available.
     """
 
     def __init__(self, address: Address, pages: Pages) -> None:
@@ -106,7 +106,7 @@ def listening(address: Address, option: str) -> socket.socket:
     """A socket that listens at an address.
 
     Raises:
-        UsageError: nothing can listen there.
+        UsageError: the address is not available.
     """
     try:
         family, kind, _, _, place = socket.getaddrinfo(
@@ -140,10 +140,10 @@ def _sentence(error: OSError, address: Address) -> str:
 
 
 def answer(pages: Pages, asked: bytes, *, local: bool) -> bytes:
-    """The whole response to a request's head; the pages are by path, each with its media type.
+    """The complete response to a request; the pages are by path, each with its media type.
 
-    With `local` only questions to this machine's own name are answered: a page elsewhere that has its name
-    point here (DNS rebinding) then learns nothing.
+    With `local` only requests to this machine's own name are answered: a page elsewhere whose name resolves
+    to this machine (DNS rebinding) learns nothing.
     """
     line, _, fields = asked.partition(b"\n")
     understood = REQUEST.match(line)
@@ -165,6 +165,6 @@ def answer(pages: Pages, asked: bytes, *, local: bool) -> bytes:
 def _asks_here(fields: bytes) -> bool:
     named = HOST.findall(fields)
     if len(named) != 1:
-        return not named  # HTTP/1.0 need not name a host; no browser leaves it out
+        return not named  # HTTP/1.0 need not name a host; no browser omits it
     host = re.sub(r":\d*$", "", named[0].decode("latin-1").strip())
     return is_loopback(host.strip("[]"))

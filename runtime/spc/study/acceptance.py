@@ -1,14 +1,14 @@
-"""Acceptance of a cell: is the share of parts that it fails below a limit? To be looked at after any part.
+"""Acceptance of a cell: is the share of failed parts below a limit? It may be checked after any part.
 
-A part is good if it came to a resolved leaf and its audit passed. One that was rejected, unresolved, a fault
-or judged wrong failed; one that came to a leaf and was not judged is not known, and counts against whichever
-verdict it might speak for. Parts that the operator stopped are left out.
+A part is good if it ended at a resolved leaf and its audit passed. A part that was rejected, unresolved,
+faulted or judged wrong has failed. A part at a leaf without a judgement is unknown, and counts against
+either verdict. Parts that the operator stopped are left out.
 
-The verdict is a sequential test by a confidence sequence: for a share m, ((s / m)^S ((1 - s) / (1 - m))^(n-S)
-mixed over a beta distribution of s exceeds 1 / ERROR at any of the n with probability ERROR at most (Ville
-1939; Howard, Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2). So it may be looked
-at after each part and the study ended as soon as it is decided, and a wrong verdict still has probability
-ERROR at most.
+The verdict is a sequential test by a confidence sequence: for a share m, ((s / m)^S ((1 - s) / (1 -
+m))^(n-S) mixed over a beta distribution of s exceeds 1 / ERROR at any of the n with probability ERROR at
+most (Ville 1939; Howard, Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2). So the
+test may be checked after each part and the study ended as soon as it is decided: a wrong verdict still has
+probability ERROR at most.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -20,15 +20,15 @@ from typing import NamedTuple
 from runtime.spc.charts import binomial_at_most
 from runtime.spc.history import Part
 
-ERROR = 0.05  # chance that a verdict is ever wrong, however often it is looked at
-POWER = 0.9  # chance of being accepted that a number of parts is planned for
+ERROR = 0.05  # probability that a verdict is ever wrong, at any number of looks
+POWER = 0.9  # probability of acceptance for which a number of parts is planned
 MOST_PARTS = 10_000_000
 LEFT_OUT = frozenset({"stopped", "aborted", ""})
 _SHAPE = 0.5
 
 
 class Verdict(StrEnum):
-    """What a study has come to."""
+    """Verdict of a study."""
 
     ACCEPTED = "accepted"
     REFUSED = "refused"
@@ -36,7 +36,7 @@ class Verdict(StrEnum):
 
 
 class Bounds(NamedTuple):
-    """A share, and what it is with confidence 1 - `ERROR` at any look."""
+    """A share, and its bounds with confidence 1 - `ERROR` at any look."""
 
     low: float
     share: float
@@ -47,7 +47,7 @@ class Bounds(NamedTuple):
 class SequentialTest:
     """The sequential test of a share against a limit."""
 
-    limit: float  # share of failures that is to be undercut, between 0 and 1
+    limit: float  # largest acceptable share of failures, between 0 and 1
 
     def evidence(self, failures: int, parts: int, share: float) -> float:
         """Logarithm of the mixture's likelihood ratio against a share of failures."""
@@ -56,12 +56,12 @@ class SequentialTest:
         return mixed - _times_log(failures, share) - (parts - failures) * log1p(-share)
 
     def accepts(self, failures: int, parts: int) -> bool:
-        """Whether so many failures show that their share is below the limit."""
+        """Whether `failures` show that their share is below the limit."""
         below = failures < self.limit * parts
         return below and self.evidence(failures, parts, self.limit) >= -log(ERROR)
 
     def refuses(self, failures: int, parts: int) -> bool:
-        """Whether they show that it is above."""
+        """Whether they show that it is above the limit."""
         above = failures > self.limit * parts
         return above and self.evidence(failures, parts, self.limit) >= -log(ERROR)
 
@@ -74,7 +74,7 @@ class SequentialTest:
         return Bounds(low, least / parts, high)
 
     def _crossing(self, failures: int, parts: int, outside: float, inside: float) -> float:
-        """Between a share that is ruled out and one that is not, where that changes; by bisection."""
+        """The boundary between an excluded share and one that is not, by bisection."""
         for _ in range(60):
             middle = 0.5 * (outside + inside)
             if 0.0 < middle < 1.0 and self.evidence(failures, parts, middle) < -log(ERROR):
@@ -86,10 +86,10 @@ class SequentialTest:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """What the parts of a study have come to so far."""
+    """State of a study so far."""
 
     limit: float
-    parts: int = 0  # those that count
+    parts: int = 0  # parts that count
     failed: int = 0
     unknown: int = 0
     verdict: Verdict = Verdict.OPEN
@@ -97,7 +97,7 @@ class Acceptance:
 
     @property
     def bounds(self) -> Bounds:
-        """Of the share of failures."""
+        """Bounds of the share of failures."""
         return SequentialTest(self.limit).bounds(
             self.failed, self.failed + self.unknown, self.parts
         )
@@ -117,7 +117,7 @@ class Acceptance:
 
 
 def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
-    """What a study has come to after each part that counts; a verdict, once there, stays."""
+    """State of a study after each part that counts; a verdict is final."""
     test, now = SequentialTest(limit), Acceptance(limit)
     for part in parts:
         if part.outcome in LEFT_OUT:
@@ -137,18 +137,18 @@ def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
 
 
 class Planned(NamedTuple):
-    """How many parts a study takes."""
+    """Number of parts that a study needs."""
 
     least: int  # without a single failure
-    likely: int | None  # with probability `POWER`; None where no number would do
+    likely: int | None  # with probability `POWER`; None where no number suffices
 
 
 def planned(limit: float, expected: float | None) -> Planned:
-    """How many parts to run before a cell is accepted.
+    """Number of parts until a cell is accepted.
 
     Args:
-        limit: share of failures that is to be undercut.
-        expected: share of the cell's failures; None where it is not known.
+        limit: largest acceptable share of failures.
+        expected: share of the cell's failures; None: unknown.
     """
     test = SequentialTest(limit)
     least = _first(lambda count: test.accepts(0, count)) or MOST_PARTS
@@ -160,12 +160,12 @@ def planned(limit: float, expected: float | None) -> Planned:
 
 
 def parts_for(readings: int, share: float, probability: float = 0.95) -> int | None:
-    """How many parts to run so that, with a probability, so many of them are of a kind with this share."""
+    """Number of parts that contain, with a probability, `readings` of a kind with this share."""
     return _first(lambda count: binomial_at_most(readings - 1, count, share) <= 1.0 - probability)
 
 
 def _most(test: SequentialTest, count: int) -> int:
-    """Greatest number of failures with which so many parts are accepted; -1 for none."""
+    """Greatest number of failures with which `count` parts are accepted; -1 for none."""
     low, high = -1, ceil(test.limit * count)
     while high - low > 1:
         middle = (low + high) // 2
@@ -174,7 +174,7 @@ def _most(test: SequentialTest, count: int) -> int:
 
 
 def _first(does: Callable[[int], bool]) -> int | None:
-    """The first number of parts that does, by doubling and bisection; None for none up to `MOST_PARTS`."""
+    """The first number of parts that satisfies a condition, by bisection; None up to `MOST_PARTS`."""
     high = 1
     while not does(high):
         high *= 2

@@ -1,4 +1,4 @@
-"""`grasp-audit study`: the acceptance of a cell from its journals, and how many parts that takes."""
+"""`grasp-audit study`: the acceptance of a cell from its journals, and the number of parts that it needs."""
 
 import argparse
 import csv
@@ -39,7 +39,7 @@ def parser() -> Parser:
     """The command line."""
     built = Parser(
         prog="grasp-audit study",
-        description="Accept a cell by its audited parts, at whatever look; study the squeeze as a gauge.",
+        description="Accept a cell by its audited parts, checked at any time; study the squeeze as a gauge.",
         epilog=EPILOG,
     )
     add = built.add_argument
@@ -91,7 +91,7 @@ def parser() -> Parser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+    """Runs the command; returns its exit code."""
     return run(parser(), arguments, _study)
 
 
@@ -185,7 +185,7 @@ def _of_measurements(options: argparse.Namespace) -> int:
 
 
 def _say_crossed(options: argparse.Namespace, studies: Mapping[str, Crossed]) -> int:
-    """Print crossed studies alone; the exit code is that of the worst that is known."""
+    """Prints crossed studies only; returns the exit code of the worst that is known."""
     fields = {"crossed": {name: study.fields() for name, study in studies.items()}}
     say_result(options.json, fields, crossed_words(studies))
     known = [study.percent for study in studies.values() if study.percent is not None]
@@ -195,10 +195,10 @@ def _say_crossed(options: argparse.Namespace, studies: Mapping[str, Crossed]) ->
 
 
 def _readings(path: Path) -> list[list[list[float]]]:
-    """The readings of a file by part, appraiser and trial.
+    """Readings of a file by part, appraiser and trial.
 
     Raises:
-        InputError: naming what is wrong, and the row.
+        InputError: the file is invalid; names the problem and the row.
         OSError: it cannot be read.
     """
     cells: dict[tuple[str, str], list[float]] = {}
@@ -221,7 +221,7 @@ def _readings(path: Path) -> list[list[list[float]]]:
 
 
 def _limit(options: argparse.Namespace, confidence_ppm: int) -> float:
-    """Share of failures that is to be undercut."""
+    """Largest acceptable share of failures."""
     limit = 1.0 - options.required if options.required is not None else 1.0 - confidence_ppm / PPM
     if not 0.0 < limit < 1.0:
         raise UsageError(

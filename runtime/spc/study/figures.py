@@ -1,4 +1,4 @@
-"""The figures of a study: the squeeze as a gauge of poses, leaf by leaf, and the cell's acceptance."""
+"""Figures of a study: the squeeze as a gauge of poses, leaf by leaf, and the cell's acceptance."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,17 +21,17 @@ from runtime.table import (
 )
 
 COORDINATES = ("x_mm", "y_mm", "theta_rad")
-COVERED = 0.95  # share of the parts whose leaves a type-1 study is planned for
-CHECKPOINTS = 200  # of the curve of bounds
+COVERED = 0.95  # share of the parts whose leaves get a type-1 study
+CHECKPOINTS = 200  # points of the curve of bounds
 CROSSED = {"parts": 10, "appraisers": 3, "trials": 3}  # the usual design
 
 
 class GaugeRow(NamedTuple):
-    """Type-1 studies of one leaf, or of all."""
+    """Type-1 studies of one leaf, or of all leaves."""
 
-    leaf: int | None  # None for all of the table
+    leaf: int | None  # None for the whole table
     readings: int
-    studies: Mapping[str, TypeOne]  # by coordinate, those that the goal has a tolerance for
+    studies: Mapping[str, TypeOne]  # by coordinate, for those with a tolerance in the goal
 
     def fields(self) -> dict[str, object]:
         """For JSON."""
@@ -44,7 +44,7 @@ class GaugeRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """What the journals of a run-off say."""
+    """Results of a run-off's journals."""
 
     history: History
     acceptance: Acceptance
@@ -52,14 +52,15 @@ class Study:
     curve: tuple[Acceptance, ...]
     table: GaugeRow
     leaves: tuple[GaugeRow, ...]
-    crossed: Mapping[str, Crossed]  # by quantity; empty where none was asked for
+    crossed: Mapping[str, Crossed]  # by quantity; empty if not requested
     planned: Planned
 
     @property
     def bounds(self) -> Bounds:
-        """Of the share of failures: bounds of all looks hold together, so the narrowest do.
+        """Bounds of the share of failures: those of all looks hold together, so the narrowest apply.
 
-        Where they exclude one another the share has changed on the way, and those of the last look are given.
+        If they contradict one another, the share has changed meanwhile, and those of the last look are
+        returned.
         """
         last, looks = self.acceptance.bounds, [now.bounds for now in self.curve]
         low, high = max(look.low for look in looks), min(look.high for look in looks)
@@ -87,8 +88,8 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
 
     Args:
         history: of the run-off.
-        limit: share of failures that is to be undercut.
-        others: crossed studies to go with it.
+        limit: largest acceptable share of failures.
+        others: crossed studies to include.
 
     Raises:
         UsageError: no part was audited, or too few were measured.
@@ -133,12 +134,12 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
 
 
 def by_truth(history: History) -> History:
-    """A history whose parts are judged by where the simulated cell says that they were."""
+    """A history whose parts are judged by their true poses in the simulated cell."""
     return replace(history, parts=tuple(_judged(history.table, part) for part in history.parts))
 
 
 def tolerances_of(goal: GoalSpec) -> dict[str, float]:
-    """Whole widths of what a goal allows by coordinate, mm and rad; of a distance each has all alone."""
+    """Whole widths of the goal's tolerances by coordinate, mm and rad; a distance applies to each alone."""
     if goal.kind in ("tolerances", "orientation"):
         tolerance, turn = goal.tolerance, {"theta_rad": goal.tolerance.theta_urad / 5e5}
         if goal.kind == "orientation":
@@ -157,7 +158,7 @@ def expected_failures(table: Table) -> float | None:
 
 
 def parts_of_leaves(table: Table) -> int | None:
-    """How many parts give a type-1 study at each of the leaves that most parts end at; None: not known."""
+    """Number of parts for a type-1 study at each of the most frequent leaves; None: unknown."""
     trials = sorted((leaf.trials for leaf in table.leaves), reverse=True)
     total, seen = sum(trials), 0
     for count in trials:
@@ -168,14 +169,14 @@ def parts_of_leaves(table: Table) -> int | None:
 
 
 def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
-    """Crossed studies of the squeeze as the gauge: journals are appraisers, each with the same parts in turn.
+    """Crossed studies of the squeeze as the gauge: journals are appraisers of the same parts in turn.
 
-    Quantities are the width of the first squeeze, whose hand stands where it did for every part, and the pose
-    of the leaf, if every part was located.
+    Quantities are the width of the first squeeze, whose hand is at the same place for every part, and the
+    pose of the leaf, if every part was located.
 
     Args:
-        runs: one a journal, of one table.
-        parts: how many parts there are, presented in the same order again and again.
+        runs: one for each journal, of one table.
+        parts: number of parts, presented repeatedly in the same order.
 
     Raises:
         UsageError: the journals do not hold such a study.
@@ -212,7 +213,7 @@ def _coordinate(table: Table, number: int) -> Callable[[Part], float]:
 def _readings(
     name: str, runs: Sequence[History], parts: int, of: Callable[[Part], float]
 ) -> list[list[list[float]]]:
-    """The readings of a quantity by part, journal and trial; angles of a part beside one another."""
+    """Readings of a quantity by part, journal and trial; angles of a part are unwrapped."""
     readings = [[[of(part) for part in run.parts[k::parts]] for run in runs] for k in range(parts)]
     if name != "theta_rad":
         return readings
@@ -242,5 +243,5 @@ def _judged(table: Table, part: Part) -> Part:
 
 
 def in_degrees(name: str, value: float) -> float:
-    """A value of a coordinate as people read it: mm, or degrees."""
+    """A coordinate in mm or degrees, for people."""
     return degrees(value) if name == "theta_rad" else value

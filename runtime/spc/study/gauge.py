@@ -1,7 +1,7 @@
 """Studies of a gauge: type 1 (Cg, Cgk, bias) and crossed repeatability and reproducibility (gauge R&R).
 
-Formulas and constants: AIAG, Measurement Systems Analysis, 4th edition 2010, chapter III; the type-1 study as
-VDA volume 5 has it: a fifth of the tolerance against six standard deviations of repeated readings.
+Formulas and constants: AIAG, Measurement Systems Analysis, 4th edition 2010, chapter III; the type-1 study
+by VDA volume 5: a fifth of the tolerance against six standard deviations of repeated readings.
 """
 
 from collections.abc import Sequence
@@ -11,9 +11,9 @@ from statistics import fmean, stdev
 from typing import NamedTuple
 
 LEAST_READINGS = 25  # of a type-1 study
-CAPABLE = 1.33  # Cg and Cgk from which on a gauge counts as capable
-GOOD, ACCEPTABLE = 10.0, 30.0  # %GRR up to which a gauge is good, and up to which it may do
-POOLED_FROM = 0.05  # probability from which on the interaction counts as repeatability
+CAPABLE = 1.33  # Cg and Cgk above which a gauge counts as capable
+GOOD, ACCEPTABLE = 10.0, 30.0  # %GRR up to which a gauge is good, and up to which it is acceptable
+POOLED_FROM = 0.05  # probability above which the interaction counts as repeatability
 CATEGORIES = 1.41
 # 1 / d2* by number of trials, of appraisers, and of parts.
 K1 = {2: 0.8862, 3: 0.5908}
@@ -32,18 +32,18 @@ K3 = {
 
 
 class TypeOne(NamedTuple):
-    """A type-1 study, in the unit of its deviations; what cannot be computed is None."""
+    """A type-1 study, in the unit of its deviations; undefined values are None."""
 
     readings: int
-    bias: float  # mean of what the gauge said less the reference
+    bias: float  # mean of gauge minus reference
     sigma: float | None  # standard deviation of the readings
     cg: float | None  # repeatability against the tolerance
     cgk: float | None  # repeatability and bias against it
-    bias_p: float | None  # probability of such a bias by chance alone (Student's t)
+    bias_p: float | None  # probability of such a bias by chance (Student's t)
 
     @property
     def capable(self) -> bool | None:
-        """Whether Cg and Cgk reach `CAPABLE`; None where there are too few readings to say so."""
+        """Whether Cg and Cgk reach `CAPABLE`; None with too few readings."""
         if self.readings < LEAST_READINGS:
             return None
         if self.cg is None or self.cgk is None:  # all readings are equal
@@ -55,8 +55,8 @@ def type_one(deviations: Sequence[float], tolerance: float) -> TypeOne:
     """A type-1 study.
 
     Args:
-        deviations: what the gauge said less the reference, at least one.
-        tolerance: whole width of what is allowed, in the same unit.
+        deviations: gauge minus reference, at least one.
+        tolerance: whole width of the tolerance, in the same unit.
     """
     count, bias = len(deviations), fmean(deviations)
     if count < 2:
@@ -71,8 +71,8 @@ def type_one(deviations: Sequence[float], tolerance: float) -> TypeOne:
 class Spread(NamedTuple):
     """Standard deviations of a crossed study, in the unit of its readings."""
 
-    repeatability: float  # EV: the gauge, one part and one appraiser
-    reproducibility: float  # AV: appraisers, and their interaction with parts where there is one
+    repeatability: float  # EV: within one part and one appraiser
+    reproducibility: float  # AV: appraisers, and their interaction with parts if any
     part: float  # PV
 
     @property
@@ -91,7 +91,7 @@ class Spread(NamedTuple):
 
     @property
     def categories(self) -> float | None:
-        """Number of distinct categories before it is truncated; None where the gauge never varied."""
+        """Number of distinct categories, not truncated; None where the gauge never varied."""
         return CATEGORIES * self.part / self.gauge if self.gauge else None
 
     def fields(self) -> dict[str, object]:
@@ -116,7 +116,7 @@ Readings = Sequence[Sequence[Sequence[float]]]
 
 @dataclass(frozen=True, slots=True)
 class Crossed:
-    """A crossed study by both methods."""
+    """A crossed study, evaluated by both methods."""
 
     parts: int
     appraisers: int
@@ -124,7 +124,7 @@ class Crossed:
     # probability of such an interaction by chance; None where nothing repeats
     interaction_p: float | None
     anova: Spread
-    ranges: Spread | None  # average and range; None where there are no constants for so many
+    ranges: Spread | None  # by average and range; None without constants for this size
 
     def fields(self) -> dict[str, object]:
         """For JSON."""
@@ -150,7 +150,7 @@ def crossed(readings: Readings) -> Crossed:
         readings: of part, appraiser and trial, (p, o, r), each at least 2.
 
     Raises:
-        ValueError: there are fewer, or the study is not balanced.
+        ValueError: a dimension is smaller, or the study is not balanced.
     """
     parts, appraisers = len(readings), len(readings[0]) if readings else 0
     trials = len(readings[0][0]) if appraisers else 0
@@ -166,7 +166,7 @@ def crossed(readings: Readings) -> Crossed:
 
 
 def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None, Spread]:
-    """Two-way analysis of variance with interaction, which is pooled where nothing speaks for it."""
+    """Two-way analysis of variance with interaction, which is pooled where it is not significant."""
     cells = [[fmean(cell) for cell in row] for row in readings]
     rows, columns = (
         [fmean(row) for row in cells],

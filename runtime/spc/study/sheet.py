@@ -13,7 +13,7 @@ from runtime.spc.study.figures import GaugeRow, Study, in_degrees
 from runtime.spc.study.gauge import ACCEPTABLE, CAPABLE, GOOD, LEAST_READINGS, Crossed, TypeOne
 from runtime.spc.summary import Series
 
-MOST_LEAVES = 16  # on the sheet, those with the most parts; --json has all
+MOST_LEAVES = 16  # leaves on the sheet, those with the most parts; --json has all
 MOST_JOURNALS = 6
 UNITS = {
     "x_mm": ("x", "mm"),
@@ -32,7 +32,7 @@ def page(study: Study, journals: Sequence[str]) -> str:
     """The sheet.
 
     Args:
-        study: what it says.
+        study: its content.
         journals: names of the files it was made from.
     """
     grades = {Verdict.ACCEPTED: "good", Verdict.OPEN: "fair"}
@@ -100,7 +100,7 @@ def crossed_words(studies: Mapping[str, Crossed]) -> Iterator[str]:
 
 
 def judged(study: Crossed) -> str:
-    """What a %GRR means by AIAG's limits."""
+    """Meaning of a %GRR by AIAG's limits."""
     if study.percent is None:
         return "not known: nothing varied"
     if study.percent <= GOOD:
@@ -126,7 +126,7 @@ def _facts(study: Study, journals: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def _curve(study: Study) -> Series:
     course = [(now.bounds, now.parts) for now in study.curve]
-    most = 8.0 * study.acceptance.limit  # the first parts say next to nothing
+    most = 8.0 * study.acceptance.limit  # the first parts have little information
     lines = (
         Line("at most", [min(bounds.high, most) for bounds, _ in course]),
         Line("failures", [min(bounds.share, most) for bounds, _ in course]),

@@ -1,4 +1,4 @@
-"""A robot that asks grasp-runtime --serve, in Python: give `locate` a connection and a robot of your own."""
+"""A robot client of grasp-runtime --serve, in Python: give `locate` a connection and your robot."""
 
 import socket
 import sys
@@ -19,7 +19,7 @@ class Connection:
 
 
 def locate(connection, robot):
-    """Locate one part; returns leaf, x mm, y mm, angle deg and success, or None where it was not located."""
+    """Locates one part; returns leaf, x mm, y mm, angle deg and success, or None where it was not located."""
     words = connection.ask("NEXT")
     while words[0] == "SQUEEZE":
         node = words[1]
@@ -38,7 +38,7 @@ def locate(connection, robot):
 
 
 class Person:
-    """Somebody with a gripper in the hand, to try it with."""
+    """A person with a gripper in the hand, for a trial."""
 
     def place(self, x, y, angle, opening):
         input(f"open to {opening:g} mm, put the hand at ({x:g}, {y:g}) mm, {angle:g} deg; Enter ")

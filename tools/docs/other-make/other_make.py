@@ -1,4 +1,4 @@
-"""A gripper and an arm of a make that does not exist: both speak lines of text over TCP, in millimetres."""
+"""Example drivers: a gripper and an arm of a fictitious make, with lines of text over TCP, in millimetres."""
 
 import math
 
@@ -21,14 +21,14 @@ QUESTIONS = ("status", "where")
 
 
 class Lines(StreamLink):
-    """One line out, one line back; `read_only`: no line that is not a question goes out."""
+    """Sends a line, receives a line; `read_only`: sends only questions."""
 
     def __init__(self, stream: Stream, pace: Pace, *, read_only: bool) -> None:
         super().__init__(stream, pace, no_report)
         self._read_only = read_only
 
     def ask(self, line: str, seconds: float = 0.0) -> list[str]:
-        """The words of the answer, which may take the device so many seconds."""
+        """The words of the answer, which the device may take `seconds` for."""
         self._begin()
         if self._read_only and line not in QUESTIONS:
             raise ReadOnlyError(f"a dry run was about to send {line!r} to {self.endpoint}")
@@ -46,7 +46,7 @@ class Lines(StreamLink):
 
 
 class OtherGripper:
-    """The device speaks of openings in mm."""
+    """Gripper whose protocol uses openings in mm."""
 
     profile = PROFILE
 
@@ -110,7 +110,7 @@ def gripper(
 
 
 class OtherArm:
-    """Refuses what it cannot reach; after a missing answer its state is unknown."""
+    """Arm that refuses unreachable targets; after a missing answer its state is unknown."""
 
     def __init__(self, lines: Lines) -> None:
         self._lines = lines

@@ -105,7 +105,7 @@ class Server:
 
 
 class GripperDevice:
-    """Moves at the speed it is told, stops at whatever `contact_mm` says."""
+    """Moves at the requested speed, stops at `contact_mm`."""
 
     def __init__(self) -> None:
         self.contact_mm, self.mute = None, False
@@ -142,7 +142,7 @@ class GripperDevice:
 
 
 class ArmDevice:
-    """Answers when it stands; silent when `mute`."""
+    """Answers at rest; silent when `mute`."""
 
     def __init__(self) -> None:
         self.mute, self.moves = False, 0

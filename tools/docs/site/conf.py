@@ -1,4 +1,4 @@
-"""How tools/site builds the documentation. Its source is the whole repository: pages stay where they are."""
+"""Configuration of tools/site. The source is the whole repository: pages stay where they are."""
 
 import sys
 import tomllib
@@ -41,7 +41,7 @@ nitpicky = True
 linkcheck_ignore = [
     r"tcp://.*",
     "http://$",
-]  # addresses of devices in what commands say of themselves
+]  # addresses of devices in the help of commands
 linkcheck_anchors = False
 suppress_warnings: list[str] = []
 
@@ -116,7 +116,7 @@ tools/docs/decisions
 CHANGELOG
 ```
 """
-"""Beside every page; the README itself cannot say it, since it is read elsewhere too."""
+"""Shown beside every page, but not in the README, which is read elsewhere too."""
 # Links to folders, which a site cannot show.
 FOLDERS = {
     "](tools/decisions)": "](tools/docs/decisions.md)",
@@ -124,7 +124,7 @@ FOLDERS = {
 }
 
 
-# Which page a command is on: the first that names its beginning.
+# Page of a command: the first whose prefix matches.
 PLACES = {
     "tools/docs/commands-planner": ("plan-",),
     "tools/docs/commands-camera": ("grasp-audit",),
@@ -141,7 +141,7 @@ COMMAND = """
 
 
 def commands(page: str) -> str:
-    """What every command of pyproject.toml that belongs on a page says of itself."""
+    """The help of every command of pyproject.toml that belongs on a page."""
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
     text = ""
     for name, target in scripts.items():
@@ -152,7 +152,7 @@ def commands(page: str) -> str:
 
 
 def complete(_: Sphinx, page: str, source: list[str]) -> None:
-    """Gives the start page its contents, links to folders a page, commands and results what they hold."""
+    """Adds the start page's contents, folders' links, commands' help and tables of results."""
     if page in PLACES:
         source[0] += commands(page)
     if page == "tools/docs/results":
@@ -163,7 +163,7 @@ def complete(_: Sphinx, page: str, source: list[str]) -> None:
         source[0] += CONTENTS
 
 
-# What a reader without sight or without a mouse needs, and the theme leaves out.
+# Accessibility for readers without sight or without a mouse, which the theme lacks.
 ACCESS = {
     'role="heading">': 'role="heading" aria-level="2">',
     '<aside class="sidebar-drawer">': '<aside class="sidebar-drawer" aria-label="Pages">',

@@ -1,4 +1,4 @@
-"""Formulas as drawings within the page: no script, no font and no network when it is read.
+"""Formulas as drawings within the page: no script, font or network for the reader.
 
 MathML would need a mathematical font where the page is read, which few phones have; its letters then stand
 where they should not. ziamath sets formulas with STIX Two when the site is built.
@@ -12,7 +12,7 @@ from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
 EM = 16.0  # size that formulas are set at; on the page they have the size of the text around them
-LARGER = 1.1  # how much larger than its text a formula is; STIX is a small face
+LARGER = 1.1  # enlargement of a formula relative to its text; STIX is a small face
 
 
 def drawn(latex: str, inline: bool) -> str:

@@ -28,7 +28,7 @@ PLACE = re.compile(
 
 
 def figures(name: str) -> object:
-    """What a file of results holds."""
+    """Content of a file of results."""
     return json.loads((RESULTS / f"{name}.json").read_text())
 
 
@@ -37,7 +37,7 @@ MACROS = TABLES.get_template("kept.jinja", globals={"figures": figures}).module
 
 
 def table_of(name: str) -> str:
-    """The Markdown that a name stands for; of a .txt file, what it holds.
+    """The Markdown table of a name; for a .txt file, its content.
 
     Raises:
         AttributeError: there is no table of that name.
@@ -54,7 +54,7 @@ def table_of(name: str) -> str:
 
 
 def filled(page: str) -> str:
-    """A page with all its tables as they are now."""
+    """A page with all its tables updated."""
     return PLACE.sub(lambda match: f"{match[1]} -->\n\n{table_of(match[1])}\n\n", page)
 
 

@@ -1,4 +1,4 @@
-"""What the pages of a built site lead to, and whether it is there."""
+"""Checks the links of a built site."""
 
 import re
 from collections import Counter
@@ -12,7 +12,7 @@ OUTSIDE = ("http://", "https://", "//")
 
 
 class Found(NamedTuple):
-    """What is wrong with a site, a line each, and the addresses outside that it names."""
+    """Faults of a site, one a line, and the external addresses that it names."""
 
     faults: list[str]
     outside: list[str]
@@ -71,7 +71,7 @@ def check(site: Path) -> Found:
 
 
 def _faults(path: Path, target: str, pages: dict[Path, Page]) -> list[str]:
-    """What is wrong with a target within the site."""
+    """Faults of a target within the site."""
     parts = urlsplit(target)
     if parts.scheme in ("data", "mailto"):
         return []

@@ -49,7 +49,7 @@ def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline
         compile_job(job)
     assert time.process_time() - spent < 2.0
     message = str(error.value)
-    assert "no squeeze tells" in message
+    assert "no squeeze distinguishes" in message
     assert f"which is {order}" in message
     result = alike(job)[0]
     assert order * result.degrees % 360.0 == pytest.approx(
@@ -75,7 +75,7 @@ def test_goal_or_uncertainty_that_leaves_no_question_is_not_refused(changes):
 def test_difference_below_a_count_is_reported_and_searched_all_the_same():
     (result,) = alike(job_of(chamfered(0.2), "auto"))
     assert (result.degrees, result.hopeless) == (pytest.approx(180.0), False)
-    assert "the gripper tells 0.37 mm apart" in result.line()
+    assert "the gripper resolves 0.37 mm" in result.line()
     assert alike(job_of(chamfered(1.0), "auto")) == []
 
 

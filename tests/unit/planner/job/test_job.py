@@ -157,7 +157,7 @@ def test_datum_and_picks_move_with_the_outline_and_come_back_exactly():
 
 @pytest.mark.parametrize(("section", "key"), schema.RETIRED)
 def test_a_retired_key_is_refused_in_a_job_and_read_over_in_a_table(rectangle, section, key):
-    with pytest.raises(KeyNameError, match=f"{key} is no longer known; ") as caught:
+    with pytest.raises(KeyNameError, match=f"{key} is no longer a key; ") as caught:
         rectangle.replaced(**{section: {key: 1}})
     assert "\n" not in str(caught.value)
     document = json.loads(rectangle.canonical())

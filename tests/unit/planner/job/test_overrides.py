@@ -98,7 +98,7 @@ def test_what_is_no_value_is_refused(text):
 
 @pytest.mark.parametrize("name", ["", ".", "a.", ".b", "a.b.c", "a b", "a\nb"])
 def test_what_is_no_name_is_refused(name):
-    with pytest.raises(UsageError, match="names no value"):
+    with pytest.raises(UsageError, match="is not a key of a job"):
         value_of(name, "1")
 
 
