@@ -177,11 +177,11 @@ def three(folder: Path) -> dict[str, Any]:
     uniform = squeezed(part._replace(surface=spread.hessian_table()), tips, start)
     known = np.arange(len(start)) % FIT_EVERY == 0
     fitted = identified(part, spread, tips, start[known], end[known])
-    own = squeezed(part._replace(surface=fitted.hessian_table()), tips, start[~known])
+    others = squeezed(part._replace(surface=fitted.hessian_table()), tips, start[~known])
     return {
         "triangle, ellipsoid": figures(triangle, poses["triangle"][1]),
         "hexagon, quartic of uniform pressure": figures(uniform, end),
-        "hexagon, quartic identified, others": figures(own, end[~known]),
+        "hexagon, quartic identified, others": figures(others, end[~known]),
     }
 
 
