@@ -54,6 +54,6 @@ def test_free_space_is_first_whatever_else_there_is(width):
 
 def test_widths_that_the_encoder_cannot_tell_apart_are_one_subspace():
     near = 0.5 * resolution_of(ENCODER).apart * ENCODER.mm_per_step
-    for gap, subspaces in ((near, 3), (4.0 * near, 4)):
-        width = np.repeat([20.0, 40.0, 40.0 + gap], 1000)
+    for gap, subspaces in ((near, 2), (4.0 * near, 3)):
+        width = np.repeat([40.0, 40.0 + gap], 1000)
         assert len(subspaces_of(width, ENCODER)) == subspaces
