@@ -13,7 +13,7 @@ from planner.diagnosis.ambiguity import ambiguities
 from planner.diagnosis.clearance import no_first_squeeze
 from planner.errors import NoPlanError
 from planner.evaluation.disturbance import NONE, WITH_DOUBTS
-from planner.evaluation.evaluate import untimed
+from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import claimed
 from planner.evaluation.measured import tried, with_figures, without_untried
 from planner.evaluation.outcome import Evaluation
@@ -221,7 +221,7 @@ def judged(
     worlds = ContactWorlds.of_job(job, job.seed + SEED_WORLD + attempt, STEP_MM)
     seed, work = job.seed + SEED_EVALUATION + attempt, Threads(workers) if workers else Threads()
     cell = NONE if job.search.method in METHODS else WITH_DOUBTS
-    return untimed(table, job, worlds, trials, seed, work, cell, report)
+    return evaluate(table, job, worlds, trials, seed, work, cell, report)
 
 
 def no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:

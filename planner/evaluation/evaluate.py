@@ -4,7 +4,6 @@ The trials run the table as the runtime does; nothing of the planner's belief en
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -13,7 +12,6 @@ import numpy as np
 from planner.evaluation.cases import Case
 from planner.evaluation.disturbance import NONE, Disturbance
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.times import seconds_of
 from planner.evaluation.trials import Program, run
 from planner.job.model import Job
 from planner.work.progress import Report, silent
@@ -69,21 +67,6 @@ def evaluate(
     run one after another. The seed is that of initial poses, encoder noise and the arm's errors; the world
     has its own. The result does not depend on the scheduler, all cores if None.
     """
-    run = untimed(table, job, world, trials, seed, scheduler, disturbance, report)
-    return replace(run, seconds=seconds_of(table, run.path, run.reading, run.branch))
-
-
-def untimed(
-    table: Table,
-    job: Job,
-    world: World | Worlds,
-    trials: int,
-    seed: int,
-    scheduler: Scheduler | None = None,
-    disturbance: Disturbance = NONE,
-    report: Report = silent,
-) -> Evaluation:
-    """As `evaluate`, without the seconds of the parts: timing takes longer than the squeezes."""
     chunks = chunks_of(trials)
     run_all = (scheduler or Threads()).map if isinstance(world, Worlds) else map
     results = run_all(partial(run_chunk, Program.of(table), job, world, seed, disturbance), chunks)

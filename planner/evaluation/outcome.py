@@ -1,15 +1,17 @@
 """What came of the trials: one row a part, and the figures for all of them."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.evaluation.times import figures as seconds_figures
+from planner.evaluation.times import seconds_of
 from planner.mechanics.traits import Traits, with_hypothesis
-from runtime.table import wilson_interval
+from runtime.table import Table, takt_figures, wilson_interval
 
 REJECTED = -1
 CRASHED = -3  # an open finger came down on the part, and the arm stopped
@@ -18,13 +20,13 @@ ERROR_SHARES = (0.5, 0.95)
 """Of the parts, for which the error that they do not exceed is told: the median, and nearly all."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Evaluation:
     """The outcome of each of n trials."""
 
+    table: Table  # that was tried
     leaf: IntArray  # (n,) the leaf reached, `REJECTED` where a width fitted no branch, or `CRASHED`
     squeezes: IntArray  # (n,) how many it took
-    seconds: Array  # (n,) estimated time
     error_mm: (
         Array  # (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf
     )
@@ -38,6 +40,11 @@ class Evaluation:
     # it felt a part
     reading: IntArray
     branch: IntArray  # (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`
+
+    @cached_property
+    def seconds(self) -> Array:
+        """(n,) estimated time; found when it is asked for, since that takes longer than the squeezes."""
+        return seconds_of(self.table, self.path, self.reading, self.branch)
 
     @property
     def steps(self) -> IntArray:
@@ -88,7 +95,7 @@ class Evaluation:
             "unresolved_rate": float(self.unresolved.mean()),
             "mean_squeezes": float(self.squeezes.mean()),
             "max_squeezes": int(self.squeezes.max()),
-            **seconds_figures(self.seconds, takt_s),
+            **takt_figures(Counter(self.seconds.tolist()), takt_s),
             "crashes": self.crashes,
             "error_mm": dict(
                 zip(("median", "p95"), np.quantile(known, ERROR_SHARES).tolist(), strict=True)
@@ -97,15 +104,12 @@ class Evaluation:
             else None,
         }
 
-    def __getitem__(self, rows: IntArray) -> Self:
-        """A copy of some of the trials."""
-        return type(self)(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
-
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """One evaluation of the trials of several, in their order; at least one."""
+        """One evaluation of the trials of several of a table, in their order; at least one."""
         rows: dict[str, Any] = {
             field.name: np.concatenate([getattr(part, field.name) for part in parts])
             for field in fields(cls)
+            if field.name != "table"
         }
-        return cls(**rows)
+        return cls(parts[0].table, **rows)

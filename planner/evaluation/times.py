@@ -3,18 +3,12 @@
 Parts come one after the other: the hand sets out from where it left the part before.
 """
 
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from runtime.table import GripperProfile, Schedule, Squeezed, Table, job_of, takt_figures
-
-
-def figures(seconds: Array, takt_s: float | None = None) -> dict[str, float]:
-    """Of the seconds (n,), n >= 1, of trials: `runtime.table.takt.figures`."""
-    return takt_figures(Counter(seconds.tolist()), takt_s)
+from runtime.table import GripperProfile, Schedule, Squeezed, Table, job_of
 
 
 def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray) -> Array:

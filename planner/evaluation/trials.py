@@ -157,7 +157,7 @@ def run(
     rng: np.random.Generator,
     disturbance: Disturbance,
 ) -> Evaluation:
-    """Runs a table on a number of parts, at least 1, without timing them.
+    """Runs a table on a number of parts, at least 1.
 
     The job says what parts and gripper are like in truth; `rng` is that of initial poses, encoder noise and
     the arm's errors, the world has its own.
@@ -166,9 +166,9 @@ def run(
     foreign = not isinstance(of_hypothesis(world, 0), ContactWorld)
     traits = disturbance.traits(job, trials, rng, foreign=foreign)
     begun = Evaluation(
+        program.table,
         leaf=np.full(trials, RUNNING, np.int64),
         squeezes=np.zeros(trials, np.int64),
-        seconds=np.zeros(trials),  # `evaluate` tells them
         error_mm=np.zeros(trials),
         within=np.zeros(trials, np.bool_),
         resolved=np.zeros(trials, np.bool_),
