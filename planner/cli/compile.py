@@ -115,7 +115,7 @@ def _single(arguments: argparse.Namespace) -> int:
             arguments.no_advice or plan.cut
         ):  # what a longer search might contradict is not advised
             with shell.spared("advice", notes, arguments.debug):
-                advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
+                advice = counsel(plan.table, plan.evaluation, job, scheduler, report)
     figures = {
         "table": str(output),
         "bytes": output.stat().st_size,

@@ -1,7 +1,6 @@
-"""What branches rest on: widths that the encoder may confuse, and how far they may be off."""
+"""What branches rest on: how far widths may be off."""
 
 from functools import partial
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
-from runtime.table import REJECT, Segments, Table, decision_map
+from runtime.table import REJECT, Table, decision_map
 
 THIN = (
     0.02  # share of the parts answered wrongly, where widths are off, from which margins are thin
@@ -81,65 +80,3 @@ def near_another(table: Table, evaluation: Evaluation) -> float:
         for there in (meant(-off), meant(off)):
             near[squeezed] |= (there != here) & (there != REJECT)
     return float(near.any(axis=1).mean())
-
-
-CLOSE = 4.0  # grains; nearer widths share readings: settled grippers of the kind differ by as much
-BORDER = 2.0  # a reading so near, in grains, to the border of two branches may have been the other
-MOST_LINES = 5
-
-
-class ClosePair(NamedTuple):
-    """Two neighbouring branches of a node."""
-
-    node: int  # index of the node
-    lower: int  # number of the branch of lesser width; the other one is the next
-    widths_mm: tuple[float, float]  # the two expected widths
-    grains: float  # how far they are apart, in what readings of one width differ by
-    overlap: bool  # whether their intervals have widths in common
-    near: float  # share of all parts that read within `BORDER` of the border between the two
-    lost: float  # share of all parts that do so and are not located in the end
-    excess: float  # how much of that is more than parts elsewhere lose
-
-
-def close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePair]:
-    """Neighbouring branches whose widths are close or whose intervals overlap, the costliest first."""
-    grain_um, encoder = 1e3 * encoder_of(job).grain_mm, encoder_of_table(table)
-    failed, width_um = ~evaluation.success, encoder.width_um(evaluation.steps)
-    pairs = []
-    for index, node in enumerate(table.nodes):
-        meant = decision_map(node, table.gripper).either
-        for number, (below, above) in enumerate(pairwise(node.branches)):
-            grains = (above.expected_um - below.expected_um) / grain_um
-            overlap = below.high_um >= above.low_um
-            if grains >= CLOSE and not overlap:
-                continue
-            reads = np.abs(width_um - _border_um(meant, number)) <= BORDER * grain_um
-            near = ((evaluation.path == index) & reads).any(
-                axis=1
-            )  # no trial comes to a node twice
-            widths_mm = below.expected_um / 1e3, above.expected_um / 1e3
-            share, lost = float(near.mean()), float((near & failed).mean())
-            excess = float(lost - share * failed.mean())
-            pairs.append(
-                ClosePair(index, number, widths_mm, round(grains, 2), overlap, share, lost, excess)
-            )
-    return sorted(pairs, key=lambda pair: -pair.excess)
-
-
-def lines_of(pairs: list[ClosePair]) -> list[str]:
-    """For people: the pairs near whose border more parts are lost than elsewhere."""
-    costly = [pair for pair in pairs if pair.excess > 0.0]
-    lines = [
-        f"node {pair.node}: {pair.widths_mm[0]:.1f} and {pair.widths_mm[1]:.1f} mm are {pair.grains:.1f} "
-        f"readings apart; {pair.near:.2%} of the parts read near the border, {pair.lost:.2%} are lost there"
-        for pair in costly[:MOST_LINES]
-    ]
-    rest = len(costly) - MOST_LINES
-    return lines + [f"and {rest} more such pairs; see --json"] * (rest > 0)
-
-
-def _border_um(meant: Segments, lower: int) -> float:
-    """The width between those of branch `lower` and those of the next one, the wider."""
-    narrow = max((high for _, high, number in meant.intervals() if number == lower), default=0)
-    wide = (low for low, _, number in meant.intervals() if number == lower + 1)
-    return 0.5 * (min(wide, default=narrow) + narrow)
