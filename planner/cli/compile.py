@@ -35,7 +35,7 @@ def parser() -> Parser:
         NAME,
         "Plan the squeezes that locate a part, and write them as a decision table.",
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
-        f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --vary uncertainty.radius_mm=5,10",
+        f"{NAME} job.toml -o tables --vary uncertainty.radius_mm=5,10",
         f"{NAME} job.toml -o tree.msgpack --bound",
     )
     add = built.add_argument
@@ -46,7 +46,7 @@ def parser() -> Parser:
         type=Path,
         required=True,
         metavar="TREE.msgpack",
-        help="the table; with --vary a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
+        help="the table; with --vary a folder",
     )
     add(
         "--vary",
