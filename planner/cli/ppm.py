@@ -23,11 +23,10 @@ import numpy as np
 from scipy.special import betaln, xlog1py, xlogy
 
 from planner.arrays import Array, IntArray
-from planner.belief.observation import encoder_of
 from planner.belief.particles import initial
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import claimed, judge
-from planner.evaluation.trials import DISMISSED, Program, come_down, step
+from planner.evaluation.trials import DISMISSED, Cell, Program
 from planner.job.model import Job
 from planner.mechanics.traits import Traits, with_hypothesis
 from planner.work.scheduler import Scheduler
@@ -131,20 +130,18 @@ class Study:
         return self._run(poses, traits, self.worlds.world(chunk), rng)
 
     def _run(self, poses: Array, traits: Traits, world: World, rng: np.random.Generator) -> Sums:
-        program, encoder = self.program, encoder_of(self.job)
+        program, cell = self.program, Cell(self.program, self.job, world, self.disturbance, rng)
         parts, leaves = len(poses), len(program.table.leaves)
         part, node = np.arange(parts), np.zeros(parts, np.int64)
         ends: list[tuple[IntArray, IntArray, Array, Array]] = []
         rejected = crashed = squeezes = 0.0
         while len(node):
-            poses, placement, stopped = come_down(
-                program, node, poses, world, self.job, traits[part], self.disturbance, rng
-            )
+            poses, placement, stopped = cell.come_down(node, poses, traits[part])
             crashed += float((1.0 / self.copies[node[stopped]]).sum())
             part, node = part[~stopped], node[~stopped]
             poses, placement = poses[~stopped], placement[~stopped]
             weight = 1.0 / self.copies[node]
-            after = step(program, node, poses, placement, world, encoder, rng, traits[part])
+            after = cell.squeezed(node, poses, placement, traits[part])
             squeezes += float(weight.sum())
             rejected += float(weight[after.target == DISMISSED].sum())
             ended = (after.target < 0) & (after.target != DISMISSED)

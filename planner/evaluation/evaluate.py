@@ -12,7 +12,7 @@ import numpy as np
 from planner.evaluation.cases import Case
 from planner.evaluation.disturbance import NONE, Disturbance
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.trials import Program, run
+from planner.evaluation.trials import Cell, Program
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
@@ -47,7 +47,7 @@ def run_chunk(
     """Runs the trials of a chunk in its world, in whatever process."""
     rng = np.random.default_rng([seed, chunk.number, SEED_TRIALS])
     part_world = world.world(chunk.number) if isinstance(world, Worlds) else world
-    return run(program, job, part_world, chunk.trials, rng, disturbance)
+    return Cell(program, job, part_world, disturbance, rng).run(chunk.trials)
 
 
 def evaluate(
