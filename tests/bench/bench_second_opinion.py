@@ -26,10 +26,10 @@ from tree_tables import NAMES, TREES, table_of  # noqa: E402
 
 from planner.evaluation.evaluate import evaluate  # noqa: E402
 from planner.evaluation.leaves import worst  # noqa: E402
+from planner.evaluation.mujoco import RigidWorld  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
 from planner.job.model import Job  # noqa: E402
 from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator  # noqa: E402
-from planner.rigid_world import RigidWorld  # noqa: E402
 from planner.work.scheduler import Threads  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "second_opinion.json"

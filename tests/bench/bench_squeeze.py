@@ -175,7 +175,7 @@ def _others(part: Any, poses: np.ndarray, ours: float) -> Row:
         ),
     }
     try:
-        from planner.rigid_world import RigidWorld
+        from planner.evaluation.mujoco import RigidWorld
     except ImportError:
         print(
             "MuJoCo is not installed: its speed is not measured (pip install 'squeezetree[mujoco]')"

@@ -9,14 +9,14 @@ from problems import random_convex, random_poses
 
 mujoco = pytest.importorskip("mujoco")
 
+from planner.evaluation.mujoco import TIMESTEP_S, RigidWorld, make  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
 from planner.mechanics.clearance import least_clearance  # noqa: E402
 from planner.mechanics.simulator import Simulator  # noqa: E402
 from planner.part.outline import width as outline_width  # noqa: E402
-from planner.rigid_world import TIMESTEP_S, RigidWorld, make  # noqa: E402
 from planner.world import ContactWorld  # noqa: E402
 
-JOB = job_file.load(Path(__file__).parents[3] / "trees" / "rectangle" / "job.toml")
+JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 MU = 0.5
 
 

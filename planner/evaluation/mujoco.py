@@ -4,7 +4,7 @@ The part is a prism that stands on feet, with mass; jaws of finite force and spe
 is quasi-static: no limit surface, no LCP of ours. What a job does not state is a constant below; none was
 chosen for its outcome. Lengths in the model are metres.
 
-`plan-evaluate TREE.msgpack --world planner.rigid_world:make --trials 300`
+`plan-evaluate TREE.msgpack --world planner.evaluation.mujoco:make --trials 300`
 """
 
 import math
