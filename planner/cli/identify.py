@@ -69,6 +69,9 @@ def _identify(arguments: argparse.Namespace) -> None:
         raise UsageError("state push logs, or tables of directions with --pairs")
     if arguments.pairs and arguments.friction_n is not None:
         raise UsageError("--friction-n goes with logs: --pairs takes no magnitudes")
+    if arguments.figure is not None:
+        shell.checked_suffix("--figure", arguments.figure, shell.PICTURES)
+        usable(arguments.figure, arguments.output, *sources)
     if arguments.output is not None:
         usable(arguments.output, *sources)
     rho_mm = arguments.rho_mm
@@ -92,6 +95,11 @@ def _identify(arguments: argparse.Namespace) -> None:
     best = min(outcome, key=lambda result: float(result.errors_rad.mean()))
     if arguments.output is not None:
         write(arguments.output, surface_text(best, data, arguments))
+    if arguments.figure is not None:
+        from planner.report import canvas, identification  # matplotlib takes a second
+
+        title = f"{', '.join(path.stem for path in sources)}: {len(data.F)} pushes"
+        canvas.save(arguments.figure, lambda: identification.figure(data, outcome, title))
     _print(data, outcome, best, arguments)
 
 
@@ -105,8 +113,14 @@ def _from_motions(arguments: argparse.Namespace) -> None:
         raise UsageError(
             "--motions needs --job and --tip-radius-mm, and goes without logs and --pairs"
         )
-    if arguments.friction_n is not None or arguments.kind == "quartic":
-        raise UsageError("--motions gives an ellipsoid; leave out --friction-n and --kind quartic")
+    if (
+        arguments.figure is not None
+        or arguments.friction_n is not None
+        or arguments.kind == "quartic"
+    ):
+        raise UsageError(
+            "--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic"
+        )
     path, radius_mm = arguments.motions, arguments.tip_radius_mm
     job = job_file.load(arguments.job, {"gripper": {"opening_mm": 1000.0}})
     shell.check_one_part(job.hypothesis, str(arguments.job), "an identification")
@@ -147,7 +161,7 @@ def parser() -> Parser:
         NAME,
         "Identify the limit surface of a part on its table from measured pushes, and judge it on pushes that "
         "it was not fitted to. A job takes the result in place of a pressure distribution.",
-        f"{NAME} pushes.txt -o surface.toml",
+        f"{NAME} pushes.txt -o surface.toml --figure surface.png",
         f"{NAME} monday.txt tuesday.txt --kind quartic --json",
         f"{NAME} --motions pushes.csv --job job.toml --tip-radius-mm 4.75 -o surface.toml",
         f"{NAME} --pairs pairs.csv --rho-mm 45.6 --splits 10 -o surface.toml",
@@ -173,6 +187,7 @@ def parser() -> Parser:
     add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
     add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")
     add("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
+    add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
     add(
         "--kind",
         choices=(*KINDS, "both"),
@@ -245,7 +260,7 @@ def _print(
     data: Normalised, fits: Sequence[Identified], best: Identified, arguments: argparse.Namespace
 ) -> None:
     pairs, against = len(data.F), int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
-    written = [] if arguments.output is None else [str(arguments.output)]
+    written = [str(path) for path in (arguments.output, arguments.figure) if path is not None]
     figures = {"pairs": pairs, "against_motion": against, "splits": arguments.splits}
     figures |= {
         "surfaces": [_figures(each) for each in fits],
@@ -267,7 +282,9 @@ def _print(
             "pushes when fitted to all"
         )
     if written:
-        lines.append(f"wrote {arguments.output}: the {best.kind}")
+        lines.append(
+            f"wrote {' and '.join(written)}" + (f": the {best.kind}" if arguments.output else "")
+        )
     shell.answer(arguments.json, figures, *lines)
     if against and not arguments.json:
         words = f"in {against} of {pairs} pushes the wrench works against the motion; check signs and frames"

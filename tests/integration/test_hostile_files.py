@@ -75,6 +75,7 @@ COMMANDS = {
     "plan-export": Command("planner.cli.export", "{tree} --to json -o {folder}", ".msgpack"),
     "plan-expect": Command("planner.cli.expect", "{tree} --job {job} -o {out}", ".json"),
     "plan-identify": Command("planner.cli.identify", "{log} -o {out}", ".toml"),
+    "plan-identify --figure": Command("planner.cli.identify", "{log} --figure {out}", ".svg"),
     "plan-init": Command("planner.cli.init", "{outline} --force -o {out}", ".csv"),
     "plan-try": Command("planner.cli.first_look", "{outline} --units mm -o {out}", ".csv"),
     "plan-refit": Command("planner.cli.refit", "{job} --journal {journal} -o {out}", ".toml"),

@@ -80,14 +80,15 @@ def test_held_out_errors_are_of_pairs_that_the_fit_has_not_seen():
 
 def test_identify_command_writes_the_surfaces_and_the_best_of_them(tmp_path, capsys):
     log = write_csv(tmp_path / "pairs.csv", rectangle_pairs(24, 0.05))
-    output = tmp_path / "surface.toml"
-    options = ["-o", str(output), "--rho-mm", "10", "--splits", "1"]
+    output, picture = tmp_path / "surface.toml", tmp_path / "surface.png"
+    options = ["-o", str(output), "--figure", str(picture), "--rho-mm", "10", "--splits", "1"]
     assert main([str(log), *options, "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     errors = {entry["kind"]: entry["held_out_error_deg"] for entry in report["surfaces"]}
     assert report["best"] == min(errors, key=errors.get)
     assert surface_file.load(output)[report["best"]] is not None
-    assert report["written"] == [str(output)]
+    assert report["written"] == [str(output), str(picture)]
+    assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_command_refuses_bad_input_in_one_line(tmp_path, capsys):
@@ -97,6 +98,7 @@ def test_the_command_refuses_bad_input_in_one_line(tmp_path, capsys):
     cases = [
         ([str(tmp_path / "none.txt")], 3),
         ([str(bad)], 3),
+        ([good, "--figure", str(tmp_path / "x.bmp")], 2),
         ([good, "-o", str(tmp_path / "no" / "x.toml")], 2),
         ([good, "--train-share", "0.05"], 3),
     ]
