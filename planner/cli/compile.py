@@ -16,6 +16,7 @@ from planner.diagnosis.cautions import warnings_of
 from planner.evaluation.shares import shares_of
 from planner.job import model as job_file
 from planner.job.model import Job
+from planner.paper import baseline
 from planner.part import tips
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
@@ -37,6 +38,7 @@ def parser() -> Parser:
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
         f"{NAME} job.toml -o tables --vary uncertainty.radius_mm=5,10",
         f"{NAME} job.toml -o tree.msgpack --bound",
+        f"{NAME} job.toml --baseline sensorless",
     )
     add = built.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job file")
@@ -44,7 +46,6 @@ def parser() -> Parser:
         "-o",
         "--output",
         type=Path,
-        required=True,
         metavar="TREE.msgpack",
         help="the table; with --vary a folder",
     )
@@ -77,13 +78,28 @@ def parser() -> Parser:
         action="store_true",
         help="do not look for what limits the plan, which takes seconds",
     )
+    add(
+        "--baseline",
+        choices=["sensorless"],
+        help="no table, but Goldberg's plan without sensors, and what it achieves",
+    )
     shell.add_takt(built)
     shell.add_scheduler(built)
     return built
 
 
 def _compile(arguments: argparse.Namespace) -> int:
-    return _sweep(arguments) if arguments.vary else _single(arguments)
+    if arguments.baseline and (arguments.output or arguments.vary):
+        raise UsageError("--baseline writes no table; leave out -o and --vary")
+    if arguments.baseline and (arguments.bound or arguments.bound_dense):
+        raise UsageError("--bound: proves something of a table; leave it out with --baseline")
+    if arguments.baseline and arguments.takt is not None:
+        raise UsageError("--takt: is for the parts of a table; leave it out with --baseline")
+    if not arguments.baseline and not arguments.output:
+        raise UsageError("-o/--output is missing; name the table to write")
+    if arguments.vary:
+        return _sweep(arguments)
+    return _baseline(arguments) if arguments.baseline else _single(arguments)
 
 
 def _single(arguments: argparse.Namespace) -> int:
@@ -132,14 +148,25 @@ def _single(arguments: argparse.Namespace) -> int:
     return ExitCode.INTERRUPTED if plan.cut and plan.cut.asked else 0
 
 
+def _baseline(arguments: argparse.Namespace) -> int:
+    job = _job(arguments)
+    with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+        result = baseline.sensorless(job, arguments.trials, scheduler)
+    shell.answer(arguments.json, result.figures(), baseline.text(job.name, result))
+    return 0
+
+
 def _job(arguments: argparse.Namespace) -> Job:
     job = job_file.load(arguments.job)
-    if arguments.bound or arguments.bound_dense:
-        shell.check_one_part(job.hypothesis, str(arguments.job), "--bound")
-        if job.actions.pushes:
-            raise UsageError(
-                f'--bound is for squeezes alone; {arguments.job} has actions.pushes = "belief"'
+    for option in ("baseline", "bound", "bound_dense"):
+        if getattr(arguments, option):
+            shell.check_one_part(
+                job.hypothesis, str(arguments.job), f"--{option.replace('_', '-')}"
             )
+    if job.actions.pushes and (arguments.bound or arguments.bound_dense):
+        raise UsageError(
+            f'--bound is for squeezes alone; {arguments.job} has actions.pushes = "belief"'
+        )
     return job if arguments.seed is None else dataclasses.replace(job, seed=arguments.seed)
 
 

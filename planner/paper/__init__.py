@@ -1,1 +1,1 @@
-"""The paper as printed, for `method = "paper"` and `"sensorless"`."""
+"""The paper as printed, for `method = "paper"`, and Goldberg's sensorless plans to compare with."""

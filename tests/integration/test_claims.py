@@ -244,3 +244,16 @@ def test_a_job_without_a_height_is_compiled_and_says_what_its_tips_presuppose(
     )
     (line,) = (line for line in capsys.readouterr().out.splitlines() if "height_mm" in line)
     assert "tips at squeeze_height_mm = 8 meet a part of 9 mm or more" in line
+
+
+def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(capsys, tmp_path) -> None:
+    record = {}
+    for kind in ("pose", "orientation"):
+        job = small_job(
+            tmp_path / f"{kind}.toml", ("[goal]", f'[goal]\nkind = "{kind}"\ntolerance_deg = 5.0')
+        )
+        compile_.main([str(job), "--baseline", "sensorless", "--trials", "400", "--json"])
+        record[kind] = json.loads(capsys.readouterr().out)["real"]
+    # Whoever asks for the angle alone gets what is oriented; where the part lies along the jaws stays open.
+    assert record["orientation"]["located"] >= record["orientation"]["oriented"] - 0.02
+    assert record["orientation"]["located"] > record["pose"]["located"] + 0.2

@@ -111,6 +111,17 @@ def test_compile_says_what_limits_the_plan_and_how_near_the_best_it_is(quick, tm
     assert set(bound["terms"]) == {"leaves", "overall"}
 
 
+def test_the_baseline_without_sensors_is_worse_than_any_plan(tmp_path):
+    code, out, _ = inside(compile_, JOB, "--baseline", "sensorless", "--trials", 2000, "--json")
+    figures = json.loads(out)
+    assert code == 0
+    assert len(figures["angles_deg"]) == figures["squeezes"] <= figures["most_squeezes"]
+    assert figures["ideal"]["oriented"] > 0.98
+    assert figures["real"]["located"] < 0.7  # the paper, footnote 2
+    assert inside(compile_, JOB, "--baseline", "sensorless", "-o", tmp_path / "out.msgpack")[0] == 2
+    assert inside(compile_, JOB)[0] == 2
+
+
 def write_poses(path, rows):
     with path.open("w", newline="") as file:
         csv.writer(file).writerows([("x_mm", "y_mm", "theta_rad"), *rows])
@@ -177,6 +188,8 @@ REFUSED = [
     (compile_, f"JOB {OUT} --bound 1000000000", 2, ""),
     (compile_, f"JOB {OUT} --bound-dense --vary seed=1,2", 2, ""),
     (compile_, f"JOB {OUT} --bound --vary seed=1,2", 2, ""),
+    (compile_, "JOB --baseline sensorless --bound", 2, ""),
+    (compile_, f"JOB --baseline sensorless {OUT}", 2, ""),
     (compile_, "JOB", 2, ""),
     (compile_, "", 2, ""),
     (evaluate, "none.msgpack", 3, "none"),

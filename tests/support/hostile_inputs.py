@@ -46,9 +46,9 @@ INTERNAL = 1
 ALARM = 11  # an answer, not an error: grasp-audit report found what it looks for
 
 
-INIT, SIMULATE, IDENTIFY, EVALUATE, REFIT, REPORT = (
+INIT, SIMULATE, COMPILE, IDENTIFY, EVALUATE, REFIT, REPORT = (
     (f"planner.cli.{name}", "main")
-    for name in ("init", "simulate", "identify", "evaluate", "refit", "report")
+    for name in ("init", "simulate", "compile", "identify", "evaluate", "refit", "report")
 )
 RUNTIME, JOURNAL, AUDIT, TAG, CELL = (
     (f"{name}", "main")
@@ -138,6 +138,7 @@ def kinds() -> tuple[Kind, ...]:
         Kind(INIT, f"{{f.stl}} --units mm {init}", {"f.stl": (STL, text)}, {}, 2),
         Kind(SIMULATE, asked, {"j.toml": (job, text)}, {"p": POSES}, 4),
         Kind(SIMULATE, asked, {"p": (POSES, text)}, {"j.toml": job}, 2),
+        Kind(COMPILE, "{j.toml} --baseline sensorless --trials 20", {"j.toml": (job, text)}, {}, 2),
         Kind(
             IDENTIFY,
             "{l.csv} -o o.toml --splits 2 --kind ellipsoid",

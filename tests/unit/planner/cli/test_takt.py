@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from planner.cli import compile as compile_
 from planner.cli import evaluate
 
 pytestmark = pytest.mark.slow
 FOLDER = Path(__file__).parents[4] / "trees" / "rectangle"
-TABLE = str(FOLDER / "rectangle.msgpack")
+TABLE, JOB = str(FOLDER / "rectangle.msgpack"), str(FOLDER / "job.toml")
 FEW = ["--trials", "400"]
 SECONDS = [f"seconds_{name}" for name in ("mean", "p50", "p95", "p99", "max")]
 
@@ -31,8 +32,17 @@ def test_evaluate_tells_the_share_within_the_takt(capsys: pytest.CaptureFixture[
     assert figures("--takt", "0.01s")["takt_probability"] == 0.0
 
 
-def test_takt_where_no_part_is_timed_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert evaluate.main([TABLE, "--ppm", "--takt", "6s"]) == 2
+@pytest.mark.parametrize(
+    ("main", "words", "reason"),
+    [
+        (evaluate.main, [TABLE, "--ppm"], "--ppm"),
+        (compile_.main, [JOB, "--baseline", "sensorless"], "--baseline"),
+    ],
+)
+def test_takt_where_no_part_is_timed_is_refused(
+    main, words: list[str], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*words, "--takt", "6s"]) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    assert "--ppm" in err
+    assert reason in err

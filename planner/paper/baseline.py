@@ -1,0 +1,150 @@
+"""What the theory without sensors achieves: Goldberg's squeeze plan in the worlds that ours are judged in."""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.belief.metric import metric_of
+from planner.belief.particles import initial
+from planner.evaluation.evaluate import Chunk, chunks_of
+from planner.frames import to_hand, to_world, wrap
+from planner.job.cell import timing_of
+from planner.job.model import Job
+from planner.paper.sensorless import SqueezePlan, plan
+from planner.part.outline import convex_hull
+from planner.work.scheduler import Scheduler, Threads
+from planner.world import ContactWorld, ContactWorlds
+from runtime.table import REJECT, Node, Schedule, Squeeze, Squeezed, Stand
+
+ORIENTED_DEG = 5.0  # A part counts as oriented within this (the paper's tolerance, VII)
+IDEAL = {
+    "friction": {"finger_part_min": 0.0, "finger_part_max": 0.0},
+    "gripper": {"finger_length_mm": 900.0},
+}
+SEED_BASELINE = 0x42415345
+WIDTH_DIGITS = 1  # of a mm: parts of equal widths take equally long
+
+
+class Achieved(NamedTuple):
+    """What the plan does in one world."""
+
+    oriented: (
+        float  # share that ends within `ORIENTED_DEG` of the angle in theory, modulo the period
+    )
+    located: float  # share within the job's goal of the pose(s) that most are within it of
+    located_modulo: float  # the same, modulo the plan's period
+    seconds: float  # a part, by the table's model of time
+
+
+class Baseline(NamedTuple):
+    """The sensorless plan of a job, and what it comes to."""
+
+    plan: SqueezePlan  # the squeezes
+    bound: int  # 2 n - 1 for a hull of n vertices, the most it could take
+    real: Achieved  # in the job's stochastic contact world
+    ideal: Achieved  # the same with long jaws and no friction: only the order of touching is left
+    trials: int  # number of parts in both
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "baseline": "sensorless",
+            "angles_deg": [round(float(angle), 6) for angle in np.degrees(self.plan.angles)],
+            "squeezes": len(self.plan.angles),
+            "most_squeezes": self.bound,
+            "final_deg": float(np.degrees(self.plan.final)),
+            "period_deg": float(np.degrees(self.plan.period)),
+            "slack_deg": float(np.degrees(self.plan.slack)),
+            "trials": self.trials,
+            "real": self.real._asdict(),
+            "ideal": self.ideal._asdict(),
+        }
+
+
+def sensorless(job: Job, trials: int, scheduler: Scheduler | None = None) -> Baseline:
+    """Plans without sensors and runs the plan on `trials` parts; the hand is always placed at the origin.
+
+    The result does not depend on the scheduler: all cores if None.
+    """
+    squeezes = plan(job.part.outline_mm)
+    ideal = job.replaced("the job without friction", **IDEAL)
+    real, without = (
+        _achieved(true, squeezes, trials, scheduler or Threads()) for true in (job, ideal)
+    )
+    bound = 2 * len(convex_hull(job.part.outline_mm)) - 1
+    return Baseline(squeezes, bound, real, without, trials)
+
+
+def text(part: str, baseline: Baseline) -> str:
+    """The plan and what it achieves, for people."""
+    squeezes, real, ideal = baseline.plan, baseline.real, baseline.ideal
+    angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(squeezes.angles))
+    period, final, slack = np.degrees([squeezes.period, squeezes.final, squeezes.slack])
+    return f"""\
+{part}: {len(squeezes.angles)} squeeze{"s" * (len(squeezes.angles) > 1)} without sensors \
+(Goldberg 1993; at most {baseline.bound})
+hand at the origin, at {angles} deg
+in theory  every part ends at {final % period:.1f} deg modulo {period:.0f} deg; the squeezes leave \
+{slack:.1f} deg to spare
+no friction, long jaws   oriented {ideal.oriented:7.2%}  located {ideal.located_modulo:7.2%}  \
+whole pose {ideal.located:7.2%}
+this gripper             oriented {real.oriented:7.2%}  located {real.located_modulo:7.2%}  \
+whole pose {real.located:7.2%}
+of {baseline.trials} parts each; oriented: within {ORIENTED_DEG:.0f} deg; located: within the goal, both \
+modulo {period:.0f} deg; about {real.seconds:.1f} s a part"""
+
+
+def _squeezed(job: Job, worlds: ContactWorlds, angles: Array, chunk: Chunk) -> tuple[Array, Array]:
+    """The plan with a chunk of the parts: final poses (n, 3) in the world, and widths (n, squeezes)."""
+    rng = np.random.default_rng([job.seed, chunk.number, SEED_BASELINE])
+    world = ContactWorld.of_simulator(worlds.simulators[0], [worlds.seed, chunk.number])
+    poses, widths = initial(job, chunk.trials, rng), np.empty((chunk.trials, len(angles)))
+    for k, angle in enumerate(angles):
+        hand = np.array([0.0, 0.0, angle])
+        rolled = world.squeeze_many(to_hand(poses, hand))
+        poses = to_world(rolled.poses, hand)
+        widths[:, k] = rolled.width_mm
+    return poses, widths
+
+
+def seconds_of(job: Job, angles: Array, widths: Array) -> float:
+    """Mean seconds of parts whose squeezes end at widths (n, squeezes), one part after the other."""
+    opening_um, speed_um_s = (
+        round(1e3 * value) for value in (job.gripper.opening_mm, job.gripper.speed_mm_s)
+    )
+    nodes = [
+        Node(Squeeze(0, 0, round(1e6 * float(angle)), opening_um, speed_um_s, 0, 0), ())
+        for angle in angles
+    ]
+    schedule = Schedule(nodes, timing_of(job), job.gripper.upper_finger_share == 0.5)
+    before = Stand.at(nodes[-1].squeeze)
+    rows, parts = np.unique(widths.round(WIDTH_DIGITS), axis=0, return_counts=True)
+    taken = [
+        sum(
+            phases.total_s
+            for phases in schedule.part(
+                [Squeezed(k, width, REJECT) for k, width in enumerate(row)], before
+            )
+        )
+        for row in rows.tolist()
+    ]
+    return float(np.average(taken, weights=parts))
+
+
+def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler) -> Achieved:
+    run = partial(
+        _squeezed, job, ContactWorlds.of_job(job, job.seed + SEED_BASELINE), squeezes.angles
+    )
+    parts = list(scheduler.map(run, chunks_of(trials)))
+    poses, widths = (np.concatenate(rows) for rows in zip(*parts, strict=True))
+    metric = metric_of(job)
+    orders = round(2.0 * np.pi / squeezes.period)
+    off = np.abs(wrap(poses[:, 2] - squeezes.final, orders))
+    return Achieved(
+        oriented=float(np.mean(off < np.radians(ORIENTED_DEG))),
+        located=metric.mode(poses).ratio,
+        located_modulo=metric._replace(order=orders).mode(poses).ratio,
+        seconds=seconds_of(job, squeezes.angles, widths),
+    )

@@ -1,0 +1,207 @@
+"""Orienting a part without sensors: the frictionless squeeze plan of Goldberg (1993), Algorithmica 10.
+
+The width function tells how far apart two parallel jaws stand that both touch the part. Its argument is the
+closing direction phi in the part's frame: a part at angle theta in the hand frame, where the jaws close along
+y, has phi = pi / 2 - theta. The period is pi. Between the normals of the hull's edges two fixed vertices
+touch: maxima lie within such an arc and minima at its ends.
+
+Jaws that are long and frictionless and touch at once turn the part until its width is at a local minimum. The
+squeeze function maps each closing direction to that minimum: it is constant between two maxima of the width.
+A plan is a list of intervals of directions, each of which one squeeze takes into the next narrower one; it is
+found backwards, in O(n^2).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.part.outline import Outline, convex_hull
+
+FLUSH_RAD = 1e-9  # Edges whose normals differ by less than this are parallel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WidthFunction:
+    """The width of a part in every direction."""
+
+    knots: Array  # (m,) the normals of the hull's edges, reduced to [0, pi), rising
+    chords: Array  # (m, 2) from each knot to the next, the vector between the two vertices that touch [mm]
+    minima: Array  # (k,) directions of the local minima, in [0, pi), rising
+    maxima: Array  # (k,) and of the local maxima; between two of them lies one minimum
+
+    def __call__(self, direction: Array) -> Array:
+        """Widths in some directions [rad] -> [mm]."""
+        reduced = np.mod(direction, math.pi)
+        arc = (
+            np.searchsorted(self.knots, reduced, side="right") - 1
+        )  # -1: the last one, from before pi
+        chord = self.chords[arc]
+        return np.abs(chord[..., 0] * np.cos(reduced) + chord[..., 1] * np.sin(reduced))
+
+    def extrema(self, ripple_mm: float = 0.0) -> tuple[Array, Array]:
+        """The minima and maxima that are left when ripples shallower than `ripple_mm` are smoothed out.
+
+        A curve drawn as a polygon may have a minimum at an edge and a maximum at a vertex, a few micrometres
+        apart. The shallowest pair goes first; at least one minimum and one maximum are kept.
+        """
+        at = np.concatenate([self.minima, self.maxima])
+        order = np.argsort(at)
+        kinds = order < len(self.minima)  # True: a minimum; the two alternate
+        at, depth = at[order], self(at)[order]
+        while len(at) > 2:
+            steps = np.abs(np.roll(depth, -1) - depth)
+            first = int(np.argmin(steps))
+            if steps[first] >= ripple_mm:
+                break
+            kept = np.setdiff1d(np.arange(len(at)), [first, (first + 1) % len(at)])
+            at, depth, kinds = at[kept], depth[kept], kinds[kept]
+        return at[kinds], at[~kinds]
+
+
+def width_function(outline: Outline) -> WidthFunction:
+    """The width function of the convex hull of a part (N, 2), counter-clockwise [mm]."""
+    hull = convex_hull(outline)
+    edges = np.roll(hull, -1, axis=0) - hull
+    normals = np.sort(_reduced(np.arctan2(-edges[:, 0], edges[:, 1])))
+    knots = normals[np.diff(normals, prepend=normals[-1] - math.pi) > FLUSH_RAD]
+    middles = knots + 0.5 * np.diff(knots, append=knots[0] + math.pi)
+    along = hull @ np.array([np.cos(middles), np.sin(middles)])  # (vertices, arcs)
+    chords = hull[along.argmax(axis=0)] - hull[along.argmin(axis=0)]
+    return WidthFunction(knots, chords, *_extrema(knots, chords))
+
+
+def _extrema(knots: Array, chords: Array) -> tuple[Array, Array]:
+    """Local minima, among the knots, and local maxima, within the arcs."""
+    slope_after = _slope(chords, knots)
+    before = np.roll(chords, 1, axis=0)
+    before[0] *= -1.0  # the last arc lies half a turn further on
+    slope_before = _slope(before, knots)
+    minima = knots[(slope_before < 0.0) & (slope_after > 0.0)]
+    ends = np.append(knots[1:], knots[0] + math.pi)
+    within = (slope_after > 0.0) & (_slope(chords, ends) < 0.0)
+    maxima = _reduced(np.arctan2(chords[within, 1], chords[within, 0]))
+    return minima, np.sort(maxima)
+
+
+def _reduced(direction: Array) -> Array:
+    """Directions in [0, pi); what rounding put just below pi is 0."""
+    reduced = np.mod(direction, math.pi)
+    return np.where(reduced > math.pi - FLUSH_RAD, 0.0, reduced)
+
+
+def _slope(chords: Array, directions: Array) -> Array:
+    """Derivative of the chords' extent along directions [mm per rad]; the chords point along them."""
+    return np.asarray(chords[:, 1] * np.cos(directions) - chords[:, 0] * np.sin(directions))
+
+
+RIPPLE_MM = (
+    0.05  # Minima of the width shallower than this hold no part: the facets of a sampled curve
+)
+ALIKE_RAD = 1e-6  # Steps of the squeeze function that differ by less are equal
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SqueezeFunction:
+    """Where a frictionless squeeze takes a closing direction: a step function."""
+
+    maxima: Array  # (k,) directions where a step begins, in one period, rising
+    minima: Array  # (k,) where each step leads, between its maximum and the next
+    period: float  # the function repeats, turned along, after this angle: pi, or less for a symmetric hull
+
+    @classmethod
+    def of(cls, outline: Outline, ripple_mm: float = RIPPLE_MM) -> Self:
+        """The squeeze function of a part (N, 2) [mm]; minima shallower than `ripple_mm` are left out."""
+        minima, maxima = width_function(outline).extrema(ripple_mm)
+        if minima[0] < maxima[0]:
+            minima = np.append(minima[1:], minima[0] + math.pi)
+        k = len(maxima)
+        steps = np.column_stack([np.diff(maxima, append=maxima[0] + math.pi), minima - maxima])
+        order = next(n for n in range(k, 0, -1) if k % n == 0 and _repeats(steps, k // n))
+        return cls(maxima[: k // order], minima[: k // order], math.pi / order)
+
+    def __call__(self, direction: Array) -> Array:
+        """Directions after a squeeze [rad], within the same turn as before it."""
+        turns = np.floor((direction - self.maxima[0]) / self.period)
+        step = np.searchsorted(self.maxima, direction - turns * self.period, side="right") - 1
+        return np.asarray(self.minima[np.maximum(step, 0)] + turns * self.period)
+
+    def intervals(self) -> list[Interval]:
+        """All runs of steps, from every maximum to every later one, a period at most."""
+        k = len(self.maxima)
+        starts = np.concatenate([self.maxima, self.maxima + self.period])
+        ends = np.concatenate([self.minima, self.minima + self.period])
+        return [
+            Interval(
+                start=float(starts[first]),
+                length=float(starts[first + steps] - starts[first]) if steps < k else self.period,
+                image=float(ends[first]),
+                spread=float(ends[first + steps - 1] - ends[first]),
+            )
+            for first in range(k)
+            for steps in range(1, k + 1)
+        ]
+
+
+def _repeats(steps: Array, after: int) -> bool:
+    return np.allclose(steps, np.roll(steps, after, axis=0), rtol=0.0, atol=ALIKE_RAD)
+
+
+class Interval(NamedTuple):
+    """A run of steps of the squeeze function."""
+
+    start: float  # direction at which it begins
+    length: float  # how far it goes
+    image: float  # least direction it is squeezed to
+    spread: float  # length of the smallest interval that holds all it is squeezed to
+
+
+class SqueezePlan(NamedTuple):
+    """A sensorless plan."""
+
+    angles: Array  # (k,) of the hand in the world, one for each squeeze, the first one 0 [rad]
+    final: float  # angle of the part in the world after the last one, if the theory holds, modulo `period`
+    period: float  # what the plan cannot tell apart: pi, or less for a symmetric hull [rad]
+    slack: float  # least margin of an intermediate direction to where it would go elsewhere [rad]
+
+
+def chain(function: SqueezeFunction) -> list[Interval]:
+    """The plan's intervals, the widest first: a whole period, and at last a single step.
+
+    Backwards (Goldberg 1993): begin with the widest single step; as long as it is no whole period, put the
+    widest interval before it that is squeezed to less than its length.
+    """
+    intervals = function.intervals()
+    whole = function.period - ALIKE_RAD
+    results = [max((i for i in intervals if i.spread < ALIKE_RAD), key=lambda i: i.length)]
+    while results[-1].length < whole:
+        target = results[-1].length
+        wider = [i for i in intervals if i.spread < target - ALIKE_RAD]
+        best = max(wider, key=lambda i: (i.length, -i.spread))
+        if (
+            best.length <= target + ALIKE_RAD
+        ):  # does not happen, by his theorem, but for steps alike to 1e-6
+            break
+        results.append(best)
+    return results[::-1]
+
+
+def plan(outline: Outline) -> SqueezePlan:
+    """The shortest sequence of squeezes that orients a part (N, 2) [mm], in theory without friction."""
+    function = SqueezeFunction.of(outline)
+    intervals = chain(function)
+    angles, slack = [0.0], 0.5 * function.period
+    for before, after in pairwise(intervals):
+        room = 0.5 * (after.length - before.spread)
+        angles.append(angles[-1] + after.start + room - before.image)
+        slack = min(slack, room)
+    # The closing direction in the part's frame is phi = psi + pi / 2 - theta for a hand at psi.
+    final = angles[-1] + 0.5 * math.pi - intervals[-1].image
+    half = 0.5 * math.pi  # a hand turned by half a turn squeezes alike
+    reduced = np.mod(np.array(angles) + half, math.pi) - half
+    return SqueezePlan(reduced, final, function.period, slack)

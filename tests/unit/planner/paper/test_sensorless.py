@@ -1,0 +1,158 @@
+"""Goldberg's squeeze function and plans: his theorems, and our simulator where his assumptions hold."""
+
+import math
+
+import numpy as np
+import pytest
+from problems import (
+    LONG_JAWS,
+    OUTLINES,
+    bar,
+    diameter,
+    disc,
+    hexagon,
+    l_shape,
+    random_convex,
+    random_poses,
+    random_star,
+    rectangle,
+    regular_polygon,
+    right_triangle,
+    simulator,
+)
+
+from planner.mechanics.simulator import Parameters
+from planner.paper.sensorless import SqueezeFunction, plan, width_function
+from planner.part.outline import convex_hull, min_width, width
+
+pytestmark = pytest.mark.slow
+
+
+def outlines():
+    rng = np.random.default_rng(1)
+    stars = [random_star(rng, int(rng.integers(3, 14))) for _ in range(60)]
+    return [make() for make in OUTLINES.values()] + stars
+
+
+def carried_out(outline, angles, rng):
+    """Angles of parts in the world after frictionless squeezes, by the squeeze function alone."""
+    function = SqueezeFunction.of(outline)
+    theta = rng.uniform(-4.0, 4.0, 300)
+    for angle in angles:
+        theta = angle + 0.5 * math.pi - function(angle + 0.5 * math.pi - theta)
+    return theta
+
+
+def apart(angles, period):
+    return np.abs(angles - period * np.round(angles / period))
+
+
+def test_the_squeeze_function_is_a_rising_staircase():
+    for outline in outlines():
+        function = SqueezeFunction.of(outline)
+        direction = np.linspace(-5.0, 5.0, 4001)
+        after = function(direction)
+        assert np.all(np.diff(after) >= -1e-12)
+        assert np.all(np.abs(after - direction) < math.pi)
+        assert function(after) == pytest.approx(after)
+        assert function(direction + function.period) == pytest.approx(after + function.period)
+
+
+def test_plans_orient_every_part_up_to_the_symmetry_of_its_hull():
+    rng = np.random.default_rng(2)
+    for outline in outlines():
+        result = plan(outline)
+        assert (
+            apart(carried_out(outline, result.angles, rng) - result.final, result.period).max()
+            < 1e-9
+        )
+
+
+def test_no_plan_is_longer_than_2n_minus_1():
+    for outline in outlines():
+        assert len(plan(outline).angles) <= 2 * len(convex_hull(outline)) - 1
+
+
+def test_a_plan_holds_with_hands_off_by_less_than_its_slack():
+    rng = np.random.default_rng(3)
+    for outline in outlines()[:30]:
+        result = plan(outline)
+        errors = 0.98 * result.slack * rng.uniform(-0.5, 0.5, len(result.angles))
+        errors[-1] = 0.0
+        if len(result.angles) > 1:
+            angles = result.angles + errors
+            assert (
+                apart(carried_out(outline, angles, rng) - result.final, result.period).max() < 1e-9
+            )
+
+
+@pytest.mark.parametrize(
+    ("outline", "degrees"),
+    [
+        (rectangle(), 180),
+        (hexagon(), 60),
+        (regular_polygon(4, 14.0), 90),
+        (regular_polygon(5, 14.0), 36),
+        (right_triangle(), 180),
+        (disc(), 180),
+    ],
+)
+def test_periods_of_known_shapes(outline, degrees):
+    assert math.degrees(SqueezeFunction.of(outline).period) == pytest.approx(degrees)
+
+
+def frictionless(outline, n, rng):
+    model = simulator(outline, jaws=LONG_JAWS)
+    parameters = model.sample(n, rng)
+    return model, Parameters(parameters.surfaces, np.zeros((n, 2)))
+
+
+def scalene():
+    """No edge is square to a chord: every equilibrium is stable or unstable, none is indifferent."""
+    return random_convex(np.random.default_rng(6), 5)
+
+
+@pytest.mark.parametrize("make", [rectangle, scalene, hexagon, l_shape, bar])
+def test_our_simulator_ends_at_local_minima_without_friction(make):
+    outline, rng = make(), np.random.default_rng(4)
+    model, parameters = frictionless(outline, 400, rng)
+    final = model.roll_out(random_poses(rng, 400, 5.0), parameters)
+    minima = width_function(outline).minima
+    direction = 0.5 * math.pi - final.poses[:, 2]
+    off = apart(direction[:, None] - minima[None], math.pi).min(axis=1)
+    assert np.mean(np.degrees(off) < 0.5) > 0.99
+    assert final.width_mm == pytest.approx(width_function(outline)(direction), abs=0.05)
+
+
+DIRECTIONS = np.linspace(-4.0, 4.0, 1001)
+
+
+def test_it_is_the_extent_in_every_direction():
+    for outline in outlines():
+        expected = [width(outline, direction) for direction in DIRECTIONS]
+        assert width_function(outline)(DIRECTIONS) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_least_minimum_is_the_narrowest_and_the_greatest_maximum_the_diameter():
+    for outline in outlines():
+        function = width_function(outline)
+        assert function(function.minima).min() == pytest.approx(min_width(outline))
+        assert function(function.maxima).max() == pytest.approx(diameter(outline))
+
+
+def test_extrema_are_higher_or_lower_than_what_is_beside_them():
+    for outline in outlines():
+        function = width_function(outline)
+        for step in (-1e-5, 1e-5):
+            assert np.all(function(function.minima) < function(function.minima + step))
+            assert np.all(function(function.maxima) > function(function.maxima + step))
+
+
+def test_textbook_shapes():
+    function = width_function(rectangle())
+    assert np.degrees(function.minima) == pytest.approx([0.0, 90.0])
+    diagonal = math.degrees(math.atan2(21.0, 30.0))
+    assert np.degrees(function.maxima) == pytest.approx([diagonal, 180.0 - diagonal])
+    # Of a right triangle the legs hold nothing: towards the hypotenuse the width only falls.
+    function = width_function(right_triangle())
+    assert np.degrees(function.minima) == pytest.approx([math.degrees(math.atan2(36.0, 26.0))])
