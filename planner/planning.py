@@ -13,8 +13,7 @@ from planner.diagnosis.ambiguity import ambiguities
 from planner.diagnosis.clearance import no_first_squeeze
 from planner.errors import NoPlanError
 from planner.evaluation.disturbance import NONE, WITH_DOUBTS
-from planner.evaluation.evaluate import untimed
-from planner.evaluation.judge import claimed
+from planner.evaluation.evaluate import evaluate
 from planner.evaluation.measured import tried, with_figures, without_untried
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
@@ -218,12 +217,12 @@ def judged(
     worlds = ContactWorlds.of_job(job, job.seed + SEED_WORLD + attempt, STEP_MM)
     seed, work = job.seed + SEED_EVALUATION + attempt, Threads(workers) if workers else Threads()
     cell = NONE if job.search.method in METHODS else WITH_DOUBTS
-    return untimed(table, job, worlds, trials, seed, work, cell, report)
+    return evaluate(table, job, worlds, trials, seed, work, cell, report)
 
 
 def no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:
     """Why no leaf knows its pose; after a complete search, also what would distinguish the poses."""
-    evaluation = replace(evaluation, resolved=claimed(table, evaluation.leaf))
+    evaluation = replace(evaluation, table=table)
     goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
     if cut is not None:
         error = NoPlanError(f"{job.name}: {cut.line()}; no leaf is within {goal} yet")

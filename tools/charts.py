@@ -1,7 +1,7 @@
 """Charts of the figures kept in `tests/bench/results`: this planner beside the paper and other programs."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,20 +20,6 @@ METHODS = {
     "paper": ("the paper's method, implemented here", ORANGE),
     "sensorless": ("no sensor", canvas.RED),
 }
-PAPER_SIMULATED = (
-    1 / 3.0,
-    1 / 0.5,
-)  # squeezes a second: "0.5 to 3 seconds for rolling out 1 particle" (V.B)
-PAPER_LEARNED = 5000.0  # particles a second: "about 1 second to roll out 5000 particles" (V.B)
-
-
-class Bar(NamedTuple):
-    """One line of a chart of speeds; `low` is where the bar ends if a source gives a range."""
-
-    name: str
-    value: float
-    low: float
-    colour: str
 
 
 def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) -> Figure:
@@ -104,61 +90,8 @@ def label_of(percent: float) -> str:
     return "<100" if percent >= 99.95 else f"{percent:.1f}"
 
 
-def speed(squeeze: Mapping[str, Any], kcde: Mapping[str, Any]) -> Figure:
-    """Squeezes a second on one core: simulated, and predicted by a learned motion model.
-
-    The figures are those that `tests/bench/bench_squeeze.py` and `tests/bench/bench_kcde.py` keep.
-    """
-    by_part = {row["part"]: row for row in squeeze["speed"]}
-    simulated = [
-        Bar("the paper's Matlab program", PAPER_SIMULATED[1], PAPER_SIMULATED[0], canvas.GREY)
-    ]
-    for part, row in by_part.items():
-        simulated += [
-            Bar(f"plain numpy, {part}", row["twin_per_second"], 0.0, SKY),
-            Bar(f"MuJoCo, {part}", row["mujoco_per_second"], 0.0, ORANGE),
-            Bar(f"this planner, {part}", row["per_second"], 0.0, canvas.BLUE),
-        ]
-    learned = [
-        Bar("the paper's Matlab program", PAPER_LEARNED, 0.0, canvas.GREY),
-        Bar("scipy's search tree", 1e3 * kcde["particles"] / kcde["scipy_ms"], 0.0, SKY),
-        Bar("this planner", kcde["particles_per_second"], 0.0, canvas.BLUE),
-    ]
-    figure = canvas.blank(WIDTH_IN, 3.5)
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(len(simulated), len(learned)))
-    _lines(upper, simulated, "simulated by contact mechanics")
-    _lines(lower, learned, f"predicted by a model learned from {_round(kcde['points'])} squeezes")
-    lower.set_xlabel("squeezes a second on one core, logarithmic", fontsize=FONT)
-    return figure
-
-
-def _lines(axes: Axes, bars: Sequence[Bar], title: str) -> None:
-    """Horizontal bars on a logarithmic axis, the first on top."""
-    rows = np.arange(len(bars))
-    axes.barh(rows, [bar.value for bar in bars], 0.72, color=[bar.colour for bar in bars], zorder=2)
-    for row, bar in zip(rows, bars, strict=True):
-        range_ = f"{_round(bar.low)} to " if bar.low else ""
-        axes.text(
-            1.12 * bar.value, float(row), range_ + _round(bar.value), fontsize=SMALL, va="center"
-        )
-    axes.set_yticks(rows, [bar.name for bar in bars], fontsize=SMALL)
-    axes.set_xscale("log")
-    axes.set(xlim=(0.1, 4e6), ylim=(len(bars) - 0.4, -0.6))
-    axes.set_title(title, fontsize=FONT, loc="left", pad=3.0)
-    axes.tick_params(axis="x", which="minor", length=0)
-    _open_frame(axes, "y", "x")
-
-
 def _open_frame(axes: Axes, named: Literal["x", "y"], measured: Literal["x", "y"]) -> None:
     """Leaves out two sides of the frame and the ticks of the axis that names things."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(axis=named, length=0)
     canvas.faint_grid(axes, measured)
-
-
-def _round(value: float) -> str:
-    """Two significant digits, thousands set apart."""
-    rounded = float(f"{value:.2g}")
-    return (
-        f"{rounded:,.0f}".replace(",", "\N{NO-BREAK SPACE}") if rounded >= 10.0 else f"{rounded:g}"
-    )

@@ -36,7 +36,7 @@ def parser() -> Parser:
         NAME,
         "Plan the squeezes that locate a part, and write them as a decision table.",
         f"{NAME} trees/rectangle/job.toml -o rectangle.msgpack",
-        f"{NAME} job.toml -o 'r{{uncertainty.radius_mm}}.msgpack' --vary uncertainty.radius_mm=5,10",
+        f"{NAME} job.toml -o tables --vary uncertainty.radius_mm=5,10",
         f"{NAME} job.toml -o tree.msgpack --bound",
         f"{NAME} job.toml --baseline sensorless",
     )
@@ -47,7 +47,7 @@ def parser() -> Parser:
         "--output",
         type=Path,
         metavar="TREE.msgpack",
-        help="the table; with --vary a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
+        help="the table; with --vary a folder",
     )
     add(
         "--vary",
@@ -131,7 +131,7 @@ def _single(arguments: argparse.Namespace) -> int:
             arguments.no_advice or plan.cut
         ):  # what a longer search might contradict is not advised
             with shell.spared("advice", notes, arguments.debug):
-                advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
+                advice = counsel(plan.table, plan.evaluation, job, scheduler, report)
     figures = {
         "table": str(output),
         "bytes": output.stat().st_size,

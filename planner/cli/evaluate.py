@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from planner.cli import course, shell
+from planner.cli.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
 from planner.evaluation import foreign, leaves
 from planner.evaluation.cases import believed_cases, standard_cases
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate, sweep, worst_of
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
 from planner.evaluation.shares import shares_of
 from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
 from planner.world import ContactWorlds, World, Worlds, supply
-from runtime.shell.command import Parser, natural, number, positive, positive_int
+from runtime.shell.command import Parser, natural, number, positive_int
 from runtime.shell.errors import UsageError
 from runtime.shell.files import usable
 from runtime.shell.worlds import DEFAULT_WORLD
@@ -80,12 +80,6 @@ def _add_rare(group: argparse._ArgumentGroup) -> None:
         action="store_true",
         help="count confident wrong answers of the table and of each leaf, with upper bounds; parts "
         "that come to rare nodes are followed as several copies",
-    )
-    group.add_argument(
-        "--until",
-        type=positive,
-        metavar="PPM",
-        help="end as soon as the rate is shown to be below this, or above it",
     )
     group.add_argument(
         "--resume",
@@ -220,11 +214,9 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
             report("evaluate", sums.parts, wanted)
             if kept is not None:
                 keep(kept, identity, sums)
-            if arguments.until is not None and Findings.of(sums).decided(arguments.until):
-                break
     result = Findings.of(sums)
     message = f"{sums.parts} parts in {_name_of_world(arguments)}"
-    shell.answer(arguments.json, result.figures(), message, *result.lines(arguments.until))
+    shell.answer(arguments.json, result.figures(), message, *result.lines())
 
 
 def _check_usage(arguments: argparse.Namespace) -> None:
@@ -232,9 +224,8 @@ def _check_usage(arguments: argparse.Namespace) -> None:
         raise UsageError("--ppm and --sweep are two studies; run one after the other")
     if arguments.foreign_parts and (arguments.ppm or arguments.sweep):
         raise UsageError("--foreign-parts come into one world; leave out --ppm and --sweep")
-    for name in ("until", "resume"):
-        if getattr(arguments, name) is not None and not arguments.ppm:
-            raise UsageError(f"--{name} is of --ppm; add it")
+    if arguments.resume is not None and not arguments.ppm:
+        raise UsageError("--resume is of --ppm; add it")
     if arguments.takt is not None and arguments.ppm:
         raise UsageError("--ppm counts wrong answers and times nothing; leave out --takt")
     if arguments.resume is not None:

@@ -28,7 +28,7 @@ from runtime.table import Table, TableFile, load
 progress = course.shown
 WIDTH = 98  # columns of --help
 PICTURES = (".png", ".svg", ".pdf")  # suffixes of pictures that matplotlib writes
-FORMATS = (*PICTURES, ".csv", ".dxf", ".gif", ".html", ".json", ".msgpack", ".stl", ".toml")
+FORMATS = (*PICTURES, ".csv", ".dxf", ".html", ".json", ".msgpack", ".stl", ".toml")
 STOPPING = "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once"
 EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.NO_PLAN, ExitCode.UNREACHABLE)
 

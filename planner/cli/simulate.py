@@ -22,8 +22,8 @@ from runtime.shell.files import usable, words_of
 
 NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
-PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}  # their suffixes
-ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # A pushed part need not pass between the jaws
+PICTURES = {"figure": shell.PICTURES, "html": (".html",)}  # what they may end in
+ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pass between the jaws
 IN_DEGREES = ("x_mm", "y_mm", "theta_deg")  # the same poses
 RESULTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm")
 OUTPUTS = (
@@ -243,7 +243,6 @@ def parser() -> Parser:
         metavar="OUT.png",
         help="draw the first squeezes, up to 12 (.png, .svg, .pdf)",
     )
-    add("--gif", type=Path, metavar="OUT.gif", help="animate the first squeeze")
     add(
         "--html",
         type=Path,
@@ -298,8 +297,6 @@ def draw(
     outline, jaws = simulator.outline, simulator.jaws
     if path := pictures.get("figure"):
         canvas.save(path, lambda: trajectory.figure(outline, jaws, traces))
-    if path := pictures.get("gif"):
-        trajectory.gif(outline, jaws, traces[0], path)
     if path := pictures.get("html"):
         trajectory.html(outline, jaws, traces, title, path)
 

@@ -40,7 +40,6 @@ MOST_JOBS = 10_000
 
 Overrides = tuple[tuple[str, str], ...]
 
-_PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
 _UNFIT = re.compile(r"[^\w.+=,-]+")
 
 
@@ -177,15 +176,15 @@ def run(
     scheduler: Scheduler,
     as_json: bool,
 ) -> int:
-    """Compiles all orders; writes each table as soon as it is done, and the summary last.
+    """Compiles all orders, writes each table into a folder as soon as it is there, and the summary last.
 
-    `output` is as in `paths_of`; `read` are the job file and the files that it names.
+    `read` are the job file and what it names.
 
     Returns:
         0, or the exit code of the first job that has no table; 130 after Ctrl-C.
 
     Raises:
-        UsageError: the pattern would give two jobs one name.
+        UsageError: as `paths_of`.
         OutputError: a file cannot be written, or its folder not be made.
         UnreachableError: the connection to the cluster was lost.
     """
@@ -216,36 +215,20 @@ def run(
     return next((row["exit_code"] for row in rows if "error" in row), 0)
 
 
-def paths_of(orders: Sequence[Order], output: Path) -> list[Path]:
-    """Paths of the tables: in a folder, or by a pattern such as "r{uncertainty.radius_mm}.msgpack".
+def paths_of(orders: Sequence[Order], folder: Path) -> list[Path]:
+    """Where the tables go, each named after its values.
 
     Raises:
-        UsageError: a placeholder names no swept value, one is missing, or names coincide.
+        UsageError: the folder is named like a table, or names coincide.
     """
-    if output.suffix == SUFFIX:
-        paths = [_filled(output, dict(order.overrides)) for order in orders]
-    else:
-        labels = [
-            ",".join(f"{name}={value}" for name, value in order.overrides) for order in orders
-        ]
-        paths = [output / (_fit(label) + SUFFIX) for label in labels]
+    if folder.suffix == SUFFIX:
+        raise UsageError(f"-o {folder}: --vary writes a table for each value; name a folder")
+    labels = [",".join(f"{name}={value}" for name, value in order.overrides) for order in orders]
+    paths = [folder / (_fit(label) + SUFFIX) for label in labels]
     path, jobs = Counter(paths).most_common(1)[0]
     if jobs > 1:
-        raise UsageError(
-            f"-o {output}: {jobs} jobs would be written to {path}; name every swept value"
-        )
+        raise UsageError(f"--vary: {jobs} jobs would be written to {path}; vary fewer values")
     return paths
-
-
-def _filled(pattern: Path, values: dict[str, str]) -> Path:
-    """The file name of one job by the pattern, whose placeholders stand in the last part only."""
-    for name in _PLACEHOLDER.findall(str(pattern)):
-        if name not in values:
-            raise UsageError(
-                f"-o {pattern}: {{{name}}} is not swept; swept are {', '.join(values)}"
-            )
-    name = _PLACEHOLDER.sub(lambda match: _fit(values[match[1]]), pattern.name)
-    return pattern.with_name(name)
 
 
 def _fit(text: str) -> str:

@@ -12,14 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.belief.observation import encoder_of
-from planner.diagnosis.ambiguity import Ambiguity, Delay, ambiguities, delays
-from planner.diagnosis.margins import ClosePair, Margins, close_pairs, lines_of, margins_of
+from planner.diagnosis.ambiguity import Ambiguity, ambiguities
+from planner.diagnosis.margins import Margins, margins_of
 from planner.evaluation.cases import EVERYTHING, PLANNED, Case, noise_cases
 from planner.evaluation.evaluate import sweep
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.shares import Shares, shares_of
 from planner.job.model import Job
-from planner.search.tree import Node
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
@@ -27,8 +26,6 @@ from runtime.table import Table
 
 Z95 = NormalDist().inv_cdf(0.975)
 SEED_NOISE = 0x53454E53
-LONG = 3.6  # squeezes a part above which a plan is long
-MOST_LATE = 3
 MOST_TRIALS = 5000  # parts squeezed for each source of noise
 PINCHED = "as something thinner than a count is between the jaws and they read as closed"
 
@@ -89,26 +86,24 @@ class Advice(NamedTuple):
 
     failing: float  # share of the parts that are not located
     rejected: float  # share whose width no branch has
-    pinched: float  # of all parts, those that stop the jaws at less than a count
-    unresolved: float  # share that ends in leaves where no squeeze gained anything
-    at_depth_limit: float  # share that ends in unresolved leaves at depth `search.max_depth`
-    pairs: list[ClosePair]  # branches that the encoder may confuse, the costliest first
+    pinched: float  # of these, the share of all that stops the jaws at less than a count, which is no grip
+    unresolved: float  # share that ends in leaves from which no squeeze gained anything
+    at_depth_limit: (
+        float  # share that ends in unresolved leaves as deep as `search.max_depth` allows
+    )
     open_poses: list[
         Ambiguity
     ]  # the unresolved leaves with most parts, and squeezes to resolve them
     gains: Sequence[Gain]  # cost of each source of noise; empty if not asked for
     proposing: bool  # whether placements were proposed besides the stated ones
-    delays: Sequence[Delay]  # of a long plan, the late nodes that many parts still reach
-    margins: Margins | None = None  # effect of an offset of widths; None if not asked for
-    shares: Shares | None = None  # shares of the same parts, rounded as in other outputs
+    margins: Margins | None = None  # what widths a little off do; None if not asked for
+    shares: Shares | None = None  # of the same parts, rounded as they are told elsewhere
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
         record = self._asdict() | {
-            "pairs": [pair._asdict() for pair in self.pairs],
             "open_poses": [leaf.figures() for leaf in self.open_poses],
             "gains": [gain._asdict() for gain in self.gains],
-            "delays": [delay.figures() for delay in self.delays],
             "margins": self.margins and {**self.margins._asdict(), "thin": self.margins.thin},
         }
         del record["proposing"], record["shares"]
@@ -119,8 +114,6 @@ class Advice(NamedTuple):
         return [
             *self._shares(),
             *(leaf.line() for leaf in self.open_poses),
-            *(delay.line() for delay in self.delays),
-            *lines_of(self.pairs),
             *([self.margins.line()] if self.margins and self.margins.thin else []),
         ]
 
@@ -151,7 +144,6 @@ def advise(
     evaluation: Evaluation,
     job: Job,
     gains: Sequence[Gain] = (),
-    late: Sequence[Delay] = (),
     margins: Margins | None = None,
 ) -> Advice:
     """What limits the plan of a job, given the measurements of the other modules."""
@@ -163,11 +155,9 @@ def advise(
         pinched=float(np.mean(evaluation.rejected & (last == 2 * encoder_of(job).steps + 1))),
         unresolved=float(evaluation.unresolved.mean()),
         at_depth_limit=float(deep.mean()),
-        pairs=close_pairs(table, evaluation, job),
         open_poses=[] if job.hypothesis else ambiguities(table, evaluation, job),
         gains=gains,
         proposing=job.actions.proposals != "none",
-        delays=late,
         margins=margins,
         shares=shares_of(evaluation.summary()),
     )
@@ -176,7 +166,6 @@ def advise(
 def counsel(
     table: Table,
     evaluation: Evaluation,
-    root: Node,
     job: Job,
     scheduler: Scheduler | None = None,
     report: Report = silent,
@@ -184,10 +173,5 @@ def counsel(
     """The complete advice on a plan of `planner.compile.compile_job`."""
     trials = min(len(evaluation.leaf), MOST_TRIALS)
     gains = gains_without_noise(table, job, trials, scheduler, report)
-    late = (
-        delays(root, job, MOST_LATE)
-        if evaluation.squeezes.mean() >= LONG and not job.hypothesis
-        else []
-    )
     margins = margins_of(table, evaluation, job, trials, scheduler, report)
-    return advise(table, evaluation, job, gains, late, margins)
+    return advise(table, evaluation, job, gains, margins)

@@ -1,4 +1,4 @@
-"""Poses that a plan leaves ambiguous, at its end or for long, and squeezes that distinguish them."""
+"""Poses that a plan leaves open, and squeezes that would tell them apart."""
 
 import math
 from typing import Any, NamedTuple
@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.metric import Metric, metric_of
+from planner.belief.metric import Metric
 from planner.belief.observation import encoder_of
 from planner.evaluation.judge import main_poses, metric_of_table
 from planner.evaluation.outcome import Evaluation
@@ -17,7 +17,6 @@ from planner.mechanics.simulator import Simulator
 from planner.part.outline import reach
 from planner.search.actions import actions_of
 from planner.search.proposals import hands_about, placed
-from planner.search.tree import Node, breadth_first
 from runtime.table import HELD_UM, Table
 
 HANDS = 128  # placements tried to distinguish two poses
@@ -27,9 +26,6 @@ TELLING = 4.0  # least distance of distinguishable mean widths, in standard devi
 LEAST_TRIALS = 20
 APART = 3.0  # distance of different poses in units of the goal; nearer ones are scatter
 SEED_AMBIGUITY = 0x414D4249
-LATE = 3  # squeezes after which most parts should be located
-LEAST_LATE = 0.02  # least share of the parts at a late node that is reported
-MOST_SHOWN = 2  # poses reported for it
 
 
 class Separator(NamedTuple):
@@ -40,7 +36,7 @@ class Separator(NamedTuple):
 
 
 class Whereabouts(NamedTuple):
-    """Poses of the parts of a leaf or a node."""
+    """Where the parts of a leaf lie."""
 
     poses: Array  # (m, 3) main poses, the most frequent first [mm, mm, rad]
     shares: tuple[float, ...]  # (m,) share of the parts within the goal of each
@@ -56,10 +52,10 @@ class Whereabouts(NamedTuple):
             "scatter": round(self.scatter, 3),
         }
 
-    def text(self, decimals: int) -> str:
-        """For people: the poses and their shares, in percent with so many decimals."""
+    def text(self) -> str:
+        """For people: the poses and their shares."""
         pairs = zip(self.shares, self.poses, strict=True)
-        return " or ".join(f"{pose_text(pose)} ({share:.{decimals}%})" for share, pose in pairs)
+        return " or ".join(f"{pose_text(pose)} ({share:.1%})" for share, pose in pairs)
 
 
 class Ambiguity(NamedTuple):
@@ -84,7 +80,7 @@ class Ambiguity(NamedTuple):
     def line(self) -> str:
         """For people."""
         text, scatter = (
-            f"leaf {self.leaf} ({self.share:.2%}): the part lies at {self.where.text(1)}; ",
+            f"leaf {self.leaf} ({self.share:.2%}): the part lies at {self.where.text()}; ",
             self.where.scatter,
         )
         if len(self.where.poses) == 1 and scatter < 1.0:
@@ -106,34 +102,6 @@ class Ambiguity(NamedTuple):
         )
 
 
-class Delay(NamedTuple):
-    """A node that many parts reach late."""
-
-    node: int  # its index in the table
-    squeezes: int  # squeezes before it
-    share: float  # of all parts that come to it
-    where: Whereabouts  # the poses of these parts
-
-    def figures(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "node": self.node,
-            "squeezes": self.squeezes,
-            "share": self.share,
-            **self.where.figures(),
-        }
-
-    def line(self) -> str:
-        """For people."""
-        poses, shares, scatter = self.where
-        named = Whereabouts(poses[:MOST_SHOWN], shares[:MOST_SHOWN]).text(0)
-        text = f"node {self.node}: after {self.squeezes} squeezes "
-        text += f"{self.share:.1%} of the parts lie at {named}"
-        return (
-            text + f", nearly all others within {scatter:.1f} times the goal" if scatter else text
-        )
-
-
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
     """The unresolved leaves with most parts, at most `most`, each with a squeeze that would resolve it."""
     visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
@@ -152,18 +120,6 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
         )
         share = float(visits[leaf] / len(evaluation.leaf))
         results.append(Ambiguity(leaf, share, where, separator))
-    return results
-
-
-def delays(root: Node, job: Job, most: int) -> list[Delay]:
-    """The nodes with most parts after `LATE` squeezes or more, at most `most`."""
-    metric = metric_of(job)
-    inner = [node for node in breadth_first(root) if node.children]
-    late = [k for k, node in enumerate(inner) if node.depth >= LATE and node.share >= LEAST_LATE]
-    results = []
-    for k in sorted(late, key=lambda k: -inner[k].share)[:most]:
-        where = whereabouts(inner[k].belief.poses, metric)
-        results.append(Delay(k, inner[k].depth, inner[k].share, where))
     return results
 
 

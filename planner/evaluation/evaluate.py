@@ -4,7 +4,6 @@ The trials run the table as the runtime does; they use nothing of the planner's 
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -12,10 +11,8 @@ import numpy as np
 
 from planner.evaluation.cases import Case
 from planner.evaluation.disturbance import NONE, Disturbance
-from planner.evaluation.judge import claimed, judge
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.times import seconds_of
-from planner.evaluation.trials import Program, run
+from planner.evaluation.trials import Cell, Program
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
@@ -50,7 +47,7 @@ def run_chunk(
     """Runs the trials of a chunk in its world, in any process."""
     rng = np.random.default_rng([seed, chunk.number, SEED_TRIALS])
     part_world = world.world(chunk.number) if isinstance(world, Worlds) else world
-    return run(program, job, part_world, chunk.trials, rng, disturbance)
+    return Cell(program, job, part_world, disturbance, rng).run(chunk.trials)
 
 
 def evaluate(
@@ -70,21 +67,6 @@ def evaluate(
     after another. The seed determines initial poses, encoder noise and the arm's errors; the world has its
     own. The result does not depend on the scheduler (all cores if None).
     """
-    run = untimed(table, job, world, trials, seed, scheduler, disturbance, report)
-    return replace(run, seconds=seconds_of(table, run.path, run.reading, run.branch))
-
-
-def untimed(
-    table: Table,
-    job: Job,
-    world: World | Worlds,
-    trials: int,
-    seed: int,
-    scheduler: Scheduler | None = None,
-    disturbance: Disturbance = NONE,
-    report: Report = silent,
-) -> Evaluation:
-    """`evaluate` without the seconds of the parts: timing takes longer than the squeezes."""
     chunks = chunks_of(trials)
     run_all = (scheduler or Threads()).map if isinstance(world, Worlds) else map
     results = run_all(partial(run_chunk, Program.of(table), job, world, seed, disturbance), chunks)
@@ -92,9 +74,7 @@ def untimed(
     for part in results:
         done.append(part)
         report("evaluate", len(done), len(chunks))
-    whole = Evaluation.joined(done)
-    error_mm, within = judge(table, whole.leaf, whole.states)
-    return replace(whole, error_mm=error_mm, within=within, resolved=claimed(table, whole.leaf))
+    return Evaluation.joined(done)
 
 
 class Line(NamedTuple):

@@ -11,7 +11,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import Metric
 from planner.belief.particles import Belief
-from planner.evaluation.judge import claimed, main_poses, metric_of_table
+from planner.evaluation.judge import main_poses, metric_of_table
 from planner.evaluation.outcome import ERROR_SHARES, Evaluation
 from planner.job.model import Job
 from planner.lower import covariance_of, pose_of
@@ -39,7 +39,7 @@ def with_figures(
         for index, leaf in enumerate(table.leaves)
     )
     table = _without_impossible(replace(table, nodes=_measured(table, evaluation), leaves=leaves))
-    return table, replace(evaluation, resolved=claimed(table, evaluation.leaf))
+    return table, replace(evaluation, table=table)
 
 
 def _without_impossible(table: tables.Table) -> tables.Table:

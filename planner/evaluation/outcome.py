@@ -1,15 +1,18 @@
 """Outcomes of trials, one row a part, and the figures of all."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.evaluation.times import figures as seconds_figures
+from planner.evaluation.judge import Verdict, claimed, judge
+from planner.evaluation.times import seconds_of
 from planner.mechanics.traits import Traits, with_hypothesis
-from runtime.table import wilson_interval
+from runtime.table import Table, takt_figures, wilson_interval
 
 REJECTED = -1
 CRASHED = -3  # an open finger came down on the part, and the arm stopped
@@ -18,18 +21,13 @@ ERROR_SHARES = (0.5, 0.95)
 """Percentiles of the error that are stated: the median, and nearly all parts."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Evaluation:
     """The outcome of each of n trials."""
 
+    table: Table  # that was tried
     leaf: IntArray  # (n,) the leaf reached, `REJECTED` where a width fitted no branch, or `CRASHED`
     squeezes: IntArray  # (n,) number of squeezes
-    seconds: Array  # (n,) estimated time
-    error_mm: (
-        Array  # (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf
-    )
-    within: BoolArray  # (n,) whether the leaf's pose is within the goal of the true pose
-    resolved: BoolArray  # (n,) whether the leaf claims to know the pose
     poses: Array  # (n, 3) true final poses, in the arm's frame
     initial: Array  # (n, 3) true poses before the first squeeze
     traits: Traits  # (n,) latent parameters of each part and its cell
@@ -37,6 +35,30 @@ class Evaluation:
     # (n, d) twice the encoder's reading at each node, plus 1 if a part was felt; then `NOWHERE`
     reading: IntArray
     branch: IntArray  # (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`
+
+    @cached_property
+    def _verdict(self) -> Verdict:
+        return judge(self.table, self.leaf, self.states)
+
+    @property
+    def error_mm(self) -> Array:
+        """(n,) audit metric of the leaf's pose against the true pose; infinite without a leaf."""
+        return self._verdict.error_mm
+
+    @property
+    def within(self) -> BoolArray:
+        """(n,) whether the leaf's pose is within the goal of the true pose."""
+        return self._verdict.within
+
+    @cached_property
+    def resolved(self) -> BoolArray:
+        """(n,) whether the leaf claims to know the pose."""
+        return claimed(self.table, self.leaf)
+
+    @cached_property
+    def seconds(self) -> Array:
+        """(n,) estimated time; found when it is asked for, since that takes longer than the squeezes."""
+        return seconds_of(self.table, self.path, self.reading, self.branch)
 
     @property
     def steps(self) -> IntArray:
@@ -87,7 +109,7 @@ class Evaluation:
             "unresolved_rate": float(self.unresolved.mean()),
             "mean_squeezes": float(self.squeezes.mean()),
             "max_squeezes": int(self.squeezes.max()),
-            **seconds_figures(self.seconds, takt_s),
+            **takt_figures(Counter(self.seconds.tolist()), takt_s),
             "crashes": self.crashes,
             "error_mm": dict(
                 zip(("median", "p95"), np.quantile(known, ERROR_SHARES).tolist(), strict=True)
@@ -96,15 +118,12 @@ class Evaluation:
             else None,
         }
 
-    def __getitem__(self, rows: IntArray) -> Self:
-        """A copy of some of the trials."""
-        return type(self)(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
-
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """One evaluation of all trials of one or more, in order."""
+        """One evaluation of the trials of several of a table, in their order; at least one."""
         rows: dict[str, Any] = {
             field.name: np.concatenate([getattr(part, field.name) for part in parts])
             for field in fields(cls)
+            if field.name != "table"
         }
-        return cls(**rows)
+        return cls(parts[0].table, **rows)

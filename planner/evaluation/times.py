@@ -3,18 +3,12 @@
 Parts follow one another: the hand starts from where it left the previous part.
 """
 
-from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from runtime.table import GripperProfile, Schedule, Squeezed, Table, job_of, takt_figures
-
-
-def figures(seconds: Array, takt_s: float | None = None) -> dict[str, float]:
-    """Figures of the seconds (n,), n >= 1, of trials; see `runtime.table.takt.figures`."""
-    return takt_figures(Counter(seconds.tolist()), takt_s)
+from runtime.table import GripperProfile, Schedule, Squeezed, Table, job_of
 
 
 def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray) -> Array:

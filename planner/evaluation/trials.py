@@ -19,7 +19,7 @@ from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import beside_mm
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
-from planner.mechanics.traits import Traits, as_planned, by_hypothesis, ordinary
+from planner.mechanics.traits import Traits, by_hypothesis, ordinary
 from planner.world import Assorted, ContactWorld, World, of_hypothesis
 from runtime.shell.errors import UsageError
 from runtime.table import HELD_UM, REJECT, Squeeze, Table, decision_map
@@ -97,7 +97,6 @@ class Step(NamedTuple):
     before: Array  # (n, 3) poses in the world before it [mm, mm, rad]
     after: Array  # (n, 3) poses after it, with the jaws closed
     released: Array  # (n, 3) poses where the jaws open, after the drag of held parts
-    drag: Array  # (n, 2) how far the hand went with its jaws closed [mm]
     width_mm: Array  # (n,) true openings
     reading: IntArray  # (n,) twice the encoder's reading, plus 1 if the gripper feels a part
     branch: IntArray  # (n,) the branch of that reading, or `REJECT`
@@ -113,110 +112,145 @@ class Step(NamedTuple):
         return np.asarray(self.released[self.branch == branch])
 
 
-def step(
-    program: Program,
-    node: IntArray,
-    poses: Array,
-    placement: Array,
-    world: World,
-    encoder: Encoder,
-    rng: np.random.Generator,
-    traits: Traits | None = None,
-) -> Step:
-    """Squeezes parts once, reads, looks up and opens, as the runtime does.
+class Arrived(NamedTuple):
+    """Hands that have come down about n parts, after the pushes of their nodes."""
 
-    Args:
-        program: the table.
-        node: (n,) the node that each part is at.
-        poses: (n, 3) where the parts lie in the world [mm, mm, rad].
-        placement: (n, 3) true placement of the hand: the node's with the arm's errors.
-        world: squeezes them.
-        encoder: reads the width.
-        rng: of the encoder's noise.
-        traits: (n,) of the parts; as planned if None.
-    """
-    drawn = as_planned(len(node)) if traits is None else traits
-    final, width_mm, held = _squeeze_all(world, to_hand(poses, placement.T), drawn)
-    reading = encoder.read(read_as(width_mm, drawn), rng)
-    reading = 2 * reading + (width_mm > 0.0)  # jaws that are kept apart feel an object
-    segment = program.segment(node, reading)
-    drag = program.carried(node, segment)
-    after = to_world(final, placement.T)
-    released = after.copy()
-    released[:, :2] += np.where(held[:, None], drag, 0.0)
-    branch, target = program.lookup.branch[segment], program.target[segment]
-    return Step(poses, after, released, drag, width_mm, reading, branch, target)
-
-
-def run(
-    program: Program,
-    job: Job,
-    world: World,
-    trials: int,
-    rng: np.random.Generator,
-    disturbance: Disturbance,
-) -> Evaluation:
-    """Runs a table on a number of parts, at least 1, without timing or judging them.
-
-    The job describes the true parts and gripper. `rng` draws initial poses, encoder noise and the arm's
-    errors; the world has its own generator.
-    """
-    poses, nowhere = initial(job, trials, rng), _nowhere(program, trials)
-    foreign = not isinstance(of_hypothesis(world, 0), ContactWorld)
-    traits = disturbance.traits(job, trials, rng, foreign=foreign)
-    begun = Evaluation(
-        leaf=np.full(trials, RUNNING, np.int64),
-        squeezes=np.zeros(trials, np.int64),
-        seconds=np.zeros(trials),  # filled in by `evaluate`
-        error_mm=np.zeros(trials),
-        within=np.zeros(trials, np.bool_),
-        resolved=np.zeros(trials, np.bool_),
-        poses=poses - disturbance.bias,
-        initial=poses,
-        traits=traits,
-        path=nowhere,
-        reading=nowhere.copy(),
-        branch=nowhere.copy(),
+    poses: Array  # (n, 3) where the parts lie in the world [mm, mm, rad]
+    placement: Array  # (n, 3) placements of the hands
+    stopped: (
+        BoolArray  # (n,) whether a finger came down on the part and the arm stopped, where known
     )
-    finish(program, begun, np.zeros(trials, np.int64), job, world, rng, disturbance)
-    return begun
 
 
-def finish(
-    program: Program,
-    evaluation: Evaluation,
-    node: IntArray,
-    job: Job,
-    world: World,
-    rng: np.random.Generator,
-    disturbance: Disturbance,
-) -> None:
-    """Runs trials to their ends, without judging them.
+@dataclass(frozen=True, slots=True, eq=False)
+class Cell:
+    """A cell that runs a table as the runtime would.
 
-    Args:
+    Attributes:
         program: the table.
-        evaluation: the trials so far, modified in place.
-        node: (n,) the node that each part is at, negative where its trial has ended; modified in place.
-        job: the true parts and gripper.
-        world: squeezes the parts.
-        rng: of the encoder's noise and the arm's errors.
+        job: says what parts and gripper are like in truth.
+        world: squeezes and pushes the parts; it has randomness of its own.
         disturbance: errors of the cell.
+        rng: of the encoder's noise and the arm's errors.
     """
-    encoder, traits = encoder_of(job), evaluation.traits
-    evaluation.poses[:] += disturbance.bias
-    while len(members := np.flatnonzero(node >= 0)):
-        at, lying = node[members], evaluation.poses[members]
-        arrived = come_down(program, at, lying, world, job, traits[members], disturbance, rng)
-        evaluation.poses[members], placement, stopped = arrived
-        evaluation.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
-        members, placement = members[~stopped], placement[~stopped]
-        if not len(members):
-            break
-        at, lying = node[members], evaluation.poses[members]
-        after = step(program, at, lying, placement, world, encoder, rng, traits[members])
-        evaluation.poses[members] = after.released
-        _note(program, evaluation, node, members, after.reading)
-    evaluation.poses[:] -= disturbance.bias
+
+    program: Program
+    job: Job
+    world: World
+    disturbance: Disturbance
+    rng: np.random.Generator
+
+    def come_down(self, node: IntArray, poses: Array, traits: Traits) -> Arrived:
+        """Pushes parts as their nodes say, and comes down to squeeze them.
+
+        Args:
+            node: (n,) the node that each part is at.
+            poses: (n, 3) where the parts lie in the world [mm, mm, rad].
+            traits: (n,) of the parts.
+        """
+        program = self.program
+        poses, pushed_on = self.pushed(node, poses, traits)
+        placement = self.disturbance.placed(program.placement[node], traits, self.rng)
+        hand, opening_mm = to_hand(poses, placement.T), program.opening_mm[node]
+        return Arrived(poses, placement, pushed_on | self._standing_on(hand, opening_mm, traits))
+
+    def pushed(self, node: IntArray, poses: Array, traits: Traits) -> tuple[Array, BoolArray]:
+        """Where parts lie (n, 3) after the pushes at their nodes, and which (n,) a finger came down on.
+
+        Arguments as of `come_down`.
+
+        Raises:
+            UsageError: the world cannot push.
+        """
+        after, stopped = poses.copy(), np.zeros(len(node), np.bool_)
+        for index in np.flatnonzero(self.program.pushes):
+            for push in self.program.table.nodes[index].pushes:
+                rows = np.flatnonzero((node == index) & ~stopped)
+                start = np.array([push.x_um / 1e3, push.y_um / 1e3, push.angle_urad / 1e6])
+                planned = np.tile(start, (len(rows), 1))
+                hand = self.disturbance.placed(planned, traits[rows], self.rng)
+                lying = to_hand(after[rows], hand.T)
+                opening_mm = np.full(len(rows), push.opening_um / 1e3)
+                way_mm = np.full(len(rows), push.length_um / 1e3)
+                stopped[rows] = self._standing_on(lying, opening_mm, traits[rows])
+                end = _push_all(self.world, lying, opening_mm, way_mm, traits[rows])
+                after[rows] = to_world(end, hand.T)
+        return after, stopped
+
+    def squeezed(self, node: IntArray, poses: Array, placement: Array, traits: Traits) -> Step:
+        """Squeezes parts once, reads, looks up and lets go.
+
+        Args:
+            node: (n,) the node that each part is at.
+            poses: (n, 3) where the parts lie in the world [mm, mm, rad].
+            placement: (n, 3) where the hand stands; the node's placement, but for the arm's errors.
+            traits: (n,) of the parts.
+        """
+        program = self.program
+        final, width_mm, held = _squeeze_all(self.world, to_hand(poses, placement.T), traits)
+        reading = encoder_of(self.job).read(read_as(width_mm, traits), self.rng)
+        reading = 2 * reading + (width_mm > 0.0)  # jaws that something keeps apart feel it
+        segment = program.segment(node, reading)
+        drag = program.carried(node, segment)
+        after = to_world(final, placement.T)
+        released = after.copy()
+        released[:, :2] += np.where(held[:, None], drag, 0.0)
+        branch, target = program.lookup.branch[segment], program.target[segment]
+        return Step(poses, after, released, width_mm, reading, branch, target)
+
+    def run(self, trials: int) -> Evaluation:
+        """Runs the table on a number of parts, at least 1."""
+        poses, nowhere = initial(self.job, trials, self.rng), _nowhere(self.program, trials)
+        foreign = not isinstance(of_hypothesis(self.world, 0), ContactWorld)
+        traits = self.disturbance.traits(self.job, trials, self.rng, foreign=foreign)
+        begun = Evaluation(
+            self.program.table,
+            leaf=np.full(trials, RUNNING, np.int64),
+            squeezes=np.zeros(trials, np.int64),
+            poses=poses.copy(),
+            initial=poses,
+            traits=traits,
+            path=nowhere,
+            reading=nowhere.copy(),
+            branch=nowhere.copy(),
+        )
+        self._finish(begun, np.zeros(trials, np.int64))
+        begun.poses[:] -= self.disturbance.bias
+        return begun
+
+    def _finish(self, evaluation: Evaluation, node: IntArray) -> None:
+        """Runs trials, whose parts are at nodes (n,), to their ends, in place and without judging them."""
+        traits = evaluation.traits
+        while len(members := np.flatnonzero(node >= 0)):
+            at, lying = node[members], evaluation.poses[members]
+            arrived = self.come_down(at, lying, traits[members])
+            evaluation.poses[members], placement, stopped = arrived
+            evaluation.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
+            members, placement = members[~stopped], placement[~stopped]
+            if not len(members):
+                break
+            at, lying = node[members], evaluation.poses[members]
+            after = self.squeezed(at, lying, placement, traits[members])
+            evaluation.poses[members] = after.released
+            _note(self.program, evaluation, node, members, after.reading)
+
+    def _standing_on(self, hand: Array, opening_mm: Array, traits: Traits) -> BoolArray:
+        """Which parts (n, 3) in the hand frame fingers come down on (n,), where the world can tell."""
+        gripper, alone = self.job.gripper, self.job.alone
+        stopped = np.zeros(len(hand), np.bool_)
+        share = gripper.upper_finger_share + traits["share"]
+        hand = hand.copy()
+        hand[:, 1] -= beside_mm(share, gripper.opening_mm - opening_mm)
+        for k, rows in by_hypothesis(traits):
+            collides = getattr(of_hypothesis(self.world, k), "collides", None)
+            if collides is None:
+                continue
+            reach = float(np.max(np.hypot(*alone[k].part.outline_mm.T)))
+            near = np.abs(hand[rows, 1]) + reach > 0.5 * opening_mm[rows]
+            near &= np.abs(hand[rows, 0]) < reach + gripper.finger_length_mm
+            for part in np.arange(len(hand))[rows][near]:
+                stopped[part] = collides(tuple(hand[part]), float(opening_mm[part]))
+        return stopped
 
 
 def _nowhere(program: Program, trials: int) -> IntArray:
@@ -242,79 +276,6 @@ def _note(
     node[members] = np.maximum(target, NOWHERE)
 
 
-class Arrived(NamedTuple):
-    """Hands that have come down about n parts, after the pushes of their nodes."""
-
-    poses: Array  # (n, 3) where the parts lie in the world [mm, mm, rad]
-    placement: Array  # (n, 3) placements of the hands
-    stopped: (
-        BoolArray  # (n,) whether a finger came down on the part and the arm stopped, where known
-    )
-
-
-def come_down(
-    program: Program,
-    node: IntArray,
-    poses: Array,
-    world: World,
-    job: Job,
-    traits: Traits,
-    disturbance: Disturbance,
-    rng: np.random.Generator,
-) -> Arrived:
-    """Pushes parts by their nodes, and lowers the hands to squeeze them.
-
-    Args:
-        program: the table.
-        node: (n,) the node that each part is at.
-        poses: (n, 3) where the parts lie in the world [mm, mm, rad].
-        world: pushes the parts and detects collisions.
-        job: states the extent of a part.
-        traits: (n,) of the parts.
-        disturbance: errors of the cell.
-        rng: of the arm's errors.
-    """
-    poses, pushed_on = pushed(program, node, poses, world, job, traits, disturbance, rng)
-    placement = disturbance.placed(program.placement[node], traits, rng)
-    hand, opening_mm = to_hand(poses, placement.T), program.opening_mm[node]
-    return Arrived(poses, placement, pushed_on | _standing_on(hand, opening_mm, world, job, traits))
-
-
-def pushed(
-    program: Program,
-    node: IntArray,
-    poses: Array,
-    world: World,
-    job: Job,
-    traits: Traits,
-    disturbance: Disturbance,
-    rng: np.random.Generator,
-) -> tuple[Array, BoolArray]:
-    """Poses (n, 3) of parts after the pushes before their squeezes, and which (n,) a finger came down on.
-
-    Arguments as for `come_down`.
-
-    Raises:
-        UsageError: the world cannot push.
-    """
-    after, stopped = poses.copy(), np.zeros(len(node), np.bool_)
-    for index in np.flatnonzero(program.pushes):
-        for push in program.table.nodes[index].pushes:
-            rows = np.flatnonzero((node == index) & ~stopped)
-            placement = np.array([push.x_um / 1e3, push.y_um / 1e3, push.angle_urad / 1e6])
-            hand = disturbance.placed(np.tile(placement, (len(rows), 1)), traits[rows], rng)
-            lying, opening_mm = (
-                to_hand(after[rows], hand.T),
-                np.full(len(rows), push.opening_um / 1e3),
-            )
-            stopped[rows] = _standing_on(lying, opening_mm, world, job, traits[rows])
-            way_mm = np.full(len(rows), push.length_um / 1e3)
-            after[rows] = to_world(
-                _push_all(world, lying, opening_mm, way_mm, traits[rows]), hand.T
-            )
-    return after, stopped
-
-
 def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, traits: Traits) -> Array:
     """Pushes parts at poses (n, 3) in the hand frame, in a batch where the world offers one."""
     final = np.empty_like(hand)
@@ -337,26 +298,6 @@ def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, trait
             message = f"the world {type(part_world).__name__} has no push()"
             raise UsageError(f"the table pushes parts, and {message}; name another world")
     return final
-
-
-def _standing_on(
-    hand: Array, opening_mm: Array, world: World, job: Job, traits: Traits
-) -> BoolArray:
-    """Which parts (n, 3) in the hand frame a finger comes down on (n,), where the world can tell."""
-    stopped, alone = np.zeros(len(hand), np.bool_), job.alone
-    share = job.gripper.upper_finger_share + traits["share"]
-    hand = hand.copy()
-    hand[:, 1] -= beside_mm(share, job.gripper.opening_mm - opening_mm)
-    for k, rows in by_hypothesis(traits):
-        collides = getattr(of_hypothesis(world, k), "collides", None)
-        if collides is None:
-            continue
-        reach = float(np.max(np.hypot(*alone[k].part.outline_mm.T)))
-        near = np.abs(hand[rows, 1]) + reach > 0.5 * opening_mm[rows]
-        near &= np.abs(hand[rows, 0]) < reach + job.gripper.finger_length_mm
-        for part in np.arange(len(hand))[rows][near]:
-            stopped[part] = collides(tuple(hand[part]), float(opening_mm[part]))
-    return stopped
 
 
 def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Array, BoolArray]:

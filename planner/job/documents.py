@@ -15,7 +15,6 @@ from planner.job.schema import (
     FIELDS,
     OPTIONAL_SECTIONS,
     PRESSURE_FIELDS,
-    RETIRED,
     TOP_LEVEL,
 )
 from runtime.shell import strict_json, strict_toml
@@ -82,9 +81,6 @@ def from_json(text: str, where: str) -> dict[str, Any]:
         raise InputError(f"{error}; compile the job again", where=where) from error
     if not isinstance(document, dict):
         raise InputError("not a JSON object; compile the job again", where=where)
-    for section, key in RETIRED:
-        if isinstance(table := document.get(section), dict):
-            table.pop(key, None)
     return document
 
 
@@ -177,12 +173,9 @@ def _pressure_fields(table: Any) -> Mapping[str, Field]:
 
 
 def _check_strays(table: Any, valid: Container[str], section: str) -> None:
-    """Refuses a key that is valid elsewhere, stating where, or that is no longer valid."""
+    """Refuses a key that is valid elsewhere, and says where."""
     if not isinstance(table, dict):
         return
-    for name, key in RETIRED:
-        if name == section and key in table:
-            raise KeyNameError(f"{key} is no longer a key; {RETIRED[name, key]}", section=section)
     homes = {
         key: f"belongs in [{name}]; move it there" for name, home in FIELDS.items() for key in home
     }

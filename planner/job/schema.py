@@ -271,26 +271,6 @@ SECTIONS: Mapping[str, type[Any]] = {
     "delivery": Delivery,
 }  # The records of a job, in its order
 
-_CONSTANT = "it has one sensible value; drop it"
-_PLACEMENT = "drop it; plan-evaluate --placement-error-mm tries an arm that places badly"
-RETIRED: Mapping[tuple[str, str], str] = {
-    ("goal", "stress_trials"): "state what may be off in [doubt], as plan-init writes it",
-    ("doubt", "placement_mm"): _PLACEMENT,
-    ("doubt", "placement_deg"): _PLACEMENT,
-    ("doubt", "arm_mm"): "widen radius_mm of [uncertainty] by it",
-    ("doubt", "arm_deg"): "widen orientation_halfwidth_deg of [uncertainty] by it",
-    ("doubt", "release_mm"): "state it as shift_mm of [release]",
-    ("doubt", "release_deg"): "state it as turn_deg of [release]",
-    ("actions", "forces_n"): "state one force, force_n of [gripper]",
-    ("search", "model"): _CONSTANT,
-    ("search", "rollouts"): _CONSTANT,
-    ("search", "squeeze_cost"): _CONSTANT,
-    ("search", "stability_cost"): _CONSTANT,
-    ("search", "search_particles"): "it follows from particles; drop it",
-    ("cell", "max_force_n"): "state a force that the part bears as force_n of [gripper]",
-    ("delivery", "width_tolerance_mm"): _CONSTANT,
-}  # Retired keys, and their replacements; tables that hold them can still be read
-
 TOP_LEVEL: Mapping[str, Field] = {"seed": Integer(0, 2**63 - 1, default=0)}
 
 _STATED: Mapping[str, Mapping[str, Field]] = {

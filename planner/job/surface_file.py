@@ -26,6 +26,12 @@ from runtime.shell.errors import InputError
 
 FORMAT = 1
 IDENTIFICATION = "identification"
+HEADER = """\
+# A limit surface, written by plan-identify. Name it in a job file:
+#     [pressure]
+#     kind = "identified"
+#     surface_file = "this file"
+"""
 
 _FIELDS: Mapping[str, Field] = {
     "format": Integer(FORMAT, FORMAT),
@@ -39,14 +45,15 @@ def dumps(values: Mapping[str, Any], identification: Mapping[str, Any]) -> str:
 
     `identification` has texts, numbers and lists of texts about its origin.
     """
+    import tomlkit  # jobs that are read need it not
+
     kind = "quartic" if "quartic" in values else "ellipsoid"
     head = {"format": FORMAT, "kind": kind, **values}
-    lines = ["# A limit surface, written by plan-identify. Name it in a job file:"]
-    lines += ['#     [pressure]\n#     kind = "identified"\n#     surface_file = "this file"']
-    lines += [f"{key} = {_text(value)}" for key, value in head.items()]
-    lines += ["", f"[{IDENTIFICATION}]"]
-    lines += [f"{key} = {_text(value)}" for key, value in identification.items()]
-    return "\n".join(lines) + "\n"
+    plain = {
+        key: value.tolist() if isinstance(value, np.ndarray) else value
+        for key, value in head.items()
+    }
+    return HEADER + tomlkit.dumps({**plain, IDENTIFICATION: identification})
 
 
 def load(path: Path) -> dict[str, Any]:
@@ -134,15 +141,3 @@ def check_ellipsoid(A: Array, section: str) -> None:
 
 def _missing(key: str, meaning: str, section: str) -> KeyNameError:
     return KeyNameError(f"missing key {key}; state it ({meaning})", section=section)
-
-
-def _text(value: Any) -> str:
-    value = value.tolist() if isinstance(value, np.ndarray) else value
-    if isinstance(value, list) and value and isinstance(value[0], list):
-        return "[\n" + "".join(f"    {_text(row)},\n" for row in value) + "]"
-    if isinstance(value, list):
-        return "[" + ", ".join(_text(item) for item in value) + "]"
-    if isinstance(value, str):
-        quoted = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in quoted) + '"'
-    return repr(value)

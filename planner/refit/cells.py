@@ -9,7 +9,7 @@ from planner.arrays import Array, BoolArray
 from planner.belief.doubts import closing_mm, traits_of
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.trials import Program, run
+from planner.evaluation.trials import Cell, Program
 from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
 from planner.mechanics import surface as limit_surface
@@ -154,8 +154,8 @@ class Cells:
         )
         world = ContactWorld.of_simulator(simulator, [seed])
         rng = np.random.default_rng([seed, 0x524546])
-        cell = Off(all_alike=self._traits(values, int(point[-1])))
-        return run(self.program, self.job, world, parts, rng, cell)
+        off = Off(all_alike=self._traits(values, int(point[-1])))
+        return Cell(self.program, self.job, world, off, rng).run(parts)
 
     def values_at(self, point: Array) -> dict[str, Any]:
         """The quantities at a point, by key."""

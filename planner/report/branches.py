@@ -23,7 +23,6 @@ class Way(NamedTuple):
 
     key: str  # of the panel it leads to
     low_mm: float
-    expected_mm: float
     high_mm: float
     planned: float  # share of the parts at the node
     parts: int  # parts that took it: in the cell if its journal is shown, else in the replay
@@ -109,7 +108,6 @@ class _Places:
         return Way(
             key=key_of(branch.target),
             low_mm=round(branch.low_um / 1e3, 2),
-            expected_mm=round(branch.expected_um / 1e3, 2),
             high_mm=round(branch.high_um / 1e3, 2),
             planned=branch.probability_ppm / PPM,
             parts=replayed if self.counts is None else self.counts[index, branch.target],

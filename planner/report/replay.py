@@ -10,10 +10,9 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.doubts import hypotheses_of
-from planner.belief.observation import encoder_of
 from planner.belief.particles import initial
 from planner.evaluation.disturbance import NONE
-from planner.evaluation.trials import Program, Step, pushed, step
+from planner.evaluation.trials import Cell, Program, Step
 from planner.job.model import Job
 from planner.mechanics.traits import with_hypothesis
 from planner.world import ContactWorld, world_of
@@ -32,8 +31,8 @@ class Replay(NamedTuple):
 def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
     """Runs parts through the table of a job; the seed determines poses, mechanics and encoder noise."""
     rng = np.random.default_rng([seed, 0x5245504C])
-    world, encoder = world_of(job, seed, ContactWorld), encoder_of(job)
     program = Program.of(table)
+    cell = Cell(program, job, world_of(job, seed, ContactWorld), NONE, rng)
     arrivals = [np.empty((0, 3))] * len(table.nodes)
     leaves = [np.empty((0, 3))] * len(table.leaves)
     traits = [hypotheses_of(job, 0, rng)] * len(table.nodes)
@@ -41,11 +40,8 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
     visits = []
     for index, node in enumerate(table.nodes):  # each node comes after the one that leads to it
         at = np.full(len(arrivals[index]), index)
-        arrivals[index], _ = pushed(
-            program, at, arrivals[index], world, job, traits[index], NONE, rng
-        )
-        lying = arrivals[index]
-        after = step(program, at, lying, program.placement[at], world, encoder, rng, traits[index])
+        arrivals[index], _ = cell.pushed(at, arrivals[index], traits[index])
+        after = cell.squeezed(at, arrivals[index], program.placement[at], traits[index])
         visits.append(after)
         for number, branch in enumerate(node.branches):
             poses, latent = after.through(number), traits[index][after.branch == number]

@@ -1,4 +1,4 @@
-"""Squeezes as pictures: panels as in the paper's Fig. 3, a GIF of one, a page with a slider for several."""
+"""Squeezes: panels as in the paper's Fig. 3, or a page with a slider."""
 
 from collections.abc import Sequence
 from html import escape
@@ -7,17 +7,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
-from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
 
 from planner.arrays import Array
 from planner.report import canvas
 from runtime.pages.frame import page
-from runtime.shell.files import write, writing
+from runtime.shell.files import write
 
 MOST_PANELS = 12
 COLUMNS = 4
@@ -28,10 +24,6 @@ MARK_MM = 1.5  # distance between the marks of a trace
 WIDTH_IN = 2.1  # width of one panel
 APPROACH_FRAMES = 14
 CONTACT_FRAMES = 46
-HOLD_FRAMES = 20
-FRAMES_PER_S = 20
-GIF_DPI = 100
-GIF_WIDTH_IN = 3.4
 PAGE = """\
 <main><h1>{title}</h1>
 <div class="slider"><button type="button">play</button>
@@ -147,46 +139,10 @@ def timeline(states: Array) -> Array:
     return along(states, np.concatenate([approach, np.linspace(begun, end, CONTACT_FRAMES)]))
 
 
-def gif(outline: Array, jaws: Array, trace: Squeezed, path: Path) -> None:
-    """Writes one squeeze of an outline (N, 2) [mm] as an animation, its last frame shown for a second.
-
-    `jaws` (4,) are those of `planner.mechanics.clearance.jaws_of`; the path ends in .gif.
-    """
-    frames, half = timeline(trace.states), extent(outline, jaws, [trace])
-    height = GIF_WIDTH_IN * half[1] / half[0] + 0.1
-    red, blue = canvas.RED, canvas.BLUE
-    with canvas.style(), writing(path) as file:
-        figure = canvas.blank(GIF_WIDTH_IN, height)
-        axes = figure.add_subplot()
-        frame(axes, half)
-        axes.set(xlabel="x / mm, along the fingers", ylabel="y / mm, closing")
-        start = canvas.outlines(outline, trace.states[:1, :3])[0]
-        axes.add_patch(Polygon(start, fill=False, edgecolor=canvas.GREY, linewidth=0.8))
-        fingers = PolyCollection([], facecolors=to_rgba(red, 0.2), edgecolors=red, linewidths=1.0)
-        axes.add_collection(fingers, autolim=False)
-        part = Polygon(outline, facecolor=to_rgba(blue, 0.2), edgecolor=blue, linewidth=1.2)
-        axes.add_patch(part)
-        (centre,) = axes.plot([], [], color=blue, linewidth=1.0)
-        title = axes.set_title("0.0 mm")
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # or the axes would shift between frames
-        writer = PillowWriter(fps=FRAMES_PER_S)
-        with writer.saving(figure, str(file), GIF_DPI):
-            for now in range(len(frames) + HOLD_FRAMES):
-                shown = frames[: now + 1]
-                fingers.set_verts(list(canvas.finger_boxes(jaws, float(shown[-1, 3]))))
-                part.set_xy(canvas.placed(outline, shown[-1, :3]))
-                centre.set_data(shown[:, 0], shown[:, 1])
-                title.set_text(f"{shown[-1, 3]:.1f} mm")
-                if now >= len(frames) - 1:
-                    title.set_text(f"{trace.status}, {frames[-1, 3]:.2f} mm")
-                writer.grab_frame()
-
-
 def html(outline: Array, jaws: Array, traces: Sequence[Squeezed], title: str, path: Path) -> None:
     """Writes a page with all squeezes beside each other and one slider; it needs no network.
 
-    Arguments as in `gif`; the path ends in .html.
+    `outline` (N, 2) is the part [mm], `jaws` (4,) those of `planner.mechanics.clearance.jaws_of`.
     """
     half_x, half_y = extent(outline, jaws, traces)
     data = {

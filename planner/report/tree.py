@@ -7,7 +7,6 @@ in the gap (the branches of a node, the text of a leaf) do not overlap either.
 """
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +18,7 @@ from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.report import canvas
 from planner.report.canvas import template
-from planner.report.replay import Replay, replay
-from runtime.shell.files import write
+from planner.report.replay import Replay
 from runtime.table import Leaf, Table, predicted_pose
 
 
@@ -117,7 +115,6 @@ EDGE = 8.0
 MOST = 40  # most outlines in one panel
 NAME = 11  # most characters of a part's name below a leaf
 BUDGET = 4000  # outlines that a page draws without delay; shared by all panels
-TRIALS = 20_000
 NOTHING = np.empty((0, 3, 2))
 
 
@@ -199,11 +196,6 @@ def picture(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -
         colors=vars(canvas),
         outlines=[alone.part.outline_mm for alone in job.alone],
     )
-
-
-def draw(table: Table, job: Job, path: Path, trials: int = TRIALS) -> None:
-    """Draws a table of a job as .svg, with beliefs from `trials` parts."""
-    write(path, picture(table, job, replay(table, job, trials, 0)))
 
 
 class _Tree:

@@ -32,7 +32,6 @@ def main() -> int:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         lines = DONE if options.done else Path(folder) / "rows.jsonl"
-        page = Path(folder) / "page.html"
         words = ["--sample", options.sample, "--workers", "1", "--budget", options.budget]
         code = subprocess.call(
             [
@@ -41,8 +40,6 @@ def main() -> int:
                 *words,
                 "--results",
                 str(lines),
-                "-o",
-                str(page),
             ]
         )
         if code:

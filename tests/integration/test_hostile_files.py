@@ -71,7 +71,6 @@ COMMANDS = {
     "plan-simulate --figure": Command(
         "planner.cli.simulate", f"{SIMULATE} --figure {{out}}", ".png"
     ),
-    "plan-simulate --gif": Command("planner.cli.simulate", f"{SIMULATE} --gif {{out}}", ".gif"),
     "plan-simulate --html": Command("planner.cli.simulate", f"{SIMULATE} --html {{out}}", ".html"),
     "plan-export": Command("planner.cli.export", "{tree} --to json -o {folder}", ".msgpack"),
     "plan-expect": Command("planner.cli.expect", "{tree} --job {job} -o {out}", ".json"),

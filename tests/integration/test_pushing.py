@@ -8,11 +8,11 @@ import pytest
 
 from drivers.sim.physics import scene
 from planner.cli import export, report
+from planner.cli.ppm import Study, copies_of
 from planner.compile import compile_job
 from planner.errors import NoPlanError
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.ppm import Study, copies_of
 from planner.evaluation.trials import Program
 from planner.job import model as job_file
 from planner.world import ContactWorlds
@@ -110,7 +110,7 @@ def test_pushes_take_the_time_that_they_are_said_to(job: job_file.Job, table: Ta
 
 def test_a_study_of_rare_answers_pushes_too(job: job_file.Job, table: Table) -> None:
     study = Study(Program.of(table), job, ContactWorlds.of_job(job, 3), 3, copies_of(table), NONE)
-    sums, _ = study.looked_into(0)
+    sums = study(0)
     assert sums.wrong.sum() / sums.parts < 0.01
     assert sums.crashed / sums.parts < 0.005
 

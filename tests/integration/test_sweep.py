@@ -60,11 +60,11 @@ def test_a_bad_value_and_a_hopeless_one_leave_the_others_alone(job, tmp_path, ca
 
 
 def test_a_pipe_gets_a_line_for_each_job_and_a_terminal_a_table(job, tmp_path, capsys, monkeypatch):
-    words = job, tmp_path / "r{uncertainty.radius_mm}.msgpack", "--vary"
+    words = job, tmp_path, "--vary"
     assert compiled(*words, "uncertainty.radius_mm=4,wide") == 3
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("uncertainty.radius_mm=4: success ")
-    assert str(tmp_path / "r4.msgpack") in first
+    assert str(tmp_path / "uncertainty.radius_mm=4.msgpack") in first
     assert second.startswith("uncertainty.radius_mm=wide: no table: ")
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "400")
@@ -149,16 +149,9 @@ def test_files_that_cannot_be_read_or_written_are_one_error(job, tmp_path, capsy
 
 
 @pytest.mark.parametrize(
-    ("pattern", "words"),
-    [
-        ("{c}.msgpack", "{c} is not swept"),
-        ("{a}.msgpack", "name every swept value"),
-        ("x.msgpack", "name every swept value"),
-        ("{}.msgpack", "is not swept"),
-    ],
+    ("folder", "values", "words"),
+    [("x.msgpack", ("1", "2"), "name a folder"), ("out", ("{", "}"), "2 jobs would be written")],
 )
-def test_a_pattern_that_cannot_tell_jobs_apart_is_refused(pattern, words):
-    orders = [order(a="1", b="1"), order(a="1", b="2")]
-    with pytest.raises(UsageError) as caught:
-        sweep_cli.paths_of(orders, Path(pattern))
-    assert words in str(caught.value)
+def test_tables_that_would_have_one_name_are_refused(folder, values, words):
+    with pytest.raises(UsageError, match=words):
+        sweep_cli.paths_of([order(a=value) for value in values], Path(folder))

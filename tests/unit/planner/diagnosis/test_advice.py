@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from planner.diagnosis.advice import advise, gains_without_noise
@@ -17,30 +16,6 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def evaluation(table, job):
     return evaluate(table, job, ContactWorlds.of_job(job, 1), 2000, 2)
-
-
-def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evaluation):
-    # The most probable branch of the root becomes two, a count apart; the new one ends in the rarest leaf.
-    root = table.nodes[0]
-    at = int(np.argmax([branch.probability_ppm for branch in root.branches]))
-    split, rarest = (
-        root.branches[at],
-        int(np.argmin(np.bincount(evaluation.leaf, minlength=len(table.leaves)))),
-    )
-    low = split._replace(expected_um=split.expected_um - 200)
-    stray = split._replace(expected_um=split.expected_um + 200, target=~rarest)
-    branches = (*root.branches[:at], low, stray, *root.branches[at + 1 :])
-    spoiled = replace(table, nodes=(root._replace(branches=branches), *table.nodes[1:]))
-    run = evaluate(spoiled, job, ContactWorlds.of_job(job, 1), 4000, 2)
-    worst = next(
-        pair for pair in advise(spoiled, run, job).pairs if (pair.node, pair.lower) == (0, at)
-    )
-    assert worst.grains < 2.0
-    assert worst.overlap
-    assert worst.excess > 0.02
-    assert worst.near <= 1.0
-    assert worst.lost <= (~run.success).mean() + 1e-12
-    assert any("node 0: " in line for line in advise(spoiled, run, job).lines())
 
 
 def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):

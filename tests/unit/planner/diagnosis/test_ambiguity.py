@@ -6,14 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hand_grown import grown
 from problems import l_shape
 
-from planner.diagnosis.ambiguity import LATE, ambiguities, delays
+from planner.diagnosis.ambiguity import ambiguities
 from planner.evaluation.evaluate import evaluate
 from planner.frames import to_hand, wrap
 from planner.job import model as job_file
-from planner.lower import lower
 from planner.mechanics.simulator import Simulator
 from planner.world import ContactWorlds
 
@@ -90,17 +88,3 @@ def test_a_pose_that_few_parts_have_is_named_with_its_share(table, marked, evalu
     assert abs(wrap(row.where.poses[0, 2] - row.where.poses[1, 2] - math.pi)) < 0.1
     assert row.separator is not None
     assert "(98.0%) or" in row.line()
-
-
-def test_delays_late_node_names_open_poses_with_shares(job):
-    late, later = delays(grown(LATE), job, 3)
-    assert (late.squeezes, late.share) == (LATE, 1.0)
-    assert late.where.shares == pytest.approx((1 / 3, 1 / 3, 1 / 3))
-    assert sorted(late.where.poses[:, 0]) == pytest.approx([-12.0, 0.0, 12.0])
-    assert (later.squeezes, later.share) == (LATE + 1, pytest.approx(2 / 3))
-    assert late.line().startswith("node 3: after 3 squeezes 100.0% of the parts lie at ")
-    assert lower(grown(LATE), job).nodes[late.node].squeeze.angle_urad == 0
-
-
-def test_delays_plan_that_ends_in_time_names_none(job):
-    assert delays(grown(LATE - 2), job, 3) == []

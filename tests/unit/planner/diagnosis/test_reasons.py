@@ -27,10 +27,9 @@ def advice(**values):
         "pinched": 0.0,
         "unresolved": 0.0,
         "at_depth_limit": 0.0,
-        "pairs": [],
         "open_poses": [],
     }
-    return Advice(**{**empty, "gains": (), "proposing": True, "delays": ()} | values)
+    return Advice(**{**empty, "gains": (), "proposing": True} | values)
 
 
 def notched(depth, width=1.0):

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.errors import KeyNameError
 from planner.job import fields, schema
 from planner.job import model as job
 from runtime.execution import delivery
@@ -153,16 +152,6 @@ def test_datum_and_picks_move_with_the_outline_and_come_back_exactly():
     assert again.part.picks == {"rim": [5.0, 0.0, 90.0]}
     with pytest.raises(InputError, match="need a datum"):
         job.parse(TEXT.replace("outline_mm = [", stated.partition("\n")[2], 1))
-
-
-@pytest.mark.parametrize(("section", "key"), schema.RETIRED)
-def test_a_retired_key_is_refused_in_a_job_and_read_over_in_a_table(rectangle, section, key):
-    with pytest.raises(KeyNameError, match=f"{key} is no longer a key; ") as caught:
-        rectangle.replaced(**{section: {key: 1}})
-    assert "\n" not in str(caught.value)
-    document = json.loads(rectangle.canonical())
-    document.get(section, {})[key] = 1
-    assert job.from_canonical(json.dumps(document)) == rectangle
 
 
 def test_keys_that_a_job_may_state_stay_few():

@@ -60,10 +60,9 @@ def test_poses_that_state_two_angles_are_refused(
     ("options", "code"),
     [
         (["--figure", "s.jpg"], 2),
-        (["--gif", "s.png"], 2),
         (["--html", "s"], 2),
         (["--figure", "nowhere/s.png"], 2),
-        (["--gif", "."], 2),
+        (["--html", "."], 2),
     ],
 )
 def test_wrong_name_is_one_line_before_any_work(

@@ -23,13 +23,12 @@ import numpy as np
 from scipy.special import betaln, xlog1py, xlogy
 
 from planner.arrays import Array, IntArray
-from planner.belief.observation import encoder_of
 from planner.belief.particles import initial
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.judge import judge
-from planner.evaluation.trials import DISMISSED, Program, come_down, step
+from planner.evaluation.judge import claimed, judge
+from planner.evaluation.trials import DISMISSED, Cell, Program
 from planner.job.model import Job
-from planner.mechanics.traits import Traits, hypothesis_alone, with_hypothesis
+from planner.mechanics.traits import Traits, with_hypothesis
 from planner.work.scheduler import Scheduler
 from planner.world import World, Worlds
 from runtime.shell import strict_json
@@ -98,15 +97,6 @@ class Sums:
 NAMES = tuple(field.name for field in fields(Sums))
 
 
-class Wrong(NamedTuple):
-    """Parts that were answered wrongly, each split copy by itself."""
-
-    leaf: IntArray  # (n,) where they ended
-    poses: Array  # (n, 3) true poses at the end [mm, mm, rad]
-    steps: IntArray  # (n,) what was read there
-    traits: Traits  # (n,) hypotheses of the parts
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
     """A study: what its chunks have in common. Called with the number of a chunk, in any process."""
@@ -137,50 +127,35 @@ class Study:
 
     def __call__(self, chunk: int) -> Sums:
         """The sums of a chunk of `CHUNK` parts."""
-        return self.looked_into(chunk)[0]
-
-    def looked_into(self, chunk: int) -> tuple[Sums, Wrong]:
-        """The sums of a chunk, and its wrongly answered parts."""
         rng = np.random.default_rng([self.seed, chunk, SEED_PPM])
         poses, traits = initial(self.job, CHUNK, rng), self.disturbance.traits(self.job, CHUNK, rng)
         return self._run(poses, traits, self.worlds.world(chunk), rng)
 
-    def _run(
-        self, poses: Array, traits: Traits, world: World, rng: np.random.Generator
-    ) -> tuple[Sums, Wrong]:
-        program, encoder = self.program, encoder_of(self.job)
+    def _run(self, poses: Array, traits: Traits, world: World, rng: np.random.Generator) -> Sums:
+        program, cell = self.program, Cell(self.program, self.job, world, self.disturbance, rng)
         parts, leaves = len(poses), len(program.table.leaves)
         part, node = np.arange(parts), np.zeros(parts, np.int64)
-        ends: list[tuple[IntArray, IntArray, Array, Array, IntArray]] = []
+        ends: list[tuple[IntArray, IntArray, Array, Array]] = []
         rejected = crashed = squeezes = 0.0
         while len(node):
-            poses, placement, stopped = come_down(
-                program, node, poses, world, self.job, traits[part], self.disturbance, rng
-            )
+            poses, placement, stopped = cell.come_down(node, poses, traits[part])
             crashed += float((1.0 / self.copies[node[stopped]]).sum())
             part, node = part[~stopped], node[~stopped]
             poses, placement = poses[~stopped], placement[~stopped]
             weight = 1.0 / self.copies[node]
-            after = step(program, node, poses, placement, world, encoder, rng, traits[part])
+            after = cell.squeezed(node, poses, placement, traits[part])
             squeezes += float(weight.sum())
             rejected += float(weight[after.target == DISMISSED].sum())
             ended = (after.target < 0) & (after.target != DISMISSED)
-            record = after.released[ended], after.steps[ended]
-            ends.append((part[ended], ~after.target[ended], weight[ended], *record))
+            ends.append((part[ended], ~after.target[ended], weight[ended], after.released[ended]))
             on = after.target >= 0
             times = self.copies[after.target[on]] // self.copies[node[on]]
             part, node = np.repeat(part[on], times), np.repeat(after.target[on], times)
             poses = np.repeat(after.released[on], times, axis=0)
-        part, leaf, weight, poses, steps = (
-            np.concatenate(column) for column in zip(*ends, strict=True)
-        )
-        resolved, latent = (
-            np.array([known.resolved for known in program.table.leaves]),
-            traits[part],
-        )
-        states = with_hypothesis(poses - self.disturbance.bias, latent)
-        wrong = resolved[leaf] & ~judge(program.table, leaf, states).within
-        sums = Sums(
+        part, leaf, weight, poses = (np.concatenate(column) for column in zip(*ends, strict=True))
+        states = with_hypothesis(poses - self.disturbance.bias, traits[part])
+        wrong = claimed(program.table, leaf) & ~judge(program.table, leaf, states).within
+        return Sums(
             parts=parts,
             visits=_sum(leaf, weight, leaves),
             wrong=_sum(leaf[wrong], weight[wrong], leaves),
@@ -189,7 +164,6 @@ class Study:
             crashed=crashed,
             squeezes=squeezes,
         )
-        return sums, Wrong(leaf[wrong], poses[wrong], steps[wrong], hypothesis_alone(latent[wrong]))
 
 
 def _sum(group: IntArray, weight: Array, groups: int) -> Array:
@@ -293,10 +267,6 @@ class Findings:
         wrong = Bound.of(float(sums.wrong.sum()), sums.parts)
         return cls(sums, wrong, [Bound.of(float(total), sums.parts) for total in sums.wrong])
 
-    def decided(self, limit: float) -> bool:
-        """Whether the rate is shown to be below or above a limit [ppm]."""
-        return self.wrong.high < limit or self.wrong.low > limit
-
     def standard_error(self, leaf: int | None = None) -> float:
         """Standard error of the rate of a leaf, or of all of them [ppm]."""
         parts, index = self.sums.parts, -1 if leaf is None else leaf
@@ -332,12 +302,8 @@ class Findings:
             ],
         }
 
-    def lines(self, limit: float | None = None) -> list[str]:
-        """For people.
-
-        Args:
-            limit: the limit for the rate [ppm], or None.
-        """
+    def lines(self) -> list[str]:
+        """For people."""
         sums, wrong = self.sums, self.wrong
         parts = sums.parts
         bounds = f"at least {wrong.low:.2f} and at most {wrong.high:.2f} with {1.0 - ERROR:.0%} confidence"
@@ -347,16 +313,6 @@ class Findings:
             f"crashes    {PPM * sums.crashed / parts:.0f} ppm",
             f"squeezes   {sums.squeezes / parts:.3f}  a part",
         ]
-        if limit is not None:
-            side = (
-                "below"
-                if wrong.high < limit
-                else "above"
-                if wrong.low > limit
-                else "neither below nor above"
-            )
-            more = "" if self.decided(limit) else "; raise --trials"
-            entries.append(f"limit      shown to be {side} {limit:g} ppm{more}")
         head = "leaves     "
         for leaf in self.worst(MOST_ROWS):
             bound, share = self.leaves[leaf], sums.wrong[leaf] / sums.visits[leaf]
