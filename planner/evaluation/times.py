@@ -45,7 +45,9 @@ class _Paths:
         rows = np.arange(trials)
         last = rows, np.maximum(squeezes - 1, 0)
         states = np.stack([path, np.where(path >= 0, reading >> 1, -1), branch], axis=2)
-        before = np.roll(states[last], 1, axis=0)  # the part before, at its last squeeze
+        # The part before, at its last squeeze; of parts that were never squeezed, the one before these.
+        came = np.maximum.accumulate(np.where(squeezes > 0, rows, -1))
+        before = np.roll(states[last][came], 1, axis=0)
         before[:, 1] = 0  # how wide the jaws held it no longer matters: they are open by now
         for k in range(depth):
             here = np.flatnonzero(squeezes > k)
