@@ -5,6 +5,7 @@ the squeeze before to the end of this one. A typical squeeze is the unit, so tha
 counts squeezes, and the price of a part that is not located hold for both objectives.
 """
 
+import json
 import math
 from dataclasses import dataclass
 from typing import NamedTuple, Self
@@ -15,7 +16,7 @@ from planner.arrays import Array
 from planner.belief.transition import Push, finger_speed_mm_s
 from planner.job.cell import timing_of
 from planner.job.model import Job
-from runtime.table import Timing, Visit
+from runtime.table import Stand, Timing, Visit, same_from_every_side, turned_pose
 
 PUSH_SQUEEZES = 0.1
 """Cost of a push where squeezes are counted; about the difference in J between two plans."""
@@ -51,6 +52,7 @@ class Costs:
         speed_mm_s: rate at which the opening closes.
         turn: turn of the hand [rad] that leaves a squeeze the same: half a turn where both fingers are to
             move alike, though not in a cell where they do not.
+        plans_turn: whether plans are turned to the angle at which the hand stands (`runtime.table.turning`).
     """
 
     timing: Timing | None
@@ -58,6 +60,7 @@ class Costs:
     opening_mm: float
     speed_mm_s: float
     turn: float
+    plans_turn: bool
 
     @classmethod
     def of(cls, job: Job) -> Self:
@@ -79,6 +82,8 @@ class Costs:
             opening_mm=opening_mm,
             speed_mm_s=speed_mm_s,
             turn=math.pi if gripper.upper_finger_share == 0.5 else 2.0 * math.pi,
+            plans_turn=job.actions.pushes is None
+            and same_from_every_side(json.loads(job.canonical()), job.goal.kind),
         )
 
     def short_way(self, hand: Hand | None, placements: Array) -> Array:
@@ -128,6 +133,9 @@ class Costs:
         """The cost of the way to `home` (3,) in the world, the first squeeze of the next part."""
         if self.timing is None or hand is None or home is None:
             return 0.0
+        if self.plans_turn:
+            stand, first = Stand(*hand.placement.tolist()), Stand(*home.tolist())
+            home = np.array(turned_pose(first, stand.turn_from(first)))
         return self.timing.move_s(*self._way(hand.placement, home)) / self.typical_s
 
     def pushes(self, hand: Hand | None, pushes: tuple[Push, ...]) -> tuple[float, Hand | None]:

@@ -39,8 +39,10 @@ class _Paths:
         rows = np.arange(trials)
         last = rows, np.maximum(squeezes - 1, 0)
         states = np.stack([path, np.where(path >= 0, reading >> 1, -1), branch], axis=2)
-        before = np.roll(states[last], 1, axis=0)  # the previous part, at its last squeeze
-        before[:, 1] = 0  # the jaws are open by now, whatever width they held
+        # The part before, at its last squeeze; of parts that were never squeezed, the one before these.
+        came = np.maximum.accumulate(np.where(squeezes > 0, rows, -1))
+        before = np.roll(states[last][came], 1, axis=0)
+        before[:, 1] = 0  # how wide the jaws held it no longer matters: they are open by now
         for k in range(depth):
             here = np.flatnonzero(squeezes > k)
             if not len(here):

@@ -78,7 +78,7 @@ from runtime.table.timing import (
     time_of,
     trapezoid_s,
 )
-from runtime.table.turning import may_turn, turned, turned_leaf, turned_pose
+from runtime.table.turning import may_turn, same_from_every_side, turned, turned_leaf, turned_pose
 from runtime.table.validation import validate
 
 

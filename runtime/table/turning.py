@@ -31,12 +31,17 @@ def may_turn(table: Table, job: Mapping[str, Any] | None, middle_mm: float = 0.0
         job: the one inside it, None where it was stripped.
         middle_mm: distance from the hand's middle where the fingers meet.
     """
-    halfwidth_deg = number(section(job or {}, "uncertainty"), "orientation_halfwidth_deg")
-    if halfwidth_deg != 180.0 or table.goal.kind not in KINDS or table.pushing is not None:
+    if not same_from_every_side(job, table.goal.kind) or table.pushing is not None:
         return False
     places = [place for node in table.nodes for place in (node.squeeze.place, node.let_go)]
     most_mm = max(hypot(*place) for place in places) / 1e3 + abs(middle_mm)
     return inside(table.limits.work_area_um, most_mm)
+
+
+def same_from_every_side(job: Mapping[str, Any] | None, kind: str) -> bool:
+    """Whether belief and goal, of a kind, allow a plan to be turned."""
+    halfwidth_deg = number(section(job or {}, "uncertainty"), "orientation_halfwidth_deg")
+    return halfwidth_deg == 180.0 and kind in KINDS
 
 
 def inside(area: Area, radius_mm: float) -> bool:

@@ -3,6 +3,7 @@
     python tests/bench/short_squeezes.py trees/rectangle/rectangle.msgpack --parts 100
 
 Beside it what the model of time says of the same squeezes. The measures are switched off in the code at hand.
+Of several tables it shows a row each: with all of the measures, and with none of them.
 """
 
 import argparse
@@ -40,20 +41,21 @@ def _sequential(hand: Hand, squeeze, following) -> None:
     hand.jaws.open_to(squeeze, wide.opening_um / 1000)
 
 
-def _tightened(original: Callable) -> Callable:
-    def read(executor: Executor, node, index):
-        reading, decision = original(executor, node, index)
-        return executor._hand.tighten(node, reading), decision
-
-    return read
+def _tightened(meet: Callable, tighten: Callable) -> Callable:
+    return lambda hand, node: tighten(hand, node, meet(hand, node))
 
 
-def _driver(original: Callable) -> Callable:
-    def move(gripper, *settings: int) -> None:
-        original(gripper, *settings)
-        gripper._move = gripper._move._replace(settle_s=0.02)
+def _slow_looks(move: Callable) -> Callable:
+    def moved(gripper, *settings) -> None:
+        move(gripper, *settings)
+        gripper._move = replace(gripper._move, pause_s=0.02)
 
-    return move
+    return moved
+
+
+def _always_raised(stack: ExitStack) -> None:
+    stack.enter_context(patch.object(Hand, "meet", _tightened(Hand.meet, Hand.tighten)))
+    stack.enter_context(patch.object(Hand, "tighten", lambda _, __, reading: reading))
 
 
 # Each measure, and what switches it off.
@@ -65,14 +67,12 @@ OFF: dict[str, Callable[[ExitStack], None]] = {
         patch.object(Jaws, "_stands_open", lambda *_: False)
     ),
     "settled: three equal readings as fast as the count may change": lambda stack: (
-        stack.enter_context(patch.object(driver.Gripper, "move", _driver(driver.Gripper.move)))
+        stack.enter_context(patch.object(driver.Gripper, "move", _slow_looks(driver.Gripper.move)))
     ),
     "the arm's answers: read as soon as they are whole": lambda stack: stack.enter_context(
         patch.object(Reply, "ended", property(lambda reply: not reply.fields))
     ),
-    "force raised only where it changes anything": lambda stack: stack.enter_context(
-        patch.object(Executor, "_read", _tightened(Executor._read))
-    ),
+    "force raised only where it changes anything": _always_raised,
     "come down on the way to the first squeeze": lambda stack: stack.enter_context(
         patch.object(Timing, "comes_down", lambda *_: False)
     ),
@@ -143,22 +143,47 @@ def _branch(table: Table, node: int, target: int | None) -> int:
 
 
 def main() -> None:
-    """Print a row a measure."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tree", type=Path)
+    """Print a row a table, or a row a measure."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("trees", type=Path, nargs="+", metavar="TREE.msgpack")
     parser.add_argument("--parts", type=int, default=100)
-    arguments = parser.parse_args()
-    table = load_table(arguments.tree).table
-    print(f"{arguments.tree.name}, {arguments.parts} parts; seconds a part: mean (95th percentile)")
-    whole = seconds(table, arguments.tree, arguments.parts, set())
-    none = seconds(table, arguments.tree, arguments.parts, set(MEASURES))
+    given = parser.parse_args()
+    if len(given.trees) > 1:
+        _tables(given.trees, given.parts)
+    else:
+        _measures(given.trees[0], given.parts)
+
+
+def _tables(trees: list[Path], parts: int) -> None:
+    print(f"{parts} parts; seconds a part: mean (95th percentile)")
+    print(f"{'table':20s} all measures    none of them   share")
+    means = []
+    for tree in trees:
+        table = load_table(tree).table
+        runs = [seconds(table, tree, parts, without) for without in (set(), set(MEASURES))]
+        means.append([_mean(run) for run in runs])
+        texts = "  ".join(_text([real for real, _ in run]) for run in runs)
+        print(f"{tree.stem:20s} {texts}  {means[-1][0] / means[-1][1]:6.1%}", flush=True)
+    whole, none = map(statistics.fmean, zip(*means, strict=True))
+    print(
+        f"{'mean of the tables':20s} {whole:6.2f}          {none:6.2f}         {whole / none:6.1%}"
+    )
+
+
+def _measures(tree: Path, parts: int) -> None:
+    table = load_table(tree).table
+    print(f"{tree.name}, {parts} parts; seconds a part: mean (95th percentile)")
+    whole = seconds(table, tree, parts, set())
+    none = seconds(table, tree, parts, set(MEASURES))
     print(f"{'all measures':64s} {_text([real for real, _ in whole])}")
     print(f"{'forecast of the same squeezes':64s} {_text([record for _, record in whole])}")
     print(f"{'none of them':64s} {_text([real for real, _ in none])}")
     print(f"{'measure':64s} alone saves   without it more")
     for name in MEASURES:
-        alone = seconds(table, arguments.tree, arguments.parts, set(MEASURES) - {name})
-        rest = seconds(table, arguments.tree, arguments.parts, {name})
+        alone = seconds(table, tree, parts, set(MEASURES) - {name})
+        rest = seconds(table, tree, parts, {name})
         print(
             f"{name:64s} {_mean(none) - _mean(alone):11.2f}   {_mean(rest) - _mean(whole):15.2f}",
             flush=True,

@@ -203,7 +203,7 @@ class Fingers(ABC):
         if way > 0.0 and meets and not (closing or self._gripping):
             width_mm = self._surroundings.closing()
             self._contact = None if width_mm is None else self._met_at(width_mm)
-        elif way < 0.0:
+        elif way <= 0.0:  # open jaws that met something there let go without a way, too
             self._contact = None
             if self._gripping:
                 self._gripping = False

@@ -67,3 +67,12 @@ def test_squeezes_of_many_grasp_poses_cost_what_each_alone_costs(costs):
         for at, mm in zip(places, widths.tolist(), strict=True)
     ]
     np.testing.assert_allclose(costs.squeezes(hand, places, widths), each)
+
+
+@pytest.mark.parametrize(
+    ("halfwidth_deg", "turn"), [(180.0, 0.0), (90.0, 1.2)], ids=["turned", "as planned"]
+)
+def test_back_of_turned_plans_is_the_way_without_the_turn(job, halfwidth_deg, turn):
+    costs = Costs.of(job.replaced(uncertainty={"orientation_halfwidth_deg": halfwidth_deg}))
+    hand, home = Hand(np.array([4.0, -3.0, 1.2]), 25.0), np.zeros(3)
+    assert costs.back(hand, home) * costs.typical_s == pytest.approx(costs.timing.move_s(5.0, turn))

@@ -122,6 +122,18 @@ def test_trials_go_as_one_part_after_another_would(job):
     assert len(outcomes) > 5
 
 
+@pytest.mark.parametrize("crashed", [0, 7, 19])
+def test_part_that_is_never_squeezed_takes_no_time_from_the_next(job, crashed):
+    run = evaluate(spread_table(), job, Wrung(), 20, seed=5)
+    columns = [run.path, run.reading, run.branch]
+    others = [np.delete(column, crashed, axis=0) for column in columns]
+    for column in columns:
+        column[crashed] = NOWHERE
+    seconds = seconds_of(spread_table(), *columns)
+    assert seconds[crashed] == 0.0
+    np.testing.assert_allclose(np.delete(seconds, crashed), seconds_of(spread_table(), *others))
+
+
 @pytest.mark.parametrize("turn_urad", [700_000, -2_500_000])
 def test_turned_plan_ends_as_the_plan_does_for_parts_turned_with_it(job, turn_urad):
     table = spread_table()

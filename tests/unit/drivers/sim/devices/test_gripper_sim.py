@@ -160,6 +160,18 @@ def test_opening_lets_go_and_closing_again_asks_again():
         assert (bench.asked, bench.grips) == (squeeze, squeeze)
 
 
+def test_open_jaws_let_go_of_what_stopped_them_there():
+    bench = Bench(contact=3).activated()
+    bench.write(rACT=1, rGTO=1, rPR=230, rSP=255)
+    assert bench.traffic(1.0).position_counts == 3
+    bench.write(rACT=1, rGTO=1, rPR=3, rSP=255)
+    bench.contact = 100
+    bench.traffic(0.5)
+    bench.write(rACT=1, rGTO=1, rPR=230, rSP=255)
+    assert bench.traffic(2.0).position_counts == 100
+    assert (bench.grips, bench.releases) == (2, 1)
+
+
 def test_stop_halfway_holds_the_jaws_and_completes_no_squeeze():
     bench = Bench(contact=174).activated()
     bench.write(rACT=1, rGTO=1, rPR=255, rSP=0)
