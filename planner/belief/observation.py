@@ -11,7 +11,7 @@ from planner.arrays import Array, IntArray
 from planner.job.model import Job
 
 SIGMAS = 6.0
-"""Two widths are distinguished if their readings differ by this many standard deviations: 0.3 % are mistaken."""
+"""Standard deviations of a reading between two widths that are distinguished; 0.3 % are mistaken."""
 COARSE_MM = 0.4  # widths that the search may take for one where there are very many
 MARGIN_MM = 1.0
 """Distance beyond the widths seen that a branch reaches, at most half a gap."""
