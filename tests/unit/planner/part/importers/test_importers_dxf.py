@@ -34,6 +34,12 @@ def test_read_circle_stays_within_the_tolerance(tmp_path, tolerance):
     assert np.abs(radii - 15).max() <= tolerance
 
 
+def closed_fit_spline(space, _):
+    """A circle through 12 fit points, without control points, as QCAD writes splines."""
+    angles = np.arange(12) * math.tau / 12
+    space.add_spline(20 * np.column_stack([np.cos(angles), np.sin(angles)])).closed = True
+
+
 SLOT = [(0, 0, 0, 0, 0), (20, 0, 0, 0, 1), (20, 10, 0, 0, 0), (0, 10, 0, 0, 1)]
 
 
@@ -42,6 +48,7 @@ SLOT = [(0, 0, 0, 0, 0), (20, 0, 0, 0, 1), (20, 10, 0, 0, 0), (0, 10, 0, 0, 1)]
     [
         (polyline(SLOT), 200 + 25 * math.pi),
         (lambda space, _: space.add_ellipse((0, 0), (20, 0), ratio=0.5), 200 * math.pi),
+        (closed_fit_spline, 400 * math.pi),
     ],
 )
 def test_read_bulges_and_ellipses_are_curves(tmp_path, draw, mm2):
