@@ -2,6 +2,7 @@
 
 import math
 
+import ezdxf
 import numpy as np
 import pytest
 from drawings import PLATE, PLATE_MM2, area, box, dxf, lines, read
@@ -119,6 +120,15 @@ def test_read_bytes_that_are_no_drawing_is_refused_in_one_line(tmp_path, name):
     with pytest.raises((InputError, UsageError)) as caught:
         read(path)
     assert "\n" not in str(caught.value)
+
+
+def test_read_binary_file_is_refused_as_such(tmp_path):
+    path = tmp_path / "part.dxf"
+    document = ezdxf.new()
+    plate(document.modelspace(), document)
+    document.saveas(path, fmt="bin")
+    with pytest.raises(InputError, match="is a binary DXF file; export it again, as text"):
+        read(path)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.99])
