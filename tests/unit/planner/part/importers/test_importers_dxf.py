@@ -41,6 +41,13 @@ def closed_fit_spline(space, _):
     space.add_spline(20 * np.column_stack([np.cos(angles), np.sin(angles)])).closed = True
 
 
+def seen_from_below(space, _):
+    """Lines of the drawing's own system, and an arc of one that looks down, as mirrored parts have."""
+    for ends in (((0, 0), (20, 0)), ((20, 20), (0, 20)), ((0, 20), (0, 0))):
+        space.add_line(*ends)
+    space.add_arc((-20, 10), 10, 90, 270, dxfattribs={"extrusion": (0, 0, -1)})
+
+
 SLOT = [(0, 0, 0, 0, 0), (20, 0, 0, 0, 1), (20, 10, 0, 0, 0), (0, 10, 0, 0, 1)]
 
 
@@ -50,6 +57,7 @@ SLOT = [(0, 0, 0, 0, 0), (20, 0, 0, 0, 1), (20, 10, 0, 0, 0), (0, 10, 0, 0, 1)]
         (polyline(SLOT), 200 + 25 * math.pi),
         (lambda space, _: space.add_ellipse((0, 0), (20, 0), ratio=0.5), 200 * math.pi),
         (closed_fit_spline, 400 * math.pi),
+        (seen_from_below, 400 + 50 * math.pi),
     ],
 )
 def test_read_bulges_and_ellipses_are_curves(tmp_path, draw, mm2):
