@@ -72,6 +72,7 @@ def view(
         InputError: a shape cannot be drawn.
     """
     document.header["$XCLIPFRAME"] = 0  # the frame of a clip is no shape
+    _write_out_arrays(document)
     recorder = Recorder()
     viewer = _Viewer(document, recorder, tolerance_mm / scale, where, only)
     viewer.draw_layout(document.modelspace())
@@ -85,6 +86,16 @@ def view(
         for each in viewer.lost
     ]
     return View([curve for curve in curves if len(curve.points)], lost, viewer.notes(scale))
+
+
+def _write_out_arrays(document: Drawing) -> None:
+    """Replaces arrays in blocks by single INSERTs: ezdxf does not stretch the spacing with the outer block."""
+    for block in document.blocks:
+        arrays = [each for each in block if isinstance(each, Insert) and each.mcount > 1]
+        for array in [] if block.is_any_layout else arrays:
+            for insert in array.multi_insert():
+                block.add_entity(insert)
+            block.delete_entity(array)
 
 
 def _flattened(record: PathRecord, scale: float, tolerance_mm: float) -> Array:
