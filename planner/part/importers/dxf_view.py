@@ -89,7 +89,7 @@ def view(
 
 
 def _write_out_arrays(document: Drawing) -> None:
-    """Replaces arrays in blocks by single INSERTs: ezdxf does not stretch the spacing with the outer block."""
+    """Replaces arrays in blocks by single INSERTs: ezdxf does not stretch their spacing with the block."""
     for block in document.blocks:
         arrays = [each for each in block if isinstance(each, Insert) and each.mcount > 1]
         for array in [] if block.is_any_layout else arrays:
