@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.metric import metric_of
 from planner.job.model import Job
 from planner.mechanics.clearance import free_placements, jaws_of
 from planner.search.actions import actions_of
@@ -79,6 +80,12 @@ def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
     return bool(np.all(free, axis=0).any())
 
 
+def _is_met(job: Job) -> bool:
+    """Whether all parts lie within the goal of one pose before any squeeze."""
+    poses = _poses(job.uncertainty.radius_mm, job.uncertainty.orientation_halfwidth_deg)
+    return len(job.alone) == 1 and metric_of(job).mode(poses).ratio == 1.0
+
+
 def _poses(radius_mm: float, halfwidth_deg: float) -> Array:
     """Poses (n, 3) that cover a disc and an interval of angles, edges included [mm, mm, rad]."""
     radii = radius_mm * np.sqrt(np.arange(1, RINGS + 1) / RINGS)
@@ -93,6 +100,10 @@ def _poses(radius_mm: float, halfwidth_deg: float) -> Array:
 def no_first_squeeze(job: Job) -> str:
     """The reason why a job has no first squeeze and the remedy, as a sentence without its full stop."""
     more = "actions" if job.actions.pushes else "actions or pushes"
+    if _is_met(job):
+        return (
+            "the goal is met before any squeeze; nothing is left to locate, unless it asks for less"
+        )
     lacking = shortage(job)
     if lacking is None:
         return f"no first squeeze gains anything; add {more}, or reduce the uncertainty"

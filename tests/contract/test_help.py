@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import pytest
 from command_parsers import parsers, subcommands
 
+from planner.identification import pushes
 from runtime.shell.exit_codes import ExitCode
 
 COMMANDS = parsers()
@@ -63,6 +64,12 @@ def test_an_example_is_understood(name):
     for line in lines:
         words = shlex.split(line.partition(" && ")[0].partition(" > ")[0])
         ALL[name].parse_args(words[len(name.split()) :])
+
+
+def test_identify_states_every_column_that_it_reads():
+    assert {*pushes.COLUMNS, *pushes.DIRECTIONS} <= set(
+        re.findall(r"\w+", ALL["plan-identify"].epilog)
+    )
 
 
 def test_who_prints_text_prints_json_too():

@@ -43,6 +43,12 @@ def test_header_says_what_it_is_and_its_symmetry(name, jobs):
 
 
 @part
+def test_job_states_what_it_doubts_or_why_it_doubts_nothing(name):
+    text = JOBS[name].read_text()
+    assert ("\n[doubt]" in text) != ("\n# No [doubt]: " in text)
+
+
+@part
 def test_part_fits_between_the_jaws_at_any_angle(name, jobs):
     job = jobs[name]
     assert diameter(job.part.outline_mm) < FINGERS_PASS_MM

@@ -252,6 +252,11 @@ def test_the_readme_shows_what_the_demo_runs():
     assert first == ["tools/demo", ". .venv/bin/activate", *shown]
 
 
+def test_the_readme_says_that_nothing_ran_on_hardware_before_its_first_figure():
+    text = (ROOT / "README.md").read_text()
+    assert text.index("never run on hardware") < re.search(r"\d+(\.\d+)? ?(mm|%)", text).start()
+
+
 @pytest.mark.parametrize("script", ["check", "coverage", "demo", "site", "wheel"])
 def test_help_of_a_script_runs_nothing(script, tmp_path):
     """The copy has no pyproject.toml: it could not install or run anything."""

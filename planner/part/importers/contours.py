@@ -57,7 +57,7 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
     joined = [_contour(region, bounded.loose, drawn, join_mm) for region in bounded.regions]
     rings = [each for each in (*map(_plain, alone), *joined) if _is_wide(each.points, join_mm)]
     if not rings or _around(bounded.loose, [ring.points for ring in rings]):
-        raise _no_contour(bounded.loose, origin, where)
+        raise _no_contour(bounded.loose, origin, pieces.lost, where)
     if len(rings) > MOST:
         raise too_much(where, f"has more than {MOST} contours")
     notes = list(pieces.notes)
@@ -91,10 +91,7 @@ def choose(
         if shape.box is None or any(
             _exceeds(shape.box, contour) for contour in candidates if contour.outer
         ):
-            problem = (
-                f"the outline may be missing: {shape.what}; repair or delete it in the drawing"
-            )
-            raise InputError(problem, where=where)
+            raise _missing(shape, where)
     outer = [contour for contour in candidates if contour.outer]
     if number is None and len(outer) > 1:
         raise UsageError(
@@ -243,7 +240,14 @@ def _nested(rings: list[Contour]) -> list[Contour]:
     return sorted(results, key=lambda contour: (not contour.outer, -contour.area_mm2))
 
 
-def _no_contour(loose: list[Array], origin: Array, where: str) -> InputError:
+def _missing(lost: Lost, where: str) -> InputError:
+    problem = f"the outline may be missing: {lost.what}; repair or delete it in the drawing"
+    return InputError(problem, where=where)
+
+
+def _no_contour(loose: list[Array], origin: Array, lost: Sequence[Lost], where: str) -> InputError:
+    if not loose and lost:
+        return _missing(lost[0], where)
     if not loose:
         return InputError("holds no closed contour; draw the part's outline as one", where=where)
     gap = _gap(loose)

@@ -70,6 +70,8 @@ def _document(data: bytes, where: str) -> tuple[Drawing, Auditor]:
         raise InputError(
             "is no DXF file; export the drawing again, as DXF R2000 or later", where=where
         )
+    if data.startswith(b"AutoCAD Binary DXF"):
+        raise InputError("is a binary DXF file; export it again, as text (ASCII)", where=where)
     try:
         return recover.read(io.BytesIO(data))
     except InputError:

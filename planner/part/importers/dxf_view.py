@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -23,7 +23,7 @@ from ezdxf.entities.polyline import DXFVertex, Polyline
 from ezdxf.entities.spline import Spline
 from ezdxf.lldxf.const import DXFError
 from ezdxf.math import Matrix44, Vec3
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, CubicSpline
 
 from planner.arrays import Array
 from planner.part.importers import pieces
@@ -74,6 +74,7 @@ def view(
         InputError: a shape cannot be drawn.
     """
     document.header["$XCLIPFRAME"] = 0  # the frame of a clip is no shape
+    _write_out_arrays(document)
     recorder = Recorder()
     viewer = _Viewer(document, recorder, tolerance_mm / scale, where, only)
     viewer.draw_layout(document.modelspace())
@@ -87,6 +88,16 @@ def view(
         for each in viewer.lost
     ]
     return View([curve for curve in curves if len(curve.points)], lost, viewer.notes(scale))
+
+
+def _write_out_arrays(document: Drawing) -> None:
+    """Replaces arrays in blocks by single INSERTs: ezdxf does not stretch their spacing with the block."""
+    for block in document.blocks:
+        arrays = [each for each in block if isinstance(each, Insert) and each.mcount > 1]
+        for array in [] if block.is_any_layout else arrays:
+            for insert in array.multi_insert():
+                block.add_entity(insert)
+            block.delete_entity(array)
 
 
 def _flattened(record: PathRecord, scale: float, tolerance_mm: float) -> Array:
@@ -120,6 +131,7 @@ class _Viewer(Frontend):
         self._unplotted = {name for name, layer in layers.items() if not layer.dxf.plot}
         self._tolerance, self._where = tolerance, where
         self._hidden, self._strays = Counter[str](), Counter[str]()
+        self._edge_on = Counter[str]()
         self._not_plotted = Counter[tuple[str, str]]()
         self._widths: list[float] = []
         self.lost: list[pieces.Lost] = []
@@ -131,6 +143,10 @@ class _Viewer(Frontend):
             notes.append(f"not outlines, ignored: {_counted(self._strays)}")
         if self._hidden:
             notes.append(f"not visible, left out: {_counted(self._hidden)}")
+        if self._edge_on:
+            notes.append(
+                f"seen edge-on, left out: {_counted(self._edge_on)}; draw the outline in x and y"
+            )
         if self._not_plotted:
             each = Counter(
                 {f"{kind} (layer {layer})": n for (kind, layer), n in self._not_plotted.items()}
@@ -206,7 +222,9 @@ class _Viewer(Frontend):
     def _draw_shape(self, entity: DXFGraphic, properties: Properties) -> None:
         try:
             shape = _path(entity, self._tolerance)
-            if len(shape):
+            if _is_edge_on(shape):
+                self._edge_on[entity.dxftype()] += 1
+            elif len(shape):
                 self.pipeline.draw_path(shape, properties)
         except (DXFError, ValueError, TypeError, ArithmeticError, IndexError) as error:
             problem = f"its {_name(entity)} cannot be drawn; repair the drawing"
@@ -255,8 +273,9 @@ def _is_skewed(insert: Insert) -> bool:
 
 def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
     """The path of a shape, computed about an origin near it."""
-    if isinstance(entity, Spline) and len(entity.control_points):
-        points = _spline(entity, tolerance)
+    if isinstance(entity, Spline) and (len(entity.control_points) or entity.closed):
+        drawn = _spline if len(entity.control_points) else _closed_spline
+        points = drawn(entity, tolerance)
         origin = np.round(points[0])
         return _moved(path.from_vertices((points - origin).tolist()), Vec3(*origin))
     if isinstance(entity, Polyline):  # frame points of a fitted curve are not part of it
@@ -268,6 +287,15 @@ def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
         return shape
     origin = shape.start.round(0)
     return _moved(path.make_path(entity.copy().translate(*-origin)), origin)
+
+
+def _is_edge_on(shape: path.Path) -> bool:
+    """Whether a closed curve shows no area from above, though it stands upright."""
+    corners = np.array([tuple(point) for point in shape.control_vertices()]).reshape(-1, 3)
+    if not len(corners) or not shape.is_closed or np.ptp(corners[:, 2]) <= STRAIGHT:
+        return False
+    seen = np.linalg.svd(corners[:, :2] - corners[0, :2], compute_uv=False)
+    return bool(seen[-1] <= STRAIGHT * seen[0])
 
 
 def _moved(shape: path.Path, origin: Vec3) -> path.Path:
@@ -288,16 +316,36 @@ def _spline(entity: Spline, tolerance: float) -> Array:
     ):
         raise ValueError("no spline")
     homogeneous = BSpline(knots, np.column_stack([control * weights[:, None], weights]), degree)
-    spans = np.unique(knots[degree : len(control) + 1])
 
-    def piece(low: float, high: float, parameters: Array) -> Array:
-        values = homogeneous(low + (high - low) * parameters)
+    def curve(parameters: Array) -> Array:
+        values = homogeneous(parameters)
         return np.asarray(values[:, :2] / values[:, 2:])
+
+    return _span_by_span(curve, np.unique(knots[degree : len(control) + 1]), tolerance)
+
+
+def _closed_spline(entity: Spline, tolerance: float) -> Array:
+    """The smooth closed curve through a spline's fit points as a polyline (n, 2)."""
+    points = np.array([tuple(point)[:2] for point in entity.fit_points], dtype=np.float64)
+    if len(points) < 2 or not _sane(points, 1.0):
+        raise ValueError("no spline")
+    if np.hypot(*(points[0] - points[-1])) > tolerance:
+        points = np.concatenate([points, points[:1]])
+    points[-1] = points[0]
+    knots = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    return _span_by_span(CubicSpline(knots, points, bc_type="periodic"), knots, tolerance)
+
+
+def _span_by_span(curve: Callable[[Array], Array], knots: Array, tolerance: float) -> Array:
+    """A curve that is smooth between knots as a polyline (n, 2)."""
+
+    def span(low: float, high: float, shares: Array) -> Array:
+        return curve(low + (high - low) * shares)
 
     return np.concatenate(
         [
-            pieces.flattened(partial(piece, low, high), tolerance)
-            for low, high in pairwise(spans.tolist())
+            pieces.flattened(partial(span, low, high), tolerance)
+            for low, high in pairwise(knots.tolist())
         ]
     )
 

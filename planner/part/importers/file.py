@@ -129,8 +129,8 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
     Faces whose silhouettes above it look alike are merged.
 
     Raises:
-        UsageError: the file is not a solid.
-        ExpectedError: see `read_outline`; or the solid is not closed.
+        UsageError: the file is no solid.
+        ExpectedError: as `read_outline`; or the solid is not closed, or too thin on a face.
     """
     where = str(path)
     if path.suffix.lower() != ".stl":
@@ -140,9 +140,10 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
         results = [
             face for face in mesh.lying(data, where, _unit_mm(options)) if face.share >= LEAST_SHARE
         ]
-        height_mm = options.height_mm or min(
-            tips_mm(float(np.ptp(face.solid.bounds[:, 2]))) for face in results
-        )
+        least_mm = min(float(np.ptp(face.solid.bounds[:, 2])) for face in results)
+        height_mm = options.height_mm or tips_mm(least_mm)
+        if height_mm <= 0.0:
+            raise InputError(f"lies {least_mm:.3g} mm high, too thin for finger tips", where=where)
         faces: list[Face] = []
         for face in results:
             imported = _lying(face, where, height_mm, options.tolerance_mm)

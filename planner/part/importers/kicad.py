@@ -69,7 +69,7 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
         InputError: it is not a footprint, or one of its shapes is damaged.
         InputError: it holds too many shapes, or none on the layer of the body.
     """
-    shapes = _shapes(data.decode("utf-8", errors="replace"), where)
+    shapes = _shapes(data.decode("utf-8-sig", errors="replace"), where)
     if len(shapes) > MAX_SHAPES:
         raise too_much(where, f"holds more than {MAX_SHAPES} shapes")
     scale = np.array([1.0, -1.0]) * (unit_mm or 1.0)  # the file's y axis points down
@@ -138,15 +138,14 @@ def _line(shape: Expression, _tolerance: float) -> Array:
 
 
 def _rectangle(shape: Expression, _tolerance: float) -> Array:
-    start, end = shape.numbers("start", 2), shape.numbers("end", 2)
-    box = shapely.box(*np.minimum(start, end), *np.maximum(start, end))
+    ends = np.sort([shape.numbers("start", 2), shape.numbers("end", 2)], axis=0)
     radius = float(shape.numbers("radius", 1)[0]) if shape.has("radius") else 0.0
-    if radius > 0.0:
-        box = shapely.buffer(
-            shapely.buffer(box, -radius, join_style="mitre"), radius, quad_segs=ROUNDS
-        )
-    if box.is_empty:
+    if radius > 0.5 * float(np.ptp(ends, axis=0).min()):
         raise ValueError(f"no corners of radius {radius:g} fit")
+    box = shapely.box(*ends.ravel() + radius * np.array([1.0, 1.0, -1.0, -1.0]))
+    if radius > 0.0:
+        corners = shapely.multipoints(shapely.get_coordinates(box))
+        box = shapely.convex_hull(shapely.buffer(corners, radius, quad_segs=ROUNDS))
     return np.asarray(shapely.get_coordinates(box))
 
 
@@ -213,7 +212,9 @@ def _arc(centre: Array, start: Array, turn: float, tolerance: float) -> Array:
 
 
 def _through(start: Array, middle: Array, end: Array, tolerance: float) -> Array:
-    """The arc through three points; their straight line where they lie on one."""
+    """The arc through three points, a circle where it ends where it begins; their straight line if on one."""
+    if np.array_equal(start, end):
+        return _arc(0.5 * (start + middle), start, math.tau, tolerance)
     one, other = middle - start, end - start
     cross = one[0] * other[1] - one[1] * other[0]
     if abs(cross) <= 1e-9 * float(other @ other):

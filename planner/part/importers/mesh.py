@@ -11,7 +11,7 @@ from planner.part.importers.pieces import Pieces, need_units, sorted_out
 from planner.part.tips import tips_height_mm
 from runtime.shell.errors import InputError, UsageError
 
-FARTHEST_MM = 1e6
+FARTHEST_MM = 1e5  # from here on single precision, which STL files have, is 0.01 mm
 WIDER_MM = 0.1  # difference between heights or faces that is worth a note
 CRACK_MM = 1e-3  # Largest gap between triangles due to rounded vertices
 GRID_MM = 1e-4  # grid on which polygons are united
@@ -61,7 +61,11 @@ def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
         InputError: nothing is above the tips.
     """
     low, high = solid.bounds[:, 2].tolist()
-    height = tips_height_mm(high - low) if height_mm is None else height_mm
+    if low == high:
+        raise InputError("is flat; export a solid", where=where)
+    height = height_mm
+    if height is None:  # of what is too thin for tips there is an outline all the same
+        height = max(tips_height_mm(high - low), 0.0) or 0.5 * (high - low)
     if not 0.0 < height < high - low:
         raise UsageError(
             f"{where}: --height {height:g} is not between 0 and {high - low:.4g} mm, the solid's height; "
@@ -167,7 +171,10 @@ def _solid(trimesh: ModuleType, data: bytes, where: str, unit_mm: float | None) 
     if len(faces) == 0 or not np.isfinite(vertices).all():
         raise InputError("holds no triangles; export it again", where=where)
     if np.abs(vertices).max() > FARTHEST_MM:
-        raise InputError(f"has a corner beyond {FARTHEST_MM:g} mm; export it again", where=where)
+        raise InputError(
+            f"has a corner beyond {FARTHEST_MM:g} mm, where STL files round it; export it near its origin",
+            where=where,
+        )
     whole = trimesh.Trimesh(vertices, faces, process=False)
     whole.merge_vertices()
     return whole

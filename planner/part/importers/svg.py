@@ -54,8 +54,13 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
         )
     scene = Scene(root, sheets, _viewport(page._replace(unit_mm=scale), box), scale, where)
     curves = _curves(scene, scale, tolerance_mm, where)
+    unread = ["xml-stylesheet"] * (b"<?xml-stylesheet" in data) + list(dict.fromkeys(sheets.unread))
+    if unread:
+        notes.append(f"style rules not read, compare what is seen: {', '.join(unread)}")
     if scene.unseen and not curves:
-        problem = f"shows no line: {'; '.join(scene.notes())}; make the part's outline visible"
+        problem = (
+            f"shows no line: {'; '.join([*notes, *scene.notes()])}; make the part's outline visible"
+        )
         raise InputError(problem, where=where)
     return pieces.sorted_out(curves, tolerance_mm, where, [*notes, *scene.notes()])
 

@@ -14,11 +14,12 @@ import shapely
 from planner.arrays import Array
 from planner.part.importers import pieces
 from planner.part.importers.svg_shapes import SHAPES
-from planner.part.importers.svg_style import INHERITED, Sheets, Style, paints, shows
+from planner.part.importers.svg_style import INHERITED, Sheets, Style, paints, shows, strokes
 from planner.part.importers.svg_values import Values, Viewport
 from runtime.shell.errors import InputError
 
 MAX_DEPTH = 100
+WIDE_MM = 1.0  # beyond, a stroke's width is noted: half of it is more than a count of most encoders
 XLINK = "{http://www.w3.org/1999/xlink}href"
 SIZES = ("width", "height")
 GROUPS = frozenset({"svg", "g", "a", "switch", "use"})
@@ -53,8 +54,9 @@ class Scene:
     ) -> None:
         self.unseen = 0  # elements that are hidden, transparent or without paint
         self.cut = 0  # elements that a clip path, mask or viewport cuts
-        self.strays = Counter[str]()  # visible elements that are not outlines
-        self.missing: list[str] = []  # targets of copies that do not exist
+        self.strays = Counter[str]()  # elements that are seen and no outlines
+        self.widest_mm = 0.0  # of all strokes that are seen
+        self.missing: list[str] = []  # what is copied and not there
         self._root, self._viewport, self._unit_mm, self._where = root, viewport, unit_mm, where
         self._namespace = str(root.tag).rpartition("}")[0]
         self._sheets = sheets
@@ -82,6 +84,10 @@ class Scene:
             notes.append(
                 f"cut by clip paths, masks or viewports, taken whole: {self.cut} of its elements"
             )
+        if self.widest_mm > WIDE_MM:
+            notes.append(
+                f"strokes up to {self.widest_mm:.4g} mm wide; the outline runs along their middle"
+            )
         if self.strays:
             kinds = ", ".join(f"{n} {kind}" for kind, n in sorted(self.strays.items()))
             notes.append(f"not outlines, ignored: {kinds}")
@@ -102,16 +108,21 @@ class Scene:
         if not shows(style, where):
             self.unseen += 1
             return
+        if kind in STRAYS:
+            self.strays[kind] += 1
+            return
         self.cut += any(style.get(name, "none").strip() != "none" for name in ("clip-path", "mask"))
         matrix = around.matrix @ values.transform()
         frame = Frame(matrix, style, around.viewport, around.window, (*around.above, id(element)))
         if kind in SHAPES:
-            if paints(style, values.size("stroke-width"), where):
+            width = values.size("stroke-width")
+            if paints(style, width, where):
+                if strokes(style, width, where):
+                    width_mm = width * self._unit_mm * float(np.linalg.norm(matrix[:2, :2], 2))
+                    self.widest_mm = max(self.widest_mm, width_mm)
                 yield Shape(kind, values, matrix, around.window)
             else:
                 self.unseen += 1
-        elif kind in STRAYS:
-            self.strays[kind] += 1
         elif kind == "use":
             yield from self._copy(element, frame, values)
         else:

@@ -23,8 +23,20 @@ INHERITED = {
     "stroke-width": "1",
 }
 """Inherited properties, and their initial values."""
+SKIPPED = (True, True)  # comments and white space, for tinycss2
 SHARE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(%?)\s*")
-SCREEN = ("", "all", "screen")  # media whose style sheets apply
+SCREEN, ELSEWHERE = (
+    {"", "all", "screen"},
+    {"print", "speech"},
+)  # media whose style sheets count, or not
+HARMLESS = {
+    "charset",
+    "font-face",
+    "keyframes",
+    "namespace",
+    "page",
+    "property",
+}  # rules that hide nothing
 
 Style = Mapping[str, str]
 """The properties of one element, lower-case names; those of `INHERITED` are always there."""
@@ -34,12 +46,14 @@ class Sheets:
     """The style sheets of a drawing."""
 
     def __init__(self, root: Tree.Element) -> None:
+        self.unread: list[str] = []  # rules that may change what is seen
         self._matcher = cssselect2.Matcher()
         self._empty = True
         for element in root.iter():
             is_sheet = isinstance(element.tag, str) and element.tag.rpartition("}")[2] == "style"
-            if is_sheet and element.get("media", "").strip() in SCREEN:
-                self._add("".join(element.itertext()))
+            if is_sheet and element.get("type", "text/css").strip().lower() in ("", "text/css"):
+                rules = tinycss2.parse_stylesheet("".join(element.itertext()), *SKIPPED)
+                self._add_for(element.get("media", ""), rules)
         every = () if self._empty else cssselect2.ElementWrapper.from_xml_root(root).iter_subtree()
         self._wrappers = {wrapper.etree_element: wrapper for wrapper in every}
 
@@ -65,39 +79,72 @@ class Sheets:
                 computed[name] = value
         return computed
 
-    def _add(self, sheet: str) -> None:
-        for rule in tinycss2.parse_stylesheet(sheet, skip_comments=True, skip_whitespace=True):
-            if rule.type != "qualified-rule":
-                continue
-            try:
-                selectors = cssselect2.compile_selector_list(rule.prelude)
-            except cssselect2.SelectorError:  # CSS ignores such a rule
-                continue
-            content = _declarations(rule.content)
-            self._empty = False
-            for selector in selectors:
-                self._matcher.add_selector(selector, content)
+    def _add_for(self, media: str, rules: list[tinycss2.ast.Node]) -> None:
+        """Adds the rules of some media, if a screen is one of them."""
+        kinds = {kind.strip().lower() for kind in media.split(",")}
+        if kinds & SCREEN:
+            for rule in rules:
+                self._add(rule)
+        elif kinds - ELSEWHERE:
+            self.unread.append(f"@media {media.strip()}")
+
+    def _add(self, rule: tinycss2.ast.Node) -> None:
+        if rule.type == "at-rule":
+            prelude = tinycss2.serialize(rule.prelude).strip()
+            if rule.lower_at_keyword == "media" and rule.content is not None:
+                self._add_for(prelude, tinycss2.parse_rule_list(rule.content, *SKIPPED))
+            elif rule.lower_at_keyword not in HARMLESS:
+                self.unread.append(f"@{rule.at_keyword} {prelude}".strip())
+        if rule.type != "qualified-rule":
+            return
+        try:
+            selectors = cssselect2.compile_selector_list(rule.prelude)
+        except cssselect2.SelectorError:  # such a rule counts for nothing, says CSS
+            return
+        content = tinycss2.parse_blocks_contents(rule.content, *SKIPPED)
+        if any(part.type == "qualified-rule" for part in content):
+            self.unread.append(f"rules in that of {tinycss2.serialize(rule.prelude).strip()}")
+        self._empty = False
+        for selector in selectors:
+            self._matcher.add_selector(selector, _declarations(rule.content))
 
 
 def shows(style: Style, where: str) -> bool:
     """Whether an element and its content are displayed."""
-    return style.get("display", "").strip() != "none" and _share(style, "opacity", where) > 0.0
+    return _word(style, "display", where) != "none" and _share(style, "opacity", where) > 0.0
 
 
 def paints(style: Style, stroke_width: float, where: str) -> bool:
     """Whether a shape is visible, and filled or stroked with some colour."""
     filled = _inks(style, "fill", where)
-    stroked = stroke_width > 0.0 and _inks(style, "stroke", where)
-    return style["visibility"].strip() == "visible" and (filled or stroked)
+    return _word(style, "visibility", where) == "visible" and (
+        filled or strokes(style, stroke_width, where)
+    )
+
+
+def strokes(style: Style, stroke_width: float, where: str) -> bool:
+    """Whether a shape that is visible is stroked."""
+    return stroke_width > 0.0 and _inks(style, "stroke", where)
 
 
 def _inks(style: Style, what: str, where: str) -> bool:
-    paint = style[what].strip()
-    if paint.lower() == "currentcolor":
-        paint = style["color"].strip()
+    paint = _word(style, what, where)
+    if paint == "currentcolor":
+        paint = _word(style, "color", where)
     colour = parse_color(paint)
     clear = getattr(colour, "alpha", 1.0) == 0.0
-    return paint.lower() != "none" and not clear and _share(style, f"{what}-opacity", where) > 0.0
+    return paint != "none" and not clear and _share(style, f"{what}-opacity", where) > 0.0
+
+
+def _word(style: Style, name: str, where: str) -> str:
+    """A property in lower case."""
+    text = style.get(name, "").strip()
+    if "var(" in text:
+        problem = (
+            f"{name}={text[:40]!r} is a variable, which is not read; correct it in the drawing"
+        )
+        raise InputError(problem, where=where)
+    return text.lower()
 
 
 def _share(style: Style, name: str, where: str) -> float:
@@ -110,5 +157,5 @@ def _share(style: Style, name: str, where: str) -> float:
 
 
 def _declarations(content: str | Iterable[object]) -> list[tinycss2.ast.Declaration]:
-    every = tinycss2.parse_blocks_contents(content, skip_comments=True, skip_whitespace=True)
+    every = tinycss2.parse_blocks_contents(content, *SKIPPED)
     return [each for each in every if each.type == "declaration"]

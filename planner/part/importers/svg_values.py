@@ -123,6 +123,9 @@ class Values(NamedTuple):
 
     def transform(self) -> Array:
         """The element's own transform (3, 3), of columns (x, y, 1)."""
+        for name in ("translate", "rotate", "scale"):
+            if self.style.get(name, "none").strip() != "none":
+                raise self.error(name, "is not read, but transform is")
         text = self.style.get("transform", "none").strip()
         if text in ("none", ""):
             return np.eye(3)

@@ -9,7 +9,7 @@ from planner.part.importers.pieces import UNITS_MM, Pieces, need_units, sorted_o
 from runtime.shell.errors import InputError
 
 MAX_ROWS = 100_000
-HEADER = re.compile(r"^[\"']?x(?:[_ \[(]+(mm|cm|in|m)[\])]?)?[\"']?$", re.IGNORECASE)
+HEADER = re.compile(r"[\"']?([xy])(?:[_ \[(]+(mm|cm|in|m)[\])]?)?[\"']?", re.IGNORECASE)
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
@@ -28,8 +28,14 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     if len(rows) > MAX_ROWS:
         raise InputError(f"has {len(rows)} lines; an outline has at most {MAX_ROWS}", where=where)
     stated = None
-    if lines and (header := HEADER.match(re.split(r"[,;\t]", lines[0][1])[0].strip())):
-        stated = UNITS_MM[header[1].lower()] if header[1] else None
+    names = re.split(r"[,;\t]", lines[0][1]) if lines else []
+    columns = [column for name in names if (column := HEADER.fullmatch(name.strip()))]
+    if columns and columns[0][1] in "xX":
+        named = {column[2].lower() for column in columns if column[2]}
+        if len(named) > 1:
+            problem = f"its columns have different units ({', '.join(sorted(named))}); convert one"
+            raise InputError(problem, where=where)
+        stated = UNITS_MM[named.pop()] if named else None
         rows = rows[1:]
     scale = unit_mm if unit_mm is not None else stated
     if scale is None:

@@ -39,3 +39,10 @@ def test_part_that_never_passes_at_its_angles_is_refused_since_no_radius_will_do
 def test_job_that_is_free_of_collision_is_not_warned_of_a_collision():
     assert shortage(JOB) is None
     assert "collision" not in no_first_squeeze(JOB)
+
+
+@pytest.mark.parametrize(("distance_mm", "met"), [(21.0, True), (19.0, False)])
+def test_goal_beyond_the_uncertainty_is_met_before_any_squeeze(distance_mm, met):
+    disc = {"radius_mm": 20.0, "orientation_halfwidth_deg": 0.0}
+    job = JOB.replaced(uncertainty=disc, goal={"distance_mm": distance_mm})
+    assert ("met before any squeeze" in no_first_squeeze(job)) == met

@@ -2,6 +2,7 @@
 
 import math
 
+import ezdxf
 import numpy as np
 import pytest
 from drawings import PLATE, PLATE_MM2, area, box, dxf, lines, read
@@ -34,6 +35,19 @@ def test_read_circle_stays_within_the_tolerance(tmp_path, tolerance):
     assert np.abs(radii - 15).max() <= tolerance
 
 
+def closed_fit_spline(space, _):
+    """A circle through 12 fit points, without control points, as QCAD writes splines."""
+    angles = np.arange(12) * math.tau / 12
+    space.add_spline(20 * np.column_stack([np.cos(angles), np.sin(angles)])).closed = True
+
+
+def seen_from_below(space, _):
+    """Lines of the drawing's own system, and an arc of one that looks down, as mirrored parts have."""
+    for ends in (((0, 0), (20, 0)), ((20, 20), (0, 20)), ((0, 20), (0, 0))):
+        space.add_line(*ends)
+    space.add_arc((-20, 10), 10, 90, 270, dxfattribs={"extrusion": (0, 0, -1)})
+
+
 SLOT = [(0, 0, 0, 0, 0), (20, 0, 0, 0, 1), (20, 10, 0, 0, 0), (0, 10, 0, 0, 1)]
 
 
@@ -42,6 +56,8 @@ SLOT = [(0, 0, 0, 0, 0), (20, 0, 0, 0, 1), (20, 10, 0, 0, 0), (0, 10, 0, 0, 1)]
     [
         (polyline(SLOT), 200 + 25 * math.pi),
         (lambda space, _: space.add_ellipse((0, 0), (20, 0), ratio=0.5), 200 * math.pi),
+        (closed_fit_spline, 400 * math.pi),
+        (seen_from_below, 400 + 50 * math.pi),
     ],
 )
 def test_read_bulges_and_ellipses_are_curves(tmp_path, draw, mm2):
@@ -112,6 +128,15 @@ def test_read_bytes_that_are_no_drawing_is_refused_in_one_line(tmp_path, name):
     with pytest.raises((InputError, UsageError)) as caught:
         read(path)
     assert "\n" not in str(caught.value)
+
+
+def test_read_binary_file_is_refused_as_such(tmp_path):
+    path = tmp_path / "part.dxf"
+    document = ezdxf.new()
+    plate(document.modelspace(), document)
+    document.saveas(path, fmt="bin")
+    with pytest.raises(InputError, match="is a binary DXF file; export it again, as text"):
+        read(path)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.99])

@@ -56,6 +56,10 @@ def hatch(*corners):
     return lambda space, _: space.add_hatch().paths.add_polyline_path(corners, is_closed=True)
 
 
+def upright(space, _):
+    space.add_lwpolyline(PLATE, close=True, dxfattribs={"extrusion": (0, -1, 0)})
+
+
 LOST = {
     "no knots": (spline(knots=lambda knots: []), "SPLINE"),
     "too few knots": (spline(knots=lambda knots: knots[:-2]), "SPLINE"),
@@ -89,6 +93,11 @@ def test_read_lost_outline_alone_is_refused_and_named(tmp_path, name):
     said = [str(caught.value), *getattr(caught.value, "__notes__", [])]
     assert kind in " ".join(said)
     assert all("\n" not in line for line in said)
+
+
+def test_read_outline_seen_edge_on_is_named(tmp_path):
+    path = dxf(tmp_path, lambda *where: (upright(*where), hole(where[0])))
+    assert "edge-on, left out: 1 LWPOLYLINE" in notes(read(path))
 
 
 def test_read_layer_without_the_lost_xref_returns_its_outline(tmp_path):

@@ -1,5 +1,8 @@
 """What of a DXF drawing is seen: layers through blocks, frozen and switched off, flags, clips, plotting."""
 
+import math
+
+import numpy as np
 import pytest
 from drawings import PLATE, PLATE_MM2, area, box, dxf, notes, read
 from ezdxf.xclip import XClip
@@ -138,6 +141,16 @@ def test_read_polyline_with_a_width_notes_it(tmp_path):
 def test_read_turned_block_in_a_stretched_one_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"'BLOCK\+' skews a block"):
         read(dxf(tmp_path, inserted(CORNERS, ZERO, {"rotation": 30}, {"xscale": 2})))
+
+
+@pytest.mark.parametrize("y", [2, -2])
+def test_read_array_in_a_block_is_stretched_and_mirrored_with_it(tmp_path, y):
+    array = {"row_count": 2, "row_spacing": 30}
+    path = dxf(tmp_path, inserted(CORNERS, ZERO, array, {"xscale": 2, "yscale": y, "rotation": 30}))
+    one, other = (read(path, contour=number) for number in (1, 2))
+    assert area(one) == pytest.approx(area(other)) == pytest.approx(4 * PLATE_MM2)
+    apart = np.subtract(one.origin_mm, other.origin_mm)
+    assert np.abs(apart) == pytest.approx([60 * 0.5, 60 * math.cos(math.pi / 6)])
 
 
 @pytest.mark.parametrize(("x", "y", "turn"), [(2, 2, 30), (2, -2, 90), (2, 0.5, 180)])

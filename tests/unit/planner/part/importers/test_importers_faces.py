@@ -80,5 +80,7 @@ def test_what_is_no_solid_has_no_faces(tmp_path):
     broken.faces = broken.faces[1:]
     with pytest.raises(InputError, match="no closed solid"):
         read(tmp_path / "broken.stl", broken)
+    with pytest.raises(InputError, match=r"lies 0\.8 mm high, too thin for finger tips"):
+        read(tmp_path / "sheet.stl", trimesh.creation.box((20, 20, 0.8)))
     with pytest.raises(UsageError, match="name an STL file"):
         read_faces(tmp_path / "part.dxf", Options(), tips_height_mm)

@@ -57,6 +57,14 @@ BODIES = {  # shapes as KiCad's versions write them, area of the body
         '(fp_rect (start -10 -5) (end 10 5) (radius 2) (layer "F.Fab"))',
         200 - 16 + 4 * math.pi,
     ),
+    "round ends": (
+        '(fp_rect (start 0 0) (end 30 10) (radius 5) (layer "F.Fab"))',
+        200 + 25 * math.pi,
+    ),
+    "arc that ends where it begins": (
+        '(fp_arc (start 10 0) (mid -10 0) (end 10 0) (layer "F.Fab"))',
+        100 * math.pi,
+    ),
     "name without quotes": (
         "(fp_rect (start -10 -5) (end 10 5) (layer F.Fab) (width 0.1) (tstamp 5E9A))",
         200,

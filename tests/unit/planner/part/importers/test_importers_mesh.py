@@ -63,6 +63,18 @@ def turned(body, degrees, axis):
     )
 
 
+def test_a_thin_solid_has_an_outline_and_a_flat_or_far_one_is_refused(tmp_path):
+    thin = box((0, 0, 0), (40, 20, 0.8))
+    result = read(solid(tmp_path, thin), units="mm")
+    assert (outlines.area(result.outline_mm), result.height_mm) == pytest.approx((800, 0.8))
+    for body, reason in (
+        (opened(thin, *np.flatnonzero(thin.face_normals[:, 2] < 0.5)), "is flat"),
+        (thin.copy().apply_translation((3e5, 0, 0)), "near its origin"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            read(solid(tmp_path, body), units="mm")
+
+
 TAPER = 2.0 * math.tan(math.radians(3.0))
 SILHOUETTES = {  # solid, area above the tips of half its height or 8 mm, by hand
     "mushroom": (together(box((10, 5, 0), (30, 15, 6)), box((0, 0, 6), (40, 20, 10))), 800),

@@ -41,6 +41,8 @@ def test_csv_outlines(tmp_path, name):
 BAD_CSV = {
     "no unit": (b"0,0\n30,0\n30,21\n", None, UsageError, "--units"),
     "three columns": (b"1,2,3\n", "mm", InputError, "line 1"),
+    "two units": (b"x_mm,y_in\n0,0\n30,0\n30,21\n", None, InputError, "different units"),
+    "y first": (b"y_mm,x_mm\n0,0\n30,0\n30,21\n", "mm", InputError, "line 1"),
     "not a number": (b"0,0\n1,nan\n", "mm", InputError, "line 2"),
     "nothing": (b"", "mm", InputError, "no closed contour"),
     "back and forth": (b"0,0\n10,0\n" * 2000, "mm", InputError, "one line|no closed|itself"),

@@ -62,6 +62,13 @@ UNSEEN = {
     "descendant": f'<style>g.off > rect {{ opacity: 0 }}</style><g class="a off">{JIG}</g>',
     "important": sheet(".jig { display: none !important }", 'class="jig" style="display:inline"'),
     "specific": sheet("#jig { fill: none } rect.jig { fill: red }"),
+    "rule for screens": sheet(
+        "@media print, only screen {.jig {fill: red}} @media screen {.jig {fill: none}}"
+    ),
+    "sheet for screens": sheet(".jig { fill: none }").replace(
+        "<style>", '<style media="print, Screen">'
+    ),
+    "words in capitals": sheet(".jig { display: NONE }"),
     "copy of a hidden one": f'<defs><g id="j" display="none">{JIG}</g></defs><use href="#j"/>',
     "beside its viewport": '<svg width="60" height="60"><rect x="61" width="90" height="70"/></svg>',
 }
@@ -80,6 +87,8 @@ SEEN = {
     "style beats a sheet": '<style>path{{display:none}}</style><path style="display:inline" d="{}"/>',
     "a sheet beats an attribute": '<style>path{{fill:red}}</style><path fill="none" d="{}"/>',
     "a rule that CSS drops": '<style>path:foo{{display:none}} @import "x"; :{{}}</style><path d="{}"/>',
+    "a rule for paper": '<style>@media print {{path {{display: none}}}}</style><path d="{}"/>',
+    "a sheet of another language": '<style type="text/x">path {{display: none}}</style><path d="{}"/>',
     "first child of a switch": '<switch><foreignObject requiredExtensions="x"/><g><path d="{}"/></g>'
     + JIG
     + "</switch>",
@@ -102,6 +111,15 @@ NOTED = {
     "cropped": (
         '<svg width="2" height="2"><rect width="9" height="1"/></svg>',
         "viewports.*: 1 of",
+    ),
+    "rules that depend": (
+        "<style>@media (width > 9px) {g {fill: red}} @layer a {} svg {g {fill: red}}</style>",
+        r"not read.*: @media \(width > 9px\), @layer a, rules in that of svg",
+    ),
+    "another sheet": ('<style>@import "x.css";</style>', 'not read.*: @import "x.css"'),
+    "wide stroke": (
+        '<g transform="scale(2)"><path stroke-width="3" stroke="red" d="M9 4h1"/></g>',
+        "strokes up to 6 mm wide; the outline runs along their middle",
     ),
     "text and pictures": ("<text>a</text><text>b</text><image/>", "ignored: 1 image, 2 text"),
     "a copy of nothing": (
@@ -189,6 +207,8 @@ MALFORMED = {
     "transform": '<rect width="4" height="5" transform="scale(1.1.1)"/>',
     "unknown transform": '<g transform="turn(4)"><rect width="4" height="5"/></g>',
     "opacity": '<rect width="4" height="5" opacity="0.x"/>',
+    "variable": '<rect width="4" height="5" style="display:var(--d)"/>',
+    "scaled by a style": '<rect width="4" height="5" style="scale:2"/>',
     "inline style": '<rect height="5" style="width:1.1.1mm"/>',
     "copy": '<rect id="r" width="4" height="5"/><use href="#r" x="1..2"/>',
     "view box": '<svg viewBox="0 0 1.1.1 1 2"><rect width="4" height="5"/></svg>',
