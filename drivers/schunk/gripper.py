@@ -90,13 +90,14 @@ class Gripper(PolledGripper[Input, Output]):
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
         """Ask for a width; a part that is held is released first. `wait` tells how it ended."""
         self._move = None
-        seen = self._checked("asked to move")
+        asked, seen = self._asked(), self._checked("asked to move")
         if seen.status & Status.GRIPPED:
-            seen = self._release(seen, width_um)
+            release = Output(_edge(Control.RELEASE), width_um)
+            asked = self._command(release, asked, seen, MOVE_MARGIN_S)
+            seen = self._settled()
         output = self._request(width_um, speed_mm_s, force_n)
-        way_um = abs(seen.position_um - output.position_um)
         rate_um_s = output.velocity_um_s or self._limits.grip_um_s * output.force_percent // 100
-        self._command(output, seen, way_um / max(rate_um_s, 1))
+        self._command(output, asked, seen, self._budget_s(max(rate_um_s, 1) / 1000.0))
 
     def stop(self) -> None:
         """Stop the fingers where they are; what they hold stays held."""
@@ -140,16 +141,14 @@ class Gripper(PolledGripper[Input, Output]):
 
     # -- commands and their outcomes --------------------------------------------------------------
 
-    def _release(self, seen: Input, width_um: int) -> Input:
-        self._command(Output(_edge(Control.RELEASE), width_um), seen, 0.0)
-        return self._settled()
-
-    def _command(self, output: Output, seen: Input, seconds: float) -> None:
+    def _command(self, output: Output, asked: Output, seen: Input, budget_s: float) -> Output:
+        """Send a command that follows what was asked last; nothing is read after the status `seen`."""
         # A command is an edge of its bit, or of this toggle where the bit is set already.
-        toggled = ~self._asked().control & Control.REPEAT_TOGGLE
+        toggled = ~asked.control & Control.REPEAT_TOGGLE
         output = output._replace(control=output.control | toggled)
         self._send(output)
-        self._move = Move(output, seen, self._pace.now(), seconds + MOVE_MARGIN_S, STEADY_S)
+        self._move = Move(output, seen, self._pace.now(), budget_s, STEADY_S)
+        return output
 
     def _send(self, output: Output) -> None:
         """Write a request; the same once more is no edge, so no command."""
