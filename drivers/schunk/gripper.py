@@ -194,7 +194,7 @@ class Gripper(PolledGripper[Input, Output]):
 
     def _require_ready(self, seen: Input, doing: str) -> None:
         if seen.error:
-            raise GripperFault(f"gripper not active while {doing}: {_fault(seen.error)}")
+            raise GripperFault(f"gripper not active while {doing}: fault {_fault(seen.error)}")
         if not seen.status & Status.READY:
             raise GripperFault(f"gripper not active while {doing}; acknowledge it (--activate)")
 
@@ -206,7 +206,7 @@ class Gripper(PolledGripper[Input, Output]):
 
     def _sketch(self, seen: Input) -> str:
         words = f"status 0x{seen.status:08X}, width {seen.position_um / 1000:.3f} mm"
-        return f"{words}, {_fault(seen.error)}" if seen.error else words
+        return f"{words}, fault {_fault(seen.error)}" if seen.error else words
 
 
 def gripper(
@@ -243,4 +243,4 @@ def _object(seen: Input, asked: Output) -> ObjectState:
 
 def _fault(code: int) -> str:
     text = error_text(code)
-    return f"fault 0x{code:02X}, {text.sentence}; {text.remedy}"
+    return f"0x{code:02X}, {text.sentence}; {text.remedy}"

@@ -117,9 +117,8 @@ def profile_of(model: str) -> GripperProfile:
     profile = known(model)
     if profile is None:
         raise TableError(
-            f"the table is for a gripper {model[:40]!r}, which is not known; there are "
-            f"{', '.join(PROFILES)}: correct gripper.model in the job and compile it again, or install the "
-            "driver that brings the gripper's profile (tools/docs/drivers.md)"
+            f"gripper {model[:40]!r} is not known; there are {', '.join(PROFILES)}: name one of them, or "
+            "install the driver that brings its profile (tools/docs/drivers.md)"
         )
     return profile
 
