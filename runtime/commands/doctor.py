@@ -50,8 +50,8 @@ def parser() -> Parser:
     add(
         "--gripper",
         metavar="MODEL",
-        help=f"its model where there is no table: {', '.join(PROFILES)}, or of another driver (default: the "
-        "usual one of the port's make)",
+        help=f"its model where there is no table: {', '.join(PROFILES)}, or that of another driver (default: "
+        "the usual one of the port's make)",
     )
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
     built.add_common()

@@ -33,7 +33,7 @@ from runtime.table.goal import (
     threshold,
 )
 from runtime.table.grip import not_held
-from runtime.table.grippers import PROFILES, doubt_um, known, profile_of, same_model
+from runtime.table.grippers import PROFILES, doubt_um, known, profile_of, same_model, selectable
 from runtime.table.lookup import (
     REJECT,
     Calibration,
@@ -145,6 +145,7 @@ __all__ = [
     "refuted",
     "residual",
     "same_model",
+    "selectable",
     "successes_of",
     "takt_figures",
     "takt_text",

@@ -6,6 +6,7 @@ gripper as an entry point of the group `squeezetree.profiles` (tools/docs/driver
 """
 
 import re
+from contextlib import suppress
 
 from drivers.ports import GripperProfile
 from runtime.errors import TableError
@@ -129,6 +130,17 @@ def known(model: str) -> GripperProfile | None:
     name = NAMES.get(name, name)
     preset = next((one for key, one in PROFILES.items() if name in (key, _normalised(key))), None)
     return preset or _plugged_in(model, name)
+
+
+def selectable() -> dict[str, GripperProfile]:
+    """The presets, then the profiles of installed drivers, by model; an unsound one is left out."""
+    from importlib.metadata import entry_points
+
+    result = dict(PROFILES)
+    for name in sorted({point.name for point in entry_points(group=GROUP)}):
+        with suppress(TableError):
+            result.setdefault(name, profile_of(name))
+    return result
 
 
 def doubt_um(resolution_um: float, noise_um: float) -> float:
