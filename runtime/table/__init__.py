@@ -33,7 +33,15 @@ from runtime.table.goal import (
     threshold,
 )
 from runtime.table.grip import not_held
-from runtime.table.grippers import PROFILES, doubt_um, known, profile_of, same_model, selectable
+from runtime.table.grippers import (
+    DEFAULT_MODEL,
+    PROFILES,
+    doubt_um,
+    known,
+    profile_of,
+    same_model,
+    selectable,
+)
 from runtime.table.lookup import (
     REJECT,
     Calibration,
@@ -84,6 +92,7 @@ from runtime.table.validation import validate
 __all__ = [
     "ABOVE_MM",
     "CLEAR_MM",
+    "DEFAULT_MODEL",
     "HELD_UM",
     "KINDS",
     "LEAD_MM",

@@ -101,6 +101,7 @@ PROFILES = {
         ),
     )
 }
+DEFAULT_MODEL = next(iter(PROFILES))  # where nobody names one
 # Further names of the same models, as `_normalised`.
 NAMES = {
     "2f-85": "robotiq-2f-85",
