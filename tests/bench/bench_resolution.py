@@ -107,12 +107,12 @@ def compared(rows: list[dict[str, Any]]) -> dict[str, Any]:
     }
     both = set.intersection(*map(set, by_gripper.values()))
     means = {
-        gripper: {key: round(mean(own[name][key] for name in both), 3) for key in SHOWN if both}
-        for gripper, own in by_gripper.items()
+        gripper: {key: round(mean(by_name[name][key] for name in both), 3) for key in SHOWN if both}
+        for gripper, by_name in by_gripper.items()
     }
     return {
         "compared": len(both),
-        "located": {key: len(own) for key, own in by_gripper.items()},
+        "located": {key: len(by_name) for key, by_name in by_gripper.items()},
         **means,
     }
 
