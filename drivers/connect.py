@@ -70,12 +70,19 @@ def gripper(
 ) -> Gripper:
     """Opens a gripper, with a profile if given; reads its state, writes nothing.
 
-    With `read_only` its link cannot write; `report` receives every retry and failure on it. Raises
-    PortError where port or driver cannot be opened, LinkError where nothing answers.
+    With `read_only` it has a link that cannot write; `report` is told of every retry and failure on it.
+    PortError where port or driver cannot be opened, or a gripper of another profile is there; LinkError
+    where nothing answers.
     """
     opened: Gripper = _opened(
         GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only, profile=profile
     )
+    if profile is not None and opened.profile.model != profile.model:
+        opened.close()
+        raise PortError(
+            f"the gripper at {port} is a {opened.profile.model}, not a {profile.model}; correct the model, "
+            "or the port"
+        )
     return opened
 
 

@@ -115,6 +115,10 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         """Closes the link; nothing moves."""
         self._link.close()
 
+    def _budget_s(self, speed_mm_s: float) -> float:
+        """How long a move may take: a whole stroke, since one reading may be wrong about where it began."""
+        return self.profile.stroke_um / 1000.0 / speed_mm_s + MOVE_MARGIN_S
+
     # -- what a make says -------------------------------------------------------------------------
 
     @abstractmethod

@@ -13,7 +13,7 @@ from drivers.dh.percent import Scale
 from drivers.dh.registers import Grip, Initialised
 from drivers.errors import GripperFault
 from drivers.modbus import address
-from drivers.polling import MOVE_MARGIN_S, Move, PolledGripper
+from drivers.polling import Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report
 
 INITIALISE_S = 10.0  # a stroke at a speed that no manual states
@@ -91,8 +91,9 @@ class Gripper(PolledGripper[Reading, int]):
         for register, value in ((dh.FORCE, self._scale.force(force_n)), (dh.SPEED, speed)):
             if seen.settings[register] != value:
                 self._set(register, value)
-        step_s = self.profile.resolution_um / 1000.0 / self._scale.speed_mm_s(speed)
-        budget_s = abs(target - seen.position) * step_s + MOVE_MARGIN_S
+        speed_mm_s = self._scale.speed_mm_s(speed)
+        budget_s = self._budget_s(speed_mm_s)
+        step_s = self.profile.resolution_um / 1000.0 / speed_mm_s
         self._ask(target)
         self._move = Move(target, seen, self._pace.now(), budget_s, step_s)
 
@@ -152,8 +153,7 @@ class Gripper(PolledGripper[Reading, int]):
         if seen.grip is not Grip.CAUGHT:
             return abs(seen.position - move.target) <= ARRIVED
         # Stopped fingers are short of the request: at it, the state is that of the previous move.
-        way, left = move.target - move.before.position, move.target - seen.position
-        return way == 0 or way * left > 0
+        return seen.position != move.target or move.before.position == move.target
 
     def _require_ready(self, seen: Reading, doing: str) -> None:
         if not seen.ready:

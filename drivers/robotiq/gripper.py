@@ -4,7 +4,7 @@ After the 2F-85 manual ([M18] p54-62) and Robotiq's own SDK (`gripper.cpp`, `gri
 """
 
 from drivers.errors import GripperFault
-from drivers.polling import MOVE_MARGIN_S, Move, PolledGripper
+from drivers.polling import Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.counts import Counts
@@ -61,8 +61,8 @@ class Gripper(PolledGripper[Reading, int]):
         self._send({**request, "rFR": self._counts.force(force_n)})
         mm_per_count = robotiq.OPENING_MM / (robotiq.COUNT_CLOSED - robotiq.COUNT_OPEN)
         count_s = mm_per_count / speed_mm_s_of(setting)
-        budget_s = abs(counts - seen.position_counts) * count_s + MOVE_MARGIN_S
         now = self._asked_at = self._pace.now()
+        budget_s = self._budget_s(speed_mm_s_of(setting))
         self._move = Move(counts, seen, now, budget_s, SETTLE_COUNTS * count_s)
 
     def stop(self) -> None:
@@ -116,8 +116,10 @@ class Gripper(PolledGripper[Reading, int]):
             return short <= ARRIVED_COUNTS and (
                 asked >= robotiq.COUNT_CLOSED or beyond <= ARRIVED_COUNTS
             )
-        closing = seen.object_flag == robotiq.OBJ_CONTACT_CLOSING
-        return asked == start or closing == (asked > start)
+        way = asked - seen.position_counts
+        if abs(way) <= ARRIVED_COUNTS:  # else no single reading before the move decides
+            way = asked - start
+        return way == 0 or (seen.object_flag == robotiq.OBJ_CONTACT_CLOSING) == (way > 0)
 
     def _require_ready(self, seen: Reading, doing: str) -> None:
         if seen.fault and fault_text(seen.fault).severity in {MAJOR, PRIORITY}:

@@ -93,13 +93,14 @@ class Gripper(PolledGripper[Input, Output]):
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
         """Requests a width; releases a held part first. `wait` returns the result."""
         self._move = None
-        seen = self._checked("asked to move")
+        asked, seen = self._asked(), self._checked("asked to move")
         if seen.status & Status.GRIPPED:
-            seen = self._release(seen, width_um)
+            release = Output(_edge(Control.RELEASE), width_um)
+            asked = self._command(release, asked, seen, MOVE_MARGIN_S)
+            seen = self._settled()
         output = self._request(width_um, speed_mm_s, force_n)
-        way_um = abs(seen.position_um - output.position_um)
         rate_um_s = output.velocity_um_s or self._limits.grip_um_s * output.force_percent // 100
-        self._command(output, seen, way_um / max(rate_um_s, 1))
+        self._command(output, asked, seen, self._budget_s(max(rate_um_s, 1) / 1000.0))
 
     def stop(self) -> None:
         """Stops the fingers where they are; a held part stays held."""
@@ -143,16 +144,14 @@ class Gripper(PolledGripper[Input, Output]):
 
     # -- commands and their outcomes --------------------------------------------------------------
 
-    def _release(self, seen: Input, width_um: int) -> Input:
-        self._command(Output(_edge(Control.RELEASE), width_um), seen, 0.0)
-        return self._settled()
-
-    def _command(self, output: Output, seen: Input, seconds: float) -> None:
+    def _command(self, output: Output, asked: Output, seen: Input, budget_s: float) -> Output:
+        """Send a command that follows what was asked last; nothing is read after the status `seen`."""
         # A command is an edge of its bit, or of this toggle where the bit is set already.
-        toggled = ~self._asked().control & Control.REPEAT_TOGGLE
+        toggled = ~asked.control & Control.REPEAT_TOGGLE
         output = output._replace(control=output.control | toggled)
         self._send(output)
-        self._move = Move(output, seen, self._pace.now(), seconds + MOVE_MARGIN_S, STEADY_S)
+        self._move = Move(output, seen, self._pace.now(), budget_s, STEADY_S)
+        return output
 
     def _send(self, output: Output) -> None:
         """Sends a request; a repetition has no edge, so is no command."""
@@ -198,7 +197,7 @@ class Gripper(PolledGripper[Input, Output]):
 
     def _require_ready(self, seen: Input, doing: str) -> None:
         if seen.error:
-            raise GripperFault(f"gripper not active while {doing}: {_fault(seen.error)}")
+            raise GripperFault(f"gripper not active while {doing}: fault {_fault(seen.error)}")
         if not seen.status & Status.READY:
             raise GripperFault(f"gripper not active while {doing}; acknowledge it (--activate)")
 
@@ -210,7 +209,7 @@ class Gripper(PolledGripper[Input, Output]):
 
     def _sketch(self, seen: Input) -> str:
         words = f"status 0x{seen.status:08X}, width {seen.position_um / 1000:.3f} mm"
-        return f"{words}, {_fault(seen.error)}" if seen.error else words
+        return f"{words}, fault {_fault(seen.error)}" if seen.error else words
 
 
 def gripper(
@@ -247,4 +246,4 @@ def _object(seen: Input, asked: Output) -> ObjectState:
 
 def _fault(code: int) -> str:
     text = error_text(code)
-    return f"fault 0x{code:02X}, {text.sentence}; {text.remedy}"
+    return f"0x{code:02X}, {text.sentence}; {text.remedy}"

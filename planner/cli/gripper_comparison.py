@@ -48,9 +48,23 @@ def compare(arguments: argparse.Namespace) -> None:
             f"assumed: its centre within {arguments.radius:g} mm of the expected place (--radius)"
         )
         print(HEAD, flush=True)
-    rows = [_row(arguments, imported, setting.answers, name) for name in fitting]
+    rows = [
+        _row(arguments, imported, setting.answers, name)
+        if name in fitting
+        else _small(arguments, name)
+        for name in GRIPPERS
+    ]
     if arguments.json:
         shell.answer(True, {"part": setting.answers.name, "grippers": rows})
+
+
+def _small(arguments: argparse.Namespace, name: str) -> dict[str, Any]:
+    """What there is to say of a gripper that does not open wide enough; its line is printed."""
+    step_mm = GRIPPERS[name].profile.resolution_um / 1000
+    reason = f"it opens to {GRIPPERS[name].opening_mm:g} mm, too little for the part"
+    if not arguments.json:
+        print(f"{name:16} {step_mm:5.2f} mm  no: {reason}", flush=True)
+    return {"gripper": name, "step_mm": step_mm, "reason": reason}
 
 
 def _row(

@@ -198,9 +198,12 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
             lambda text: number(text) if text else proposed,
         )
     if radius > room and arguments.turn is None:
+        clear = f"clear the part at any angle only within {room:.1f} mm of the hand"
+        if room <= 0.0:
+            clear = "do not clear the part at every angle, wherever it lies"
         print(
-            f"{NAME}: warning: open fingers clear the part at any angle only within {max(room, 0.0):.1f} mm "
-            "of the hand; a smaller --radius, a --turn or a wider gripper may be needed",
+            f"{NAME}: warning: open fingers {clear}; a smaller --radius, a --turn or a wider gripper may be "
+            "needed",
             file=sys.stderr,
         )
     thickness = imported.height_mm if arguments.thickness is None else arguments.thickness

@@ -107,4 +107,5 @@ def no_first_squeeze(job: Job) -> str:
     lacking = shortage(job)
     if lacking is None:
         return f"no first squeeze gains anything; add {more}, or reduce the uncertainty"
-    return f"no first squeeze is free of collision: {lacking.line()}; or take a wider gripper, or add {more}"
+    way = "take" if lacking.radius_mm is None else "or take"
+    return f"no first squeeze is free of collision: {lacking.line()}; {way} a wider gripper, or add {more}"

@@ -16,7 +16,7 @@ from planner.part.importers.file import Face, Imported
 from planner.part.outline import reach
 from planner.part.tips import tips_height_mm
 from runtime.shell.plain_text import cleaned
-from runtime.table import PROFILES, GripperProfile
+from runtime.table import GripperProfile, selectable
 
 SPEED_MM_S, FORCE_N = 60.0, 40.0  # initial closing speed and force: moderate, and low
 MIDDLE_SHARE = 1 / 60  # of the stroke: distance from the hand's middle where the fingers may meet
@@ -68,7 +68,7 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
     return min(max(value, bounds[0]), bounds[1])
 
 
-GRIPPERS = {model: GripperPreset(profile) for model, profile in PROFILES.items()}
+GRIPPERS = {model: GripperPreset(profile) for model, profile in selectable().items()}
 
 
 class Fingers(NamedTuple):

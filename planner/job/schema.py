@@ -9,7 +9,7 @@ from planner.job.fields import Field, Flag, Integer, Number, Numbers, Poses, Tex
 from planner.part.outline import Outline
 from planner.part.pressure import Pressure
 from planner.part.symmetry import MOST_ORDER
-from runtime.table import GripperProfile, profile_of
+from runtime.table import DEFAULT_MODEL, GripperProfile, profile_of
 
 PLACE = Number(-10_000, 10_000)  # a coordinate, mm
 MOST_FRICTION = 2.0
@@ -59,7 +59,7 @@ class Friction:
 class Gripper:
     """A parallel-jaw gripper."""
 
-    model: Annotated[str, Text(default="robotiq-2f-85")]
+    model: Annotated[str, Text(default=DEFAULT_MODEL)]
     finger_length_mm: Annotated[float, Number(0, MM, above=True)]  # along x of the hand frame
     finger_width_mm: Annotated[float, Number(0, MM, above=True)]  # along y, the closing direction
     # Between the inner faces, jaws fully open; None here and below: that of the model.

@@ -82,6 +82,8 @@ def _judged(item: Item) -> Figures:
         "reject_rate",
         "unresolved_rate",
         "mean_squeezes",
+        "seconds_mean",
+        "error_mm",
         "crashes",
     ):
         figures[key] = summary[key]

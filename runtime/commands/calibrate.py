@@ -24,11 +24,10 @@ from runtime.shell.command import Parser, add_command, say, say_result
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable
-from runtime.table import PROFILES, Calibration, GripperProfile, profile_of
+from runtime.table import DEFAULT_MODEL, PROFILES, Calibration, GripperProfile, profile_of
 
 Measured = dict[str, Any]
 DEFAULT_BLOCKS = (0, 5, 10, 20, 40, 60, 80, 100, 120)
-DEFAULT_MODEL = "robotiq-2f-85"
 OF_THE_AUDIT = {
     "camera": "lens and place of the audit's camera, from pictures of a board",
     "tag": "where a tag is on its part",

@@ -128,9 +128,10 @@ def check_gripper(gripper: Gripper) -> Iterator[Finding]:
     """Whether the gripper is activated and free of faults."""
     seen = gripper.state()
     if seen.fault:
+        problem, _, remedy = seen.fault_text.partition("; ")
         yield bad(
-            f"The gripper reports fault {seen.fault_text}.",
-            "Remove the cause, then grasp-runtime --activate.",
+            f"The gripper reports fault {problem}.",
+            _sentence(remedy) or "Remove the cause, then grasp-runtime --activate.",
         )
     elif not seen.activated:
         yield warning(
@@ -139,6 +140,25 @@ def check_gripper(gripper: Gripper) -> Iterator[Finding]:
         )
     else:
         yield good(f"The gripper is active and stands at {seen.width_um / 1000:.2f} mm.")
+
+
+def check_model(gripper: Gripper) -> Iterator[Finding]:
+    """What the gripper is taken for."""
+    known = gripper.profile
+    stroke_mm, step_mm = known.stroke_um / 1000, known.resolution_um / 1000
+    yield good(f"It is taken for a {known.model}: {stroke_mm:g} mm in steps of {step_mm:.2g} mm.")
+
+
+def failed(device: str, error: Exception, remedy: str) -> Finding:
+    """An error's own hint, after its semicolon, is the better remedy."""
+    problem, _, hint = str(error).partition("; ")
+    silent = isinstance(error, ConnectionError | TimeoutError)
+    how = "does not answer" if silent else "cannot be opened"
+    return bad(f"The {device} {how}: {problem}.", _sentence(hint) or remedy)
+
+
+def _sentence(clause: str) -> str:
+    return f"{clause[:1].upper()}{clause[1:]}." if clause else ""
 
 
 def check_rate(gripper: Gripper, clock: SystemClock, reads: int = READS) -> Iterator[Finding]:

@@ -50,7 +50,8 @@ def parser() -> Parser:
     add(
         "--gripper",
         metavar="MODEL",
-        help=f"its model where there is no table: {', '.join(PROFILES)} (default: {next(iter(PROFILES))})",
+        help=f"its model where there is no table: {', '.join(PROFILES)}, or that of another driver (default: "
+        "the usual one of the port's make)",
     )
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
     built.add_common()
@@ -65,12 +66,10 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
     """
     table = None if arguments.tree is None else load(arguments.tree).table
     profile = _profile(arguments, table)
-    measured = Calibration(profile)
-    if arguments.calibration is not None:
-        measured = calibration.load(arguments.calibration).of(profile)
+    known = None if arguments.calibration is None else calibration.load(arguments.calibration)
     results: list[Finding] = []
     with _devices(arguments) as (port, arm):
-        for finding in findings(port, arm, table, measured, drivers, system or System()):
+        for finding in findings(port, arm, table, profile, known, drivers, system or System()):
             results.append(finding)
             if not arguments.json:
                 say(_as_line(finding))
@@ -102,66 +101,69 @@ def findings(
     port: str,
     arm_url: str | None,
     table: Table | None,
-    measured: Calibration,
+    profile: GripperProfile | None,
+    known: calibration.GripperCalibration | None,
     drivers: Drivers,
     system: System,
     listens: Accepts = accepts,
 ) -> Iterator[Finding]:
     """All checks, ordered by dependency."""
     if table is not None:
-        yield from doctor.check_table(table, measured)
+        of_table = table.gripper.profile
+        yield from doctor.check_table(table, known.of(of_table) if known else Calibration(of_table))
     yield from check_controllers(filter(None, (port, arm_url)), listens)
-    yield from _gripper_findings(port, measured.profile, drivers, system)
+    yield from _gripper_findings(port, profile, drivers, system)
     if arm_url is not None:
         try:
             with closing(drivers.arm(arm_url, read_only=True)) as arm:
                 yield from doctor.check_arm(arm, table)
         except OSError as error:
             page = "drivers/abb/README.md" if arm_url.startswith("tcp:") else "tools/docs/arms.md"
-            yield _failed("arm", error, f"Look at the controller's program and state; see {page}.")
+            yield doctor.failed(
+                "arm", error, f"Look at the controller's program and state; see {page}."
+            )
 
 
-def _profile(arguments: argparse.Namespace, table: Table | None) -> GripperProfile:
-    """The profile of the table's gripper, else of the named model."""
+def _profile(arguments: argparse.Namespace, table: Table | None) -> GripperProfile | None:
+    """Of the table's gripper, else of the model that is named; None: the driver takes its usual one."""
     if table is not None:
         return table.gripper.profile
-    return profile_of(arguments.gripper or next(iter(PROFILES)))
+    return None if arguments.gripper is None else profile_of(arguments.gripper)
+
+
+def _serial_port(port: str) -> str:
+    """The path of the serial port in a gripper's address; empty where it has none."""
+    if port.startswith(("can:", MANUAL)):
+        return ""
+    _, is_url, rest = port.partition("?")[0].rpartition("://")
+    return rest if not is_url or rest.startswith("/") else ""
 
 
 def _gripper_findings(
-    port: str, profile: GripperProfile, drivers: Drivers, system: System
+    port: str, profile: GripperProfile | None, drivers: Drivers, system: System
 ) -> Iterator[Finding]:
-    is_tty = "://" not in port and not port.startswith(("can:", MANUAL))
-    if is_tty:
-        for finding in doctor.check_port(port, system):
+    path = _serial_port(port)
+    if path:
+        for finding in doctor.check_port(path, system):
             yield finding
             if finding.verdict is Verdict.BAD:
                 return
-        yield from doctor.check_latency(port, system)
+        yield from doctor.check_latency(path, system)
     failed = None
     try:
         with PortLock(port), closing(drivers.gripper(port, profile, read_only=True)) as gripper:
+            yield from doctor.check_model(gripper)
             yield from doctor.check_gripper(gripper)
             yield from doctor.check_rate(gripper, SystemClock())
     except (OSError, ExpectedError) as error:
-        failed = _failed("gripper", error, "Check power, cable and address.")
+        failed = doctor.failed("gripper", error, "Check power, cable and address.")
     if failed is not None:
         yield failed
-        if is_tty:
+        if path == port:  # a Robotiq gripper's
             try:
                 yield from doctor.check_silence(port, drivers.scan)
             except OSError as error:
-                yield _failed("port", error, "Check cable and adapter.")
-
-
-def _failed(device: str, error: Exception, remedy: str) -> Finding:
-    """The finding for a failed device; the hint after an error's semicolon is the better remedy."""
-    problem, _, hint = str(error).partition("; ")
-    return Finding(
-        Verdict.BAD,
-        f"The {device} does not answer: {problem}.",
-        f"{hint[:1].upper()}{hint[1:]}." if hint else remedy,
-    )
+                yield doctor.failed("port", error, "Check cable and adapter.")
 
 
 def _as_line(finding: Finding) -> str:

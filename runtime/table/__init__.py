@@ -33,7 +33,15 @@ from runtime.table.goal import (
     threshold,
 )
 from runtime.table.grip import from_segment, not_held
-from runtime.table.grippers import PROFILES, doubt_um, profile_of, same_model
+from runtime.table.grippers import (
+    DEFAULT_MODEL,
+    PROFILES,
+    doubt_um,
+    known,
+    profile_of,
+    same_model,
+    selectable,
+)
 from runtime.table.lookup import (
     REJECT,
     Calibration,

@@ -6,6 +6,7 @@ entry point of the group `squeezetree.profiles` (tools/docs/drivers.md).
 """
 
 import re
+from contextlib import suppress
 
 from drivers.ports import GripperProfile
 from runtime.errors import TableError
@@ -100,6 +101,7 @@ PROFILES = {
         ),
     )
 }
+DEFAULT_MODEL = next(iter(PROFILES))  # where nobody names one
 # Aliases of the same models, as from `_normalised`.
 NAMES = {
     "2f-85": "robotiq-2f-85",
@@ -117,9 +119,8 @@ def profile_of(model: str) -> GripperProfile:
     profile = known(model)
     if profile is None:
         raise TableError(
-            f"the table is for a gripper {model[:40]!r}, which is not known; there are "
-            f"{', '.join(PROFILES)}: correct gripper.model in the job and compile it again, or install the "
-            "driver that brings the gripper's profile (tools/docs/drivers.md)"
+            f"gripper {model[:40]!r} is not known; there are {', '.join(PROFILES)}: name one of them, or "
+            "install the driver that brings its profile (tools/docs/drivers.md)"
         )
     return profile
 
@@ -130,6 +131,17 @@ def known(model: str) -> GripperProfile | None:
     name = NAMES.get(name, name)
     preset = next((one for key, one in PROFILES.items() if name in (key, _normalised(key))), None)
     return preset or _plugged_in(model, name)
+
+
+def selectable() -> dict[str, GripperProfile]:
+    """The presets, then the profiles of installed drivers, by model; an unsound one is left out."""
+    from importlib.metadata import entry_points
+
+    result = dict(PROFILES)
+    for name in sorted({point.name for point in entry_points(group=GROUP)}):
+        with suppress(TableError):
+            result.setdefault(name, profile_of(name))
+    return result
 
 
 def doubt_um(resolution_um: float, noise_um: float) -> float:

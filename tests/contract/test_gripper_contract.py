@@ -14,6 +14,8 @@ from schunk_rigs import SchunkRig
 from drivers import connect, links
 from drivers.contract.gripper import GripperContract
 from drivers.errors import LinkError, LinkTimeout, PortError
+from drivers.robotiq import modbus
+from runtime.table import PROFILES
 
 RIGS |= {"schunk-egu": SchunkRig}
 
@@ -88,6 +90,22 @@ def test_port_that_nobody_serves_is_refused_in_one_line(port, sentence):
         connect.gripper(port)
     assert raised.value.exit_code == 21
     assert "\n" not in str(raised.value)
+
+
+def test_gripper_of_another_profile_than_asked_for_is_refused_and_closed(monkeypatch):
+    gripper = Robotiq("pty")
+
+    def stubborn(makes, *settings, profile, **options):
+        return modbus.gripper(*settings, profile=None, **options)
+
+    monkeypatch.setattr(connect, "_opened", stubborn)
+    try:
+        with pytest.raises(PortError, match="is a robotiq-2f-85, not a hand-e"):
+            connect.gripper(gripper.name, PROFILES["hand-e"])
+        with contextlib.closing(connect.gripper(gripper.name)) as again:
+            assert again.profile.model == "robotiq-2f-85"
+    finally:
+        gripper.close()
 
 
 def test_a_port_has_one_owner():

@@ -11,6 +11,8 @@ import pytest
 
 from drivers import connect
 from drivers.errors import PortError
+from runtime.table import PROFILES, selectable
+from runtime.table.grippers import GROUP
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "tools" / "docs" / "other-make"
@@ -67,6 +69,16 @@ def test_the_guide_shows_the_example_s_own_lines() -> None:
     for block in blocks:
         for piece in block.strip().split("\n\n...\n\n"):
             assert piece in sources, piece
+
+
+def test_profile_of_an_installed_driver_can_be_selected_and_an_unsound_one_cannot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = {"other-60": "other_make:PROFILE", "unsound": "other_make:QUESTIONS"}
+    install(tmp_path, "other_make", {GROUP: points | {"missing": "no_such_module:PROFILE"}})
+    monkeypatch.syspath_prepend(EXAMPLE)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert [*selectable()] == [*PROFILES, "other-60"]
 
 
 @pytest.fixture

@@ -22,6 +22,24 @@ def test_gripper_whose_state_follows_late_ends_no_move_early(seed):
         assert gripper.wait().width_um == pytest.approx(expected_um, abs=48)
 
 
+@pytest.mark.parametrize("width_um", [0, 20_045, 95_000])
+@pytest.mark.parametrize("spike", [0, 500, 1000])
+def test_move_after_a_reading_with_a_wrong_position_ends_where_the_fingers_stop(width_um, spike):
+    device = VirtualDh(contact_mm=PART_MM)
+    gripper = device.ready()
+    gripper.move(60_040, 135.0, 45.0)
+    gripper.wait()
+    right = device.device._position
+
+    def wrong():
+        device.device._position = right
+        return spike
+
+    device.device._position = wrong
+    gripper.move(width_um, 2.0, 45.0)
+    assert gripper.wait().width_um == max(width_um, 38_000)
+
+
 def test_gripper_that_drops_the_part_closes_on_and_says_so():
     device = VirtualDh(contact_mm=PART_MM)
     gripper = device.ready()

@@ -172,6 +172,25 @@ def test_a_count_that_never_stands_still_is_no_width():
         gripper.wait()
 
 
+@pytest.mark.parametrize("asked", [3, 120, 255])
+@pytest.mark.parametrize("spike", [0, 128, 255])
+def test_move_after_a_reading_with_a_wrong_count_ends_where_the_jaws_stop(asked, spike):
+    link, gripper = active(contact=60)
+    gripper.move(30, 0, 0)
+    gripper.wait()
+    right = link.read
+
+    def wrong():
+        link.read = right
+        block = bytearray(right())
+        block[4] = spike
+        return bytes(block)
+
+    link.read = wrong
+    gripper.move(asked, 0, 0)
+    assert gripper.wait().position_counts == min(asked, 60)
+
+
 def test_link_errors_pass():
     link, gripper = active()
 

@@ -123,6 +123,27 @@ def test_a_stronger_grip_is_a_release_and_another_grip(rig, active):
     assert (rig.part.grips, rig.part.releases) == (2, 1)
 
 
+@pytest.mark.parametrize("width_um", [0, 20_000, EGU.stroke_um])
+@pytest.mark.parametrize("spike_mm", [0.0, 120.0])
+def test_move_after_a_reading_with_a_wrong_width_ends_where_the_fingers_stop(
+    rig, active, width_um, spike_mm
+):
+    active.move(60_000, FAST, WEAK)
+    active.wait()
+    right = rig.model._values
+
+    def wrong(name):
+        values = right(name)
+        if name != "plc_sync_input":
+            return values
+        rig.model._values = right
+        return (values[0], int(1000 * spike_mm), *values[2:])
+
+    rig.model._values = wrong
+    active.move(width_um, EGU.speed_mm_s[0], WEAK)
+    assert active.wait().width_um == width_um
+
+
 def test_a_part_in_the_way_of_a_positioning_move_is_a_fault(rig, active):
     rig.part.width_mm = 41.0
     active.move(30_000, FAST, WEAK)
@@ -195,6 +216,34 @@ def test_a_reading_that_goes_astray_is_asked_for_again(rig, active, mishap):
     rig.line.mishaps = [mishap]
     assert active.state().width_um == EGU.stroke_um
     assert rig.reports == ["no answer", "read repeated"]
+
+
+@pytest.mark.parametrize("holds", [False, True])
+@pytest.mark.parametrize("at", range(8))
+def test_move_is_sent_right_after_the_status_was_read_whatever_goes_astray(rig, active, at, holds):
+    """Or after the request was read back, where the answer to its write was lost."""
+    if holds:
+        rig.part.width_mm = 41.0
+        active.move(0, FAST, WEAK)
+        active.wait()
+    looked, since = [], []
+    read, write = rig.model.read, rig.model.write
+
+    def watched_read(name, now_s):
+        if name in ("plc_sync_input", "plc_sync_output"):
+            looked.append((name, now_s))
+        return read(name, now_s)
+
+    def watched_write(name, data, now_s):
+        since.append((looked[-1][0], now_s - looked[-1][1]))
+        return write(name, data, now_s)
+
+    rig.model.read, rig.model.write = watched_read, watched_write
+    rig.line.mishaps = [lambda request, reply: [Piece(reply)]] * at + [lost]
+    active.move(100_000, FAST, WEAK)
+    assert active.wait().width_um == 100_000
+    assert since[0][0] == "plc_sync_input"
+    assert all(seconds < 0.5 for _, seconds in since)
 
 
 @pytest.mark.parametrize("mishap", [lost, half, flipped])

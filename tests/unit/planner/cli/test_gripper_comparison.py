@@ -1,5 +1,6 @@
 """`try --gripper all`: one line a gripper, in its words and in JSON; nothing is written."""
 
+import json
 from types import SimpleNamespace
 
 import pytest
@@ -41,3 +42,12 @@ def test_compare_prints_a_line_for_each_gripper_and_writes_nothing(plate, capsys
         wanted = "no leaf comes within" if line.startswith("hand-e") else "97.50%"
         assert wanted in line
     assert [path.name for path in plate.parent.iterdir()] == ["plate.csv"]
+
+
+def test_compare_says_of_each_gripper_that_is_too_small_that_it_is(plate, capsys):
+    plate.write_text("0,0\n60,0\n60,40\n0,40\n")
+    assert first_look.main([str(plate), "--units", "mm", "--gripper", "all", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["grippers"]
+    assert [row["gripper"] for row in rows] == [*GRIPPERS]
+    small = [row["gripper"] for row in rows if "too little for the part" in row.get("reason", "")]
+    assert {"hand-e", "dh-pgc140-50", "schunk-egk"} <= set(small) < set(GRIPPERS)

@@ -157,6 +157,29 @@ def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(tmp_path
     assert "BAD  The gripper does not answer: silence. -> Check power" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("port", "path"),
+    [
+        ("/dev/ttyUSB7", "/dev/ttyUSB7"),
+        ("dh:///dev/ttyUSB7", "/dev/ttyUSB7"),
+        ("schunk:///dev/ttyUSB7?unit=12", "/dev/ttyUSB7"),
+    ],
+)
+def test_serial_port_of_any_make_is_looked_at_before_it_is_opened(port, path, capsys):
+    with pytest.raises(CheckFailedError):
+        run(parser().parse_args(["--port", port]), Drivers(AssertionError("opened")))
+    assert f"BAD  Port {path} does not exist" in capsys.readouterr().out
+
+
+def test_gripper_that_answers_as_another_is_not_called_silent(capsys):
+    error = OSError("it opens to 120 mm, a dh-ag95 to 95 mm; correct the model, or the port")
+    given = parser().parse_args(["--port", "schunk://doctor:1", "--gripper", "dh-ag95"])
+    with pytest.raises(CheckFailedError):
+        run(given, Drivers(error))
+    line = "BAD  The gripper cannot be opened: it opens to 120 mm, a dh-ag95 to 95 mm. -> Correct the model"
+    assert line in capsys.readouterr().out
+
+
 def test_a_simulated_cells_terminal_is_held_by_the_cell_and_by_nobody_else():
     """Each end in a process of its own, as with grasp-cell and a terminal program that was left open."""
     maker = "import os; m, s = os.openpty(); print(os.ttyname(s), flush=True); input()"
