@@ -70,7 +70,7 @@ def gripper(
 ) -> Gripper:
     """Opens a gripper, with a profile if given; reads its state, writes nothing.
 
-    With `read_only` it has a link that cannot write; `report` is told of every retry and failure on it.
+    With `read_only` its link cannot write; `report` receives every retry and failure on it.
     PortError where port or driver cannot be opened, or a gripper of another profile is there; LinkError
     where nothing answers.
     """

@@ -352,9 +352,7 @@ def checked_traits(traits: Traits, surfaces: int) -> None:
         ValueError: not an array of traits, or a number is not finite or out of range.
     """
     if np.shape(traits)[1:] or getattr(traits, "dtype", None) != TRAITS:
-        raise ValueError(
-            "traits are not an array (n,) of traits; change the result of as_planned(n)"
-        )
+        raise ValueError("traits are not an array (n,) of traits; pass a changed as_planned(n)")
     arguments.indices(traits["surface"], "surface of the traits", surfaces)
     for name in ("friction", "share", "encoder_mm", "gain", "across_mm"):
         arguments.rows(traits[name], f"{name} of the traits")

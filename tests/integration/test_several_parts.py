@@ -244,7 +244,7 @@ def test_an_auditor_is_asked_which_part_it_is_said_to_be(posed, tmp_path):
     (tmp_path / "judge.py").write_text(JUDGE)
     audit = f"{sys.executable} {tmp_path / 'judge.py'} small"
     _, result, journal = simulated(posed.table, tmp_path, "--count", "6", "--audit", audit)
-    result = [part for part in result if part.get("leaf") is not None]
+    result = [part for part in result if part["outcome"] == "leaf"]
     assert {part["hypothesis"] for part in result} == {"small", EVIL}
     assert all((part["audit"] == "pass") == (part["hypothesis"] == "small") for part in result)
     recorded = [json.loads(line) for line in journal.read_text().splitlines()]
