@@ -56,7 +56,7 @@ def test_evaluate_prints_the_promised_keys_of_the_world_asked_for():
     assert figures["reject_rate"] > 0.005
     assert len(figures["worst"]) <= 2
     assert sum(row["trials"] for row in figures["confusions"]) >= 1000 * figures["wrong_rate"] - 0.5
-    reliability = json.loads(inside(evaluate, TABLE, "--trials", 1000, "--json")[1])["reliability"]
+    reliability = json.loads(inside(evaluate, TABLE, "--trials", 4000, "--json")[1])["reliability"]
     assert reliability["leaves"] == len(reliability["table"]) > 1
     code, out, _ = inside(evaluate, TABLE, "--trials", 300, *slippery, "--placement-error-mm", 0.5)
     assert code == 0
