@@ -8,7 +8,7 @@ is looked at lasts so long, at ten times the speed of life: its memory and descr
 
 A decision takes two microseconds, so a clock around one also measures interrupts, other programs and, on a
 virtual machine, its host. Three figures tell them apart: every decision by the wall; arithmetic of the same
-length by the same clock, which is what the machine does to any code; and each node and count's own least time
+length by the same clock, which is what the machine does to any code; and each node and width's own least time
 of many, which is what the code costs. Garbage collection has no part in it: a decision leaves nothing behind.
 With `--realtime` (as root) no other program comes between, as on a controller that has nothing else to do.
 """
@@ -34,11 +34,13 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 from tapped_devices import TappedArm, TappedGripper  # noqa: E402
 
-from runtime.table import REJECT, Calibration, decision_map, load  # noqa: E402
+from drivers.ports import ObjectState  # noqa: E402
+from runtime.table import REJECT, decision_map, load  # noqa: E402
 from runtime.traversal.decision import Policy, TraversalState, advance, decide  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "runtime.json"
 LIMITS = {"rss_mib": 30.0, "first_frame_s": 0.5, "decision_p9999_us": 50.0}
+WIDTHS = 256  # of each node
 DECISIONS = 1_000_000
 ARITHMETIC = 100  # additions that take about as long as a decision
 CELL_SPEED = "10"
@@ -132,22 +134,22 @@ def memory_of(pid: int) -> dict[str, float]:
 
 
 def decision_us(tree: Path) -> dict[str, float]:
-    """Width in, child out: a count's branch, its target, and what follows, for all nodes and counts."""
+    """Width in, child out: a width's branch, its target, and what follows, for all nodes and widths."""
     table = load(tree).table
-    calibration = Calibration(table.gripper.profile)
-    maps = [decision_map(node, calibration) for node in table.nodes]
-    policy, inputs = Policy(), 256 * len(maps)
+    maps = [decision_map(node, table.gripper) for node in table.nodes]
+    widths_um = range(0, table.gripper.opening_um, table.gripper.opening_um // WIDTHS)[:WIDTHS]
+    policy, inputs = Policy(), WIDTHS * len(maps)
     clock = time.perf_counter_ns
     # An array: the garbage collector would walk through a list of a million numbers, which no run has.
     spent, control = (array("q", bytes(8 * DECISIONS)) for _ in range(2))
     least = array("q", [1 << 62]) * inputs
     gc.collect()
     for number in range(DECISIONS):
-        index, count = divmod(number % inputs, 256)
+        index, width = divmod(number % inputs, WIDTHS)
         traversal = TraversalState(index)
         start = clock()
         node = table.nodes[index]
-        decision = decide(node, maps[index], count, 2)
+        decision = decide(node, maps[index], widths_um[width], ObjectState.CLOSING)
         target = None if decision.branch == REJECT else node.branches[decision.branch].target
         advance(traversal, target, table, policy)
         spent[number] = took = clock() - start
