@@ -43,10 +43,11 @@ class Rule(NamedTuple):
         stopping: the rule for located branches, and the leaf heuristic.
         resolution: of the encoder.
         doubt: probability that a part near a cut strays into a leaf beyond it; a larger value gives fewer
-    wrong answers where encoders are off, and more squeezes.
-        astray: cost of a part that strays into a branch that is squeezed again [squeezes]; likewise.
+            wrong answers where encoders are off, and more squeezes.
+        astray: cost of a part that strays into a branch that is squeezed again [squeezes]; a larger value
+            has the same effects.
         branch: cost of an interval [squeezes of one particle]; a larger value gives smaller tables, a smaller
-    one fits noise.
+            one fits noise.
         reach: distance within which a reading counts as near a cut [grains of the encoder].
     """
 

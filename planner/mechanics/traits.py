@@ -77,13 +77,6 @@ def by_hypothesis(traits: Traits) -> Iterator[tuple[int, slice | IntArray]]:
         yield k, np.flatnonzero(which == k)
 
 
-def hypothesis_alone(traits: Traits) -> Traits:
-    """Traits (n,) of the same hypotheses with nothing off."""
-    same = as_planned(len(traits))
-    same["hypothesis"] = traits["hypothesis"]
-    return same
-
-
 def with_hypothesis(poses: Array, traits: Traits) -> Array:
     """Poses (n, 3), with the hypothesis as a fourth column if any is not the first."""
     which = traits["hypothesis"]

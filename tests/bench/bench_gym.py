@@ -27,10 +27,11 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 import gymnasium  # noqa: E402
 
 import planner.gym  # noqa: E402
-from planner.belief.observation import partition, resolution_of  # noqa: E402
+from planner.belief.partition import partition  # noqa: E402
 from planner.compile import compile_job  # noqa: E402
 from planner.evaluation.trials import Program  # noqa: E402
 from planner.pomdp import DECLARE, SQUEEZE, Pomdp  # noqa: E402
+from planner.problem import Problem  # noqa: E402
 from runtime import table as tables  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "gym.json"
@@ -131,9 +132,8 @@ def planned(model: Pomdp, table: tables.Table, parts: int) -> tuple[np.ndarray, 
         sampled = model.sample(states[rows], placed, rng)
         squeezes[rows] += 1
         states[rows] = sampled.states
-        node[rows] = program.target[
-            node[rows], sampled.observations + tables.COUNTS * (sampled.states[:, 3] > 0.0)
-        ]
+        reading = 2 * sampled.observations + (sampled.states[:, 3] > 0.0)
+        node[rows] = program.target[program.segment(node[rows], reading)]
         known = rows[(node[rows] < 0) & (~node[rows] < len(said)) & (~node[rows] >= 0)]
         declared = np.column_stack([said[~node[known]], np.full(len(known), DECLARE)])
         success[known] = model.sample(states[known], declared, rng).rewards > 0.0
@@ -162,13 +162,11 @@ def filtered(model: Pomdp, choice: Choice, rng: np.random.Generator) -> tuple[bo
 
 def greedy(model: Pomdp, belief: np.ndarray, rng: np.random.Generator) -> int:
     """The placement after which the main mode holds most of the belief, on average over what is read."""
-    few = belief[:: max(1, len(belief) // JUDGES)]
+    few, rule = belief[:: max(1, len(belief) // JUDGES)], Problem.of(model.job, 1).rule
     values = []
     for placement in model.actions[: model.placements]:
         sampled = model.sample(few, placement, rng)
-        label = partition(sampled.observations, resolution_of(model.encoder)).label[
-            sampled.observations
-        ]
+        label = partition(sampled.states[:, :3], sampled.observations, rule)
         after = [sampled.states[label == k, :3] for k in np.unique(label)]
         values.append(sum(len(poses) * model.metric.mode(poses).ratio for poses in after))
     return int(np.argmax(values))
