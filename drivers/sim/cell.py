@@ -5,8 +5,9 @@ import threading
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Self
 
+from drivers.abb.codec import Pose
 from drivers.sim.camera.server import CameraServer
-from drivers.sim.devices.arm_server import ArmServer
+from drivers.sim.devices.arm_server import ArmLogger, ArmServer
 from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.devices.ur_controller import UrModel
 from drivers.sim.devices.ur_ports import served
@@ -102,8 +103,9 @@ class Cell(Serving):
         arm = ArmServer(self.works.arm, self._lock, self._time, self.works.arm_stands)
         ur = UrModel(self.works.arm, ARM_BASE, self.works.arm_stands)
         ur_script, ur_rtde = served(ur, self._lock, self._time)
+        logger = ArmLogger(self._look_at_arm, self._time)
         scene = SceneServer(self._answer, self.stopped)
-        self._servers: list[Server] = [*gripper.servers, arm, ur_script, ur_rtde, scene]
+        self._servers: list[Server] = [*gripper.servers, arm, ur_script, ur_rtde, logger, scene]
         # Addresses of its devices, for `drivers.connect`.
         base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
         self.endpoints = {
@@ -111,6 +113,7 @@ class Cell(Serving):
             "arm": f"{arm.url}?base={base}",
             "scene": scene.url,
             "world": setting.world,
+            "arm_logger": logger.url,
             **gripper.others,
             "arm_ur": f"ur://127.0.0.1:{ur_rtde.port}?base={base}&reach={REACH_MM}",
         }
@@ -118,6 +121,11 @@ class Cell(Serving):
             camera = CameraServer(rig.watcher(self._look, seed))
             self._servers.append(camera)
             self.endpoints["camera"] = camera.url
+
+    def _look_at_arm(self) -> tuple[Pose, tuple[float, ...]]:
+        with self._lock:
+            now_s = self._time.now()
+            return self.works.arm.pose_at(now_s), self.works.arm.joints_at(now_s)
 
     def _look(self) -> Look:
         with self._lock:

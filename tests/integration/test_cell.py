@@ -91,7 +91,7 @@ def squeeze(gripper, arm, x_mm, y_mm, angle_rad):
 
 @pytest.mark.parametrize(("gripper", "arm"), [("gripper", "arm"), ("gripper_urcap", "arm_ur")])
 def test_parts_lie_in_the_uncertainty_disc_and_move_only_when_squeezed(cell, gripper, arm):
-    names = "gripper arm scene world gripper_tcp gripper_rtu_tcp gripper_urcap arm_ur"
+    names = "gripper arm scene world gripper_tcp gripper_rtu_tcp gripper_urcap arm_logger arm_ur"
     assert set(cell.endpoints) == set(names.split())
     with cell.connected(gripper, arm) as (gripper, arm, scene):
         gripper.activate()

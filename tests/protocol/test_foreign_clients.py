@@ -140,7 +140,26 @@ def test_open_abbs_own_formats(cell):
     joints = [float(text) for text in robot.ask("04").split(" ")][2:8]
     assert len(joints) == 6
     assert robot.ask("02", *(f"{angle:+08.2f}" for angle in joints)) == "2 1 "
+    assert robot.ask("98")[5:].split("*")[1].startswith("ROBOTWARE")
+    assert robot.ask("31") == "31 1 "
+    for k in range(3):
+        assert robot.ask("30", *robot.pose(10 * k, 0, 80, 0, 1, 0, 0)) == "30 1 "
+    assert float(robot.ask("32").split(" ")[2]) == 3
+    assert robot.ask("33") == "33 1 "
     robot.socket.close()
+
+
+def test_the_logger_streams_poses_and_joints_without_terminators(cell):
+    with socket.create_connection(address(cell.endpoints["arm_logger"]), timeout=5.0) as stream:
+        text = ""
+        while text.count("#") < 7:
+            text += stream.recv(64).decode()
+    records = [record.split() for record in text.split("#")[1:6]]
+    assert [record[0] for record in records] == ["0", "1", "0", "1", "0"]
+    assert [len(record) for record in records] == [11, 10, 11, 10, 11]
+    assert [float(v) for v in records[0][4:7]] == [0.0, 0.0, 100.0]
+    times = [float(record[3]) for record in records]
+    assert times == sorted(times)
 
 
 def answer(client, inputs, unit):

@@ -51,9 +51,12 @@ def pose(arm, now=1e9):
         ("8 100 50#", "8 0 "),  # no space before #: the last parameter is lost
         ("8 +100.0 +050.5 #", "8 1 "),
         ("9 1 0 0 0 #", "9 1 "),
+        ("32 #", "32 1 0.00"),
         ("97 1 #", "97 0 "),  # only the client knows it
         ("1.5 #", "2 0 "),
+        ("98 #", "98 1 120-000000*ROBOTWARE_6.05.00.00*120-3/0.58"),
         ("0 #8 1 1 #", "0 1 "),  # what follows the first # is lost
+        ("5 #", "5 1 0.00 0.00 0.00 0.00 0.00 0.00"),
         ("1 10 20 30 0 1 0 #", "1 0 "),  # a number too few
     ],
 )
@@ -102,7 +105,7 @@ def test_a_turn_takes_its_time_too(arm):
 
 @pytest.mark.parametrize(
     "text",
-    ["1 900 0 100 0 1 0 0 #", "2 0 0 0 0 0 999 #", "1 0 0 50 0 1.2 0 0 #"],
+    ["1 900 0 100 0 1 0 0 #", "2 0 0 0 0 0 999 #", "1 0 0 50 0 1.2 0 0 #", "36 0 0 50 0 1 0 0 #"],
 )
 def test_what_rapid_cannot_recover_from_ends_in_silence(arm, text):
     answer = arm.execute(text, 0.0)
@@ -110,6 +113,14 @@ def test_what_rapid_cannot_recover_from_ends_in_silence(arm, text):
     assert math.isinf(answer.ready_s)
     assert arm.halted
     assert arm.moves == 0
+
+
+def test_the_buffer_holds_512_and_drops_the_rest_silently(arm):
+    for _ in range(520):
+        assert ask(arm, "30 10 0 90 0 1 0 0 #") == "30 1 "
+    assert ask(arm, "32 #") == "32 1 512.00"
+    assert ask(arm, "31 #") == "31 1 "
+    assert ask(arm, "32 #") == "32 1 0.00"
 
 
 # -- the socket -----------------------------------------------------------------------------------

@@ -1,7 +1,4 @@
-"""The open_abb server (`RAPID/SERVER.mod`) with an IRB 120 behind it, over simulated time; no sockets.
-
-It knows frames, speeds, zones and moves; not the buffer of poses, circles and external axes.
-"""
+"""The open_abb server (`RAPID/SERVER.mod`) with an IRB 120 behind it, over simulated time; no sockets."""
 
 import bisect
 import math
@@ -12,16 +9,18 @@ from drivers.abb.codec import IDENTITY, Pose, Quaternion
 from drivers.abb.kinematics import compose, invert
 from drivers.sim.devices import rapid
 
+MAX_BUFFER = 512
 JOINT_SPEED_DEG_S = 250.0  # IRB 120, slowest of its main axes
 UNIT_TOLERANCE = 1e-3  # deviation from unit length that RAPID accepts in a quaternion
+INFO = "120-000000*ROBOTWARE_6.05.00.00*120-3/0.58"
 HOME_MM = (0.0, 0.0, 100.0)  # pose of the hand at the start, pointing down
 HAND_DOWN: Quaternion = (0.0, 1.0, 0.0, 0.0)
 
 # Number of parameters of each instruction: the TEST of SERVER.mod main.
 TAKEN: dict[float, tuple[int, ...]] = {
-    **dict.fromkeys((0, 3, 4, 99), (0,)),
-    **dict.fromkeys((1, 6, 7), (7,)),
-    2: (6,),
+    **dict.fromkeys((0, 3, 4, 5, 31, 32, 33, 98, 99), (0,)),
+    **dict.fromkeys((1, 6, 7, 30, 35, 36), (7,)),
+    **dict.fromkeys((2, 34), (6,)),
     8: (2, 4),
     9: (4,),
 }
@@ -94,6 +93,9 @@ class ArmModel:
         self._work_object = IDENTITY
         self._speed = (100.0, 50.0)  # mm/s, deg/s
         self._zone_mm = 0.3
+        self._buffer: list[tuple[Pose, tuple[float, float]]] = []
+        self._external: tuple[float, ...] = (0.0,) * 6
+        self._circle: Pose | None = None
         here = compose(invert(base), Pose(*HOME_MM, HAND_DOWN))
         joints = kinematics.inverse(here) or (0.0,) * 6
         self._legs = [Leg(here, here, 0.0, 0.0, joints, joints)]
@@ -165,10 +167,12 @@ class ArmModel:
     def _payload(self, code: float, now_s: float) -> str:
         """Content of the answer to an instruction; empty for all but questions."""
         if code == 3:
-            return rapid.pose_string(self.pose_at(now_s))
+            return rapid.pose_string(self.pose_at(now_s), 2)
         if code == 4:
             return " ".join(rapid.to_string(angle, 2) for angle in self.joints_at(now_s))
-        return ""
+        if code == 5:
+            return " ".join(rapid.to_string(value, 2)[:8] for value in self._external)
+        return {32: rapid.to_string(len(self._buffer), 2), 98: INFO}.get(int(code), "")
 
     def _run(self, code: float, values: tuple[float, ...], now_s: float) -> float:
         """Executes an instruction; returns the time of its end."""
@@ -185,6 +189,20 @@ class ArmModel:
                 self._speed = (values[0], values[1])
             case 9:
                 self._zone_mm = 0.0 if values[0] == 1.0 else values[1]
+            # the 513th is dropped and acknowledged all the same
+            case 30 if len(self._buffer) < MAX_BUFFER:
+                self._buffer.append((_pose(values), self._speed))
+            case 31:
+                self._buffer.clear()
+            case 33:
+                for tip, speed in self._buffer:
+                    now_s = self._line(tip, speed, now_s)[0]
+            case 34:
+                self._external = values
+            case 35:
+                self._circle = _pose(values)
+            case 36:
+                return self._move_circle(_pose(values), now_s)
         return now_s
 
     # -- motion -----------------------------------------------------------------------------------
@@ -240,6 +258,14 @@ class ArmModel:
             ramp_s = min(speed / acceleration, math.sqrt(way / acceleration))
             results.append((ramp_s + way / (ramp_s * acceleration) if way > 0.0 else 0.0, ramp_s))
         return max(results)
+
+    def _move_circle(self, end: Pose, now_s: float) -> float:
+        """MoveC, driven as two chords through the via-point."""
+        if self._circle is None:
+            raise HaltError("50066 circle point not defined")
+        for tip in (self._circle, end):
+            now_s = self._line(tip, self._speed, now_s)[1]
+        return now_s
 
     def _move_joints(self, values: tuple[float, ...], now_s: float) -> float:
         if not kinematics.within_limits(values):

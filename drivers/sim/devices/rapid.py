@@ -31,9 +31,9 @@ def to_string(value: float, decimals: int) -> str:
     return f"-{text}" if value < 0 and scaled else text
 
 
-def pose_string(pose: Pose) -> str:
-    """A robtarget's seven numbers."""
-    shift = (to_string(mm, 2) for mm in pose[:3])
+def pose_string(pose: Pose, decimals: int) -> str:
+    """A robtarget's seven numbers, mm with so many decimals."""
+    shift = (to_string(mm, decimals) for mm in pose[:3])
     return " ".join((*shift, *(to_string(part, 3) for part in pose.rotation)))
 
 
