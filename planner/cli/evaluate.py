@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from planner.cli import course, shell
-from planner.cli.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
 from planner.evaluation import foreign, leaves
 from planner.evaluation.cases import believed_cases, standard_cases
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate, sweep, worst_of
 from planner.evaluation.outcome import Evaluation
+from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
 from planner.evaluation.shares import shares_of
 from planner.evaluation.trials import Program
 from planner.job.model import Job

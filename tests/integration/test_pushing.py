@@ -8,11 +8,11 @@ import pytest
 
 from drivers.sim.physics import scene
 from planner.cli import export, report
-from planner.cli.ppm import Study, copies_of
 from planner.compile import compile_job
 from planner.errors import NoPlanError
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
+from planner.evaluation.ppm import Study, copies_of
 from planner.evaluation.trials import Program
 from planner.job import model as job_file
 from planner.world import ContactWorlds

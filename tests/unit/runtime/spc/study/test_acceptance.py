@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.special import betaln
 
-from planner.cli import ppm
+from planner.evaluation import ppm
 from runtime.spc.charts import binomial_at_most
 from runtime.spc.history import Part
 from runtime.spc.study.acceptance import (

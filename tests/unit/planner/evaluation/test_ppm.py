@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from sample_tables import small_table
 
-from planner.cli import ppm
-from planner.cli.ppm import (
+from planner.evaluation import ppm
+from planner.evaluation.disturbance import NONE
+from planner.evaluation.ppm import (
     ERROR,
     Bound,
     Findings,
@@ -21,7 +22,6 @@ from planner.cli.ppm import (
     keep,
     resumed,
 )
-from planner.evaluation.disturbance import NONE
 from planner.evaluation.trials import Program
 from planner.mechanics.squeeze import SLIPPED
 from planner.work.scheduler import Threads
