@@ -1,6 +1,9 @@
-"""Many outlines, planned and judged: what each came to."""
+"""Plans for many outlines: the result for each, and one page of them all."""
 
+import math
 import time
+from collections import Counter
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +15,10 @@ from planner.errors import FitError, NoPlanError
 from planner.job import model as job_file
 from planner.part import symmetry
 from planner.part.outline import canonical, reach
+from planner.report.canvas import template
 from planner.search.ranking import LEAST_CLEARANCE_MM
 from planner.work.limit import Limit
+from runtime.pages import frame
 from runtime.shell.errors import InputError, UnreachableError
 
 LOCATED = 0.99  # least share of parts located for an outline to count
@@ -22,6 +27,11 @@ MOST_MM = 10.0  # greatest radius of the disc
 LEAST_MM = 1.0  # least radius
 LONGEST_NAME = 80  # of a part in a job
 ERROR = "error of the program"
+STYLE = """\
+.parts { display: grid; grid-template-columns: repeat(auto-fill, minmax(15em, 1fr)); gap: .8em }
+.parts figure { margin: 0; border: 1px solid var(--pale); border-radius: 6px; padding: .5em }
+.parts svg { width: 6em; height: 6em } .failed .part { fill: var(--red); stroke: var(--red) }
+"""
 Figures = dict[str, Any]
 
 
@@ -92,3 +102,41 @@ def _judged(item: Item) -> Figures:
         return figures | {"kind": None, "text": ""}
     advice = advise(plan.table, plan.evaluation, job)
     return figures | reasons.reason(job, advice, plan.cut is not None)._asdict()
+
+
+def page(rows: Sequence[Figures]) -> str:
+    """All outlines with their results, failures first, as self-contained HTML."""
+    located = [row for row in rows if row["kind"] is None]
+    kinds = Counter(row["kind"] for row in rows if row["kind"] is not None)
+    graspable = [row for row in rows if row["kind"] not in (reasons.TOO_LARGE, reasons.BELOW)]
+    shown = sorted(rows, key=lambda row: (row["kind"] is None, row["kind"] or "", row["name"]))
+    body = template("zoo.html").render(
+        rows=[(row, _thumbnail(row["outline_mm"])) for row in shown],
+        located=len(located),
+        graspable=len(graspable),
+        kinds=kinds.most_common(),
+        times=_quantiles(rows, "cpu_s"),
+        squeezes=_quantiles(located, "mean_squeezes"),
+        least=LOCATED,
+    )
+    return frame.page(f"{len(rows)} outlines, planned and judged", body, style=STYLE)
+
+
+def _quantiles(rows: Sequence[Figures], key: str) -> list[float]:
+    """The median and the 90th percentile; nan without data."""
+    values = [row[key] for row in rows if key in row]
+    return (
+        [float(value) for value in np.quantile(values, (0.5, 0.9))]
+        if values
+        else [math.nan, math.nan]
+    )
+
+
+def _thumbnail(outline: list[list[float]]) -> str:
+    """The outline as points of an SVG that is 100 wide, y up."""
+    shape = np.array(outline)
+    scale = 90.0 / float(np.ptp(shape, axis=0).max())
+    return " ".join(
+        f"{50 + scale * x:.1f},{50 - scale * y:.1f}"
+        for x, y in shape - 0.5 * (shape.max(0) + shape.min(0))
+    )

@@ -32,6 +32,7 @@ def main() -> int:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         lines = DONE if options.done else Path(folder) / "rows.jsonl"
+        page = Path(folder) / "page.html"
         words = ["--sample", options.sample, "--workers", "1", "--budget", options.budget]
         code = subprocess.call(
             [
@@ -40,6 +41,8 @@ def main() -> int:
                 *words,
                 "--results",
                 str(lines),
+                "-o",
+                str(page),
             ]
         )
         if code:

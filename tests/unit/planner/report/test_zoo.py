@@ -1,4 +1,4 @@
-"""Many outlines: what each comes to."""
+"""Many outlines: what each comes to, and the page about them."""
 
 import math
 from pathlib import Path
@@ -30,9 +30,15 @@ def test_an_error_of_the_program_is_reported_and_ends_nothing(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_hexagon_is_located():
+def test_a_hexagon_is_located_and_the_page_names_all():
     few = {"particles": 1000}
     row = zoo.judge(item(regular_polygon(6, 14.0).tolist(), search=few))
     assert row["kind"] is None
     assert row["success_rate"] >= zoo.LOCATED
     assert row["symmetry"] == 6
+    failed = zoo.judge(item([[0, 0], [84, 0], [84, 20], [40, 20]]))
+    text = zoo.page([row, failed])
+    assert text.count("<polygon") == 2
+    assert "a &lt;part&gt;" in text
+    assert "1 are located" in text
+    assert f'<th scope="row">{reasons.TOO_LARGE}</th><td>1</td>' in text
