@@ -1,7 +1,6 @@
 """The arguments of `grasp-runtime`."""
 
 import argparse
-import difflib
 import json
 from math import inf
 from pathlib import Path
@@ -65,6 +64,8 @@ def address(text: str) -> str:
     words = (SIMULATED, MANUAL)
     if text in words or ":" in text or Path(text).exists():
         return text
+    import difflib  # for mistakes only
+
     near = difflib.get_close_matches(text.lower(), words, 1)
     if near:
         raise argparse.ArgumentTypeError(f"{text!r} is no port; is {near[0]} meant?")

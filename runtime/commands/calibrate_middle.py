@@ -16,7 +16,7 @@ from runtime.commands.arguments import MANUAL, SIMULATED, address
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.errors import GripperStateError
-from runtime.execution import calibration, held, middle, safety
+from runtime.execution import calibration, fixed_block, held, middle, safety
 from runtime.execution.calibration import GripperCalibration
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling, check_arc
@@ -117,9 +117,9 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
         current_ma=known.current_ma or CURRENT_MA,
     )
     check_arc(handling.arc, table.limits, measured)
-    node = middle.gripping(table, arguments.block)
+    node = fixed_block.gripping(table, arguments.block)
     height_mm = table.limits.retreat_height_um / 1000
-    for x_mm, y_mm, angle_rad in middle.places(at):
+    for x_mm, y_mm, angle_rad in fixed_block.places(at):
         safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
     tell = partial(say, file=sys.stderr) if arguments.json else say
     with PortLock(arguments.port), PortLock(arguments.arm):
@@ -137,7 +137,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
             safety.ready_gripper(gripper)
             hand = Hand(gripper, arm, SystemClock(), table, handling)
             try:
-                result = middle.measure(hand, node, arguments.block, at, tell)
+                result = fixed_block.measure(hand, node, arguments.block, at, tell)
             except BaseException as error:
                 for note in reach_safe_state(
                     gripper,

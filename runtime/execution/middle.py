@@ -1,33 +1,10 @@
-"""Measures where the fingers meet, on a fixed block, by a hand that is turned half round in between.
+"""Where the fingers meet, as measured on a block, and what it means for a table."""
 
-On a block that cannot move the first finger that touches stops both. With h the hand's place and b the
-block's along the hand's y, W the block's width, m how far off the hand's middle the fingers meet on it, and s
-the upper finger's share of the closing, the jaws stop at a width w = W + v,
-
-    h = b - m - s v          where the upper finger touches first,
-    h = b - m + (1 - s) v    where the lower one does:
-
-one line for both sides, whose slope is s. A hand turned half round has -b for b and the same m.
-"""
-
-from collections.abc import Callable, Iterator, Sequence
-from math import hypot, pi, sqrt
-from statistics import fmean, linear_regression
+from math import hypot
 from typing import NamedTuple, Self
 
-from drivers.ports import ObjectState
-from runtime.errors import GripperStateError
-from runtime.execution.hand import Hand
-from runtime.shell.errors import InputError
-from runtime.table import HELD_UM, PPM, Branch, Node, Pose2, Table, job_of
-from runtime.traversal.geometry import compose
+from runtime.table import HELD_UM, Table, job_of
 
-ROOM_MM = 15.0  # clearance between a block in the middle and each open finger
-COARSE_MM = 6.0  # distance from its stated place at which the block is searched
-NEAR_MM = 4.0  # largest distance at which it may be
-# beside where it was found, on either side; rounding averages out
-FINE_MM = (1.5, 2.5, 3.7, 5.0, 6.4, 8.0)
-ROUGH_MM = 0.4  # how well the readings must fit a block held fast, standard deviation
 MOST_MM = 10.0  # fingers that meet farther off are a fault of the tool frame
 EVEN = 0.5
 SURE = 2.0  # standard deviations that remain as a doubt
@@ -65,13 +42,6 @@ class Middle(NamedTuple):
         return across, hypot(self.across_error_mm, self.share_error * further)
 
 
-class Grip(NamedTuple):
-    """One grip of the block."""
-
-    hand_mm: float  # place of the hand along its y, relative to the stated place of the block
-    width_mm: float  # at which the jaws stopped
-
-
 def off_mm(measured: Middle | None, table: Table) -> float:
     """Distance between the places of a table and where the fingers meet on the part's narrowest side.
 
@@ -104,144 +74,3 @@ def _planned_share(table: Table) -> float:
     gripper = (job_of(table) or {}).get("gripper")
     share = gripper.get("upper_finger_share", EVEN) if isinstance(gripper, dict) else EVEN
     return float(share)
-
-
-def gripping(table: Table, block_mm: float) -> Node:
-    """A squeeze of the block: gentle, the jaws opened for it, and one branch for any width.
-
-    Raises:
-        InputError: the block is too wide for the gripper.
-    """
-    gripper, widest_um = table.gripper, table.gripper.opening_um
-    opening_um = round(1000 * (block_mm + 2.0 * ROOM_MM))
-    if block_mm <= 0.0 or opening_um > widest_um:
-        raise InputError(
-            f"a block of {block_mm:g} mm; take one of up to {widest_um / 1000 - 2 * ROOM_MM:g} mm"
-        )
-    squeeze = table.nodes[0].squeeze._replace(
-        opening_um=opening_um,
-        speed_um_s=gripper.least_speed_um_s,
-        force_mn=gripper.least_force_mn,
-    )
-    return table.nodes[0]._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))
-
-
-def places(at: Pose2) -> Iterator[Pose2]:
-    """The outermost places of the hand about a block [mm, mm, rad]."""
-    most = max(COARSE_MM, NEAR_MM + max(FINE_MM))
-    for turn in (0.0, pi):
-        for off in (-most, most):
-            yield compose((*at[:2], at[2] + turn), (0.0, off, 0.0))
-
-
-def measure(
-    hand: Hand, node: Node, block_mm: float, at: Pose2, tell: Callable[[str], object]
-) -> Middle:
-    """Grips a fixed block from both sides, with the hand at two angles half a turn apart.
-
-    Args:
-        hand: retreated, with nothing between the fingers, and without a measured middle.
-        node: of `gripping`.
-        block_mm: the block's width.
-        at: its centre, and the hand's angle at which the jaws close square on it [mm, mm, rad].
-        tell: receives a message for each half.
-
-    Raises:
-        GripperStateError: the gripper is not ready, or closed without meeting the block.
-        InputError: the readings do not fit such a block there.
-    """
-    halves = []
-    for turn in (0.0, pi):
-        about = (*at[:2], at[2] + turn)
-        result = _look(hand, node, block_mm, about)
-        offs = [result + side * off for off in FINE_MM for side in (-1, 1)]
-        grips = [_grip(hand, node, about, off) for off in offs]
-        halves.append((result, grips))
-        tell(f"{len(grips) + 2} grips with the hand {'turned half round' if turn else 'as stated'}")
-    return fit(block_mm, halves)
-
-
-def _look(hand: Hand, node: Node, block_mm: float, about: Pose2) -> float:
-    """Where the hand must stand for both fingers to touch at once, roughly [mm]."""
-    below, above = (_grip(hand, node, about, off).width_mm for off in (-COARSE_MM, COARSE_MM))
-    if below + above - 2.0 * block_mm < 2.0 * COARSE_MM:
-        raise InputError(
-            f"the jaws read {below:.2f} and {above:.2f} mm on a block of {block_mm:g} mm, {COARSE_MM:g} mm "
-            "beside its middle: it gives way, or is another; hold it fast"
-        )
-    result = (below - above) / 4.0
-    if abs(result) > NEAR_MM:
-        raise InputError(
-            f"the block stands about {result:+.1f} mm off, along the hand's y; correct --at"
-        )
-    return result
-
-
-def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
-    place = compose(about, (0.0, off_mm, 0.0))
-    hand.retreat()
-    hand.jaws.open(node.squeeze)
-    hand.travel(*place)
-    hand.descend(*place)
-    reading = hand.close(node)
-    width_mm = hand.jaws.width_mm(reading.width_um)
-    hand.release(node.squeeze)
-    hand.retreat()
-    if reading.object is not ObjectState.CLOSING:
-        raise GripperStateError(
-            f"the fingers closed at ({place[0]:.1f}, {place[1]:.1f}) mm and met no block; correct --at"
-        )
-    return Grip(off_mm, width_mm)
-
-
-def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Middle:
-    """The result of both halves, each with the place of the block and the grips; or InputError."""
-    lines = [_line(block_mm, result, grips) for result, grips in halves]
-    rough = max(line.residual_mm for line in lines)
-    if not rough <= ROUGH_MM:
-        raise InputError(
-            f"the readings scatter by {rough:.2f} mm about those of a {block_mm:g} mm block held fast; "
-            "look at its width, at --angle, and that it does not give way"
-        )
-    across = -fmean(line.both_mm for line in lines)
-    if not abs(across) <= MOST_MM:
-        raise InputError(
-            f"the fingers meet {across:+.1f} mm off the hand's middle; set the tool frame"
-        )
-    share = -fmean(line.slope for line in lines)
-    errors = (
-        hypot(*(line.both_error_mm for line in lines)),
-        hypot(*(line.slope_error for line in lines)),
-    )
-    return Middle(block_mm, across, errors[0] / 2.0, share, errors[1] / 2.0)
-
-
-class _Line(NamedTuple):
-    """Hand places as a function of widths, for one angle of the hand."""
-
-    both_mm: float  # place where both fingers touch at once
-    slope: float  # minus the upper finger's share
-    both_error_mm: float
-    slope_error: float
-    residual_mm: float
-
-
-def _line(block_mm: float, measured_mm: float, grips: Sequence[Grip]) -> _Line:
-    wider = [grip.width_mm - block_mm for grip in grips]
-    # Where the lower finger touches first, v is subtracted, which gives the line of the other side.
-    hand = [
-        grip.hand_mm - (v if grip.hand_mm > measured_mm else 0.0)
-        for grip, v in zip(grips, wider, strict=True)
-    ]
-    slope, both = linear_regression(wider, hand)
-    squares = sum((h - both - slope * v) ** 2 for h, v in zip(hand, wider, strict=True))
-    residual = sqrt(squares / (len(grips) - 2))
-    mean = fmean(wider)
-    spread = sum((v - mean) ** 2 for v in wider)
-    return _Line(
-        both,
-        slope,
-        residual * sqrt(1.0 / len(grips) + mean**2 / spread),
-        residual / sqrt(spread),
-        residual,
-    )

@@ -9,7 +9,6 @@ import os
 import shlex
 import stat
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -84,6 +83,8 @@ def writing(path: Path) -> Iterator[Path]:
         OutputError: it cannot be written.
     """
     if path in STDOUT:
+        import tempfile  # with its compressors 0.7 MiB, which no run of the cell needs
+
         with tempfile.TemporaryDirectory() as folder:
             draft = Path(folder) / "draft"
             yield draft

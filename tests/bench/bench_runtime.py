@@ -16,6 +16,7 @@ With `--realtime` (as root) no other program comes between, as on a controller t
 from __future__ import annotations
 
 import argparse
+import compileall
 import gc
 import json
 import os
@@ -190,6 +191,8 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=0.0)
     parser.add_argument("--realtime", action="store_true")
     arguments = parser.parse_args()
+    for package in ("runtime", "drivers"):  # an installed package has its bytecode
+        compileall.compile_dir(ROOT / package, quiet=1)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         os.environ["XDG_RUNTIME_DIR"] = name

@@ -13,13 +13,13 @@ from sample_tables import small_table
 from drivers.sim.physics.scene import Block
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.errors import GripperStateError, MotionRefusedError
-from runtime.execution import middle
+from runtime.execution import fixed_block
 from runtime.execution.asked import AskedParts
 from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
+from runtime.execution.fixed_block import Grip, fit, gripping, measure
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
-from runtime.execution.middle import Grip, fit, gripping, measure
 from runtime.execution.safety import check_places
 from runtime.monitoring.console import Objects
 from runtime.shell.errors import InputError
@@ -46,7 +46,7 @@ def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
     meet = across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM)
     for side in (1, -1):
         result = side * block_mm - meet
-        offs = [result + way * off for off in middle.FINE_MM for way in (-1, 1)]
+        offs = [result + way * off for off in fixed_block.FINE_MM for way in (-1, 1)]
         yield result, [Grip(h, read(stopped(h, share, side * block_mm, across_mm))) for h in offs]
 
 
