@@ -18,6 +18,7 @@ from planner.evaluation.measured import tried, with_figures, without_untried
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.lower import lower
+from planner.mechanics.simulator import DEFAULT_STEP_MM
 from planner.paper.search import METHODS
 from planner.problem import STEP_MM, Problem
 from planner.search.effort import LEAVES, PASSES
@@ -37,6 +38,9 @@ LEAST_SHORT = 0.0005  # least probability of failing leaves for which they are s
 TIMED_TRIALS = 500  # parts squeezed to estimate the duration of an evaluation
 LEAST_TRIALS = 1000  # parts of an evaluation when a budget has no time for more
 EVALUATING = 0.4  # most of the remaining budget that evaluations may take
+SQUEEZES = (
+    3.0  # of a part by a finished plan, where the first pass leaves it unresolved after fewer
+)
 AFTER_PASSES = 0.5  # share of the work after the passes, for progress
 
 
@@ -90,12 +94,14 @@ class Rounds(NamedTuple):
         table = lower(root, job)
         judged(job, 1, workers, table, 0)  # loads its kernels
         began_s = limit.spent_s
-        judged(job, TIMED_TRIALS, workers, table, 0)
-        each_s = (limit.spent_s - began_s) / TIMED_TRIALS
+        squeezes = float(judged(job, TIMED_TRIALS, workers, table, 0).squeezes.mean())
+        more = max(SQUEEZES / max(squeezes, 1.0), 1.0)
+        each_s = more * (limit.spent_s - began_s) / TIMED_TRIALS
         share_s = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0) / 2
         most = max(LEAST_TRIALS, int(share_s / each_s))
         affordable = Rounds(min(self.fresh, most), min(self.figures, most))
-        limit.reserve_s = (affordable.fresh + affordable.figures) * each_s
+        finer = STEP_MM / DEFAULT_STEP_MM  # steps of the evaluation for one of the tree
+        limit.reserve_s = (affordable.fresh + finer * affordable.figures) * each_s
         return affordable
 
 

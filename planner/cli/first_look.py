@@ -38,7 +38,8 @@ from planner.report import canvas, paper_figures
 from planner.report.answer import QUESTION, Answer
 from planner.report.replay import replay
 from planner.report.verdict import Grade, verdict, weakest
-from planner.report.worlds import affordable, seconds_a_part, tried
+from planner.report.worlds import affordable, seconds_a_part, tried, untried
+from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Threads
 from planner.world import make
@@ -180,8 +181,8 @@ def _try(arguments: argparse.Namespace) -> None:
             dump(plan.table, files.table)
             part_s = seconds_a_part(plan.table, job, Threads())
             left_s = ready + answer_s - PICTURE_S - time.monotonic()
-            trials = affordable(job, left_s, part_s)
-            answer = _answered(job, plan, setting.restrictions, trials, spared, report)
+            trials, limit = affordable(job, left_s, part_s), Limit(left_s)
+            answer = _answered(job, plan, setting.restrictions, trials, limit, spared, report)
     except (FitError, NoPlanError) as error:
         known = not getattr(error, "cut_short", False)
         reason = {"locatable": False if known else None, "verdict": "poor" if known else "unknown"}
@@ -221,18 +222,26 @@ def _try(arguments: argparse.Namespace) -> None:
 
 
 def _answered(
-    job: Job, plan: Plan, restrictions: list[str], trials: int, spared: Spared, report: Report
+    job: Job,
+    plan: Plan,
+    restrictions: list[str],
+    trials: int,
+    limit: Limit,
+    spared: Spared,
+    report: Report,
 ) -> Answer:
     """Results of a plan in its own world and, by `trials` each, in others; what limits it."""
     figures, lines, limits = plan.evaluation.summary(), list[Line](), list[str]()
     with spared("other worlds"):
-        lines = tried(plan.table, job, plan.evaluation, trials, Threads(), report)
+        lines = tried(plan.table, job, plan.evaluation, trials, Threads(), report, limit)
     open_share = plan.cut.open_share if plan.cut else 0.0
     if plan.cut and open_share >= WORTH_TELLING:
         limits = [plan.cut.line()]
     elif figures["success_rate"] < 1.0:
         with spared("advice"):
             limits = advise(plan.table, plan.evaluation, job).lines()
+    if lines and (left_out := untried(job, lines)):
+        limits.append(f"the budget left no time to try: {'; '.join(left_out)}")
     result = verdict(job, figures, lines)
     short = _short(result.grade, figures["success_rate"], open_share)
     most, worst, confidence = plan.table.limits.max_depth, weakest(lines), job.goal.confidence

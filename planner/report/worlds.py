@@ -11,6 +11,7 @@ from planner.evaluation.cases import Case, assumption_cases, believed_cases
 from planner.evaluation.evaluate import Line, evaluate, sweep
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
+from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
@@ -37,17 +38,20 @@ def tried(
     trials: int = TRIALS,
     scheduler: Scheduler | None = None,
     report: Report = silent,
+    limit: Limit | None = None,
 ) -> list[Line]:
     """Evaluates a table in its own world, as `evaluation_of`, and in each with a broken assumption.
 
-    The worlds break the assumptions of plans, and set the job's doubts to the ends of their intervals.
+    The worlds break the assumptions of plans, and set the job's doubts to the ends of their intervals. The
+    last worlds are left out where the limit is over.
     """
     seed, (stated, *others) = job.seed + SEED_FIGURES, _cases(job)
-    worlds = partial(ContactWorlds.of_job, seed=seed)
-    return [
-        Line(stated, planned),
-        *sweep(table, job, others, worlds, trials, seed, scheduler, report),
-    ]
+    worlds, lines = partial(ContactWorlds.of_job, seed=seed), [Line(stated, planned)]
+    for line in sweep(table, job, others, worlds, trials, seed, scheduler, report):
+        lines.append(line)
+        if limit is not None and limit.over():
+            break
+    return lines
 
 
 def seconds_a_part(table: Table, job: Job, scheduler: Scheduler | None = None) -> float:
@@ -66,6 +70,11 @@ def affordable(job: Job, seconds: float, part_s: float) -> int:
         part_s: from `seconds_a_part`.
     """
     return min(TRIALS, max(LEAST_TRIALS, int(seconds / (len(_cases(job)) * part_s))))
+
+
+def untried(job: Job, lines: list[Line]) -> list[str]:
+    """Names of the worlds that `tried` left out."""
+    return [case.name for case in _cases(job)[len(lines) :]]
 
 
 def _cases(job: Job) -> list[Case]:

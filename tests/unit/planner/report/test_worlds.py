@@ -11,6 +11,7 @@ from planner.job import model as job_file
 from planner.report import dossier, worlds
 from planner.report.leaf_poses import WORTH_TELLING_MM, means
 from planner.report.verdict import weakest
+from planner.work.limit import Limit
 from runtime.table import dumps, predicted_pose
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle"
@@ -35,6 +36,17 @@ def test_evaluation_of_a_table_is_the_compilers(planned):
     (line, *others) = worlds.tried(plan.table, job, plan.evaluation, 100)
     assert line.evaluation is plan.evaluation
     assert len({other.case.name for other in others}) == len(others)
+
+
+def test_worlds_beyond_a_limit_are_left_out_and_named(planned):
+    job, plan = planned
+    now = iter(range(100)).__next__
+    lines = worlds.tried(plan.table, job, plan.evaluation, 100, limit=Limit(3.5, clock=now))
+    every = worlds.tried(plan.table, job, plan.evaluation, 100)
+    assert 2 <= len(lines) < len(every)
+    assert [line.case for line in lines] == [line.case for line in every[: len(lines)]]
+    assert worlds.untried(job, lines) == [line.case.name for line in every[len(lines) :]]
+    assert worlds.untried(job, every) == []
 
 
 def test_page_tells_the_compilers_figures_in_cards_verdict_and_first_row(planned, page):
