@@ -136,11 +136,12 @@ class Search:
         left = float(stopping.cost_to_go(ratio * size, size)[0])
         if not self.is_open(node):
             return back + left
+        # A lower bound of one squeeze makes a pass expand every first action that may be the best.
+        if node.depth == 1 and self.stage is EXPLORING:
+            return back + 1.0
         if node.previous is not None and node.previous.actions:
             return node.previous.value
-        # A lower bound of one squeeze makes a pass expand every first action that may be the best.
-        exploring = node.depth == 1 and self.stage is EXPLORING
-        return back + (1.0 if exploring else max(left, 1.0) + FURTHER)
+        return back + max(left, 1.0) + FURTHER
 
     def back_up(self, node: Node | None) -> None:
         """Updates the values of a node and of all above it; their best actions may change."""
