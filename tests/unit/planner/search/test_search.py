@@ -14,7 +14,7 @@ from planner.frames import wrap
 from planner.job import model as job_file
 from planner.mechanics.mixture import Mixture
 from planner.problem import Problem
-from planner.search.effort import PASSES
+from planner.search.effort import EXPLORING, PASSES
 from planner.search.search import LEAST_STRAYS, Search
 from planner.search.tree import Node, breadth_first, leaves
 
@@ -164,6 +164,20 @@ def test_back_up_real_squeezes_satisfies_the_bellman_equation(tree, problem):
             assert action.value == pytest.approx(value)
         assert node.value == pytest.approx(min(action.value for action in node.actions))
         assert node.best is node.actions[0]
+
+
+def test_grow_exploring_pass_distrusts_the_cursory_pass_before_it(problem):
+    search = Search(problem, np.random.default_rng(1))
+    frugal = search.begin(PASSES[0], None)
+    assert search.grow(frugal, lambda: False, lambda _: None)
+    for action in frugal.actions:
+        for child in action.children:
+            child.value = 2.5  # as if the second squeezes tried there were poor
+    root, steps = search.begin(EXPLORING, frugal), iter(range(100))
+    search.grow(root, lambda: next(steps, None) is None, lambda _: None)
+    again = [child for action in root.actions for child in action.children if child.previous]
+    assert again
+    assert not [child for child in again if search.is_open(child) and child.value > 1.0]
 
 
 def test_grow_spent_limit_leaves_a_whole_plan_of_one_squeeze(problem):
