@@ -54,7 +54,7 @@ def inner_kernel(function: F) -> F:
 
 
 def inlined_kernel(function: F) -> F:
-    """`inner_kernel` for short, frequent functions, where passing arrays would dominate."""
+    """`inner_kernel` that is inlined: for short, frequent functions, where passing arrays would dominate."""
     return _compiled(function, _nrt=False, forceinline=True)
 
 

@@ -83,7 +83,7 @@ class Covered:
         return np.concatenate([proposed, self._more, *planned])
 
     def _after(self, history: History) -> Belief:
-        """The pilots with a history, of which there may be none."""
+        """The separate sample's parts that have a history; there may be none."""
         if not history:
             return self._all
         *before, option, reading = history

@@ -33,10 +33,10 @@ class Term(NamedTuple):
 
 
 def leaves_term(levels: list[Level], confidence: float, success: float, certainty: float) -> Term:
-    """The bound for plans whose every claiming leaf locates the share `confidence` of its parts.
+    """The bound for plans in which each leaf that claims a pose locates the share `confidence` of its parts.
 
-    At least the share `success` of all parts ends in such leaves. All terms hold with the probability
-    `certainty`.
+    At least the share `success` of all parts ends in such leaves. The bounds of all terms hold together with
+    probability `certainty`.
     """
     error, n = (1.0 - certainty) / EVENTS, int(levels[0].size.sum())
     excess = upper_tail(1.0 - confidence, n, error) - (1.0 - confidence)

@@ -124,7 +124,7 @@ class Identities(NamedTuple):
 
     @property
     def right(self) -> float:
-        """Share of the named parts with the right name; 1 where none was named."""
+        """Share of right names among the names that leaves gave; 1 if they gave none."""
         named = self.named[:, :-1]
         return float(np.trace(named) / named.sum()) if named.any() else 1.0
 
