@@ -95,7 +95,7 @@ class Track(NamedTuple):
         return ";".join(f"{min(time / total_s, 1.0):.4f}" for time in self.times)
 
     def text(self) -> str:
-        """The values as SMIL's."""
+        """The values as SMIL's `values`."""
         return ";".join(self.values)
 
 

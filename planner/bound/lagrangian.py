@@ -101,7 +101,7 @@ def _values(
 def _best(
     estimates: Array, sampled: Array, levels: list[Level], error: float, unclaimed: float
 ) -> Term:
-    """The greatest bound over all prices: a mean of numbers from 1 to depth + 1, less `unclaimed`."""
+    """The greatest bound over all prices, for a cost between 1 and depth + 1; less `unclaimed`."""
     k, depth, n = int(np.argmax(sampled)), len(levels) - 1, int(levels[0].size.sum())
     share = min(max((float(sampled[k]) - 1.0) / depth, 0.0), 1.0)
     bound = 1.0 + depth * least_mean(share, n, error) - unclaimed

@@ -69,7 +69,7 @@ class Likelihood:
 
 
 def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
-    """Scores (size + 1, k) of outcomes, from the outcomes (m, c) of cells (m, k); 0 for the last, none.
+    """Scores (size + 1, k) of outcomes, from the outcomes (m, c) of cells (m, k); the last is 0: no outcome.
 
     Along a line they rise linearly, also beyond the steps of simulated parts.
     """

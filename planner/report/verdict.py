@@ -30,7 +30,7 @@ class Weakest(NamedTuple):
     success: float  # share of parts located there
 
     def text(self) -> str:
-        """For people."""
+        """The result as text."""
         if self.wrong >= GOOD_WRONG:
             return f"{self.name} ({percent(self.wrong)} wrong)"
         return f"{self.name} ({percent(self.success)} located, {percent(self.wrong)} wrong)"

@@ -50,7 +50,7 @@ class ActionSet:
         return len(self.placements)
 
     def followed(self, poses: Array) -> Array:
-        """The fixed placements (k, 3), with their angles about the middle of the parts (n, 3)."""
+        """The fixed placements, then one at the middle of parts (n, 3) for each of their angles: (k, 3)."""
         angles = np.unique(self.placements[:, 2])
         about = np.column_stack([np.tile(poses[:, :2].mean(axis=0), (len(angles), 1)), angles])
         return self.within(np.concatenate([self.placements, about]))
@@ -113,7 +113,7 @@ def actions_of(job: Job) -> ActionSet:
 
 
 def turnable(job: Job) -> bool:
-    """Whether a turn of a whole plan about the origin changes nothing: parts lie at any angle."""
+    """Whether turning a whole plan about the origin changes nothing, since parts lie at any angle."""
     return math.isclose(job.uncertainty.orientation_halfwidth_deg, 180.0)
 
 

@@ -150,7 +150,7 @@ def check_model(gripper: Gripper) -> Iterator[Finding]:
 
 
 def failed(device: str, error: Exception, remedy: str) -> Finding:
-    """An error's own hint, after its semicolon, is the better remedy."""
+    """The finding for a device's error; a hint in the message, after its semicolon, replaces the remedy."""
     problem, _, hint = str(error).partition("; ")
     silent = isinstance(error, ConnectionError | TimeoutError)
     how = "does not answer" if silent else "cannot be opened"

@@ -103,7 +103,7 @@ class Acceptance:
         )
 
     def fields(self) -> dict[str, object]:
-        """For JSON."""
+        """The values as JSON types."""
         return {
             "verdict": self.verdict.value,
             "decided_at": self.decided_at,
