@@ -62,7 +62,7 @@ def gains_without_noise(
 
 
 def _noise_lines(gains: Sequence[Gain]) -> list[str]:
-    """Lines that state the sources of noise which limit the plan, and the failures that remain without any."""
+    """States the sources of noise that limit the plan, and the failures that remain without noise."""
     if not gains:
         return []
     single = [gain for gain in gains if gain.source != EVERYTHING]

@@ -118,7 +118,10 @@ def turnable(job: Job) -> bool:
 
 
 def _first(job: Job, actions: ActionSet) -> Array:
-    """The fixed placements, and with proposals those shifted from a single centre; no two equivalent."""
+    """Placements of the first squeeze, no two of them equivalent: the fixed ones, and shifted ones.
+
+    Shifted along the fingers are those at a single centre, if the job proposes placements.
+    """
     shifts = (0.0, *ASIDE) if actions.proposals and len(job.actions.centers_mm) == 1 else (0.0,)
     beside = [along(actions.placements, share * job.gripper.finger_length_mm) for share in shifts]
     return inequivalent(actions.within(np.concatenate(beside)), actions.placements[:0], job)

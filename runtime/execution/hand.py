@@ -299,7 +299,7 @@ class Hand:
         return self._checked(self.jaws.stroke(plan[-1]))
 
     def tighten(self, node: Node, reading: Settled) -> Settled:
-        """Raises the force after a regulated squeeze to the node's; returns the last reading."""
+        """Raises a regulated squeeze's force, step by step, to that of the node; returns the last reading."""
         if not self._is_regulated(node) or reading.object is not ObjectState.CLOSING:
             return reading
         limit_ma, speed = self._handling.grip_current_ma, node.squeeze.speed_um_s / 1000

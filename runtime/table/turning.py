@@ -27,7 +27,7 @@ def may_turn(table: Table, job: Mapping[str, Any] | None, middle_mm: float = 0.0
     """Whether a table's plan may be turned by any angle: belief, goal and work area allow it.
 
     Args:
-        table: without pushes, whose ways would need checks as well.
+        table: a table without pushes.
         job: the one inside it, None where it was stripped.
         middle_mm: distance from the hand's middle where the fingers meet.
     """
