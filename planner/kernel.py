@@ -59,7 +59,7 @@ def inlined_kernel(function: F) -> F:
 
 
 def merged_kernel(function: F) -> F:
-    """`kernel` for a part of one other kernel: it is compiled only together with its caller."""
+    """`kernel` for a function that only one other kernel calls: it is compiled only within its caller."""
     return _compiled(function, _nrt=False, inline="always")
 
 
