@@ -19,7 +19,7 @@ class BoundedSocket:
     """A connected socket as `http.client` uses one; `allow` sets the bounds of the next exchange.
 
     Args:
-        connection: owned from now on; with TLS, if any.
+        connection: the socket, with TLS if used; closed with this object.
         now: the clock, wall seconds.
     """
 

@@ -66,7 +66,7 @@ class StreamLink(ReportingLink):
             yield piece
 
     def _check_in_time(self) -> None:
-        """Refuses a reading of a moment too long ago; the answer to a write stays valid."""
+        """Refuses a reading that is too old; the answer to a write stays valid at any age."""
         if self._late_s > 0.0:
             raise LinkTimeout(
                 f"gripper at {self.endpoint} answered, but this process was stopped or starved and read it "

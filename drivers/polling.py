@@ -44,7 +44,7 @@ class ReadOnlyLink:
 
 
 class PolledGripper(ABC, Generic[Seen, Target]):
-    """Base of the makes; a make reads, writes, and interprets its readings.
+    """Base class of polled grippers; a make implements reads, writes and the meaning of its readings.
 
     Every wait has a deadline, and every write whose answer was lost is reported.
 
@@ -116,7 +116,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         self._link.close()
 
     def _budget_s(self, speed_mm_s: float) -> float:
-        """How long a move may take: a whole stroke, since one reading may be wrong about where it began."""
+        """How long a move may take: a whole stroke, since the reading of its start may be wrong."""
         return self.profile.stroke_um / 1000.0 / speed_mm_s + MOVE_MARGIN_S
 
     # -- what a make says -------------------------------------------------------------------------
@@ -147,7 +147,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
     @abstractmethod
     def _sketch(self, seen: Seen) -> str:
-        """A reading in a message."""
+        """A reading as text for a message."""
 
     def _received(self, seen: Seen, move: Move[Seen, Target]) -> bool:
         """Whether the device has accepted the request."""

@@ -139,7 +139,7 @@ class Gripper(Protocol):
         """
 
     def activate(self) -> None:
-        """Makes it ready to move, where it is not; the fingers may sweep.
+        """Makes the gripper ready to move if it is not; the fingers may sweep.
 
         Raises:
             GripperFault: it cannot be made ready.

@@ -56,8 +56,7 @@ class Table:
         """Reads and validates a table's file.
 
         Raises:
-            TableError: it is missing or unreadable.
-            TableError: it must not be executed.
+            TableError: it is missing, unreadable or invalid.
         """
         return cls.of(tables.load(path).table)
 

@@ -100,7 +100,7 @@ def _by_the_paper(job: Job, workers: int | None, trials: int, say: Report) -> Pl
 
 
 def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
-    """Adds the figures of trials that decided nothing.
+    """Adds the figures of trials that were not used in planning.
 
     A leaf that these figures refute is marked unresolved, and its parts count as failures in the same
     figures: fresh trials for it would be a biased choice.

@@ -54,12 +54,12 @@ def inner_kernel(function: F) -> F:
 
 
 def inlined_kernel(function: F) -> F:
-    """`inner_kernel` for short, frequent functions, where passing arrays would dominate."""
+    """`inner_kernel` that is inlined: for short, frequent functions, where passing arrays would dominate."""
     return _compiled(function, _nrt=False, forceinline=True)
 
 
 def merged_kernel(function: F) -> F:
-    """`kernel` for a part of one other kernel: it is compiled only together with its caller."""
+    """`kernel` for a function that only one other kernel calls: it is compiled only within its caller."""
     return _compiled(function, _nrt=False, inline="always")
 
 

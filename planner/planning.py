@@ -51,7 +51,7 @@ class Cut(NamedTuple):
     open_share: float = 0.0  # share of all parts that end in unresolved leaves
 
     def figures(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         return {
             "by": "interrupt" if self.asked else "budget",
             "open_share": round(self.open_share, 6),
@@ -59,7 +59,7 @@ class Cut(NamedTuple):
         }
 
     def line(self) -> str:
-        """For people."""
+        """The result as one line of text."""
         cause = "request" if self.asked else "the budget"
         return (
             f"CUT SHORT by {cause}: {self.open_share:.2%} of the parts end where the search is not done; "

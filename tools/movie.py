@@ -55,7 +55,7 @@ def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
 
 
 def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> Story | None:
-    """The path of a part at a pose (3,) in the world, without scatter; None if it is longer or shorter."""
+    """The path of a part from a pose (3,) in the world, without scatter; None with other `squeezes`."""
     surface = simulator.nominal(1, MU).surfaces[0]
     profile, target, result = table.gripper.profile, 0, list[Squeeze]()
     while target >= 0 and len(result) < squeezes:
@@ -95,7 +95,7 @@ class Track(NamedTuple):
         return ";".join(f"{min(time / total_s, 1.0):.4f}" for time in self.times)
 
     def text(self) -> str:
-        """The values as SMIL's."""
+        """The values as SMIL's `values`."""
         return ";".join(self.values)
 
 

@@ -45,12 +45,12 @@ def outlines() -> Outlines:
 
 
 def kept_aside(name: str) -> bool:
-    """Whether an outline is reserved for a single look."""
+    """Whether an outline is reserved for a final test."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big") % KEPT_ASIDE == 0
 
 
 def trivial(outline: np.ndarray) -> bool:
-    """Whether a rectangle or a circle is the same except for a rim."""
+    """Whether an outline is a rectangle or a circle, except for a rim."""
     part = shapely.Polygon(outline)
     box, (x, y) = part.minimum_rotated_rectangle, part.centroid.coords[0]
     disc = shapely.Point(x, y).buffer(math.sqrt(part.area / math.pi), quad_segs=64)

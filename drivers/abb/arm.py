@@ -171,8 +171,8 @@ def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
 def over(open_stream: Callable[[], Stream], pace: Pace, setup: Setup) -> Arm:
     """`connect` over connections of any kind.
 
-    The server recreates its sockets after each client, and disconnects those that connected meanwhile:
-    retried.
+    The server recreates its sockets after each client, and disconnects clients that connected meanwhile; such
+    a connection is tried again.
     """
     tries = CONNECT_TRIES
     while True:

@@ -36,7 +36,7 @@ class ArmPose(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """A straight motion that may be asked for."""
+    """A straight motion, as checked before it is sent."""
 
     start: ArmPose
     target: ArmPose
@@ -46,7 +46,7 @@ class Motion(NamedTuple):
 
 
 class UprightArm(ABC):
-    """What the makes share; a make reads and drives.
+    """Base class of arms whose hand points down; a make implements reading and driving.
 
     Args:
         endpoint: its address as the user named it.

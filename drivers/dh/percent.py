@@ -32,7 +32,7 @@ class Scale:
         return min(max(self.profile.step(width_um), 0), FULL)
 
     def speed(self, speed_mm_s: float) -> int:
-        """The fastest setting that is not faster."""
+        """The largest speed setting that does not exceed a speed."""
         return setting(speed_mm_s, self.profile.speed_mm_s, LEAST_SPEED, MOST)
 
     def speed_mm_s(self, percent: int) -> float:
@@ -41,5 +41,5 @@ class Scale:
         return least + (most - least) * (percent - LEAST_SPEED) / (MOST - LEAST_SPEED)
 
     def force(self, force_n: float) -> int:
-        """The strongest setting that is not stronger."""
+        """The largest force setting that does not exceed a force."""
         return setting(force_n, self.profile.force_n, LEAST_FORCE, MOST)

@@ -48,7 +48,7 @@ EXCEPTIONS = {
 
 
 class Master(StreamLink):
-    """A connection to one unit, which is owned from now on; deadlines are enforced outside pymodbus.
+    """A connection to one unit, closed with this object, which also enforces the deadlines.
 
     Args:
         stream: carries the bytes.
@@ -99,7 +99,7 @@ class Master(StreamLink):
         return reply
 
     def _refused(self, request: ModbusPDU, code: int) -> LinkError:
-        """The error for a refusal; a temporary one is a timeout: reads are repeated, writes are checked."""
+        """The error for a refusal; a temporary one is a timeout: reads are then repeated, writes checked."""
         refusal = EXCEPTIONS.get(code, Refusal("an unknown reason"))
         self._tell("refused", function=request.function_code, exception=code)
         return (LinkTimeout if refusal.passes else LinkError)(

@@ -42,7 +42,7 @@ ANSWERS = {WRITE_ONE: 0x60, READ: 0x42}
 
 
 class CanMap(NamedTuple):
-    """Places of the bytes; see the module's warning."""
+    """Bus, node and objects that hold the register blocks, as inferred above."""
 
     channel: str
     interface: str = "socketcan"

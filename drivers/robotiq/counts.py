@@ -39,9 +39,9 @@ class Counts:
         return CLOSED if width_um < 0 else self._closed - self.profile.step(width_um)
 
     def speed(self, speed_mm_s: float) -> int:
-        """The fastest setting that is not faster."""
+        """The largest speed setting that does not exceed a speed."""
         return setting(speed_mm_s, self.profile.speed_mm_s, 0, CLOSED)
 
     def force(self, force_n: float) -> int:
-        """The strongest setting that is not stronger."""
+        """The largest force setting that does not exceed a force."""
         return setting(force_n, self.profile.force_n, 0, CLOSED)

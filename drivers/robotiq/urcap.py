@@ -59,8 +59,8 @@ class UrcapLink(StreamLink):
     def write(self, block: bytes) -> None:
         """Writes the output block, once, in one line; what starts a motion comes last.
 
-        ACT is sent only to change the value read: written to a gripper that lost power meanwhile it would
-        start the activation sweep.
+        ACT is sent only if it differs from the value read: a gripper that lost power meanwhile would start
+        its activation sweep.
         """
         image = unpack(OUTPUT_FIELDS, block)
         if image["rGTO"]:

@@ -72,7 +72,7 @@ class Gripper(PolledGripper[Input, Output]):
         return profile
 
     def state(self) -> GripperState:
-        """Reads the gripper now: its status last, so that retries do not make it older."""
+        """Reads the gripper now; the status comes last, so that retries of the rest do not make it stale."""
         asked = self._asked()
         return self._state(self._read(), asked)
 
@@ -145,7 +145,7 @@ class Gripper(PolledGripper[Input, Output]):
     # -- commands and their outcomes --------------------------------------------------------------
 
     def _command(self, output: Output, asked: Output, seen: Input, budget_s: float) -> Output:
-        """Send a command that follows what was asked last; nothing is read after the status `seen`."""
+        """Sends a command after the last output `asked`; `seen` is the status before the command."""
         # A command is an edge of its bit, or of this toggle where the bit is set already.
         toggled = ~asked.control & Control.REPEAT_TOGGLE
         output = output._replace(control=output.control | toggled)
@@ -154,7 +154,7 @@ class Gripper(PolledGripper[Input, Output]):
         return output
 
     def _send(self, output: Output) -> None:
-        """Sends a request; a repetition has no edge, so is no command."""
+        """Sends a request; a repetition is no command, since it has no edge."""
         self._repeat(
             lambda: self._link.write("plc_sync_output", *output), lambda: self._asked() == output
         )
@@ -231,7 +231,7 @@ def _edge(motion: Control) -> Control:
 
 
 def _moves(seen: Input, asked: Output) -> bool:
-    """Whether the fingers are on their way: the device says only that they no longer are."""
+    """Whether the fingers move; the device reports only the end of a motion."""
     under_way = asked.control & schunk.MOTIONS and not seen.status & schunk.OUTCOMES
     return bool(seen.status & Status.READY and under_way)
 

@@ -62,7 +62,7 @@ class SchunkLink(Master):
             return self._in_step(request)
 
     def close(self) -> None:
-        """Disconnects; moves nothing, but the gripper soon misses its requests."""
+        """Disconnects; moves nothing, but the gripper soon reports that requests are missing."""
         self._let_go()
         super().close()
 

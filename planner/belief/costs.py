@@ -27,7 +27,7 @@ TYPICAL_WIDTH = 0.5
 
 
 class Hand(NamedTuple):
-    """Where the hand stands after an action."""
+    """State of the hand after an action."""
 
     placement: Array  # (3,) in the world [mm, mm, rad]
     width_mm: float  # between the jaws
@@ -50,8 +50,8 @@ class Costs:
         typical_s: seconds of a typical squeeze.
         opening_mm: between the open jaws.
         speed_mm_s: rate at which the opening closes.
-        turn: turn of the hand [rad] that leaves a squeeze the same: half a turn where both fingers are to
-            move alike, though not in a cell where they do not.
+        turn: turn of the hand [rad] after which a squeeze is equivalent: half a turn where the job's fingers
+            close evenly.
         plans_turn: whether plans are turned to the angle at which the hand stands (`runtime.table.turning`).
     """
 
@@ -87,10 +87,10 @@ class Costs:
         )
 
     def short_way(self, hand: Hand | None, placements: Array) -> Array:
-        """Grasp poses (k, 3) with those of their angles, all alike to the job, to which the hand turns least.
+        """Grasp poses (k, 3) at the equivalent angle to which the hand turns least.
 
-        The cell goes to these and no others, so that each finger stays on the side on which a belief has it,
-        however unevenly the two close.
+        The cell uses the same angles, so that each finger stays on the side that the belief assumes, even if
+        the two close unevenly.
         """
         if hand is None:
             return placements

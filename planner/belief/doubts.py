@@ -22,12 +22,12 @@ Draw = Callable[[Job, int, np.random.Generator], Array]
 
 
 def believed(job: Job, n: int, rng: np.random.Generator, draw: Draw = initial) -> Belief:
-    """Draws n parts as the job believes in them: where they lie, by `draw`, and their traits."""
+    """Draws n parts from the job's belief: their poses by `draw`, and their traits."""
     return Belief.of(draw(job, n, rng), traits=traits_of(job, n, rng))
 
 
 def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
-    """Draws the traits (n,) of parts; with probability `doubt.chance` one doubt, picked at random, is off.
+    """Draws the traits (n,) of parts; with probability `doubt.chance` one random trait is not as planned.
 
     Friction is drawn separately: it is outside its bounds for a share of the parts (`friction.doubt`).
     """
@@ -35,12 +35,12 @@ def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
 
 
 def stated_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
-    """Draws the traits (n,) of parts with nothing off; each part is one of the job's hypotheses."""
+    """Draws the traits (n,) of parts as planned, each with one of the job's hypotheses."""
     return _of_each(job, hypotheses_of(job, n, rng), stated)
 
 
 def pushed_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
-    """Draws the traits (n,) for pushes given by the user, about which nothing was measured.
+    """Draws the traits (n,) for listed pushes of parts about which nothing was measured.
 
     The pressure distribution and the friction of the pusher are drawn independently. Friction with the table
     scatters up to the job's doubt. Jaws and encoder play no part.
@@ -84,7 +84,7 @@ def _traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
 def _draws(
     job: Job, rng: np.random.Generator
 ) -> list[tuple[str, float, Callable[[int], Array | IntArray]]]:
-    """For each doubt: its trait, the value where it is not off, and the function that draws it."""
+    """For each doubt: its trait, the planned value, and the function that draws another one."""
     doubt, others, tolerance_mm = job.doubt, len(latent_surfaces(job)), job.part.tolerance_mm
     low, high = sorted((max(doubt.least_dof, 1), job.pressure.wishart_dof))
     intervals = {
@@ -143,7 +143,7 @@ def _deviations(tolerance_mm: float, n: int, rng: np.random.Generator) -> Array:
 
 
 def stated(job: Job, n: int) -> Traits:
-    """The traits (n,) of parts where nothing is off: the middle of each doubt's interval."""
+    """The traits (n,) of parts as planned: the middle of each doubt's interval."""
     traits, doubt = as_planned(n), job.doubt
     traits["share"] = 0.5 * sum(doubt.finger_share)
     traits["across_mm"] = closing_mm(job) * traits["share"] + 0.5 * sum(doubt.middle_mm)

@@ -93,7 +93,7 @@ class Metric(NamedTuple):
         return np.asarray(np.where(self.identify & (which != said), np.inf, distance))
 
     def reached(self, states: Array, reference: Array) -> BoolArray:
-        """Where the distance is below the goal."""
+        """Mask of the states that are within the goal of their reference states."""
         return np.asarray(self.between(states, reference) < self.goal)
 
     def explained(self, states: Array, mode: Mode) -> BoolArray:
@@ -175,7 +175,7 @@ def metric_of(job: Job) -> Metric:
 
 @inlined_kernel
 def off(columns: Array, i: int, centre: Array, weights: Array) -> tuple[float, float]:
-    """Distance of state i from `centre`, in goals (infinite for another part), and the angle between them."""
+    """Distance of state i from `centre` in units of the goal, infinite for another part; and their angle."""
     which = 0
     if columns.shape[0] > 3:
         if weights[0, 5] > 0.0 and columns[3, i] != centre[3]:

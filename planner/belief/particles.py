@@ -20,7 +20,7 @@ RATIO = 1.2207440846057596  # the root of x^4 = x + 1
 class Belief:
     """Particles: poses, and traits that each keeps in all squeezes.
 
-    Fingers that are more slippery than the job says, or that close unevenly, are so in every squeeze.
+    For example, the friction of a particle's fingers is the same in every squeeze.
     """
 
     poses: Array  # (n, 3) in the world [mm, mm, rad]

@@ -145,7 +145,7 @@ def into_cells(
 
 @kernel
 def in_cells(costs: Costs, held: int, steps: int) -> Costs:
-    """The costs for readings that were put into cells."""
+    """The costs in cells of several steps, for readings replaced by `into_cells`."""
     return Costs(
         held,
         costs.coarsest,
@@ -192,7 +192,7 @@ def candidates(
 def explained(
     columns: Array, first: IntArray, counts: IntArray, m: int, weights: Array, modes: int
 ) -> tuple[IntArray, BoolArray]:
-    """Cumulative counts (m + 1, c) of particles within the goal of each candidate; which are apart."""
+    """Cumulative counts (m + 1, c) of particles within the goal of each candidate; mask of those apart."""
     result, inside = np.empty((m + CANDIDATES, columns.shape[0])), np.empty(first[m], np.bool_)
     result = result[: candidates(columns, first, counts, m, weights, result)]
     hits = np.zeros((m + 1, result.shape[0]), np.int64)
@@ -205,7 +205,10 @@ def explained(
 
 @kernel
 def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple[int, int]:
-    """Particles of counts i to j - 1 within the goal of the best candidates; which one, for one mode."""
+    """Number of particles of counts i to j - 1 within the goal of the best candidates, and which is the best.
+
+    The latter is -1 where the goal allows several modes.
+    """
     if modes > 1:
         return _best_modes(hits, i, j, modes, apart), -1
     best, chosen = 0, 0

@@ -54,7 +54,7 @@ class Outcomes(NamedTuple):
         return cls(clusters, beliefs, width_mm)
 
     def without_gaps(self, holds: BoolArray, most: int) -> Self:
-        """Cuts branches that hold a pose (k,) at gaps of more than `most` unread steps."""
+        """Splits the branches marked in `holds` (k,) at gaps of more than `most` steps without readings."""
         beliefs = list[Belief]()
         for belief, held in zip(self.beliefs, holds, strict=True):
             counts = np.unique(belief.reading)

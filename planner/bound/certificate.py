@@ -83,7 +83,7 @@ class Covered:
         return np.concatenate([proposed, self._more, *planned])
 
     def _after(self, history: History) -> Belief:
-        """The pilots with a history, of which there may be none."""
+        """The separate sample's parts that have a history; there may be none."""
         if not history:
             return self._all
         *before, option, reading = history
@@ -125,7 +125,7 @@ class Certificate:
 
     @property
     def squeezes(self) -> float:
-        """The bound for plans of both classes."""
+        """The bound for plans that belong to both classes: the greater of the two."""
         return max(self.leaves.squeezes, self.overall.squeezes)
 
     @property
@@ -145,7 +145,7 @@ class Certificate:
         )
 
     def figures(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         return {
             "squeezes": self.squeezes,
             "confidence": CERTAINTY,
@@ -159,7 +159,7 @@ class Certificate:
         }
 
     def lines(self) -> list[str]:
-        """For people."""
+        """The result as lines of text."""
         above = self.mean / self.squeezes - 1.0
         least = f"any plan as good takes {self.rounded} squeezes a part or more"
         sure = f"({CERTAINTY:.0%} confidence, {self.parts} parts)"

@@ -64,7 +64,7 @@ class Lying(NamedTuple):
 
 
 class Depths(NamedTuple):
-    """The numbers of squeezes of histories."""
+    """Lengths of histories, in squeezes."""
 
     tried: int  # up to which all placements are tried
     most: int  # that any history has

@@ -33,10 +33,10 @@ class Term(NamedTuple):
 
 
 def leaves_term(levels: list[Level], confidence: float, success: float, certainty: float) -> Term:
-    """The bound for plans whose every claiming leaf locates the share `confidence` of its parts.
+    """The bound for plans in which each leaf that claims a pose locates the share `confidence` of its parts.
 
-    At least the share `success` of all parts ends in such leaves. All terms hold with the probability
-    `certainty`.
+    At least the share `success` of all parts ends in such leaves. The bounds of all terms hold together with
+    probability `certainty`.
     """
     error, n = (1.0 - certainty) / EVENTS, int(levels[0].size.sum())
     excess = upper_tail(1.0 - confidence, n, error) - (1.0 - confidence)
@@ -101,7 +101,7 @@ def _values(
 def _best(
     estimates: Array, sampled: Array, levels: list[Level], error: float, unclaimed: float
 ) -> Term:
-    """The greatest bound over all prices: a mean of numbers from 1 to depth + 1, less `unclaimed`."""
+    """The greatest bound over all prices, for a cost between 1 and depth + 1; less `unclaimed`."""
     k, depth, n = int(np.argmax(sampled)), len(levels) - 1, int(levels[0].size.sum())
     share = min(max((float(sampled[k]) - 1.0) / depth, 0.0), 1.0)
     bound = 1.0 + depth * least_mean(share, n, error) - unclaimed

@@ -340,7 +340,7 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
 
 
 def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
-    """Counts of parts at one leaf that were taken for another."""
+    """Counts of parts that ended at one leaf but lay at the pose of another."""
     lines: list[str] = []
     for row in confused[:MOST_ROWS]:
         truth = "where no leaf is" if row.truth == leaves.NO_LEAF else f"at leaf {row.truth}"

@@ -230,7 +230,7 @@ def _answered(
     spared: Spared,
     report: Report,
 ) -> Answer:
-    """Results of a plan in its own world and, by `trials` each, in others; what limits it."""
+    """Evaluates a plan in its own world and, with `trials` parts each, in others; adds what limits it."""
     figures, lines, limits = plan.evaluation.summary(), list[Line](), list[str]()
     with spared("other worlds"):
         lines = tried(plan.table, job, plan.evaluation, trials, Threads(), report, limit)

@@ -62,7 +62,7 @@ def gains_without_noise(
 
 
 def _noise_lines(gains: Sequence[Gain]) -> list[str]:
-    """For people: the sources of noise that limit the plan, and the failures that remain without any."""
+    """States the sources of noise that limit the plan, and the failures that remain without noise."""
     if not gains:
         return []
     single = [gain for gain in gains if gain.source != EVERYTHING]
@@ -100,7 +100,7 @@ class Advice(NamedTuple):
     shares: Shares | None = None  # of the same parts, rounded as they are told elsewhere
 
     def figures(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         record = self._asdict() | {
             "open_poses": [leaf.figures() for leaf in self.open_poses],
             "gains": [gain._asdict() for gain in self.gains],
@@ -110,7 +110,7 @@ class Advice(NamedTuple):
         return record
 
     def lines(self) -> list[str]:
-        """For people: what costs success, and where to look."""
+        """Lines that state what costs success, and where to look."""
         return [
             *self._shares(),
             *(leaf.line() for leaf in self.open_poses),

@@ -99,7 +99,7 @@ def _of_part(job: Job, alone: Job, index: int) -> Alike | None:
 
 
 def _share(turn: float, halfwidth: float) -> float:
-    """Share of the parts, turned by at most `halfwidth` either way, that may also lie turned on by `turn`."""
+    """Share of the angles within +-`halfwidth` that stay within it after `turn`, one way or the other."""
     if halfwidth >= math.pi:
         return 1.0
     angles = np.linspace(-halfwidth, halfwidth, ANGLES)

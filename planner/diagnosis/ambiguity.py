@@ -45,7 +45,7 @@ class Whereabouts(NamedTuple):
     )
 
     def figures(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         return {
             "poses": np.round(self.poses, 5).tolist(),
             "shares": [round(share, 4) for share in self.shares],
@@ -53,7 +53,7 @@ class Whereabouts(NamedTuple):
         }
 
     def text(self) -> str:
-        """For people: the poses and their shares."""
+        """States the poses and their shares."""
         pairs = zip(self.shares, self.poses, strict=True)
         return " or ".join(f"{pose_text(pose)} ({share:.1%})" for share, pose in pairs)
 
@@ -67,7 +67,7 @@ class Ambiguity(NamedTuple):
     separator: Separator | None  # for the first two poses, if a squeeze distinguishes them
 
     def figures(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         record = {"leaf": self.leaf, "share": self.share, **self.where.figures(), "separator": None}
         if self.separator is not None:
             placement, widths_mm = self.separator
@@ -78,7 +78,7 @@ class Ambiguity(NamedTuple):
         return record
 
     def line(self) -> str:
-        """For people."""
+        """The result as one line of text."""
         text, scatter = (
             f"leaf {self.leaf} ({self.share:.2%}): the part lies at {self.where.text()}; ",
             self.where.scatter,

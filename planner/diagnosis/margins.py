@@ -35,7 +35,7 @@ class Margins(NamedTuple):
         return self.wrong_rate > THIN
 
     def line(self) -> str:
-        """For people."""
+        """The result as one line of text."""
         off = f"{self.off_mm:.2g} mm"
         return (
             f"thin margins: widths {off} off make {self.wrong_rate:.1%} of the answers wrong, since "

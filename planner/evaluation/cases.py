@@ -285,11 +285,11 @@ def friction(low: float, high: float) -> Case:
 
 
 def uneven(job: Job, share: float, centred: bool) -> Case:
-    """The case of fingers that move unevenly: the upper one makes this share of the closing motion.
+    """The case of fingers that close unevenly: the upper one makes this share of the closing.
 
-    They meet (planned share - share) (opening - width) away from the planned place, which no width reveals.
-    If `centred`, the hand is calibrated where the fingers meet on the part's narrowest side, so that only the
-    effect of an uneven squeeze on the part remains.
+    They then meet (planned share - share) (opening - width) beside the planned place; no width reveals that.
+    If `centred`, a calibration on the part's narrowest side has removed the shift, so that only the effect
+    of an uneven squeeze on the part remains.
     """
     off = (job.gripper.upper_finger_share - share) * (
         job.gripper.opening_mm - min_width(job.part.outline_mm)

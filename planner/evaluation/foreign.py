@@ -38,7 +38,7 @@ class Answer(NamedTuple):
         return max((round(abs(theirs - ours), 2) for theirs, ours in pairs), default=None)
 
     def line(self) -> str:
-        """For people."""
+        """The result as one line of text."""
         named = "" if self.part is None else f" as {self.part}"
         message = f"           {self.share:7.2%}  at leaf {self.leaf}{named}, by {_listed(self.widths_mm)} mm"
         if self.apart_mm is not None:
@@ -64,7 +64,7 @@ class Tried(NamedTuple):
         return self.answered > OFTEN
 
     def figures(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         return {
             "name": self.name,
             "trials": len(self.evaluation.leaf),
@@ -77,7 +77,7 @@ class Tried(NamedTuple):
         }
 
     def lines(self) -> list[str]:
-        """For people: the share answered and, where that is too often, by which widths and as which part."""
+        """States the share answered and, where that is too large, by which widths and as which part."""
         message = (
             f"foreign    {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
         )

@@ -43,7 +43,7 @@ class Reliability(NamedTuple):
         return sum(row.holds for row in self.rows) / len(self.rows) if self.rows else 1.0
 
     def figures(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         rows = [row._asdict() for row in self.rows]
         return {
             "leaves": len(rows),
@@ -104,7 +104,7 @@ class Mistake(NamedTuple):
     widths_mm: tuple[float, ...]  # readings of the encoder there
 
     def figures(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         return {
             "initial_pose": _rounded(self.initial),
             "final_pose": _rounded(self.final),
@@ -124,12 +124,12 @@ class Identities(NamedTuple):
 
     @property
     def right(self) -> float:
-        """Share of the named parts with the right name; 1 where none was named."""
+        """Share of right names among the names that leaves gave; 1 if they gave none."""
         named = self.named[:, :-1]
         return float(np.trace(named) / named.sum()) if named.any() else 1.0
 
     def figures(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         total = self.named.sum()
         return {
             "names": list(self.names),

@@ -12,7 +12,7 @@ SPAN = 1 << 21  # um, wider than any gripper opens
 
 
 class Lookup(NamedTuple):
-    """The segments of rows of step functions, one after the other."""
+    """Step functions as arrays: the segments of all rows, concatenated."""
 
     start: IntArray  # (s,) ascending: first width of each segment [um], plus `SPAN` for each row before
     branch: IntArray  # (s,) the branch of widths from there on, or `REJECT`

@@ -167,7 +167,7 @@ def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node,
 def _branches(
     node: tables.Node, numbers: list[int], gripper: tables.GripperSpec
 ) -> list[tables.Branch]:
-    """The branches that stay; beside a removed one they keep only the widths that trials read."""
+    """The remaining branches of a node, which do not take over the widths of removed ones."""
     if len(numbers) == len(node.branches):
         return list(node.branches)
     meant = [each for part in tables.decision_map(node, gripper) for each in part.intervals()]

@@ -57,7 +57,7 @@ class Evaluation:
 
     @cached_property
     def seconds(self) -> Array:
-        """(n,) estimated time; found when it is asked for, since that takes longer than the squeezes."""
+        """(n,) estimated time, computed on first use: that takes longer than the squeezes."""
         return seconds_of(self.table, self.path, self.reading, self.branch)
 
     @property

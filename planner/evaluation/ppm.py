@@ -73,7 +73,7 @@ class Sums:
         return Sums(*(getattr(self, name) + getattr(other, name) for name in NAMES))
 
     def document(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         return {name: np.asarray(getattr(self, name)).tolist() for name in NAMES}
 
     @classmethod
@@ -281,7 +281,7 @@ class Findings:
         return [leaf for leaf in order[:most] if self.leaves[leaf].rate > 0.0]
 
     def figures(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         sums = self.sums
         return {
             "parts": sums.parts,
@@ -303,7 +303,7 @@ class Findings:
         }
 
     def lines(self) -> list[str]:
-        """For people."""
+        """The result as lines of text."""
         sums, wrong = self.sums, self.wrong
         parts = sums.parts
         bounds = f"at least {wrong.low:.2f} and at most {wrong.high:.2f} with {1.0 - ERROR:.0%} confidence"

@@ -41,5 +41,5 @@ def rounded(shares: Sequence[float], decimals: int = DECIMALS) -> list[float]:
 
 
 def in_percent(percent: float) -> str:
-    """A rounded share for people."""
+    """Formats a rounded share in percent."""
     return f"{percent:g} %"

@@ -155,7 +155,7 @@ class Cell:
         return Arrived(poses, placement, pushed_on | self._standing_on(hand, opening_mm, traits))
 
     def pushed(self, node: IntArray, poses: Array, traits: Traits) -> tuple[Array, BoolArray]:
-        """Where parts lie (n, 3) after the pushes at their nodes, and which (n,) a finger came down on.
+        """Poses (n, 3) after the pushes at the parts' nodes; mask (n,) of parts that a finger came down on.
 
         Arguments as of `come_down`.
 
@@ -235,7 +235,7 @@ class Cell:
             _note(self.program, evaluation, node, members, after.reading)
 
     def _standing_on(self, hand: Array, opening_mm: Array, traits: Traits) -> BoolArray:
-        """Which parts (n, 3) in the hand frame fingers come down on (n,), where the world can tell."""
+        """Mask (n,) of the parts (n, 3) in the hand frame that a finger comes down on, if the world knows."""
         gripper, alone = self.job.gripper, self.job.alone
         stopped = np.zeros(len(hand), np.bool_)
         share = gripper.upper_finger_share + traits["share"]

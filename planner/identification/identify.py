@@ -92,7 +92,7 @@ def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
 
 
 def directions(pairs: Pairs) -> Directions:
-    """Pairs in the units of `planner.mechanics.limit_surface`, without their magnitudes."""
+    """The directions of pairs: wrenches and twists scaled to length 1."""
     F, V = (
         each / np.linalg.norm(each, axis=1, keepdims=True)
         for each in (pairs.wrenches, pairs.twists)

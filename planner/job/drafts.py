@@ -30,7 +30,7 @@ class GripperPreset(NamedTuple):
 
     @property
     def model(self) -> str:
-        """Its name."""
+        """Name of the gripper's model."""
         return self.profile.model
 
     @property

@@ -182,7 +182,7 @@ def from_canonical(text: str, where: str = "job text") -> Job:
 
 
 def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
-    """Checks a document and freezes it; only an outline as drawn is moved to its centroid.
+    """Checks a document and freezes it; an outline is moved to its centroid only if `drawn` by a person.
 
     Raises:
         InputError: see `parse`.

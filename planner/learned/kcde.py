@@ -43,7 +43,7 @@ class Sampled(NamedTuple):
 
 
 class Kcde(NamedTuple):
-    """The estimate; M roll-outs, in order of their cells."""
+    """The fitted density: M roll-outs, ordered by grid cell."""
 
     grid: Grid  # their normalised initial poses
     initial: Array  # (M, 3) initial poses in the hand frame [mm, mm, rad]

@@ -45,7 +45,7 @@ ROW = np.dtype(
 
 
 class RollOuts(NamedTuple):
-    """Squeezes from the whole region, in the order of their rings."""
+    """Training squeezes from the whole disc of starts, ordered by ring."""
 
     initial: Array  # (n, 3) poses before, in the hand frame [mm, mm, rad]
     final: Array  # (n, 3) poses after

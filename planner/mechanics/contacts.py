@@ -326,10 +326,10 @@ def find(
 def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Tips, margin: float) -> int:
     """Finds all contacts of a pusher's tips within `margin` [mm] of touching; returns their number.
 
-    A point is near an edge where it lies beside it and no neighbour separates it, and near a convex vertex
-    where it lies in the vertex's normal cone; in a notch it is near both edges, also where it overlaps them.
-    A round tip touches where its centre is its radius away. C and I are modified in place; the
-    outline (2, N) is placed at the pose q (3,), counter-clockwise [mm].
+    A tip may touch an edge that it lies beside, unless a neighbouring edge lies between, and a convex vertex
+    in whose normal cone it lies. In a notch it may touch both edges, even where it overlaps them. A round
+    tip touches when its centre is one radius away. C and I are modified in place; the outline (2, N) is
+    placed at the pose q (3,), counter-clockwise [mm].
     """
     n, radius = points.shape[1], pusher.radius
     count = 0

@@ -78,7 +78,7 @@ def fit(
 
 
 def emphasis(gradient: Array, unit: Array) -> Array:
-    """Weights (K,) that turn squares across the twist into angles, large ones linearly."""
+    """Weights (K,) that turn squared residuals across the twist into angles; large ones count linearly."""
     size = np.linalg.norm(gradient, axis=1)
     angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))
     return np.asarray(1.0 / (size**2 * np.hypot(angle, TYPICAL_ERROR_RAD)))

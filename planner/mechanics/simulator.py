@@ -329,7 +329,7 @@ def _at_the_start(poses: Array) -> RollOut:
 
 
 def check(parameters: Parameters, n: int, shapes: int) -> None:
-    """Checks the parameters of n roll-outs with `shapes` deviations.
+    """Checks the parameters of n roll-outs of outlines with `shapes` deviations each.
 
     Raises:
         ValueError: a shape does not fit, or a number is not finite or out of range.

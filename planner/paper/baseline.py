@@ -49,7 +49,7 @@ class Baseline(NamedTuple):
     trials: int  # number of parts in both
 
     def figures(self) -> dict[str, Any]:
-        """For JSON."""
+        """The values as JSON types."""
         return {
             "baseline": "sensorless",
             "angles_deg": [round(float(angle), 6) for angle in np.degrees(self.plan.angles)],

@@ -215,7 +215,7 @@ class Rectangle(NamedTuple):
     turn_deg: float  # of the longer side from x, in (-90, 90]
 
     def text(self) -> str:
-        """For people: the sides, and the turn if there is one."""
+        """States the sides, and the turn if there is one."""
         turned = min(abs(self.turn_deg), 90.0 - abs(self.turn_deg)) > LEAST_TURN_DEG
         sides = f"{self.length_mm:.1f} x {self.width_mm:.1f} mm"
         return sides + (f", turned by {self.turn_deg:.3g} degrees in the drawing" if turned else "")

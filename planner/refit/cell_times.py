@@ -75,7 +75,7 @@ def _acceleration(gap_s: float, low_mm: float, high_mm: float, speed_mm_s: float
 
 
 def _jaws(table: Table, timing: Timing, squeeze: Timed) -> float:
-    """Time of closing beyond its strokes."""
+    """Response time of the jaws: measured seconds of closing beyond those of the strokes."""
     node, speed = table.nodes[squeeze.node], _speed(table, squeeze)
     contact = None if node.contact_um is None else node.contact_um / 1e3
     stated_s = timing.close_s(node.squeeze.opening_um / 1e3, contact, squeeze.width_mm, speed)

@@ -116,7 +116,7 @@ def _on_feet(job: Job) -> list[Surface]:
 
 @dataclass(frozen=True, slots=True)
 class Off(Disturbance):
-    """A cell in which all parts have the same traits except for their outlines."""
+    """Disturbance of a cell that gives all its parts the same traits, except for their outlines."""
 
     all_alike: Traits | None = None  # (1,)
 

@@ -24,7 +24,7 @@ RIDGE = 1e-6  # of the regression, in units of the features' variance
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Likelihood:
-    """Likelihood of cells by k features: k observed statistics, and their mean and scatter by p terms."""
+    """Likelihood of cells by k features: k observed statistics, and a regression of their mean on p terms."""
 
     centre: Array  # (k,) of the features
     scale: Array  # (k,)
@@ -69,7 +69,7 @@ class Likelihood:
 
 
 def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
-    """Scores (size + 1, k) of outcomes, from the outcomes (m, c) of cells (m, k); 0 for the last, none.
+    """Scores (size + 1, k) of outcomes, from the outcomes (m, c) of cells (m, k); the last is 0: no outcome.
 
     Along a line they rise linearly, also beyond the steps of simulated parts.
     """

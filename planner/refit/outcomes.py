@@ -75,8 +75,8 @@ class Outcomes:
     def _empty(self) -> int:
         """The common bin of all readings that an empty hand may have.
 
-        Some grippers' zero is a stop that no offset of the encoder moves, others' is not; it has no
-        information.
+        It carries no information: closed jaws read 0 in some grippers whatever the encoder's offset, in
+        others not.
         """
         return self.table.gripper.bin_of(EMPTY_UM)
 

@@ -54,7 +54,7 @@ USUAL = Effort()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """Equally likely cells (n, d + 1), given the journals."""
+    """Sample of the posterior: n equally likely cells as points (n, d + 1) of their space."""
 
     cells: Array
     space: Space
@@ -106,7 +106,7 @@ def _log(
 
 
 def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray:
-    """Outcomes of pairs of sets of parts (pairs, 2, n, d); in the second, audits are as many as observed."""
+    """Outcomes (pairs, 2, n, d) of pairs of sets of parts; the second set has as many audits as observed."""
     point, pairs, seed = task
     result = outcomes.of_parts(cells.run(point, 2 * pairs * seen.parts, seed))
     shown = result.reshape(pairs, 2, seen.parts, -1)

@@ -342,7 +342,7 @@ def leaf_lines(leaf: Leaf, name: str | None = None, posed: bool = True) -> list[
 
 
 def percent(share: float) -> str:
-    """Formats a share of all parts, with an extra digit where it is small."""
+    """Formats a share of all parts in percent, with an extra digit where it is small."""
     if 0.0 < share < 0.001:
         return "< 0.1 %"
     return f"{100 * share:.1f} %" if share < 0.0995 else f"{100 * share:.0f} %"

@@ -30,7 +30,7 @@ class Weakest(NamedTuple):
     success: float  # share of parts located there
 
     def text(self) -> str:
-        """For people."""
+        """The result as text."""
         if self.wrong >= GOOD_WRONG:
             return f"{self.name} ({percent(self.wrong)} wrong)"
         return f"{self.name} ({percent(self.success)} located, {percent(self.wrong)} wrong)"
@@ -176,7 +176,7 @@ def aim(job: Job) -> str:
 
 
 def percent(share: float) -> str:
-    """Formats a share, never rounded up to all or down to nothing."""
+    """Formats a share in percent: 0 % only for none, 100 % only for all."""
     if share in (0.0, 1.0):
         return f"{100 * share:.0f} %"
     digits = next((n for n in (1, 2, 3) if 0.0 < round(100 * share, n) < 100.0), 4)

@@ -25,7 +25,7 @@ TIMED_TRIALS = 200  # parts squeezed to estimate the duration of a world
 def evaluation_of(
     table: Table, job: Job, trials: int, scheduler: Scheduler | None = None
 ) -> Evaluation:
-    """The evaluation with the compiler's figures of a table; by `trials` where it has none."""
+    """Repeats the evaluation that gave a table its figures; with `trials` parts where it has none."""
     seed = job.seed + SEED_FIGURES
     worlds = ContactWorlds.of_job(job, seed)
     return evaluate(table, job, worlds, table.predicted.trials or trials, seed, scheduler)

@@ -50,7 +50,7 @@ class ActionSet:
         return len(self.placements)
 
     def followed(self, poses: Array) -> Array:
-        """The fixed placements (k, 3), with their angles about the middle of the parts (n, 3)."""
+        """The fixed placements, then one at the middle of parts (n, 3) for each of their angles: (k, 3)."""
         angles = np.unique(self.placements[:, 2])
         about = np.column_stack([np.tile(poses[:, :2].mean(axis=0), (len(angles), 1)), angles])
         return self.within(np.concatenate([self.placements, about]))
@@ -113,12 +113,15 @@ def actions_of(job: Job) -> ActionSet:
 
 
 def turnable(job: Job) -> bool:
-    """Whether a turn of a whole plan about the origin changes nothing: parts lie at any angle."""
+    """Whether turning a whole plan about the origin changes nothing, since parts lie at any angle."""
     return math.isclose(job.uncertainty.orientation_halfwidth_deg, 180.0)
 
 
 def _first(job: Job, actions: ActionSet) -> Array:
-    """The fixed placements, and with proposals those shifted from a single centre; no two equivalent."""
+    """Placements of the first squeeze, no two of them equivalent: the fixed ones, and shifted ones.
+
+    Shifted along the fingers are those at a single centre, if the job proposes placements.
+    """
     shifts = (0.0, *ASIDE) if actions.proposals and len(job.actions.centers_mm) == 1 else (0.0,)
     beside = [along(actions.placements, share * job.gripper.finger_length_mm) for share in shifts]
     return inequivalent(actions.within(np.concatenate(beside)), actions.placements[:0], job)

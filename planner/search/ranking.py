@@ -215,7 +215,7 @@ class Ranking:
     def _clear(
         self, belief: Belief, placements: Array, least_mm: float, share: float = 0.0
     ) -> BoolArray:
-        """Where the fingers clear all but a share of the particles of each hypothesis."""
+        """Mask (k,) of placements whose fingers clear all but a share of the particles of each hypothesis."""
         clear, mixture = np.ones(len(placements), np.bool_), self.problem.mixture
         for k, rows in by_hypothesis(belief.traits):
             clear &= free_placements(

@@ -90,7 +90,7 @@ class Search:
         self.handling, self.pusher = handling_of(job), pusher_of(self.problem)
 
     def begin(self, stage: Pass, previous: Node | None) -> Node:
-        """The root of a pass, with new particles."""
+        """Begins a pass: returns its root, a belief of new particles."""
         self.stage, job = stage, self.problem.job
         rng = np.random.default_rng([job.seed, PASSES.index(stage)])
         belief = self.problem.belief(max(1, round(stage.particles * job.search.particles)), rng)
@@ -506,7 +506,7 @@ def most_similar(belief: Belief, nodes: list[Node], steps: int) -> Node | None:
 
 
 def _partition(action: Action, children: list[Node]) -> None:
-    """Sets the partition of an action to the readings of children, in order of ascending width."""
+    """Gives an action these children, in order of ascending width, and the partition of their readings."""
     clusters = Partition.of([child.belief.reading for child in children])
     shares = np.array([child.share for child in children])
     size = np.maximum(1, np.rint(action.squeeze.clusters.size.sum() * shares / shares.sum()))
@@ -515,7 +515,7 @@ def _partition(action: Action, children: list[Node]) -> None:
 
 
 def _piece(action: Action, cuts: IntArray) -> IntArray:
-    """The piece (n,) between cuts in which each particle of an action was read before the squeeze."""
+    """The interval between `cuts` (n,) that contains each particle's reading before the squeeze."""
     assert action.origin is not None
     return np.searchsorted(cuts, action.origin.before.reading, side="right")
 

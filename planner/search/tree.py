@@ -85,13 +85,13 @@ class Node:
         share: probability of reaching the node.
         mode: the pose that explains most of the belief.
         depth: squeezes made so far.
-        stalled: squeezes in a row before this node that gained nothing.
+        stalled: consecutive squeezes before this node that gained nothing.
         actions: the best first; None: not expanded yet, none: nothing gains.
         value: expected cost from here on.
         hand: where the hand stands; None before the first squeeze.
         home: (3,) grasp pose of the first squeeze, where the hand goes for the next part; None at the root.
         fresh: number of particles, the first ones, from trials after the plan.
-        refuted: whether those refute the mode as a leaf.
+        refuted: whether those show that a leaf at the mode misses the goal.
         parent: the node above; None at the root.
         previous: the corresponding node of the previous pass.
     """

@@ -16,7 +16,7 @@ READER = [sys.executable, "-P", "-m", "planner.cli.preview"]
 
 
 class Reader:
-    """A process of `planner.cli.preview`, started on demand; it ends with this one."""
+    """A process of `planner.cli.preview`, started on demand; it ends with the studio."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

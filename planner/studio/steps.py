@@ -64,7 +64,7 @@ def typed(words: Sequence[str]) -> str:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Runs the commands until one fails or there is no table; returns the exit code of the last."""
+    """Runs the commands in turn, and stops after one that fails or leaves no table; returns its exit code."""
     name, drawing, *arguments = argv
     files = written_for(name)
     code = 0

@@ -45,5 +45,5 @@ class Limit:
         return heard
 
     def over(self, kept_s: float = 0.0) -> bool:
-        """Whether to end now, given the reserve and `kept_s` more."""
+        """Whether to end now: an end was requested, or less than `kept_s` is left before the reserve."""
         return self.asked or self.left_s < kept_s

@@ -1,1 +1,1 @@
-"""The commands of the runtime: arguments, their meaning, and actions."""
+"""The commands of the cell: their arguments, checks of these, and what the commands do."""

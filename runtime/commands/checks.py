@@ -143,14 +143,14 @@ def check_gripper(gripper: Gripper) -> Iterator[Finding]:
 
 
 def check_model(gripper: Gripper) -> Iterator[Finding]:
-    """What the gripper is taken for."""
+    """States which model the gripper is assumed to be."""
     known = gripper.profile
     stroke_mm, step_mm = known.stroke_um / 1000, known.resolution_um / 1000
     yield good(f"It is taken for a {known.model}: {stroke_mm:g} mm in steps of {step_mm:.2g} mm.")
 
 
 def failed(device: str, error: Exception, remedy: str) -> Finding:
-    """An error's own hint, after its semicolon, is the better remedy."""
+    """The finding for a device's error; a hint in the message, after its semicolon, replaces the remedy."""
     problem, _, hint = str(error).partition("; ")
     silent = isinstance(error, ConnectionError | TimeoutError)
     how = "does not answer" if silent else "cannot be opened"
@@ -220,7 +220,7 @@ def _group(path: Path) -> str:
 
 
 def _holders(path: Path, proc: Path) -> Iterator[tuple[int, str]]:
-    """Other processes that have the device open, as far as visible; not a pseudo-terminal's creator."""
+    """Other processes that visibly have the device open, except the creator of a pseudo-terminal."""
     wanted = path.stat().st_rdev
     pseudo = os.minor(wanted) if os.major(wanted) in PSEUDO_TERMINALS else None
     for folder in proc.glob("[0-9]*"):

@@ -89,7 +89,7 @@ def plc_options(arguments: argparse.Namespace) -> list[str]:
 
 
 def _check_virtual(arguments: argparse.Namespace) -> None:
-    """Refuses options of outside participants in virtual time."""
+    """Refuses what cannot follow virtual time: a person, a camera, other programs."""
     if arguments.dry_run:
         raise UsageError(
             "--dry-run moves nothing, so that time has no scale; leave out --time-scale max"

@@ -136,7 +136,7 @@ def _unit(parts: SplitResult) -> str:
 
 
 def _together(scheme: str, number: int | None) -> set[int | None]:
-    """All ports that move the device behind a port."""
+    """All ports through which the device behind a port can be moved: they share one lock."""
     ports = {number}
     if scheme == "ur" and number is not None:
         ports.add(number - SCRIPT_PORT_BELOW)

@@ -225,7 +225,7 @@ class AskedParts:
     # -- readings -------------------------------------------------------------------------------------
 
     def _due(self, words: list[str], least: int) -> tuple[_Part, ObjectState | None]:
-        """The part whose reading is due, and the object state of the words."""
+        """Checks a reading's words; returns the part whose reading is due, and the stated object state."""
         _check(self._part is not None and isinstance(self._part.request, Approach), 11)
         assert self._part is not None
         more = words[1:]

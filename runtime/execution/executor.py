@@ -238,7 +238,7 @@ class Executor:
             self._hand.drag(point.x_um / 1000, point.y_um / 1000)
 
     def _free(self, part: int, broken: Replay) -> None:
-        """Releases what a run that broke off may still hold, where it holds it."""
+        """Releases the part that a broken run may still hold, as that run would have done."""
         self._console.phase(part, Phase.RESUME, broken.traversal.node)
         try:
             self._hand.await_stillness()

@@ -142,8 +142,8 @@ class Hand:
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float) -> float:
         """The angle, whole turns counted, to which the hand turns least.
 
-        It is half a turn off only if the wrist could otherwise just turn the long way round, and both fingers
-        are to close alike: in a cell where they do not, such a part ends elsewhere than planned. It is the
+        It is half a turn off where the wrist could reach the angle only the long way round and the table's
+        fingers close evenly; in a cell where they do not, such a part ends elsewhere than planned. It is the
         angle itself where the wrist reaches neither.
         """
         turns = self._turns(x_mm, y_mm, angle_rad, tau)
@@ -299,7 +299,7 @@ class Hand:
         return self._checked(self.jaws.stroke(plan[-1]))
 
     def tighten(self, node: Node, reading: Settled) -> Settled:
-        """Raises the force after a regulated squeeze to the node's; returns the last reading."""
+        """Raises a regulated squeeze's force, step by step, to that of the node; returns the last reading."""
         if not self._is_regulated(node) or reading.object is not ObjectState.CLOSING:
             return reading
         limit_ma, speed = self._handling.grip_current_ma, node.squeeze.speed_um_s / 1000

@@ -104,7 +104,7 @@ def put_down(
 
 
 def _last_end(path: Path, entries: Iterable[Entry]) -> str:
-    """How a journal's last part ended, if its outcome may leave a part in the fingers."""
+    """States how a journal's last part ended, if that may leave a part in the fingers; else ""."""
     last: Entry = {}
     for entry in entries:
         if entry["kind"] in ("header", "outcome", "put_down"):

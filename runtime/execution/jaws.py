@@ -121,7 +121,7 @@ class Jaws:
             self._ask(request, self._timing.fastest_mm_s, squeeze)
 
     def _on_the_way(self, there: Callable[[int], bool], seconds: float) -> int | None:
-        """Polls moving jaws until `there` holds; the reading, None where they are late."""
+        """Polls moving jaws until `there` holds; returns the width then, None if they are late."""
         watch, left_s = Lap(self._clock), seconds + LATE_S
         while True:
             left_s -= watch.lap()

@@ -18,7 +18,7 @@ class Times(NamedTuple):
     figures: dict[str, float]  # from `runtime.table.takt`; empty without a part
 
     def fields(self) -> dict[str, object]:
-        """For machines."""
+        """The values as JSON types."""
         return {
             "parts": self.parts,
             "squeezes": self.squeezes,
@@ -27,7 +27,7 @@ class Times(NamedTuple):
         }
 
     def lines(self) -> list[str]:
-        """For people."""
+        """The result as lines of text."""
         if not self.parts:
             return ["no part tells its seconds"]
         mean_s = self.figures["seconds_mean"]

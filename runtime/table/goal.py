@@ -13,7 +13,7 @@ def predicted_pose(leaf: Leaf) -> Pose2:
 
 
 def poses_of(goal: GoalSpec, leaf: Leaf) -> list[Pose2]:
-    """The poses, any of which makes a leaf right, mm and rad: several only where the goal asks for modes."""
+    """The poses of a leaf, mm and rad, any of which may be right: several only for goals of kind "modes"."""
     return [*map(_pose, _allowed(goal, leaf))]
 
 

@@ -114,9 +114,9 @@ class DecisionMap(NamedTuple):
 def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
     """Meaning of every settled reading of a closing motion at a node: the whole rule (decision 0056).
 
-    Of the branches whose interval contains the width, and which the flag admits, the one of the nearest
-    expected width is meant, the lower of two equally near. A branch that does not reach down to width 0, or
-    is expected at `HELD_UM` or more, is a grip, and never read at width 0; any other means that nothing is
+    A width means the branch with the nearest expected width, the lower of two equally near, among those
+    whose interval contains the width and which the flag admits. A branch that does not reach down to width 0,
+    or is expected at `HELD_UM` or more, is a grip, and never read at width 0; any other means that nothing is
     held. With an object felt only grips are admitted. With none felt only widths up to the gripper's
     `empty_um` are admitted: nothing was held or, where no branch means that, a grip was not felt. Anything
     else is `REJECT`.

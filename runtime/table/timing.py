@@ -156,7 +156,7 @@ class Timing:
     def comes_down(self, way_mm: float, turn_rad: float) -> bool:
         """Whether a hand at the retreat height descends to the regrasp height on its way to a squeeze.
 
-        Not from far away, nor where the descent would take longer.
+        It does so only from nearby, and only where the descent takes no longer than the travel.
         """
         aside_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         return way_mm <= NEAR_MM and self.retreat_mm - self.regrasp_mm <= aside_mm

@@ -27,7 +27,7 @@ def may_turn(table: Table, job: Mapping[str, Any] | None, middle_mm: float = 0.0
     """Whether a table's plan may be turned by any angle: belief, goal and work area allow it.
 
     Args:
-        table: without pushes, whose ways would need checks as well.
+        table: a table without pushes.
         job: the one inside it, None where it was stripped.
         middle_mm: distance from the hand's middle where the fingers meet.
     """
@@ -39,7 +39,7 @@ def may_turn(table: Table, job: Mapping[str, Any] | None, middle_mm: float = 0.0
 
 
 def same_from_every_side(job: Mapping[str, Any] | None, kind: str) -> bool:
-    """Whether belief and goal, of a kind, allow a plan to be turned."""
+    """Whether the job's uncertainty and the goal's kind allow a plan to be turned."""
     halfwidth_deg = number(section(job or {}, "uncertainty"), "orientation_halfwidth_deg")
     return halfwidth_deg == 180.0 and kind in KINDS
 

@@ -78,7 +78,7 @@ Requests = Generator[Request, Reading | None, None]
 
 
 class Program:
-    """The program of every part of a table."""
+    """Generator of the requests for each part that is located by a table."""
 
     def __init__(self, table: Table, calibration: Calibration, policy: Policy) -> None:
         self.maps = [decision_map(node, table.gripper) for node in table.nodes]

@@ -140,6 +140,6 @@ class Auditor:
         return answer if path is None else replace(answer, picture=str(path))
 
     def _carrier(self, seen: Collection[int]) -> Subject | None:
-        """The only part with one of the tags seen; None where the tags do not decide."""
+        """The part whose tag is seen; None if no part's tag is seen, or tags of several parts."""
         having = [each for each in self.subjects if each.tag.number in seen]
         return having[0] if len(having) == 1 else None

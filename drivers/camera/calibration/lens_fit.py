@@ -32,7 +32,7 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
     """Fits a lens to views of a board, the first of which lies on the table; `size` of pictures in pixels.
 
     Raises:
-        InputError: too few views, a corner without any, large residuals, little tilt.
+        InputError: too few views, a corner of the picture that no view covers, large residuals, little tilt.
     """
     _check_views(views, size)
     points = [np.column_stack([v.points, np.zeros(len(v.points))]) for v in views]

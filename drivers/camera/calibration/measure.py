@@ -38,11 +38,11 @@ def measure(
     """Measures the part that carries a tag.
 
     Args:
-        picture: (h, w), to explain why the tag is not seen.
+        picture: (h, w), to explain a tag that is not seen.
         seen: all tags found in it.
         calibration: of the camera.
         tag: the part's.
-        near: expected pose of the part, for the same purpose.
+        near: expected pose of the part, to explain a tag that is not seen.
 
     Raises:
         TagError: the tag is not seen once, alone, and of the right size.

@@ -81,7 +81,7 @@ def parse(text: str) -> Board:
 
 
 def _refined(picture: Picture, pixels: Array, points: Array, field_mm: float) -> Array:
-    """Corners to a few hundredths of a pixel, each in a window that contains only its four fields."""
+    """Refines corners to a few hundredths of a pixel, each in a window within its four adjacent fields."""
     gaps = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
     gaps[gaps > 1.01 * field_mm] = 0.0
     first, second = np.nonzero(gaps)

@@ -108,7 +108,7 @@ class DhModel(Fingers):
         self._forget()
 
     def _dropped(self) -> None:
-        """They close on, to the requested position."""
+        """The held part is lost: the fingers close on, to the requested position."""
         if self._initialised is Initialised.YES:
             self._go(dropped=True)
 

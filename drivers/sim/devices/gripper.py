@@ -135,7 +135,7 @@ class GripperModel(Fingers):
         self._forget()
 
     def _dropped(self) -> None:
-        """They close on, to the request."""
+        """The held part is lost: the jaws close on, to the requested position."""
         if self._ready() and self._request["rGTO"]:
             self._go(meets=False)
 

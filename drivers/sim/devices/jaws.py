@@ -51,10 +51,10 @@ class Surroundings:
         return None
 
     def gripped(self) -> None:
-        """The jaws have stopped at it."""
+        """The jaws have stopped at the object."""
 
     def released(self) -> None:
-        """The jaws open again and release it."""
+        """The jaws open again and release the object."""
 
 
 class Stroke(NamedTuple):
@@ -176,7 +176,7 @@ class Fingers(ABC):
         self._flag = ObjectFlag(state, self._now, state, self._now)
 
     def _follow(self, shown: int) -> None:
-        """Makes the state follow the stroke that begins now, from the shown one."""
+        """Makes the shown state follow the stroke that begins now, with its lags."""
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
         self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
 
@@ -219,7 +219,7 @@ class Fingers(ABC):
         self._ends_s = self._stroke.end_s
 
     def _halt(self, outcome: int = 0) -> None:
-        """Stops the fingers where they are; an incomplete grip has not happened."""
+        """Stops the fingers where they are, and cancels a grip that is not complete."""
         here = self._here()
         self._stroke = Stroke(here, self._now, 0.0, here, outcome)
         if self._ends_s < math.inf:

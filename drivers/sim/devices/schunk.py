@@ -193,7 +193,7 @@ class SchunkModel(Fingers):
     # -- mishaps ----------------------------------------------------------------------------------
 
     def power_cycle(self, now_s: float) -> None:
-        """A short power failure: it has to be acknowledged again."""
+        """A short power failure, after which the start has to be acknowledged again."""
         self.advance(now_s)
         self._power_up()
 
@@ -203,7 +203,7 @@ class SchunkModel(Fingers):
         self._fail(code)
 
     def _dropped(self) -> None:
-        """They close on until they meet."""
+        """The held part is lost: the fingers close on until they meet."""
         gripping = self._status & (Status.GRIPPED | Status.READY)
         if gripping == Status.GRIPPED | Status.READY:
             self._status &= ~(Status.GRIPPED | Status.SUCCESS)

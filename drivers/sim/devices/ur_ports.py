@@ -40,7 +40,7 @@ class UrPort(TcpServer):
 
 
 class SecondaryPort(UrPort):
-    """Receives programs; sends its clients nothing that they read."""
+    """The secondary interface: receives programs, and sends nothing."""
 
     def _serve(self, client: socket.socket) -> None:
         text = ""

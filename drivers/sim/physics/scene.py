@@ -148,7 +148,7 @@ def _planner_job() -> Any:
 
 
 def job_geometry(job: Any) -> Geometry:
-    """Values for the cell from a parsed job."""
+    """The `Geometry` that a parsed job states."""
     gripper, cell, uncertainty = job.gripper, job.cell, job.uncertainty
     timing = import_module("planner.job.cell").timing_of(job)
     return Geometry(
@@ -170,7 +170,7 @@ def _height_mm(job: Any) -> float | None:
 
 
 def table_geometry(table: tables.Table) -> Geometry:
-    """Values for the cell from a table."""
+    """The `Geometry` that a table states."""
     limits = table.limits
     timing = tables.Schedule.of(table, tables.job_of(table)).timing
     regrasp_mm = timing.regrasp_mm

@@ -171,7 +171,7 @@ class TableTop:
 
 
 class Vice(TableTop):
-    """The table with the setting's block on it; there are no parts."""
+    """A table without parts, to which the setting's block is fixed."""
 
     def squeeze(self, hand: Pose2) -> float | None:
         """The first finger that touches stops both: the width (mm, as the encoder reads it), or None."""
@@ -182,7 +182,7 @@ class Vice(TableTop):
         return needed_mm + self._noise.gauss(0.0, self.geometry.gripper.noise_um / 1000.0)
 
     def gripped(self) -> None:
-        """It stays where it is."""
+        """Does nothing: the block is fixed."""
 
     def placed(self, hand: Pose2, opening_mm: float) -> None:
         """Fingers that come down on the block crash."""

@@ -31,7 +31,7 @@ class VirtualClock(Clock):
         return self._now
 
     def deadline(self, seconds: float) -> float:
-        """The moment by which `seconds` are over, including a last poll of a device."""
+        """The time after `seconds` and one last poll of a device."""
         return self._now + seconds + LINK_TIMEOUT_S
 
     def stamp(self) -> str:

@@ -56,7 +56,7 @@ ABSURD: Array = np.full((1, 2), np.inf)
 
 
 class View(NamedTuple):
-    """Visible shapes, and those that are not read."""
+    """What a drawing shows: the curves that are read, and the shapes that are not."""
 
     curves: list[pieces.Curve]
     lost: list[pieces.Lost]  # shown, but not read

@@ -1,4 +1,4 @@
-"""The basic shapes and paths of SVG as polylines; svgelements knows the curves."""
+"""The basic shapes and paths of SVG as polylines; svgelements computes the curves."""
 
 import re
 from functools import partial

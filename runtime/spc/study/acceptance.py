@@ -103,7 +103,7 @@ class Acceptance:
         )
 
     def fields(self) -> dict[str, object]:
-        """For JSON."""
+        """The values as JSON types."""
         return {
             "verdict": self.verdict.value,
             "decided_at": self.decided_at,
@@ -174,7 +174,7 @@ def _most(test: SequentialTest, count: int) -> int:
 
 
 def _first(does: Callable[[int], bool]) -> int | None:
-    """The first number of parts that satisfies a condition, by bisection; None up to `MOST_PARTS`."""
+    """The first number of parts that satisfies a condition, by bisection; None if above `MOST_PARTS`."""
     high = 1
     while not does(high):
         high *= 2

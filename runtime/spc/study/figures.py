@@ -34,7 +34,7 @@ class GaugeRow(NamedTuple):
     studies: Mapping[str, TypeOne]  # by coordinate, for those with a tolerance in the goal
 
     def fields(self) -> dict[str, object]:
-        """For JSON."""
+        """The values as JSON types."""
         studies = {
             name: {**study._asdict(), "capable": study.capable}
             for name, study in self.studies.items()
@@ -67,7 +67,7 @@ class Study:
         return Bounds(low, last.share, high) if low <= high else last
 
     def fields(self) -> dict[str, object]:
-        """For JSON."""
+        """The values as JSON types."""
         return {
             **self.acceptance.fields(),
             "failures": self.bounds._asdict(),

@@ -95,7 +95,7 @@ class Spread(NamedTuple):
         return CATEGORIES * self.part / self.gauge if self.gauge else None
 
     def fields(self) -> dict[str, object]:
-        """For JSON."""
+        """The values as JSON types."""
         percent = {f"{name}_percent": self.percent(value) for name, value in self._named().items()}
         ndc = self.categories
         return {
@@ -127,7 +127,7 @@ class Crossed:
     ranges: Spread | None  # by average and range; None without constants for this size
 
     def fields(self) -> dict[str, object]:
-        """For JSON."""
+        """The values as JSON types."""
         return {
             "parts": self.parts,
             "appraisers": self.appraisers,

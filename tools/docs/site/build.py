@@ -27,7 +27,7 @@ STRICT = [
 
 
 def quiet_kernels(folder: Path) -> None:
-    """Notebooks run without the user's settings, and without a word about their sockets on this machine."""
+    """Configures kernels of notebooks: no settings of the user, no messages about closed sockets."""
     os.environ["IPYTHONDIR"] = str(folder)
     (folder / "profile_default").mkdir()
     (folder / "profile_default" / "ipython_kernel_config.py").write_text(
