@@ -228,7 +228,7 @@ class PlcRun:
 def opened(
     arguments: argparse.Namespace, recipes: Sequence[Recipe], views: Views, stack: ExitStack
 ) -> PlcRun:
-    """Listens at the address of `--plc` until `stack` closes; clients are answered once the run begins.
+    """Holds the address of `--plc` until `stack` closes; connections are refused until the run begins.
 
     Raises:
         UsageError: the address is not available, or the tables are for different grippers.
@@ -241,7 +241,8 @@ def opened(
                 f"--tree {recipe.path} is for another gripper than {first.path}; recompile one of them"
             )
     address, clock = check(arguments), SystemClock()
-    listener = stack.enter_context(server.listening(address, "--plc"))
+    # What a PLC sent before the run begins would move the gripper late.
+    listener = stack.enter_context(server.listening(address, "--plc", at_once=False))
     scheme = arguments.plc.partition("://")[0]
     digests = [int(recipe.loaded.digest[:8], 16) for recipe in recipes]
     exchange = Exchange(Station(digests, first.options.takt_s, beats=scheme == MODBUS), clock)

@@ -90,7 +90,7 @@ class OpcUaServer(PlcServer):
         self._glances: deque[Glance] = deque()
 
     async def serve(self, stop: asyncio.Event) -> None:
-        """See `PlcServer.serve`; until then connections wait in the listener's queue."""
+        """See `PlcServer.serve`."""
         self._news, self._showing = asyncio.Event(), asyncio.Lock()
         server = await self._configured()
         self._space = AddressSpace(server)
