@@ -210,7 +210,10 @@ def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(tmp_path
 
     rig.gripper.activate = slow_sweep
 
-    assert Running(tmp_path, rig, tree, count=1).run(withdrawing(rig, triggered)) == 0
+    running = Running(tmp_path, rig, tree, count=1)
+    assert running.run(withdrawing(rig, triggered)) == 0
+    triggers = [each for each in running.kept() if each["kind"] == "trigger"]
+    assert [(each["trigger_id"], each["part"]) for each in triggers] == [(6, None), (7, 1)]
 
 
 def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(tmp_path, tree, monkeypatch):
