@@ -29,7 +29,7 @@ from runtime.plc.handshake import OPEN, State
 from runtime.plc.modbus import ModbusServer
 from runtime.plc.panel import Configuration, Offer, Panel
 from runtime.plc.server import PlcServer
-from runtime.plc.station import FAULT, Answer, Station
+from runtime.plc.station import FAULT, Answer, Order, Station
 from runtime.shell import interrupts
 from runtime.shell.errors import UsageError, exit_code_of
 from runtime.shell.exit_codes import ExitCode
@@ -147,7 +147,7 @@ class PlcRun:
                 self.monitor.note(f"a PLC may connect at {self._url}")
                 # the fingers may sweep before the first part
                 while not self._exchange.glance.enabled:
-                    if not self._ended_withdrawn():
+                    if not self._ended_withdrawn(journal):
                         self._wait()
                 while True:
                     recipe = self.recipes[number]
@@ -179,23 +179,24 @@ class PlcRun:
             if order is None:
                 self._wait()
                 continue
-            if self._ended_withdrawn():
+            if self._ended_withdrawn(journal):
                 continue
             if order.table != table:
                 return
             self._parts += 1
             if self._parts == self._count:
                 self._exchange.end()
-            fields = {"part": self._parts, "trigger_id": order.trigger_id, "table_number": table}
-            journal.record("trigger", fields)
+            _note_trigger(journal, order, self._parts)
             yield self._parts
 
-    def _ended_withdrawn(self) -> bool:
+    def _ended_withdrawn(self, journal: Journal) -> bool:
         """Ends a part whose enable was withdrawn before anything moved; returns whether there was one."""
-        withdrawn = self._exchange.glance.order is not None and not self._exchange.glance.enabled
-        if withdrawn:
-            self._exchange.finish(Answer(FAULT, int(ExitCode.STOPPED)))
-        return withdrawn
+        seen = self._exchange.glance
+        if seen.order is None or seen.enabled:
+            return False
+        _note_trigger(journal, seen.order, None)
+        self._exchange.finish(Answer(FAULT, int(ExitCode.STOPPED)))
+        return True
 
     def _await_taken(self) -> None:
         """Ends the run: triggers are ignored, and the last result stays until it is taken."""
@@ -225,10 +226,16 @@ class PlcRun:
         notify("WATCHDOG=1")
 
 
+def _note_trigger(journal: Journal, order: Order, part: int | None) -> None:
+    """Records an accepted trigger, and the number of its part, None where it was withdrawn before that."""
+    fields = {"part": part, "trigger_id": order.trigger_id, "table_number": order.table}
+    journal.record("trigger", fields)
+
+
 def opened(
     arguments: argparse.Namespace, recipes: Sequence[Recipe], views: Views, stack: ExitStack
 ) -> PlcRun:
-    """Listens at the address of `--plc` until `stack` closes; clients are answered once the run begins.
+    """Holds the address of `--plc` until `stack` closes; connections are refused until the run begins.
 
     Raises:
         UsageError: the address is not available, or the tables are for different grippers.
@@ -241,7 +248,8 @@ def opened(
                 f"--tree {recipe.path} is for another gripper than {first.path}; recompile one of them"
             )
     address, clock = check(arguments), SystemClock()
-    listener = stack.enter_context(server.listening(address, "--plc"))
+    # What a PLC sent before the run begins would move the gripper late.
+    listener = stack.enter_context(server.listening(address, "--plc", at_once=False))
     scheme = arguments.plc.partition("://")[0]
     digests = [int(recipe.loaded.digest[:8], 16) for recipe in recipes]
     exchange = Exchange(Station(digests, first.options.takt_s, beats=scheme == MODBUS), clock)

@@ -127,7 +127,7 @@ class _Asked:
         return tally.exit_code
 
     def _plc(self) -> "PlcRun":
-        """Listens for a PLC, and prepares the further tables that it may select."""
+        """Holds the address for a PLC, and prepares the further tables that it may select."""
         from runtime.commands import plc  # with a server, which no other run has to load
 
         arguments = self.arguments

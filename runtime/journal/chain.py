@@ -7,8 +7,9 @@ A record is on the disk when `Journal.record` returns. A run begins with a heade
 that the file alone is enough to check every decision, and ends with a record of kind `end`; a run without it
 broke off. In between, for each part: `part`, then a `placed` and a `squeeze` for each squeeze, `audit` and
 `delivery` where there is one, `outcome`, and `truth`, where a simulated part really lay; before a part that a
-PLC asked for `trigger`; after a crash `resume` and `freed`; instead of parts `put_down`; and anywhere `link`,
-a retry or a failure on the way to the gripper.
+PLC asked for `trigger`, with a null `part` where it was withdrawn before anything moved; after a crash
+`resume` and `freed`; instead of parts `put_down`; and anywhere `link`, a retry or a failure on the way to the
+gripper.
 
 A long file ends, between two parts, with a record of kind `seal`, and the chain continues in a new file,
 which begins with the run's header again and the number `after_part` of the last part. So the latest file is

@@ -90,7 +90,7 @@ class OpcUaServer(PlcServer):
         self._glances: deque[Glance] = deque()
 
     async def serve(self, stop: asyncio.Event) -> None:
-        """See `PlcServer.serve`; until then connections wait in the listener's queue."""
+        """See `PlcServer.serve`."""
         self._news, self._showing = asyncio.Event(), asyncio.Lock()
         server = await self._configured()
         self._space = AddressSpace(server)
@@ -262,9 +262,9 @@ class OpcUaServer(PlcServer):
             return ("", int(seen.error_id), REASONS[Error(seen.error_id)])
         self._jobs = number
         offer = self._panel.offers[seen.order.table]
-        job = Job(number, f"{self._begun}/{number}", meas_id, offer.id, offer.digest)
-        self._panel.begin(job)
-        return (job.id, *DONE)
+        job_id, configuration = f"{self._begun}/{number}", self._panel.configuration.digest
+        self._panel.begin(Job(number, job_id, meas_id, offer.id, offer.digest, configuration))
+        return (job_id, *DONE)
 
     def _prepare(self, recipe: str) -> Outputs:
         names = [offer.id for offer in self._panel.offers]

@@ -63,6 +63,8 @@ class Panel:
     """Follows a station, and keeps results and counts of this process.
 
     Attributes:
+        offers: the recipes, by the numbers of their tables.
+        configuration: the current one.
         results: by their ids, the last ones.
         job: of the current part or of the waiting result; otherwise the last one.
     """
@@ -72,8 +74,8 @@ class Panel:
     ) -> None:
         self.offers = offers
         self.results: dict[str, Result] = {}
-        self.job = Job(0, "", "", "", "")
-        self._configuration = configuration
+        self.job = Job(0, "", "", "", "", "")
+        self.configuration = configuration
         self._seen = first
         self._last = NO_RESULT
         self._counts = dict.fromkeys(OUTCOMES[1:], 0)
@@ -126,8 +128,8 @@ class Panel:
         yield f"{RECIPES}/PreparedDigest", prepared.digest if prepared else ""
         for offer in self.offers:
             yield f"{RECIPES}/Recipes/{offer.id}/Digest", offer.digest
-        yield f"{CONFIGURATION}/ActiveConfiguration", self._configuration.id
-        yield f"{CONFIGURATION}/Digest", self._configuration.digest
+        yield f"{CONFIGURATION}/ActiveConfiguration", self.configuration.id
+        yield f"{CONFIGURATION}/Digest", self.configuration.digest
         yield f"{RESULTS}/ResultReady", waits(seen)
         for name, value in self._last._asdict().items():
             yield f"{RESULTS}/LastResult/{name}", value

@@ -136,6 +136,7 @@ class Job(NamedTuple):
     meas_id: str  # given by the client
     recipe: str
     digest: str  # SHA-256 of the table's file
+    configuration: str  # SHA-256 of the calibration's file, "" for the linear map
 
 
 class Result(NamedTuple):
@@ -146,6 +147,7 @@ class Result(NamedTuple):
     MeasId: str
     RecipeId: str
     TableDigest: str
+    ConfigurationDigest: str
     Outcome: str
     X_mm: float
     Y_mm: float
@@ -159,7 +161,7 @@ class Result(NamedTuple):
     Seconds: float  # from the part's first motion to its outcome; NaN where none was reached
 
 
-NO_RESULT = Result(0, "", "", "", "", OUTCOMES[0], 0.0, 0.0, 0.0, nan, nan, "", 0, 0, 0, nan)
+NO_RESULT = Result(0, "", "", "", "", "", OUTCOMES[0], 0.0, 0.0, 0.0, nan, nan, "", 0, 0, 0, nan)
 
 
 def result_of(job: Job, parts: list[str], answer: Answer) -> Result:
@@ -170,6 +172,7 @@ def result_of(job: Job, parts: list[str], answer: Answer) -> Result:
         job.meas_id,
         job.recipe,
         job.digest,
+        job.configuration,
         OUTCOMES[answer.outcome],
         answer.x / 1e3,
         answer.y / 1e3,

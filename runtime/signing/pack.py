@@ -142,7 +142,8 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}
     reasons = []
-    folders = sorted({tree.parent, tree.resolve().parent})  # of a link, and of what it leads to
+    # of a link, and of what it leads to
+    folders = sorted({tree.parent.resolve(), tree.resolve().parent})
     for path in (path for folder in folders for path in sorted(folder.glob("*.zip"))):
         try:
             pack = verified(read(path), trusted)

@@ -9,6 +9,7 @@ from math import degrees
 from pathlib import Path
 
 import pytest
+from ladder import Ladder
 from plc_programs import (
     FLAGS,
     INPUTS,
@@ -29,10 +30,11 @@ from runtime.cli import main
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Replay
 from runtime.plc import station
-from runtime.plc.registers import READ, READ_AT, WRITTEN_AT
+from runtime.plc.registers import READ, READ_AT, WRITTEN, WRITTEN_AT
 from runtime.table import dump
 
 PARTS = 10
+LADDER = SOURCE.with_name("plc.ladder.txt")
 VIRTUAL = ("--time-scale", "max", "--world", "runtime.devices.rehearsal:make")
 
 
@@ -102,6 +104,30 @@ def test_structured_text_does_what_the_program_of_the_study_does() -> None:
         if cycle % 37 == 0:
             plc.station.disconnect()
     assert ends > 20
+
+
+def test_ladder_takes_each_result_once_whatever_interrupts_it() -> None:
+    ladder, plc = Ladder(LADDER.read_text()), MemoryPlc()
+    number, age, taken, begun = 1, 0, [], []
+    for cycle in range(3000):
+        plc.now += 0.1 if cycle % 331 else 5.0  # it stands still for so long that enabling ends
+        if cycle % 37 == 0:
+            plc.station.disconnect()
+        values = {register.name: plc[register.name] for register in READ}
+        memory = ladder(start=1, id=number, **values)
+        if memory["done"]:
+            taken.append((memory["trigger_id"], memory["part_outcome"], memory["part_x"]))
+            number += 1
+        words = [memory.get(register.name, 0) for register in WRITTEN]
+        assert plc.station.write(WRITTEN_AT, words, plc.now) is None
+        age = age + 1 if plc.station.order is not None else 0
+        if age > cycle % 7:
+            begun.append(plc.station.order.trigger_id)
+            code = (0, 20)[begun[-1] % 10 == 0]  # of a fault, which leaves its error
+            plc.end_part(outcome=4 if code else 1, x=-3 * begun[-1], exit_code=code)
+    assert len(taken) > 200
+    assert taken == [(each, 4 if each % 10 == 0 else 1, -3 * each) for each in begun[: len(taken)]]
+    assert begun == list(range(1, len(begun) + 1))
 
 
 @pytest.fixture

@@ -24,7 +24,16 @@ from runtime.plc.certificates import PINNED, Trust, identity_in
 from runtime.plc.exchange import Exchange
 from runtime.plc.handshake import Error
 from runtime.plc.opcua import OpcUaServer, Security
-from runtime.plc.panel import AUTOMATIC, MACHINE, PACKML, RECIPES, RESULTS, Configuration, Panel
+from runtime.plc.panel import (
+    AUTOMATIC,
+    CONFIGURATION,
+    MACHINE,
+    PACKML,
+    RECIPES,
+    RESULTS,
+    Configuration,
+    Panel,
+)
 from runtime.plc.station import FAULT, Answer, Station
 
 STATE = f"{AUTOMATIC}/CurrentState"
@@ -90,6 +99,7 @@ def test_part_goes_through_the_states_and_has_its_result(served: Served, line: S
     assert (result["ResultId"], result["MeasId"], result["RecipeId"]) == (job, "plate 17", "two")
     assert (result["X_mm"], result["Y_mm"], result["Angle_deg"]) == (-1.5, 0.25, 90.0)
     assert (result["Part"], result["Face"], result["Seconds"]) == ("shim", 1, 1.25)
+    assert result["ConfigurationDigest"] == line[f"{CONFIGURATION}/Digest"] == "c" * 64
     assert {name: line[f"{RESULTS}/LastResult/{name}"] for name in ("ResultId", "X_mm")} == {
         name: result[name] for name in ("ResultId", "X_mm")
     }

@@ -182,6 +182,7 @@ class LibmodbusPlc(TcpPlc):
         self._library = ctypes.CDLL(find_library("modbus"))
         self._library.modbus_new_tcp.restype = ctypes.c_void_p
         self._context = ctypes.c_void_p(self._library.modbus_new_tcp(b"127.0.0.1", port))
+        self._library.modbus_set_response_timeout(self._context, int(WAIT_S), 0)
         assert self._library.modbus_connect(self._context) == 0
 
     def code(self, name: str, value: int) -> int:

@@ -102,8 +102,8 @@ class PageServer(Server):
         super().__init__(listener, partial(answer, pages, local=self.local))
 
 
-def listening(address: Address, option: str) -> socket.socket:
-    """A socket that listens at an address.
+def listening(address: Address, option: str, *, at_once: bool = True) -> socket.socket:
+    """A socket that listens at an address; without `at_once` it only holds it, and refuses connections.
 
     Raises:
         UsageError: the address is not available.
@@ -120,7 +120,8 @@ def listening(address: Address, option: str) -> socket.socket:
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(place)
-        listener.listen(MOST_CLIENTS)
+        if at_once:
+            listener.listen(MOST_CLIENTS)
     except OSError as error:
         listener.close()
         raise UsageError(f"{option} {address}: {_sentence(error, address)}") from error

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -157,6 +158,13 @@ def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
     assert triggers == [5, 5, 65535]
 
 
+def test_connection_before_the_run_begins_is_refused_so_that_no_trigger_waits(tmp_path, tree):
+    running = Running(tmp_path, fake_cell([AT_21]), tree, count=1)
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", running.port), 1.0)
+    assert running.run(lambda client: (client.enable(), client.part(1))) == 0
+
+
 def test_nothing_is_moved_before_enabling(tmp_path, tree):
     rig = fake_cell([AT_21])
     rig.gripper.now = State(activated=False)
@@ -202,7 +210,10 @@ def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(tmp_path
 
     rig.gripper.activate = slow_sweep
 
-    assert Running(tmp_path, rig, tree, count=1).run(withdrawing(rig, triggered)) == 0
+    running = Running(tmp_path, rig, tree, count=1)
+    assert running.run(withdrawing(rig, triggered)) == 0
+    triggers = [each for each in running.kept() if each["kind"] == "trigger"]
+    assert [(each["trigger_id"], each["part"]) for each in triggers] == [(6, None), (7, 1)]
 
 
 def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(tmp_path, tree, monkeypatch):

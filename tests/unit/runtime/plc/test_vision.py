@@ -16,7 +16,7 @@ from runtime.plc.vision import (
 )
 
 CHART = list(explored())
-JOB = Job(7, "id-7", "m", "two", "e" * 64)
+JOB = Job(7, "id-7", "m", "two", "e" * 64, "c" * 64)
 # OPC 40100-1, 8.2 and 8.3: the transitions between these states, whatever causes them.
 SPECIFIED = {
     "PreoperationalToInitialized",
@@ -77,6 +77,7 @@ def test_result_has_the_units_of_its_names():
     assert result.ExpectedError_mm == 0.02
     assert isnan(result.ExpectedErrorP95_mm)
     assert (result.RecipeId, result.TableDigest, result.Seconds) == ("two", "e" * 64, 1.25)
+    assert result.ConfigurationDigest == "c" * 64
 
 
 @pytest.mark.parametrize(("outcome", "code", "error"), [(2, 10, 0), (3, 11, 0), (FAULT, 20, 20)])

@@ -5,6 +5,7 @@ import json
 import shutil
 import subprocess
 import zipfile
+from pathlib import Path
 
 import pytest
 from packs import FACTS, new_key, pack_of
@@ -139,6 +140,14 @@ def test_covering_takes_the_pack_with_these_bytes_and_no_other(tmp_path):
         covering(tree, data + b"x", None, SIGNER.public)
     with pytest.raises(PackError, match="another key"):
         covering(tree, data, None, new_key().public)
+
+
+def test_covering_names_each_pack_once_where_the_path_is_relative(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("broken.zip").write_bytes(b"PK")
+    with pytest.raises(PackError, match="no zip archive") as refused:
+        covering(Path("t.msgpack"), b"", None, SIGNER.public)
+    assert str(refused.value).count("broken.zip") == 1
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
