@@ -97,6 +97,11 @@ class GripperProfile:
             most = self.grip_mm_s * self.usual_force_n / self.force_n[1]
         return _within(most, self.speed_mm_s)
 
+    @property
+    def gentle_mm_s(self) -> float:
+        """Closing speed on a gauge block: slow, but some grippers' slowest takes a minute for a stroke."""
+        return _within(20.0, self.speed_mm_s)
+
     def reading_um(self, step: int) -> int:
         """The width at a step of the grid, from 0, rounded; extrapolated beyond the ends."""
         return (2 * self.stroke_um * step + self.steps) // (2 * self.steps)
