@@ -74,6 +74,8 @@ class GripperProfile:
     fingers_mm: tuple[float, float] = (25.0, 10.0)
     # Counts of the open and closed jaws, if the device counts from 0 to `MOST_COUNT`.
     counts: tuple[int, int] | None = None
+    # Rate at which it closes with its whole force, and in proportion with less; None: at any speed.
+    grip_mm_s: float | None = None
     # Distance of its farthest point from its axis, jaws open, with the maker's fingers.
     radius_mm: float = TURN_RADIUS_MM
 
@@ -81,6 +83,24 @@ class GripperProfile:
     def steps(self) -> int:
         """Number of steps of the grid of readings."""
         return round(self.stroke_um / self.resolution_um)
+
+    @property
+    def usual_force_n(self) -> float:
+        """Grip force where a job states none: low."""
+        return _within(40.0, self.force_n)
+
+    @property
+    def usual_speed_mm_s(self) -> float:
+        """Closing speed where a job states none: moderate, and one that the usual force allows."""
+        most = 60.0
+        if self.grip_mm_s is not None:
+            most = self.grip_mm_s * self.usual_force_n / self.force_n[1]
+        return _within(most, self.speed_mm_s)
+
+    @property
+    def gentle_mm_s(self) -> float:
+        """Closing speed on a gauge block: slow, but some grippers' slowest takes a minute for a stroke."""
+        return _within(20.0, self.speed_mm_s)
 
     def reading_um(self, step: int) -> int:
         """The width at a step of the grid, from 0, rounded; extrapolated beyond the ends."""
@@ -94,6 +114,10 @@ class GripperProfile:
         """The width at a count of a device that counts; extrapolated beyond its end counts."""
         assert self.counts is not None
         return self.reading_um(self.counts[1] - count)
+
+
+def _within(value: float, bounds: tuple[float, float]) -> float:
+    return min(max(value, bounds[0]), bounds[1])
 
 
 @dataclass(frozen=True, slots=True)

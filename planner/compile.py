@@ -1,5 +1,6 @@
 """Compiles a job to a decision table: the whole planner on one screen."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,7 @@ from planner.world import ContactWorlds
 from runtime.table import Table
 
 EVALUATION_TRIALS = 20_000
+FEW = 100  # particles of the search that compiles the kernels
 SEED_FIGURES = 0x46494755
 
 
@@ -115,7 +117,10 @@ def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
 
 
 def _load_kernels(problem: Problem) -> None:
-    """Compiles the kernels by squeezing a small belief of each limit surface."""
+    """Compiles the kernels: a small search, then squeezes of a small belief of each limit surface."""
+    small = problem.job.replaced(search={"particles": FEW})
+    with suppress(NoPlanError):
+        planned(Problem.of(small, problem.mixture.workers), Limit(0.0), 1)
     belief = problem.belief(problem.job.search.particles, np.random.default_rng(0))
     of_each_form = np.unique(belief.traits["surface"], return_index=True)[1]
     few = belief[np.append([0, min(1, len(belief) - 1)], of_each_form)]

@@ -20,7 +20,8 @@ class Scale:
         self.profile = profile or PROFILES[MODEL]
         if self.profile.steps != FULL:
             raise PortError(
-                f"a {self.profile.model} is no gripper of DH-Robotics; check the port, or the gripper's model"
+                f"a {self.profile.model} of {self.profile.steps} steps is no gripper of DH-Robotics "
+                f"({FULL}); check the port, or the gripper's model and resolution"
             )
 
     def width_um(self, position: int) -> int:

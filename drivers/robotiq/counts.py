@@ -20,7 +20,8 @@ class Counts:
         self.profile = profile or PROFILES[MODEL]
         if self.profile.counts is None:
             raise PortError(
-                f"a {self.profile.model} has no register of counts; check the port, or the gripper's model"
+                f"a {self.profile.model} of {self.profile.steps} steps has no register of counts; check the "
+                "port, or the gripper's model and resolution"
             )
         _, self._closed = self.profile.counts
 

@@ -77,6 +77,7 @@ def serve(options: argparse.Namespace) -> int:
     # A shell starts background jobs with SIGINT ignored, and that is inherited.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if options.gripper is not None:
+        _refuse_other_devices(options)
         return _run(LoneGripper(options.gripper, options.seed, options.time_scale), options)
     faults = None if options.faults is None else parse(options.faults)
     setting: Setting = load(options.tree, options.job, options.world)
@@ -92,6 +93,16 @@ def serve(options: argparse.Namespace) -> int:
     rig = camera(setting) if options.camera else None
     warm_up(setting, options.seed)
     return _run(Cell(setting, options.seed, options.time_scale, faults, rig), options)
+
+
+def _refuse_other_devices(options: argparse.Namespace) -> None:
+    """Refuses what a gripper alone does not have; raises UsageError."""
+    for name in ("world", "faults", "middle", "block", "camera", "camera_views"):
+        if getattr(options, name):
+            word = name.replace("_", "-")
+            raise UsageError(
+                f"--{word} is of a whole cell, --gripper serves a gripper alone; leave one of the two out"
+            )
 
 
 def _run(serving: Serving, options: argparse.Namespace) -> int:

@@ -1,6 +1,7 @@
 """Comparison of grippers: one plan for each gripper that opens wide enough, in one table."""
 
 import argparse
+from textwrap import wrap
 from typing import Any
 
 from planner.cli import course, shell
@@ -62,8 +63,17 @@ def _small(arguments: argparse.Namespace, name: str) -> dict[str, Any]:
     """What there is to say of a gripper that does not open wide enough; its line is printed."""
     step_mm = GRIPPERS[name].profile.resolution_um / 1000
     reason = f"it opens to {GRIPPERS[name].opening_mm:g} mm, too little for the part"
+    return _unplanned(arguments, name, step_mm, reason)
+
+
+def _unplanned(
+    arguments: argparse.Namespace, name: str, step_mm: float, reason: str
+) -> dict[str, Any]:
+    """The same with the reason, in lines that a terminal of 80 columns shows as a table."""
     if not arguments.json:
-        print(f"{name:16} {step_mm:5.2f} mm  no: {reason}", flush=True)
+        row = f"{name:16} {step_mm:5.2f} mm  "
+        lines = wrap(f"no: {reason}", 80 - len(row), break_long_words=False)
+        print(row + ("\n" + " " * len(row)).join(lines), flush=True)
     return {"gripper": name, "step_mm": step_mm, "reason": reason}
 
 
@@ -78,9 +88,8 @@ def _row(
         with progress_of(arguments, course.unknown) as report, shell.compiling():
             plan = planned_within(job, arguments.budget or EACH_S, False, report)
     except NoPlanError as failure:
-        if not arguments.json:
-            print(f"{name:16} {step_mm:5.2f} mm  no: {failure}", flush=True)
-        return {"gripper": name, "step_mm": step_mm, "reason": str(failure)}
+        reason = "not done in time (--budget)" if failure.cut_short else str(failure)
+        return _unplanned(arguments, name, step_mm, reason)
     figures = plan.evaluation.summary()
     located, off_mm = figures["success_rate"], figures["error_mm"]
     if not arguments.json:

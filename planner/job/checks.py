@@ -8,6 +8,7 @@ import shapely
 
 from planner.arrays import Array
 from planner.errors import FitError
+from planner.job.schema import MOST_OFF_MM
 from planner.job.surface_file import check_ellipsoid
 from planner.part import outline, symmetry, tips
 from runtime.shell.errors import InputError
@@ -83,11 +84,15 @@ def complete_gripper(gripper: dict[str, Any]) -> None:
         gripper["resolution_mm"] = gripper["opening_mm"] / profile.steps
     if gripper["noise_mm"] is None:
         gripper["noise_mm"] = profile.noise_um / 1e3
+    if gripper["force_n"] is None:
+        gripper["force_n"] = profile.usual_force_n
+    if gripper["speed_mm_s"] is None:
+        gripper["speed_mm_s"] = profile.usual_speed_mm_s
 
 
-def encoder_doubt_mm(gripper: dict[str, Any]) -> float:
+def doubt_mm(resolution_mm: float, noise_mm: float) -> float:
     """Default doubt of the error of a gripper's widths, rounded to two digits."""
-    return float(f"{doubt_um(gripper['resolution_mm'], gripper['noise_mm']):.2g}")
+    return min(float(f"{doubt_um(resolution_mm, noise_mm):.2g}"), MOST_OFF_MM)
 
 
 def check_conflicts(values: Values) -> None:
@@ -175,10 +180,11 @@ def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:
     if speed > most:
         problem = f"is {speed:g}, above max_speed_mm_s = {most:g} of [cell]; lower it"
         raise _conflict("gripper", "speed_mm_s", problem)
-    force, most = gripper["force_n"], profile_of(gripper["model"]).force_n[1]
-    if force > most:
-        problem = f"is {force:g}, above the {most:g} N of {gripper['model']}; lower it"
-        raise _conflict("gripper", "force_n", problem)
+    profile = profile_of(gripper["model"])
+    for key, (least, most) in (("speed_mm_s", profile.speed_mm_s), ("force_n", profile.force_n)):
+        if not least <= gripper[key] <= most:
+            problem = f"is {gripper[key]:g}, but a {gripper['model']} does {least:g} to {most:g}"
+            raise _conflict("gripper", key, f"{problem}; correct it, or the model")
 
 
 def _check_doubt(doubt: dict[str, Any], pressure: dict[str, Any]) -> None:

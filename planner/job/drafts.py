@@ -12,13 +12,13 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from planner.job import model as job_file
+from planner.job.checks import doubt_mm
 from planner.part.importers.file import Face, Imported
 from planner.part.outline import reach
 from planner.part.tips import tips_height_mm
 from runtime.shell.plain_text import cleaned
 from runtime.table import GripperProfile, selectable
 
-SPEED_MM_S, FORCE_N = 60.0, 40.0  # initial closing speed and force: moderate, and low
 MIDDLE_SHARE = 1 / 60  # of the stroke: distance from the hand's middle where the fingers may meet
 
 
@@ -51,21 +51,23 @@ class GripperPreset(NamedTuple):
     @property
     def speed_mm_s(self) -> float:
         """Initial closing speed."""
-        return _within(SPEED_MM_S, self.profile.speed_mm_s)
+        return self.profile.usual_speed_mm_s
 
     @property
     def force_n(self) -> float:
         """Initial grip force."""
-        return _within(FORCE_N, self.profile.force_n)
+        return self.profile.usual_force_n
+
+    @property
+    def encoder_off_mm(self) -> float:
+        """Default doubt of the error of its widths."""
+        profile = self.profile
+        return doubt_mm(profile.resolution_um / 1000, profile.noise_um / 1000)
 
     @property
     def middle_off_mm(self) -> float:
         """How far from the hand's middle the fingers may meet."""
         return round(MIDDLE_SHARE * self.opening_mm, 1)
-
-
-def _within(value: float, bounds: tuple[float, float]) -> float:
-    return min(max(value, bounds[0]), bounds[1])
 
 
 GRIPPERS = {model: GripperPreset(profile) for model, profile in selectable().items()}

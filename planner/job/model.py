@@ -258,7 +258,8 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
         cell["squeeze_height_mm"] = tips_height_mm(part["height_mm"])
     job_checks.complete_gripper(values["gripper"])
     if document.get("doubt") and "encoder_mm" not in document["doubt"]:
-        most_mm = job_checks.encoder_doubt_mm(values["gripper"])
+        gripper = values["gripper"]
+        most_mm = job_checks.doubt_mm(gripper["resolution_mm"], gripper["noise_mm"])
         values["doubt"]["encoder_mm"] = np.array([-most_mm, most_mm])
     job_checks.check_conflicts(values)
     if actions["pushes"] == "none":

@@ -16,6 +16,7 @@ MOST_FRICTION = 2.0
 # Tables hold integers of um, urad, um/s and mN; a goal, a speed or a force is at least ten of them.
 LEAST_MM, LEAST_DEG, LEAST_RATE = 0.01, 0.001, 0.1
 LEAST_STEP_MM = 0.001  # of a reading, which a table states in um
+MOST_OFF_MM = 20.0  # constant error of a width
 MM = 1_000.0  # larger than any part, gripper or height of such a cell
 
 
@@ -66,9 +67,10 @@ class Gripper:
     opening_mm: Annotated[float, Number(0, MM, above=True, default=None)]
     resolution_mm: Annotated[float, Number(LEAST_STEP_MM, MM, default=None)]  # step of a reading
     noise_mm: Annotated[float, Number(0, 10, default=None)]  # std of a reading before its rounding
-    # Rate at which the opening closes; each finger moves at half of it.
-    speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=60.0)]
-    force_n: Annotated[float, Number(LEAST_RATE, 10_000, default=40.0)]  # grip force
+    # Rate at which the opening closes; each finger moves at half of it. None here and below: moderate, and
+    # low, for the model.
+    speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=None)]
+    force_n: Annotated[float, Number(LEAST_RATE, 10_000, default=None)]  # grip force
     # Share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = the other one
     # sticks.
     upper_finger_share: Annotated[float, Number(0, 1, default=0.5)]
@@ -112,7 +114,7 @@ class Doubt:
     middle_mm: Annotated[Interval, _interval(-20, 20)]
     # Constant error of widths; by default three steps of a reading, or three of its standard
     # deviations where those are larger.
-    encoder_mm: Annotated[Interval, _interval(-20, 20)]
+    encoder_mm: Annotated[Interval, _interval(-MOST_OFF_MM, MOST_OFF_MM)]
     # Error of widths in proportion to them.
     encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]
     # "any": parts may press with their rim, their area, its middle or three feet, whatever [pressure] says.

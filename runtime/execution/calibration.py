@@ -96,9 +96,10 @@ def _open(gripper: Gripper) -> None:
 
 
 def _stroke(gripper: Gripper, width_um: int, *, fast: bool = False) -> Settled:
-    """A gentle stroke, at the least or the greatest speed of the gripper."""
+    """A stroke with the least force, gentle or at the greatest speed of the gripper."""
     profile = gripper.profile
-    settled = stroke(gripper, width_um, profile.speed_mm_s[fast], profile.force_n[0])
+    speed_mm_s = profile.speed_mm_s[1] if fast else profile.gentle_mm_s
+    settled = stroke(gripper, width_um, speed_mm_s, profile.force_n[0])
     check_fresh(settled, width_um)
     return settled
 

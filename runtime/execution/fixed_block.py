@@ -52,7 +52,7 @@ def gripping(table: Table, block_mm: float) -> Node:
         )
     squeeze = table.nodes[0].squeeze._replace(
         opening_um=opening_um,
-        speed_um_s=gripper.least_speed_um_s,
+        speed_um_s=round(1000 * gripper.profile.gentle_mm_s),
         force_mn=gripper.least_force_mn,
     )
     return table.nodes[0]._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))

@@ -82,7 +82,8 @@ PROFILES = {
             force_n=(40.0, 140.0),
         ),
         # An EGU 60 and an EGK 25 of SCHUNK, by their parameters (drivers/schunk/README.md):
-        # min_vel, max_vel, min_grp_force, max_grp_force. They read whole um; the noise is a guess.
+        # min_vel, max_vel, min_grp_force, max_grp_force, max_grp_vel. They read whole um; the noise is
+        # a guess.
         GripperProfile(
             model="schunk-egu",
             stroke_um=120_000,
@@ -90,6 +91,7 @@ PROFILES = {
             noise_um=20,
             speed_mm_s=(10.0, 110.0),
             force_n=(325.0, 650.0),
+            grip_mm_s=25.0,
         ),
         GripperProfile(
             model="schunk-egk",
@@ -98,6 +100,7 @@ PROFILES = {
             noise_um=20,
             speed_mm_s=(5.0, 120.0),
             force_n=(25.0, 50.0),
+            grip_mm_s=20.0,
         ),
     )
 }
@@ -173,7 +176,8 @@ def _is_sound(profile: GripperProfile) -> bool:
     sound = 0 < profile.resolution_um <= profile.stroke_um and all(
         low < high for low, high in pairs
     )
-    sound = sound and isinstance(profile.radius_mm, int | float) and profile.radius_mm > 0.0
+    sizes = [profile.radius_mm, *([] if profile.grip_mm_s is None else [profile.grip_mm_s])]
+    sound = sound and all(isinstance(size, int | float) and size > 0.0 for size in sizes)
     return sound and len(profile.arc_mm) <= 2 and isinstance(profile.streams, bool)
 
 

@@ -39,6 +39,27 @@ Search.grow = growing
 sys.exit(compile.main(sys.argv[1:]))
 """
 
+LOADING = """
+import gc, sys
+from numba.core.dispatcher import Dispatcher
+from planner.compile import compile_job
+from planner.job import model
+from planner.work.limit import Limit
+
+class Budget(Limit):
+    def start(self):
+        self.before = loaded()
+        super().start()
+
+def loaded():
+    kernels = [one for one in gc.get_objects() if isinstance(one, Dispatcher)]
+    return {(one.py_func.__qualname__, str(each)) for one in kernels for each in one.signatures}
+
+limit = Budget(600.0)
+compile_job(model.load(sys.argv[1]), 2, 1000, limit=limit)
+print(sorted(name for name, _ in loaded() - limit.before))
+"""
+
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory):
@@ -76,6 +97,14 @@ def test_a_spent_budget_leaves_a_whole_tree_and_says_what_is_missing(job, whole,
     assert plan.cut is not None
     assert plan.cut.open_share == pytest.approx(plan.evaluation.unresolved.mean())
     assert plan.evaluation.success.mean() >= 0.95 or plan.cut.open_share > 0.0
+
+
+@pytest.mark.timeout(600)
+def test_a_budget_pays_for_no_kernel(job):
+    """A plan of the first run would end without a leaf: kernels take half a minute to compile."""
+    command = [sys.executable, "-c", LOADING, job]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.stdout == "[]\n", ended.stderr
 
 
 def test_a_budget_of_nothing_is_no_reason_to_ask_for_more_actions(job):

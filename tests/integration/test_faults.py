@@ -51,7 +51,7 @@ CELLS = {
         REGULATED,
         range(12, 260, 31),
         # It has neither Robotiq's lesser faults nor an automatic release.
-        OTHERS | {f"gflt_{code}" for code in ("05", "07", "08", "09", "0b", "0f")},
+        OTHERS | {f"gflt_{code}" for code in ("05", "07", "09", "0b", "0f")},
     ),
 }
 CASES = [

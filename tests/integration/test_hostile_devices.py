@@ -134,5 +134,5 @@ def test_table_of_an_unknown_gripper_is_refused_before_a_port_is_opened(
     ]
     assert cli.main(words) == 21
     printed = capsys.readouterr().err
-    assert "a left-hand-effector has no register of counts; check the port" in printed
+    assert "a left-hand-effector of 227 steps has no register of counts; check the port" in printed
     assert printed.count("\n") == 1

@@ -9,8 +9,10 @@ import pytest
 from gripper_tables import table_for
 
 from drivers import connect
+from drivers.sim import cli as sim
 from drivers.sim.grippers import SIMULATORS
 from runtime import cli
+from runtime.shell.exit_codes import ExitCode
 from runtime.table import dump, profile_of
 
 ROOT = Path(__file__).parents[2]
@@ -31,6 +33,17 @@ def test_run_in_virtual_time_locates_parts_by_readings_of_the_gripper(tmp_path, 
     assert all(part["crashes"] == 0 for part in parts)
     readings_um = {round(1000 * width) for part in parts for width in part["readings_mm"]}
     assert all(width == profile.reading_um(profile.step(width)) for width in readings_um)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--faults", "seed:1"], ["--block", "20,0,0"], ["--middle", "1"], ["--camera"]],
+    ids=lambda words: words[0],
+)
+def test_grasp_cell_with_a_gripper_alone_refuses_what_only_a_cell_has(words, capsys):
+    assert sim.main(["--gripper", "dh-ag95", *words]) == ExitCode.USAGE
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words[0] in line
 
 
 @pytest.mark.parametrize("model", SIMULATORS)

@@ -21,7 +21,9 @@ FLAG_BYTE, FLAG_SHIFT, FAULT_BYTE, COUNT_BYTE = 0, 6, 2, 4
 GOING, MOVING = 0x08, 0
 RELEASING = 0x0B
 LEAST_MAJOR = 0x0A  # faults that stay in the model; lesser ones only show in readings
-SUPPLY = 0x74  # a SCHUNK gripper's counterpart of a Robotiq gripper's major fault
+OVER_TEMPERATURE = 0x08
+# A SCHUNK gripper's counterparts of a Robotiq gripper's over temperature, and of its major faults.
+TOO_HOT, SUPPLY = 0x6D, 0x74
 # Outcomes of a SCHUNK gripper that correspond to gOBJ 0 to 3.
 STATES = (
     Status(0),
@@ -204,5 +206,7 @@ class FaultySchunkModel(Failing, SchunkModel):
         super().write(name, data, now_s)
 
     def _report(self, code: int, now_s: float) -> None:
-        if code >= LEAST_MAJOR:
+        if code == OVER_TEMPERATURE:
+            self.fail(TOO_HOT, now_s)
+        elif code >= LEAST_MAJOR:
             self.fail(SUPPLY, now_s)

@@ -1,5 +1,7 @@
 """The driver of DH grippers against a simulated one in virtual time, on a line that fails."""
 
+from dataclasses import replace
+
 import pytest
 from dh_devices import VirtualDh, close
 
@@ -155,6 +157,9 @@ def test_device_in_a_state_that_no_dh_gripper_has_is_a_fault():
 def test_profile_of_another_make_is_refused():
     with pytest.raises(PortError, match="is no gripper of DH-Robotics"):
         Scale(profile_of("robotiq-2f-85"))
+    finer = replace(profile_of("dh-ag95"), resolution_um=10.0)
+    with pytest.raises(PortError, match=r"of 9500 steps .* resolution"):
+        Scale(finer)
 
 
 @pytest.mark.parametrize(

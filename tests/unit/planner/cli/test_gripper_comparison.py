@@ -23,7 +23,7 @@ def plate(tmp_path, monkeypatch):
 
     def planned(job, *_):
         if job.gripper.model == "hand-e":
-            raise NoPlanError("no leaf comes within 3 mm")
+            raise NoPlanError(f"no leaf comes within 3 mm; {'add actions, or ' * 9}ask for less")
         return SimpleNamespace(evaluation=SimpleNamespace(summary=lambda: FIGURES))
 
     monkeypatch.setattr(gripper_comparison, "planned_within", planned)
@@ -37,6 +37,9 @@ def test_compare_prints_a_line_for_each_gripper_and_writes_nothing(plate, capsys
     assert first_look.main([str(plate), "--units", "mm", "--gripper", "all"]) == 0
     lines = capsys.readouterr().out.splitlines()
     table = lines[lines.index(gripper_comparison.HEAD) + 1 :]
+    assert all(len(line) <= 80 for line in table)
+    assert "ask for less" in " ".join(" ".join(table).split())
+    table = [line for line in table if not line.startswith(" ")]
     assert [line.split()[0] for line in table] == [*GRIPPERS]
     for line in table:
         wanted = "no leaf comes within" if line.startswith("hand-e") else "97.50%"

@@ -1,5 +1,6 @@
 """plan-init: from a drawing to a job that compiles, by flags or by answers at a terminal."""
 
+import json
 import os
 import pty
 import re
@@ -81,6 +82,8 @@ def test_all_presets_make_jobs(drawing, tmp_path, gripper, fingers):
     job = job_file.load(output)
     assert job.part.name == 'a "b" # c'
     assert job.gripper.model == gripper
+    (shown,) = re.findall(r"(?m)^# encoder_mm = (\[.*?\])", output.read_text())
+    assert tuple(json.loads(shown)) == job.doubt.encoder_mm
     assert job.uncertainty.orientation_halfwidth_deg == 20.0
 
 

@@ -13,6 +13,7 @@ from planner.job import fields, schema
 from planner.job import model as job
 from runtime.execution import delivery
 from runtime.shell.errors import InputError
+from runtime.table import PROFILES
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 TEXT = RECTANGLE.read_text(encoding="utf-8")
@@ -49,6 +50,23 @@ def test_how_a_job_is_written_does_not_change_its_digest(rectangle):
     for text in (without_defaults, elsewhere, TEXT.replace("\n", "\r\n")):
         assert job.parse(text).digest() == rectangle.digest()
     assert job.parse(edited("seed = 1", "seed = 2")).digest() != rectangle.digest()
+
+
+@pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES.keys())
+def test_a_job_that_states_only_the_model_closes_as_that_gripper_can(profile):
+    text = re.sub(r"(?m)^(model|opening_mm|noise_mm|speed\w+|force\w+) .*\n", "", TEXT)
+    text = text.replace("[gripper]", f'[gripper]\nmodel = "{profile.model}"')
+    gripper = job.parse(text).gripper
+    (slowest, fastest), (least_n, most_n) = profile.speed_mm_s, profile.force_n
+    assert slowest <= gripper.speed_mm_s <= fastest
+    assert least_n <= gripper.force_n <= most_n
+    if profile.grip_mm_s is not None:  # or the forecast of seconds is wrong
+        assert gripper.speed_mm_s <= profile.grip_mm_s * gripper.force_n / most_n
+
+
+def test_the_job_of_a_very_coarse_gripper_can_be_read_back_from_its_table():
+    coarse = job.parse(edited("noise_mm = 0.15", "noise_mm = 10\nresolution_mm = 9"))
+    assert job.from_canonical(coarse.canonical()) == coarse
 
 
 def test_broken_toml_gives_line_and_column():

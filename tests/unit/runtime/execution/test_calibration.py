@@ -9,6 +9,7 @@ import pytest
 from counting import SETTINGS, state
 from sample_tables import GRIPPER
 
+from drivers.ports import GripperState, ObjectState, Settled
 from runtime.commands.calibrate import figures, parser, report, run
 from runtime.errors import GripperStateError
 from runtime.execution import calibration
@@ -16,7 +17,7 @@ from runtime.execution.calibration import Gauge, fit, load, residuals_mm, save
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import OutputError
-from runtime.table import Calibration
+from runtime.table import PROFILES, Calibration
 
 BLOCKS = (0.0, 5.0, 10.0, 20.0, 40.0, 60.0, 80.0)
 LINK_MM, OFFSET_MM = 57.15, 5.0
@@ -242,3 +243,31 @@ def test_wrong_arguments_are_reported_before_anything_is_opened(tmp_path, wrong)
     with pytest.raises(UsageError, match=f"{wrong.partition('=')[0]}|cannot be written"):
         run(arguments(tmp_path, wrong), opened)
     assert not list(tmp_path.iterdir())
+
+
+class Empty:
+    """A gripper with nothing between its fingers, which notes how long its strokes take."""
+
+    def __init__(self, profile):
+        self.profile, self.at_um, self.seconds = profile, profile.stroke_um, 0.0
+
+    def state(self):
+        at_um = self.at_um
+        return GripperState(True, False, 0, "", ObjectState.AT_TARGET, at_um, at_um, 0)
+
+    def move(self, width_um, speed_mm_s, force_n):
+        least, most = self.profile.speed_mm_s
+        assert least <= speed_mm_s <= most
+        self.asked_um, width_um = width_um, max(width_um, 0)
+        self.seconds = abs(width_um - self.at_um) / 1000 / speed_mm_s
+        self.at_um = width_um
+        assert self.seconds < 10.0
+
+    def wait(self):
+        return Settled(self.at_um, ObjectState.AT_TARGET, 0, self.asked_um, self.seconds)
+
+
+@pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES.keys())
+def test_measure_takes_no_minute_for_a_stroke_of_any_make(profile):
+    (gauge,) = calibration.measure(Empty(profile), [0.0], 3, lambda _: None)
+    assert gauge.mean == 0.0
