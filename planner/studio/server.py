@@ -4,9 +4,11 @@ It listens on loopback, refuses other host names (DNS rebinding) and other origi
 from elsewhere.
 """
 
+import sys
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler
 from socketserver import ThreadingTCPServer
+from typing import Any
 from urllib.parse import parse_qs, quote, unquote, urlsplit
 
 from planner.part.importers.pieces import MAX_BYTES
@@ -39,6 +41,11 @@ class Studio(ThreadingTCPServer):
         """Stops listening and reading drawings; plans continue."""
         super().server_close()
         self.answers.reader.close()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Passes over a broken connection, as of a closed tab; the terminal is for other failures."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
 
 
 class Handler(BaseHTTPRequestHandler):

@@ -3,6 +3,8 @@
 import http.client
 import json
 import re
+import socket
+import struct
 import threading
 from types import SimpleNamespace
 from urllib.parse import quote
@@ -10,6 +12,7 @@ from urllib.parse import quote
 import pytest
 from html_pages import Page
 
+from planner.studio.answers import Answer
 from planner.studio.folder import Folder
 from planner.studio.server import Studio
 
@@ -132,3 +135,26 @@ def test_files_open_in_a_sandbox_or_are_saved(studio):
     (studio.folder.path / "a.msgpack").write_bytes(b"x")
     saved = call(studio, "GET", "/files/a.msgpack")[0].getheader("Content-Disposition")
     assert saved == "attachment; filename*=UTF-8''a.msgpack"
+
+
+def test_a_tab_closed_before_its_answer_leaves_the_terminal_silent(studio, capsys):
+    asked, gone = threading.Event(), threading.Event()
+
+    def state():
+        asked.set()
+        gone.wait(60)
+        return Answer(bytes(8 << 20))
+
+    studio.answers.state = state
+    handled = studio.shutdown_request
+    ended = threading.Event()
+    studio.shutdown_request = lambda request: (handled(request), ended.set())
+    with socket.create_connection(("127.0.0.1", studio.server_port)) as tab:
+        tab.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # resets
+        tab.sendall(
+            f"GET /folder.json HTTP/1.0\r\nHost: 127.0.0.1:{studio.server_port}\r\n\r\n".encode()
+        )
+        assert asked.wait(60)
+    gone.set()
+    assert ended.wait(60)
+    assert capsys.readouterr().err == ""
