@@ -49,13 +49,22 @@ function choose(name) {
   contour = "";
   for (const key of ["units", "scale", "radius", "gripper", "thickness"]) delete touched[key], (form.elements[key].value = "");
   byId("drawing").value = name;
+  byId("reading").textContent = `Reading ${name} ...`;
   return look();
 }
 
 async function look() {
   if (!drawing) return;
   const number = ++asked;
-  const answer = await ask("/preview", { drawing }, settings());
+  let answer;
+  try {
+    answer = await ask("/preview", { drawing }, settings());
+  } catch (error) {
+    if (number === asked) throw error;
+    return;
+  } finally {
+    if (number === asked) byId("reading").textContent = "";
+  }
   if (number !== asked || byId("view").classList.contains("moving")) return; // a later question follows
   byId("command").textContent = answer.command;
   showContours(answer);
