@@ -28,11 +28,11 @@ def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
         re.search(r"```python\n(.*?)```", page.read_text(), re.DOTALL)[1]
     )
     shutil.copy(DOCS / "lever.dxf", work)
-    result = "plan-init lever.dxf --units mm -o cell.toml --radius 10 --turn 20 --fingers rubber"
-    result += " --gripper robotiq-2f-85"
+    result = "plan-init lever.dxf -o cell.toml --units mm --thickness 16 --radius 8 --turn 20"
+    result += " --gripper robotiq-2f-85 --fingers rubber"
     friction = {"finger_part_min": 0.4, "finger_part_max": 0.6}
     known = stated("cell.toml", **friction)
-    begin = Block([result, known, "plan-compile cell.toml -o cell.msgpack --trials 300"], [])
+    begin = Block([result, known, "plan-compile cell.toml -o cell.msgpack --trials 2000"], [])
     results = []
     for block in blocks(page):
         fewer = changed(block, FEWER)

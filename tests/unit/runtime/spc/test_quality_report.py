@@ -106,7 +106,6 @@ def test_page_is_whole_and_needs_no_network():
     assert "http" not in text.replace("http-equiv", "")
     assert "a &lt; b" in text
     assert any(MEANING[chart].split(":")[0] in text for chart in ("widths", "branches"))
-    assert "Widths drift: the gripper should be looked at" in text
     assert "Shiryaev" not in text
     assert "nan" not in text
     assert not re.search(r"<t[dh][^>]*>-</t", text)  # what is not known has no dash
