@@ -8,6 +8,7 @@ const form = byId("settings");
 const proposed = { gripper: "gripper", fingers: "fingers", radius: "radius_mm", turn: "turn_deg", distance: "distance_mm" };
 let touched = {}; // settings that a person chose; the others follow the drawing
 let contour = "", drawing = "", asked = 0, waiting = 0, known = "", preview = null, begun = "";
+let refused = false, underWay = ""; // whether a setting is wrong, and the plan of any tab that is being planned
 
 function tell(sentence) {
   byId("error").hidden = !sentence;
@@ -69,7 +70,8 @@ async function look() {
   byId("command").textContent = answer.command;
   showContours(answer);
   form.hidden = false;
-  byId("begin").disabled = Boolean(answer.error);
+  refused = Boolean(answer.error);
+  showBegin();
   tell(answer.error);
   if (answer.outline) showPart(answer);
   else for (const id of ["view", "facts", "assumed"]) byId(id).replaceChildren();
@@ -115,6 +117,11 @@ function showRoom() {
   byId("gripper-help").textContent = `${tight}Room for the part's centre between open fingers, at any angle: ${rooms.join(", ")}.`;
 }
 
+function showBegin() {
+  byId("begin").disabled = refused || Boolean(underWay);
+  byId("occupied").textContent = underWay && `${underWay} is being planned; stop it, or wait for it.`;
+}
+
 function soon() {
   clearTimeout(waiting);
   waiting = setTimeout(attempt(look), SETTLE_MS);
@@ -128,7 +135,7 @@ async function add(file) {
   await choose(name);
 }
 
-function fill(select, names, chosen) {
+function offer(select, names, chosen) {
   select.replaceChildren(...names.map((name) => make("option", { value: name }, name)));
   if (names.includes(chosen)) select.value = chosen;
 }
@@ -145,9 +152,11 @@ async function refresh() {
 }
 
 function show({ drawings, plans, files }) {
-  fill(byId("drawing"), drawings.length ? drawings : [""], drawing);
+  offer(byId("drawing"), drawings.length ? drawings : [""], drawing);
+  underWay = plans.find((plan) => plan.running)?.name ?? "";
+  showBegin();
   const names = plans.map((plan) => plan.name);
-  fill(byId("plans"), names, begun || byId("plans").value);
+  offer(byId("plans"), names, begun || byId("plans").value);
   if (names.includes(begun)) begun = "";
   byId("files").replaceChildren(...files.map((file) => make("li", {}, link(file.name, file.name), ` ${(file.size / 1024).toFixed(1)} KB`)));
   byId("plan").hidden = !plans.length;
@@ -240,6 +249,7 @@ form.addEventListener("submit", attempt(async () => {
   begun = (await ask("/plan", { drawing }, settings())).plan;
   await refresh();
   byId("plan").scrollIntoView({ block: "start" });
+  byId("plan-title").focus({ preventScroll: true }); // the button is disabled
 }));
 byId("view").addEventListener("settled", soon);
 byId("stop").addEventListener("click", attempt(async () => (await ask("/stop", { plan: byId("plans").value }, "{}"), await refresh())));

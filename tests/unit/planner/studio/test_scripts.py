@@ -1,9 +1,16 @@
-"""The studio's scripts in Chromium: places in an animation, radii by keys, and that texts stay texts."""
+"""The studio's scripts in Chromium: places in an animation, radii by keys, texts, another tab's plan."""
 
+import fcntl
 import json
+import re
+from contextlib import closing
 
 import pytest
-from browser import NEEDED, value_of
+from browser import NEEDED, ROOT, played, value_of
+
+from planner.cli.preview import preview
+from planner.studio.answers import Answers
+from planner.studio.folder import Folder
 
 FOLDER = "planner/studio/templates"
 SCRIPTS = ["runtime/pages/elements.js", f"{FOLDER}/drawing.js", f"{FOLDER}/film.js"]
@@ -93,3 +100,54 @@ def test_radii_keep_to_steps_and_bounds(seen):
 
 def test_markup_in_names_is_text(seen):
     assert (seen["text"], seen["inside"]) == (EVIL, 0)
+
+
+def page_with(answers):
+    """The studio's page in one file; `answers` holds what its server says, by path."""
+    common, *modules = [
+        (ROOT / name).read_text("utf-8") for name in (*SCRIPTS, f"{FOLDER}/studio.js")
+    ]
+    script = re.sub(r"^import .*$|^export ", "", "\n".join(modules), flags=re.MULTILINE)
+    given = f"var answers = {json.dumps(answers)};".replace("<", "\\u003c")
+    stub = "fetch = async (path) => new Response(JSON.stringify(answers[path.split('?')[0]]));"
+    scripts = f"<script>{common}\n{given}\n{stub}</script><script type=module>{script}</script>"
+    page = re.sub(
+        r'<script [^>]*src="[^"]*"></script>|<link rel="stylesheet"[^>]*>', "", answers["page"]
+    )
+    return page.replace("</head>", f"{scripts}</head>")
+
+
+def test_plan_button_while_another_tab_plans_is_disabled_with_the_reason(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "plate.csv").write_text("0,0\n30,0\n30,21\n0,21\n")
+    log = tmp_path / "plate.plan.jsonl"
+    log.write_text('{"drawing": "plate.csv", "step": "try", "command": "squeezetree try"}\n')
+    studio = Answers(Folder(tmp_path))
+    with closing(log.open("ab")) as planning:  # as the planning process does
+        fcntl.flock(planning, fcntl.LOCK_EX)
+        running = json.loads(studio.state().body)
+    log.write_text(log.read_text() + '{"exit": 0}\n')
+    done = json.loads(studio.state().body)
+    read = {**preview(["plate.csv", "--units=mm"]), "command": "squeezetree try plate.csv"}
+    answers = {"page": studio.page().body.decode(), "/folder.json": running, "/preview": read}
+    seen = played(
+        page_with(answers),
+        f"""
+  const settled = async (disabled) => {{
+    for (let k = 0; k < 50 && (byId("settings").hidden || byId("begin").disabled !== disabled); k++)
+      await new Promise((done) => setTimeout(done, 10));
+    return {{disabled: byId("begin").disabled, reason: byId("occupied").textContent}};
+  }};
+  const during = await settled(true);
+  view.answers["/folder.json"] = {json.dumps(done)};
+  choose("plans", "plate");
+  return {{during, after: await settled(false), error: byId("error").textContent}};
+""",
+        tmp_path,
+    )
+    assert seen["during"] == {
+        "disabled": True,
+        "reason": "plate is being planned; stop it, or wait for it.",
+    }
+    assert seen["after"] == {"disabled": False, "reason": ""}
+    assert seen["error"] == ""
