@@ -128,11 +128,12 @@ def page(
         often=OFTEN,
     )
     title = f"{job.name}: decision table {source.name}"
-    style = asset("report.css")
+    style, script = asset("report.css"), frame.asset("tree.js") + asset("report.js")
     if sheet:
         return frame.page(title, body, style=style, kind="sheet")
     data = _data(table, branches, source.log)
-    return frame.page(title, body, style=style, data=data, script=asset("report.js"))
+    style += frame.asset("tree.css")
+    return frame.page(title, body, style=style, data=data, script=script)
 
 
 def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:

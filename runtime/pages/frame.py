@@ -26,7 +26,7 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 @cache
 def asset(name: str) -> str:
-    """The text of `style.css` or `elements.js`."""
+    """The text of a stylesheet or script that pages share."""
     return (FOLDER / name).read_text("utf-8")
 
 

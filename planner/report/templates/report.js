@@ -1,42 +1,7 @@
-const data = JSON.parse(byId("data").textContent), plan = byId("plan"), details = byId("details"), aside = byId("aside");
-const narrow = matchMedia("(max-width: 800px)"), spoken = key => key.replace("-", " ");
-let chosen = null;
-
-// Choosing a panel: what there is to say of it stands beside the tree, on a narrow screen below the panel.
-function choose(key, focus = false) {
-  const panel = byId(key);
-  if (!panel?.classList.contains("panel")) return;
-  for (let fold = panel.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
-  chosen?.removeAttribute("aria-pressed");
-  chosen = panel;
-  panel.setAttribute("aria-pressed", "true");
-  details.replaceChildren(panel.querySelector("svg").cloneNode(true), byId(`about-${key}`).content.cloneNode(true));
-  if (narrow.matches) panel.after(details);
-  else aside.append(details);
-  if (focus) panel.focus({preventScroll: true});
-}
-const reveal = key => { choose(key, true); byId(key)?.scrollIntoView({block: "nearest"}); };
-document.addEventListener("click", event => {
-  const button = event.target.closest(".panel, [data-to]");
-  if (button?.dataset.to) reveal(button.dataset.to);
-  else if (button) choose(button.id, true);
-});
-plan.addEventListener("keydown", event => {
-  const panel = event.target.closest(".panel"), item = panel?.parentElement;
-  if (!item) return;
-  const seen = [...plan.querySelectorAll(".panel")].filter(other => other.checkVisibility()), at = seen.indexOf(panel);
-  const moves = {ArrowUp: seen[at - 1], ArrowDown: seen[at + 1], ArrowLeft: item.parentElement.closest("li:not(.light)")?.querySelector(".panel"), ArrowRight: item.querySelector("ol .panel"), Home: seen[0]};
-  if (!(event.key in moves)) return;
-  event.preventDefault();
-  if (moves[event.key]) reveal(moves[event.key].id);
-});
+const data = JSON.parse(byId("data").textContent), details = byId("details"), spoken = key => key.replace("-", " ");
+const {choose, reveal, mark} = treeView(byId("plan"), details, key => byId(`about-${key}`).content.cloneNode(true));
 addEventListener("hashchange", () => reveal(location.hash.slice(1)));
 
-// The way of a part: what is taken is marked.
-function mark(keys) {
-  for (const old of document.querySelectorAll(".taken")) old.classList.remove("taken");
-  for (const key of keys) for (const id of [key, `to-${key}`]) byId(id)?.classList.add("taken");
-}
 function follow(widths) {
   const keys = ["node-0"];
   byId("said").textContent = "";
@@ -58,10 +23,6 @@ byId("goto").addEventListener("change", event => {
 
 // The journal: one part at a time.
 let part = null, step = 0;
-function pointAt({node, width_mm}) {
-  const {low, high} = data.nodes[node].span_mm, x = Math.min(Math.max(100 * (width_mm - low) / (high - low), 0), 100);
-  details.querySelector(".chart svg")?.append(shape("polyline", {class: "mark", points: `${x},0 ${x},100`}));
-}
 function sentence() {
   if (!part) return byId("log-failed").checked ? "No part failed." : "No parts.";
   const {squeezes, outcome, name, audit, reason} = part, last = squeezes[step - 1];
@@ -78,7 +39,7 @@ function show() {
   mark([...squeezes.slice(0, step + 1).map(each => each.node), ...last?.to ? [last.to] : []]);
   if (!last) return;
   choose(last.node);
-  pointAt(last);
+  pointAt(details, last.width_mm, data.nodes[last.node].span_mm);
 }
 function take(index) { part = data.parts[index] ?? null; step = 0; show(); }
 function list() {

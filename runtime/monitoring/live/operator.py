@@ -45,7 +45,7 @@ fed again. Start again with the other options as before.</p>
 squeezetree run --tree NEW.msgpack ...</pre>
 """
 NONE = "\N{EN DASH}"
-Outline = list[list[float]]
+Outlines = list[list[list[float]]]  # of each part that may lie there (n, 2) [mm]; empty if unknown
 
 
 def state(seen: Mapping[str, Any]) -> str:
@@ -60,14 +60,14 @@ def state(seen: Mapping[str, Any]) -> str:
     return verdict("fair" if seen["phase"] == "safe" else "good", f"{part}{doing}", "Running.")
 
 
-def screen(loaded: Table, outline: Outline, seen: Mapping[str, Any]) -> str:
-    """Everything below the state: of a table, its part's outline (n, 2) [mm] and a status."""
+def screen(loaded: Table, outlines: Outlines, seen: Mapping[str, Any]) -> str:
+    """Everything below the state: of a table, the outlines of its parts and a status."""
     return "\n".join(
         [
             *_signs(seen),
             cards(_figures(seen)),
             '<div class="halves">',
-            *("<section><h2>What costs parts</h2>", *_losses(loaded, outline, seen), "</section>"),
+            *("<section><h2>What costs parts</h2>", *_losses(loaded, outlines, seen), "</section>"),
             *("<section><h2>Widths</h2>", *_widths(seen["charts"]), "</section>"),
             "</div>",
             "<h2>The last parts</h2>",
@@ -119,7 +119,7 @@ def _pose(answer: Mapping[str, Any]) -> tuple[str, str]:
     return f"{x_mm:.2f}, {y_mm:.2f} mm", f"{which}{angle:.1f}°{datum}"
 
 
-def _losses(loaded: Table, outline: Outline, seen: Mapping[str, Any]) -> Iterator[str]:
+def _losses(loaded: Table, outlines: Outlines, seen: Mapping[str, Any]) -> Iterator[str]:
     losses = seen["shift"]["losses"]
     if not losses:
         yield '<p class="note">No part was lost in this shift.</p>'
@@ -137,10 +137,10 @@ def _losses(loaded: Table, outline: Outline, seen: Mapping[str, Any]) -> Iterato
     for name, loss in named:
         said = f"{name}. Last: part {loss['part']}"
         why = f", {loss['reason']}." if loss["reason"] else "."
-        drawn = picture(loaded, outline, loss["node"] or 0, loss["width_mm"])
+        drawn = picture(loaded, outlines, loss["node"] or 0, loss["width_mm"])
         yield f"<figure>{drawn}<figcaption>{escape(said + why)}</figcaption></figure>"
     yield "</div>"
-    if outline:
+    if outlines:
         yield (
             '<p class="note">Red: the fingers at the width that was read. Blue: where a part lies after the '
             "planned outcome that is nearest.</p>"
@@ -152,12 +152,12 @@ def _named(loss: Mapping[str, Any]) -> str:
     return f"{kind} after squeeze {loss['squeeze']}" if loss["squeeze"] else kind
 
 
-def picture(loaded: Table, outline: Outline, node: int, width_mm: float | None) -> str:
+def picture(loaded: Table, outlines: Outlines, node: int, width_mm: float | None) -> str:
     """The fingers where a part was lost, and the part as planned, to scale.
 
     Args:
         loaded: the table.
-        outline: of its part (n, 2) [mm], empty if not known.
+        outlines: of its parts.
         node: index of the squeeze's node.
         width_mm: between the fingers; None: they are open.
     """
@@ -170,8 +170,8 @@ def picture(loaded: Table, outline: Outline, node: int, width_mm: float | None) 
     )
     inside = _moved(boxes, squeeze.x_um, squeeze.y_um, squeeze.angle_urad)
     leaf = loaded.leaves[_usual(loaded, node, width_mm)]
-    if outline and leaf.resolved:
-        points = " ".join(f"{x:.2f},{y:.2f}" for x, y in outline)
+    if outlines and leaf.resolved and loaded.goal.kind != "identity":
+        points = " ".join(f"{x:.2f},{y:.2f}" for x, y in outlines[leaf.hypothesis])
         drawn = f'<polygon class="part" points="{points}"/>'
         inside = _moved(drawn, leaf.x_um, leaf.y_um, leaf.theta_urad) + inside
     far = 0.5 * gripper.opening_um / 1000 + thick

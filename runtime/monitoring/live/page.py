@@ -13,27 +13,32 @@ from runtime.monitoring.live import operator
 from runtime.monitoring.live.server import Pages
 from runtime.monitoring.status import Status
 from runtime.pages import frame
+from runtime.shell.errors import ExpectedError
 from runtime.table import Table, job_of
+from runtime.table.embedded import parts_of
 
 TEMPLATES = Path(__file__).parent / "templates"
 HTML, JSON = "text/html; charset=utf-8", "application/json"
 METRICS = "text/plain; version=0.0.4; charset=utf-8"
 
 
-class Part(NamedTuple):
-    """Data about the part from the job within the table."""
+class Parts(NamedTuple):
+    """The parts that may lie there, from the job within the table."""
 
     name: str
-    outline: list[list[float]]  # (n, 2) [mm], empty if unknown
+    outlines: list[list[list[float]]]  # of each (n, 2) [mm], empty if unknown
 
 
 def pages(table: Table, name: str, status: Status) -> Pages:
     """The pages of a run's server, by path with media type; `name` is that of the table's file."""
-    html, part = page(table, name).encode(), part_of(table)  # once, before anything moves
+    html, outlines = (
+        page(table, name).encode(),
+        parts(table).outlines,
+    )  # once, before anything moves
 
     def screen() -> bytes:
         seen = status.as_object()
-        below = operator.screen(table, part.outline, seen)
+        below = operator.screen(table, outlines, seen)
         text = f'<div id="state" role="status">{operator.state(seen)}</div>\n<div id="screen">{below}</div>'
         status.watched.set()
         return text.encode()
@@ -48,23 +53,23 @@ def pages(table: Table, name: str, status: Status) -> Pages:
 
 def page(table: Table, name: str) -> str:
     """The page's text, for a table and the name of its file."""
-    part = part_of(table)
+    name_of_parts, outlines = parts(table)
     style, script, below = (
         (TEMPLATES / f"live.{kind}").read_text("utf-8") for kind in ("css", "js", "html")
     )
-    head = f"<header><h1>{escape(part.name)} <small>{escape(name)}</small></h1></header>"
+    head = f"<header><h1>{escape(name_of_parts)} <small>{escape(name)}</small></h1></header>"
     return frame.page(
-        f"{part.name}: live",
+        f"{name_of_parts}: live",
         f"{head}\n{below}",
-        style=style,
-        data=tree(table, part.outline),
-        script=script,
+        style=frame.asset("tree.css") + style,
+        data=tree(table, outlines),
+        script=frame.asset("tree.js") + script,
         policy="connect-src 'self'",
     )
 
 
-def tree(table: Table, outline: list[list[float]]) -> dict[str, Any]:
-    """Data of a table for the page, as columns in its units, and the outline (n, 2) [mm] of its part."""
+def tree(table: Table, outlines: list[list[list[float]]]) -> dict[str, Any]:
+    """Data of a table for the page, as columns in its units, and the outlines (n, 2) [mm] of its parts."""
     branches = [
         {"node": index, **branch._asdict()}
         for index, node in enumerate(table.nodes)
@@ -74,13 +79,17 @@ def tree(table: Table, outline: list[list[float]]) -> dict[str, Any]:
     leaves = [{**leaf._asdict(), "resolved": int(leaf.resolved)} for leaf in table.leaves]
     places = ("x_um", "y_um")
     return {
-        "outline": outline,
+        "outlines": outlines,
+        "names": [part.name for part in table.hypotheses if table.goal.identify],
+        "posed": table.goal.kind != "identity",
         "opening_um": table.gripper.opening_um,
         "finger_length_um": table.gripper.finger_length_um,
         "finger_width_um": table.gripper.finger_width_um,
         "nodes": _columns(squeezes, *places, "angle_urad", "opening_um", "speed_um_s", "force_mn"),
         "branches": _columns(branches, "node", "low_um", "high_um", "probability_ppm", "target"),
-        "leaves": _columns(leaves, *places, "theta_urad", "success_ppm", "trials", "resolved"),
+        "leaves": _columns(
+            leaves, *places, "theta_urad", "success_ppm", "trials", "resolved", "hypothesis"
+        ),
     }
 
 
@@ -89,11 +98,13 @@ def _columns(rows: list[dict[str, Any]], *names: str) -> dict[str, list[Any]]:
     return {name: [row[name] for row in rows] for name in names}
 
 
-def part_of(table: Table) -> Part:
-    """The part's name and outline from the job within the table; a foreign job format has neither."""
+def parts(table: Table) -> Parts:
+    """Names and outlines from the job within the table; a foreign job format has neither."""
     try:
-        part = (job_of(table) or {})["part"]
-        outline = [[float(x), float(y)] for x, y in part["outline_mm"]]
-        return Part(str(part["name"]), outline)
-    except (ValueError, TypeError, KeyError):
-        return Part("Decision table", [])
+        listed = [entry["part"] for entry in parts_of(job_of(table) or {})]
+        outlines = [[[float(x), float(y)] for x, y in part["outline_mm"]] for part in listed]
+        names = [str(part["name"]) for part in listed]
+    except (ExpectedError, ValueError, TypeError, KeyError):
+        names, outlines = [], []
+    known = len(outlines) == max(1, len(table.hypotheses))
+    return Parts(" or ".join(names) or "Decision table", outlines if known else [])

@@ -11,146 +11,112 @@ for (const branch of rows(table.branches)) {
 const keyOf = target => target >= 0 ? `node-${target}` : `leaf-${~target}`;
 const nameOf = target => target >= 0 ? `node ${target}` : `leaf ${~target}`;
 const branchesOf = target => target >= 0 ? nodes[target].branches : [];
-const mm = um => (um / 1000).toFixed(2), short = um => (um / 1000).toFixed(1);
+const rounded = (um, digits) => (Number((um / 1000).toFixed(digits)) + 0).toFixed(digits); // no negative zero
+const mm = um => rounded(um, 2), short = um => rounded(um, 1);
 const degrees = urad => Math.round(urad / 1e6 * 180 / Math.PI * 10) / 10, percent = share => `${(share / 1e4).toFixed(1)} %`;
-const PANEL = 64, GAP = 58, EDGE = 10, MANY = 600, POLL_MS = 400, LOST_MS = 2000;
-const words = (x, y, kind, text) => shape("text", {x, y, class: kind}, text);
-
-// Places: subtrees side by side, as close as their contours allow (Reingold and Tilford, 1981).
-function tidy(target, shown) {
-  const half = target < 0 ? 0.5 * PANEL + 6 : 0.5 * PANEL;
-  const children = branchesOf(target).filter(branch => shown(branch.target)).map(branch => tidy(branch.target, shown));
-  const merged = [];
-  for (const child of children) {
-    child.x = Math.max(0, ...child.contour.map(({low}, depth) => depth < merged.length ? merged[depth].high - low + 8 : 0));
-    child.contour.forEach(({low, high}, depth) => {
-      const row = merged[depth] ?? {low: Infinity, high: -Infinity};
-      merged[depth] = {low: Math.min(row.low, low + child.x), high: Math.max(row.high, high + child.x)};
-    });
-  }
-  const middle = children.length ? (children.at(0).x + children.at(-1).x) / 2 : 0;
-  for (const child of children) child.x -= middle;
-  return {target, x: 0, children, contour: [{low: -half, high: half}, ...merged.map(({low, high}) => ({low: low - middle, high: high - middle}))]};
-}
+const targetOf = key => key.startsWith("node-") ? Number(key.slice(5)) : ~Number(key.slice(5));
+const MANY = 600, LEAST_PPM = 10_000, MARGIN_MM = 3, APART = 9, POLL_MS = 400, LOST_MS = 2000;
 
 // What panels show: the open hand at its place, or the part where a leaf says it lies.
 const length = table.finger_length_um / 1000, thickness = table.finger_width_um / 1000;
-const far = Math.max(1, ...table.outline.map(([x, y]) => Math.hypot(x, y)));
+const far = Math.max(1, ...table.outlines.flat().map(([x, y]) => Math.hypot(x, y)));
 const reach = Math.max(table.opening_um / 2000 + thickness, far, ...leaves.map(leaf => Math.hypot(leaf.x_um, leaf.y_um) / 1000 + (leaf.resolved ? far : 0)));
 const placed = ({x_um, y_um, angle_urad, theta_urad}) => `translate(${x_um / 1000} ${y_um / 1000})rotate(${(angle_urad ?? theta_urad) / 1e6 * 180 / Math.PI})`;
-const outline = table.outline.map(point => point.join()).join(" ");
+const outlines = table.outlines.map(outline => outline.map(point => point.join()).join(" "));
 function picture(target) {
   const at = target >= 0 ? nodes[target] : leaves[~target], inside = [];
   if (target >= 0) {
     const box = y => shape("rect", {class: "finger", x: -length / 2, y, width: length, height: thickness});
     const tip = at.opening_um / 2000, arrow = side => shape("polygon", {class: "arrow", points: `${-reach / 11},${side * tip} ${reach / 11},${side * tip} 0,${side * (tip - reach / 4)}`});
     inside.push(box(tip), box(-tip - thickness), arrow(1), arrow(-1));
-  } else if (at.resolved) {
-    if (outline) inside.push(shape("polygon", {class: "predicted", points: outline}));
-    inside.push(shape("line", {class: "axis", x1: 0, y1: 0, x2: far / 2, y2: 0}), shape("line", {class: "axis", x1: 0, y1: -far / 8, x2: 0, y2: far / 8}));
+  } else if (at.resolved && table.posed) {
+    if (at.hypothesis in outlines) inside.push(shape("polygon", {class: "predicted", points: outlines[at.hypothesis]}));
+    inside.push(shape("line", {class: "cross", x1: 0, y1: 0, x2: far / 2, y2: 0}), shape("line", {class: "cross", x1: 0, y1: -far / 8, x2: 0, y2: far / 8}));
   }
   const world = shape("g", {transform: "scale(1 -1)"}, shape("g", {transform: placed(at)}, ...inside));
-  return shape("svg", {width: PANEL, height: PANEL, viewBox: `${-reach} ${-reach} ${2 * reach} ${2 * reach}`}, world);
+  return shape("svg", {class: "scene", viewBox: `${-reach} ${-reach} ${2 * reach} ${2 * reach}`}, world);
+}
+function answerOf(leaf) {
+  const pose = `${short(leaf.x_um)}, ${short(leaf.y_um)} mm, ${degrees(leaf.theta_urad)}°`;
+  return leaf.resolved ? [table.names[leaf.hypothesis], table.posed && pose].filter(Boolean).join(": ") : "unresolved";
 }
 function labelOf(target) {
-  if (target >= 0) return `Node ${target}: squeeze at ${degrees(nodes[target].angle_urad)} degrees, ${nodes[target].branches.length} outcomes`;
-  const leaf = leaves[~target];
-  return `Leaf ${~target}: ` + (leaf.resolved ? `part at ${short(leaf.x_um)}, ${short(leaf.y_um)} mm, ${degrees(leaf.theta_urad)} degrees` : "unresolved");
+  if (target < 0) return `Leaf ${~target}: ${answerOf(leaves[~target])}`;
+  return `Node ${target}: squeeze at ${degrees(nodes[target].angle_urad)} degrees, ${nodes[target].branches.length} outcomes`;
 }
 
-// The drawing, all of it or what lies beside the part's way.
-const view = byId("view"), near = byId("near"), follow = byId("follow");
+// The tree, all of it or what lies beside the part's way; branches that few parts take are folded.
+const view = byId("plan"), near = byId("near"), follow = byId("follow"), details = byId("details");
 function withAncestors(targets) {
   const found = new Set(targets);
   for (let target of targets) while ((target = parents.get(target)?.index) !== undefined) found.add(target);
   return found;
 }
-let zoom = 1, size = {width: 0, height: 0}, way = new Set([0]), now = 0, chosen = 0, drawn = "";
+function panelOf(target) {
+  const kind = target >= 0 ? "node" : !leaves[~target].resolved ? "unresolved" : leaves[~target].trials ? "leaf" : "untried";
+  const text = target >= 0 ? `${degrees(nodes[target].angle_urad)}°` : answerOf(leaves[~target]);
+  return make("button", {type: "button", class: `panel ${kind}`, id: keyOf(target), "aria-label": labelOf(target)}, picture(target), make("span", {class: "words"}, nameOf(target), make("br"), text));
+}
+function wayOf({low_um, high_um, probability_ppm, target}) {
+  return make("span", {class: "way", id: `to-${keyOf(target)}`}, `${short(low_um)}\u2013${short(high_um)} mm `, make("br"), make("small", {}, percent(probability_ppm)));
+}
+function listOf(branches, share) {
+  return make("ol", {}, ...branches.map(branch => make("li", {}, wayOf(branch), ...below(branch.target, share * branch.probability_ppm / 1e6))));
+}
+function below(target, share) {
+  const shown = near.checked && !open.has(target) ? [] : branchesOf(target);
+  const rare = shown.length < 2 ? [] : shown.filter(branch => share * branch.probability_ppm < LEAST_PPM);
+  const usual = shown.filter(branch => !rare.includes(branch));
+  const list = listOf(usual, share);
+  if (rare.length) list.append(make("li", {class: "light"}, make("details", {}, make("summary", {}, `${rare.length} more`), listOf(rare, share))));
+  return shown.length ? [panelOf(target), list] : [panelOf(target)];
+}
+let way = new Set([0]), now = 0, chosen = 0, open = way, drawn = "", told = "";
 near.checked = nodes.length + leaves.length > MANY;
 function draw() {
-  const open = withAncestors([...way, chosen]);
-  const shown = near.checked ? target => open.has(parents.get(target)?.index ?? 0) : () => true;
-  const state = near.checked ? [...open].filter(target => target >= 0).sort().join() : "all";
+  open = withAncestors([...way, chosen]);
+  const state = near.checked ? [...open].sort().join() : "all";
   if (state === drawn) return;
   drawn = state;
   const focused = view.contains(document.activeElement) ? document.activeElement.id : "";
-  const root = tidy(0, shown), back = shape("g"), front = shape("g"), labels = shape("g", {"aria-hidden": "true"});
-  const left = Math.min(...root.contour.map(row => row.low)), right = Math.max(...root.contour.map(row => row.high));
-  const place = (spot, x, depth) => {
-    const y = EDGE + depth * (PANEL + GAP), kind = spot.target >= 0 ? "node" : leaves[~spot.target].resolved ? "leaf" : "unresolved";
-    const frame = shape("rect", {class: "frame", width: PANEL, height: PANEL, rx: 3});
-    front.append(shape("g", {class: `panel ${kind}`, id: keyOf(spot.target), role: "button", tabindex: -1, "aria-label": labelOf(spot.target), transform: `translate(${x - PANEL / 2} ${y})`, "data-target": spot.target}, frame, picture(spot.target)));
-    labels.append(words(spot.children.length ? x - 22 : x, y + PANEL + 10, "", spot.target >= 0 ? `${degrees(nodes[spot.target].angle_urad)}°` : nameOf(spot.target)));
-    for (const child of spot.children) {
-      const to = x + child.x, bus = y + PANEL + 14, branch = nodes[spot.target].branches[parents.get(child.target).number];
-      back.append(shape("path", {class: "branch", id: `to-${keyOf(child.target)}`, d: `M${x} ${y + PANEL}V${bus}H${to}V${y + PANEL + GAP}`}));
-      labels.append(words(to, bus + 14, "", `${short(branch.low_um)}–${short(branch.high_um)}`), words(to, bus + 26, "share", percent(branch.probability_ppm)));
-      place(child, to, depth + 1);
-    }
-  };
-  place(root, EDGE - left, 0);
-  size = {width: right - left + 2 * EDGE, height: root.contour.length * (PANEL + GAP) - GAP + 2 * EDGE + 14};
-  view.replaceChildren(shape("svg", {id: "plan", viewBox: `0 0 ${size.width} ${size.height}`, role: "group", "aria-label": "Nodes and leaves"}, back, front, labels));
-  scale(zoom);
-  mark();
-  if (focused && focused !== "view") (byId(focused) ?? view).focus({preventScroll: true});
+  const root = make("ol", {}, make("li", {}, ...below(0, 1)));
+  view.replaceChildren(root);
+  view.style.setProperty("--levels", Math.max(...[...view.querySelectorAll(".panel")].map(panel => withAncestors([targetOf(panel.id)]).size)));
+  told = ""; // the chosen panel is a new one
+  if (focused) (byId(focused) ?? view).focus({preventScroll: true});
 }
-function scale(next) {
-  zoom = Math.min(Math.max(next, 0.05), 6);
-  const plan = byId("plan");
-  plan.setAttribute("width", size.width * zoom);
-  plan.setAttribute("height", size.height * zoom);
+// Scrolls the tree alone, not the page.
+function show(key) {
+  const box = byId(key)?.getBoundingClientRect(), frame = view.getBoundingClientRect();
+  if (!box) return;
+  if (box.left < frame.left || box.right > frame.right) view.scrollLeft += (box.left + box.right - frame.left - frame.right) / 2;
+  if (box.top < frame.top || box.bottom > frame.bottom) view.scrollTop += (box.top + box.bottom - frame.top - frame.bottom) / 2;
 }
-const fitted = () => Math.min(1.6, (view.clientWidth - 4) / size.width, (view.clientHeight - 4) / size.height);
-function show(target) {
-  const panel = byId(keyOf(target));
-  if (!panel) return;
-  const box = panel.getBoundingClientRect(), frame = view.getBoundingClientRect();
-  const x = box.left - frame.left, y = box.top - frame.top;
-  if (x < 0 || x + box.width > frame.width) view.scrollLeft += x + box.width / 2 - frame.width / 2;
-  if (y < 0 || y + box.height > frame.height) view.scrollTop += y + box.height / 2 - frame.height / 2;
-}
-function mark() {
-  for (const panel of view.querySelectorAll(".panel")) {
-    const target = Number(panel.dataset.target);
-    panel.classList.toggle("taken", way.has(target));
-    panel.classList.toggle("now", target === now);
-    panel.classList.toggle("chosen", target === chosen);
-    panel.setAttribute("aria-pressed", String(target === chosen));
-    panel.setAttribute("tabindex", target === chosen ? 0 : -1);
-    if (target === now) panel.setAttribute("aria-current", "step");
-    else panel.removeAttribute("aria-current");
-  }
-  for (const line of view.querySelectorAll(".branch")) line.classList.toggle("taken", [...way].some(target => line.id === `to-${keyOf(target)}`));
-}
-byId("in").addEventListener("click", () => { scale(zoom * 1.4); show(chosen); });
-byId("out").addEventListener("click", () => { scale(zoom / 1.4); show(chosen); });
-byId("fit").addEventListener("click", () => scale(fitted()));
-near.addEventListener("change", draw);
-follow.addEventListener("change", () => { if (follow.checked) choose(now); });
 
 // What is known of the panel that is looked at.
 let steps = [];
-function link(target) {
-  const button = make("button", {type: "button"}, nameOf(target));
-  button.addEventListener("click", () => { follow.checked = false; choose(target); });
-  return button;
+const link = target => make("button", {type: "button", "data-to": keyOf(target)}, nameOf(target));
+function spanOf({branches}) {
+  const low = Math.min(...branches.map(branch => branch.low_um)), high = Math.max(...branches.map(branch => branch.high_um));
+  return {low: Math.max(low / 1000 - MARGIN_MM, 0), high: high / 1000 + MARGIN_MM};
 }
-function spans(node, width) {
-  const x = um => 256 * um / table.opening_um, y = number => 2 + 15 * (number % 2);
-  const bars = node.branches.map(({low_um, high_um}, number) => shape("rect", {class: `span s${number % 6}`, x: x(low_um), y: y(number), width: Math.max(x(high_um) - x(low_um), 1), height: 14}));
-  const middles = node.branches.map(({low_um, high_um}) => x((low_um + high_um) / 2)), named = [];
-  middles.forEach((middle, number) => { if (named.every(other => Math.abs(middles[other] - middle) > 8)) named.push(number); });
-  const names = named.map(number => words(middles[number], 45, "", String(number)));
-  const line = width === undefined ? [] : [shape("path", {class: "seen", d: `M${x(1000 * width)} 0V34`})];
-  const label = "Widths of each outcome, between the jaws closed and open" + (width === undefined ? "" : `; ${width.toFixed(2)} mm was read`);
-  return shape("svg", {viewBox: "-14 0 276 62", role: "img", "aria-label": label}, ...bars, ...names, ...line, words(0, 59, "", "0 mm"), words(260, 59, "end", `${short(table.opening_um)} mm`));
+function chartOf(node) {
+  const {low, high} = spanOf(node), at = um => 100 * (um / 1000 - low) / (high - low), named = [];
+  const bands = node.branches.map(({low_um, high_um}, number) => shape("rect", {class: `band s${number % 6}`, x: at(low_um), width: at(high_um) - at(low_um), height: 100}));
+  node.branches.forEach(({low_um, high_um}, number) => {
+    const left = at((low_um + high_um) / 2);
+    if (named.every(other => Math.abs(other.left - left) >= APART)) named.push({left, number});
+  });
+  const names = named.map(({left, number}) => make("span", {style: `left:${left}%`}, String(number)));
+  const ends = [low, high].map(width => make("span", {}, `${width.toFixed(1)} mm`));
+  const picture = shape("svg", {viewBox: "0 0 100 100", preserveAspectRatio: "none", "aria-hidden": "true"}, ...bands);
+  return make("div", {class: "chart", role: "img", "aria-label": "Widths of each outcome"}, make("p", {class: "bands"}, ...names), picture, make("p", {class: "axis"}, ...ends));
 }
 function detailsOf(target) {
   const up = parents.get(target), head = make("h3", {}, nameOf(target).replace(/^./, first => first.toUpperCase()), ...(up ? [" after ", link(up.index)] : []));
   if (target < 0) {
     const leaf = leaves[~target], tried = leaf.trials ? `${percent(leaf.success_ppm)} of ${leaf.trials} simulated parts were within the goal.` : "Not tried.";
-    return [head, make("p", {}, leaf.resolved ? `The part lies at ${mm(leaf.x_um)}, ${mm(leaf.y_um)} mm, ${degrees(leaf.theta_urad)}°.` : "Unresolved: the table cannot tell the pose well enough."), make("p", {}, tried)];
+    return [head, make("p", {}, leaf.resolved ? `Answer: ${answerOf(leaf)}.` : "Unresolved: the table cannot tell the pose well enough."), make("p", {}, tried)];
   }
   const node = nodes[target], step = steps.findLast(one => one.node === target);
   const text = `Hand at ${mm(node.x_um)}, ${mm(node.y_um)} mm, ${degrees(node.angle_urad)}°, open ${mm(node.opening_um)} mm; closes at ${short(node.speed_um_s)} mm/s with ${short(node.force_mn)} N.`;
@@ -160,38 +126,22 @@ function detailsOf(target) {
   });
   const heads = ["branch", "width [mm]", "planned", "to"].map(name => make("th", {scope: "col"}, name));
   const read = step ? `Read ${step.width_mm.toFixed(2)} mm: ${step.target === null ? "rejected" : `on to ${nameOf(step.target)}`}.` : "This part was not squeezed here.";
-  return [head, make("p", {}, text), spans(node, step?.width_mm), make("p", {id: "read"}, read), make("table", {}, make("thead", {}, make("tr", {}, ...heads)), make("tbody", {}, ...rows))];
+  return [head, make("p", {}, text), chartOf(node), make("p", {id: "read"}, read), make("table", {}, make("thead", {}, make("tr", {}, ...heads)), make("tbody", {}, ...rows))];
 }
-let told = "";
-function choose(target, focus = false) {
-  const state = JSON.stringify([target, steps]);
-  chosen = target;
-  draw();
-  mark();
-  show(target);
-  if (focus) byId(keyOf(target))?.focus({preventScroll: true});
-  if (state === told) return;  // what has the focus stays
-  told = state;
-  byId("details").replaceChildren(...detailsOf(target));
+function about(key, byHand) {
+  if (byHand) follow.checked = false;
+  chosen = targetOf(key);
+  told = JSON.stringify([chosen, steps]);
+  const text = make("div", {}, ...detailsOf(chosen)), step = steps.findLast(one => one.node === chosen);
+  if (step) pointAt(text, step.width_mm, spanOf(nodes[chosen]));
+  if (near.checked) setTimeout(() => lookAt(chosen)); // what follows it
+  return text;
 }
-view.addEventListener("click", event => {
-  const panel = event.target.closest(".panel");
-  if (!panel) return;
-  follow.checked = false;
-  choose(Number(panel.dataset.target), true);
-});
-view.addEventListener("keydown", event => {
-  const panel = event.target.closest(".panel");
-  if (!panel) return;
-  const target = Number(panel.dataset.target), up = parents.get(target);
-  const beside = step => nodes[up?.index]?.branches[up.number + step]?.target ?? target;
-  const moves = {ArrowUp: () => up?.index ?? target, ArrowDown: () => branchesOf(target)[0]?.target ?? target, ArrowLeft: () => beside(-1), ArrowRight: () => beside(1), Home: () => 0, Enter: () => target, " ": () => target};
-  if (!moves[event.key]) return;
-  event.preventDefault();
-  follow.checked = false;
-  const next = moves[event.key]();
-  choose(byId(keyOf(next)) ? next : target, true);
-});
+const {choose, mark} = treeView(view, details, about);
+document.addEventListener("click", event => {
+  const to = event.target.closest("[data-to]")?.dataset.to;
+  if (to) chosen = targetOf(to), draw(); // where only this part's way is drawn
+}, true);
 
 // The state, asked for again and again; whoever looks elsewhere asks for nothing.
 function take(state) {
@@ -200,8 +150,17 @@ function take(state) {
   now = state.node ?? last?.target ?? (last ? last.node : 0);
   const reached = steps.flatMap(step => step.target === null ? [step.node] : [step.node, step.target]);
   way = withAncestors([...reached, now]);  // after a crash the first squeezes are not among the steps
+  lookAt(follow.checked ? now : chosen);
+}
+function lookAt(target) {
+  chosen = target;
   draw();
-  choose(follow.checked ? now : chosen);
+  mark([...way].map(keyOf));
+  for (const panel of view.querySelectorAll("[aria-current]")) panel.removeAttribute("aria-current");
+  byId(keyOf(now))?.setAttribute("aria-current", "step");
+  if (JSON.stringify([chosen, steps]) === told) return;  // what has the focus stays
+  choose(keyOf(chosen));
+  show(keyOf(chosen));
 }
 const shownTree = byId("tree"), latest = new Map();
 async function fetched(path) {
@@ -236,11 +195,8 @@ async function ask() {
   const state = shownTree.open ? await fetched("status.json") : null;
   if (state) take(JSON.parse(state));
 }
-shownTree.addEventListener("toggle", () => {
-  if (!shownTree.open) return;
-  scale(Math.max(fitted(), 0.75));
-  show(chosen);
-});
-draw();
-choose(0);
+near.addEventListener("change", () => lookAt(chosen));
+follow.addEventListener("change", () => { if (follow.checked) lookAt(now); });
+shownTree.addEventListener("toggle", () => show(keyOf(chosen)));
+lookAt(0);
 ask();

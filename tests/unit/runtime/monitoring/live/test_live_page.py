@@ -115,11 +115,23 @@ def test_the_page_holds_the_table_and_asks_nobody_but_its_server():
     assert "connect-src 'self'" in text
 
 
+def test_page_of_several_parts_has_their_names_and_outlines():
+    table = every_field_table()
+    outlines = [[[0, 0], [10 + k, 0], [0, 5.5]] for k, _ in enumerate(table.hypotheses)]
+    listed = [{"part": {"name": f"<{k}>", "outline_mm": o}} for k, o in enumerate(outlines)]
+    text = page.page(with_job(table, json.dumps({"hypothesis": listed})), "several")
+    data = json.loads(Page(text).scripts["data"])
+    assert data["outlines"] == outlines
+    assert data["names"] == [part.name for part in table.hypotheses]
+    assert data["leaves"]["hypothesis"] == [leaf.hypothesis for leaf in table.leaves]
+    assert f"<h1>{' or '.join(f'&lt;{k}&gt;' for k, _ in enumerate(outlines))}" in text
+
+
 def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out():
     evil = '</script><img src=x onerror="alert(1)">$name'
     job = json.dumps({"part": {"name": evil, "outline_mm": [[0, 0], [10, 0], [0, 5.5]]}})
     read = Page(page.page(with_job(small_table(), job), evil))
-    assert json.loads(read.scripts["data"])["outline"] == [[0, 0], [10, 0], [0, 5.5]]
+    assert json.loads(read.scripts["data"])["outlines"] == [[[0, 0], [10, 0], [0, 5.5]]]
     assert not [tag for tag, _ in read.elements if tag == "img"]
     assert len([tag for tag, _ in read.elements if tag == "script"]) == 2
 
@@ -127,4 +139,4 @@ def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out():
 @pytest.mark.parametrize("job", [None, "{}", '{"part": 3}', '{"part": {"outline_mm": [[1]]}}'])
 def test_a_job_of_another_make_is_a_page_without_its_part(job):
     table = small_table() if job is None else with_job(small_table(), job)
-    assert json.loads(Page(page.page(table, "t")).scripts["data"])["outline"] == []
+    assert json.loads(Page(page.page(table, "t")).scripts["data"])["outlines"] == []

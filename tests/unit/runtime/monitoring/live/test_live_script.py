@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from browser import NEEDED, page_after
+from browser import LEGIBLE, NEEDED, page_after, played
 from sample_tables import small_table
 
 from runtime.monitoring.live import page
@@ -13,7 +13,7 @@ pytestmark = [NEEDED, pytest.mark.slow]
 
 def test_the_tree_has_each_node_and_leaf_and_the_page_says_that_nobody_answers(tmp_path):
     after = page_after(page.page(small_table(), '<b>"ä".msgpack'), tmp_path)
-    panels = re.findall(r'<g class="panel (\w+)[^"]*" id="([\w-]+)"', after)
+    panels = re.findall(r'class="panel (\w+)[^"]*" id="([\w-]+)"', after)
     kinds = {name: kind for kind, name in panels}
     assert kinds == {
         "node-0": "node",
@@ -22,7 +22,34 @@ def test_the_tree_has_each_node_and_leaf_and_the_page_says_that_nobody_answers(t
         "leaf-1": "leaf",
         "leaf-2": "unresolved",
     }
-    assert 'aria-label="Leaf 0: part at 0.0, 0.5 mm, 0 degrees"' in after
+    assert 'aria-label="Leaf 0: 0.0, 0.5 mm, 0°"' in after
     assert "20.0\N{EN DASH}22.0" in after
     assert "The cell does not answer" in after
     assert "&lt;b&gt;" in after
+
+
+def test_arrow_keys_in_the_tree_lead_to_its_branches_and_end_following(tmp_path):
+    script = """
+  byId("tree").open = true;
+  byId("node-0").click();
+  const seen = {follow: byId("follow").checked, at: []};
+  for (const key of ["ArrowRight", "ArrowLeft", "ArrowDown", "ArrowDown", "Home"]) {
+    press(key);
+    seen.at.push(page.activeElement.id);
+  }
+  seen.said = byId("details").querySelector("h3").textContent;
+  return seen;
+"""
+    seen = played(page.page(small_table(), "small.msgpack"), script, tmp_path)
+    target = small_table().nodes[0].branches[0].target
+    first = f"node-{target}" if target >= 0 else f"leaf-{~target}"
+    assert (seen["follow"], seen["said"]) == (False, "Node 0")
+    assert seen["at"][:2] == [first, "node-0"]
+    assert len({*seen["at"][1:4]}) == 3
+    assert seen["at"][4] == "node-0"
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+def test_tree_is_legible_and_no_wider_than_the_screen(tmp_path, width):
+    seen = played(page.page(small_table(), "small.msgpack"), LEGIBLE, tmp_path, width)
+    assert seen == {"small": [], "over": 0}

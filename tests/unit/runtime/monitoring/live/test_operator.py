@@ -29,7 +29,7 @@ def status():
 
 def shown(status):
     seen = status.as_object()
-    text = f"<main>{operator.state(seen)}{operator.screen(TABLE, OUTLINE, seen)}</main>"
+    text = f"<main>{operator.state(seen)}{operator.screen(TABLE, [OUTLINE], seen)}</main>"
     assert not Page(text).open
     return text
 
