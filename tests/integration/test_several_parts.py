@@ -297,6 +297,8 @@ def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
         posed.table.predicted.trials
     )  # the figures of a report are those of the table's evaluation
     assert counted.sum() == trials
+    assert f"Of {trials} parts sent through the table" in text
+    assert '<span class="s0">small</span> <span class="s1">large &lt;i&gt;&amp;</span>' in text
     assert counted[0].sum() / trials == pytest.approx(0.3, abs=0.12)
     assert np.trace(counted) >= 0.97 * counted[:, :2].sum()
     panels = re.findall(r'<button class="panel leaf"(.*?)</button>', text, re.DOTALL)
