@@ -23,6 +23,15 @@ def test_a_part_that_no_open_hand_clears_is_too_large():
     assert "seconds" in row
 
 
+@pytest.mark.parametrize("outlines", [0, 1])
+def test_page_without_located_outlines_states_no_figures_of_them(outlines):
+    rows = [zoo.judge(item([[0, 0], [84, 0], [84, 20], [40, 20]]))] * outlines
+    text = zoo.page(rows)
+    assert "0 are located" in text
+    assert "nan" not in text
+    assert "located parts take" not in text
+
+
 def test_an_error_of_the_program_is_reported_and_ends_nothing(monkeypatch):
     monkeypatch.setattr(zoo, "compile_job", lambda *_, **__: 1 / 0)
     row = zoo.judge(item([[0, 0], [30, 0], [0, 20]]))
