@@ -26,7 +26,7 @@ APPROACH_FRAMES = 14
 CONTACT_FRAMES = 46
 PAGE = """\
 <main><h1>{title}</h1>
-<div class="slider"><button type="button">play</button>
+<div class="slider"><button type="button">Play</button>
 <input type="range" min="0" value="0" aria-label="progress"></div>
 <div id="squeezes"></div></main>
 """

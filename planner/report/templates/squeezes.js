@@ -22,21 +22,7 @@ const panels = data.squeezes.map(({status, states}, number) => {
   };
 });
 
-const last = data.squeezes[0].states.length - 1;
-let timer = 0;
-slider.max = last;
-const show = () => panels.forEach(panel => panel(Number(slider.value)));
-const stop = () => { clearInterval(timer); timer = 0; button.textContent = "play"; };
-const advance = () => {
-  slider.value = Number(slider.value) + 1;
-  show();
-  if (Number(slider.value) === last) stop();
-};
-slider.addEventListener("input", () => { stop(); show(); });
-button.addEventListener("click", () => {
-  if (timer) return stop();
-  if (Number(slider.value) === last) slider.value = 0;
-  button.textContent = "stop";
-  timer = setInterval(advance, 50);
-});
-show();
+slider.max = data.squeezes[0].states.length - 1;
+const show = step => panels.forEach(panel => panel(step));
+player({slider, button, step: 1, milliseconds: 50, show});
+show(0);

@@ -39,26 +39,15 @@ export function drawMoment(view, film, seconds) {
 
 // Shows films in some elements of the page; a person who wants no motion begins it by hand.
 export function projector({ view, slider, button, caption }) {
-  let film = null, timer = 0;
-  const show = () => (caption.textContent = drawMoment(view, film, Number(slider.value)));
-  const pause = () => (clearInterval(timer), (timer = 0), (button.textContent = "Play"));
-  const play = () => {
-    if (Number(slider.value) >= lasts(film)) slider.value = 0;
-    button.textContent = "Pause";
-    timer = setInterval(() => {
-      slider.value = Number(slider.value) + TICK_MS / 1000;
-      show();
-      if (Number(slider.value) >= lasts(film)) pause();
-    }, TICK_MS);
-  };
-  button.addEventListener("click", () => (timer ? pause() : play()));
-  slider.addEventListener("input", () => (pause(), show()));
+  let film = null;
+  const show = (seconds) => (caption.textContent = drawMoment(view, film, seconds));
+  const { play, pause } = player({ slider, button, step: TICK_MS / 1000, milliseconds: TICK_MS, show });
   return (next) => {
     pause();
     film = next;
     slider.max = lasts(film);
     slider.value = 0;
-    show();
+    show(0);
     if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play();
   };
 }

@@ -15,6 +15,7 @@ from runtime.spc.summary import Series
 
 MOST_LEAVES = 16  # leaves on the sheet, those with the most parts; --json has all
 MOST_JOURNALS = 6
+MOST_CAPABLE = 100.0  # largest Cg or Cgk that is written out
 UNITS = {
     "x_mm": ("x", "mm"),
     "y_mm": ("y", "mm"),
@@ -159,13 +160,13 @@ def _gauge_cells(row: GaugeRow) -> Iterator[str]:
     for name, one in row.studies.items():
         enough = one.readings >= LEAST_READINGS
         yield f"{in_degrees(name, one.bias):+.3f}"
-        yield from (_figure(value, ".2f") if enough else "" for value in (one.cg, one.cgk))
+        yield from (_capability(value) if enough else "" for value in (one.cg, one.cgk))
 
 
 def _type_one_words(name: str, one: TypeOne) -> str:
     word, unit = UNITS[name]
     bias = f"{in_degrees(name, one.bias):+.3f} {unit}"
-    return f"{word} bias {bias}, Cg {_figure(one.cg, '.2f')}, Cgk {_figure(one.cgk, '.2f')}"
+    return f"{word} bias {bias}, Cg {_capability(one.cg)}, Cgk {_capability(one.cgk)}"
 
 
 def _crossed(studies: Mapping[str, Crossed]) -> Iterator[str]:
@@ -184,6 +185,11 @@ def _crossed_cells(name: str, study: Crossed) -> Iterator[str]:
     for value in (spread.repeatability, spread.reproducibility, spread.gauge, spread.part):
         yield f"{in_degrees(name, value):.4g}"
     yield from (_figure(study.percent, ".2f"), _known(spread.fields()["ndc"]), judged(study))
+
+
+def _capability(value: float | None) -> str:
+    """A Cg or Cgk; where hardly anything scatters, as in a simulated cell, its digits mean nothing."""
+    return f"over {MOST_CAPABLE:g}" if value and value > MOST_CAPABLE else _figure(value, ".2f")
 
 
 def _figure(value: float | None, form: str) -> str:

@@ -55,6 +55,15 @@ EXPRESSION = """{
   second: momentOf(film, 2), ends: momentOf(film, lasts(film)),
   radii: [nearestRadius(3.3), nearestRadius(-1), nearestRadius(1e9), radiusAfter("ArrowUp", 3, false),
     radiusAfter("ArrowLeft", 3, true), radiusAfter("End", 3, false), radiusAfter("Tab", 3, false)],
+  player: (() => {
+    const slider = make("input", {type: "range", min: 0, max: 4, step: 1, value: 4}), button = make("button"), seen = [];
+    const {play} = player({slider, button, step: 1, milliseconds: 1e6, show: (now) => seen.push(now)});
+    play();
+    const begun = [button.textContent, slider.value];
+    slider.value = 3;
+    slider.dispatchEvent(new Event("input"));
+    return {begun, ended: button.textContent, seen};
+  })(),
   caption: drawMoment(byId("view"), film, 4), fingers: byId("view").querySelectorAll(".finger").length,
   text: make("li", {title: evil}, evil).textContent, inside: make("li", {}, evil).children.length,
 }"""
@@ -92,6 +101,10 @@ def test_each_squeeze_has_its_hand_and_the_film_ends_with_the_last(seen):
     assert seen["ends"]["number"] == 1
     assert seen["caption"] == "Squeeze 2 of 2: 22.0 mm apart"
     assert seen["fingers"] == 2
+
+
+def test_player_begins_again_after_the_end_and_pauses_where_the_slider_is_moved(seen):
+    assert seen["player"] == {"begun": ["Pause", "0"], "ended": "Play", "seen": [3]}
 
 
 def test_radii_keep_to_steps_and_bounds(seen):

@@ -68,6 +68,19 @@ def test_study_of_a_healthy_cell_accepts_it_and_writes_the_sheet(healthy, tmp_pa
     assert "http" not in text.replace("http-equiv", "")
 
 
+def test_study_of_a_cell_that_hardly_scatters_writes_no_digits_without_meaning(
+    healthy, tmp_path, capsys
+):
+    still = [
+        replace(part, residual=(1e-9 * number, 0.0, 0.0)) if part.residual else part
+        for number, part in enumerate(healthy)
+    ]
+    sheet = tmp_path / "sheet.html"
+    main(write(tmp_path / "j.jsonl", still), "-o", sheet)
+    assert "Cg over 100, Cgk over 100" in capsys.readouterr().out
+    assert "<td>over 100</td><td>over 100</td>" in sheet.read_text()
+
+
 @pytest.mark.parametrize(("rate", "count", "code"), [(0.2, 200, 11), (0.01, 60, 12)])
 def test_study_of_a_bad_cell_refuses_it_and_of_few_parts_asks_for_more(
     tmp_path, capsys, rate, count, code
