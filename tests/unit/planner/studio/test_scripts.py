@@ -56,7 +56,8 @@ EXPRESSION = """{
   radii: [nearestRadius(3.3), nearestRadius(-1), nearestRadius(1e9), radiusAfter("ArrowUp", 3, false),
     radiusAfter("ArrowLeft", 3, true), radiusAfter("End", 3, false), radiusAfter("Tab", 3, false)],
   player: (() => {
-    const slider = make("input", {type: "range", min: 0, max: 4, step: 1, value: 4}), button = make("button"), seen = [];
+    const slider = make("input", {type: "range", min: 0, max: 4, step: 1, value: 4});
+    const button = make("button"), seen = [];
     const {play} = player({slider, button, step: 1, milliseconds: 1e6, show: (now) => seen.push(now)});
     play();
     const begun = [button.textContent, slider.value];
