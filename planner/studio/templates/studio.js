@@ -6,9 +6,10 @@ import { projector } from "./film.js";
 const BUSY_MS = 600, IDLE_MS = 3000, SETTLE_MS = 300;
 const form = byId("settings");
 const proposed = { gripper: "gripper", fingers: "fingers", radius: "radius_mm", turn: "turn_deg", distance: "distance_mm" };
+let lost = false; // whether something was asked that got no answer
 let touched = {}; // settings that a person chose; the others follow the drawing
 let contour = "", drawing = "", asked = 0, waiting = 0, known = "", preview = null, begun = "";
-let refused = false, underWay = ""; // whether a setting is wrong, and the plan of any tab that is being planned
+let refused = "", underWay = ""; // why a setting is refused, and the plan of any tab that is being planned
 
 function tell(sentence) {
   byId("error").hidden = !sentence;
@@ -21,6 +22,7 @@ async function ask(path, query, body) {
   try {
     response = await fetch(`${path}?${new URLSearchParams(query)}`, options);
   } catch {
+    lost = true;
     throw new Error("The studio does not answer; begin it again with squeezetree studio. Nothing is lost.");
   }
   const answer = await response.json();
@@ -70,9 +72,10 @@ async function look() {
   byId("command").textContent = answer.command;
   showContours(answer);
   form.hidden = false;
-  refused = Boolean(answer.error);
+  const before = refused;
+  refused = answer.error ?? "";
   showBegin();
-  tell(answer.error);
+  if (refused || byId("error").textContent === before) tell(refused); // other sentences stay
   if (answer.outline) showPart(answer);
   else for (const id of ["view", "facts", "assumed"]) byId(id).replaceChildren();
 }
@@ -118,7 +121,7 @@ function showRoom() {
 }
 
 function showBegin() {
-  byId("begin").disabled = refused || Boolean(underWay);
+  byId("begin").disabled = Boolean(refused || underWay);
   byId("occupied").textContent = underWay && `${underWay} is being planned; stop it, or wait for it.`;
 }
 
@@ -129,6 +132,8 @@ function soon() {
 
 async function add(file) {
   if (!file) return;
+  const suffixes = byId("file").accept.split(",");
+  if (!suffixes.some((suffix) => file.name.toLowerCase().endsWith(suffix))) throw new Error(`${file.name}: is no drawing; those end in ${suffixes.join(", ")}`);
   const { drawing: name } = await ask("/drawings", { name: file.name }, file);
   drawing = name; // refreshing chooses no other
   await refresh();
@@ -264,13 +269,15 @@ for (const kind of ["dragover", "dragleave", "drop"]) {
 }
 document.addEventListener("drop", attempt((event) => add(event.dataTransfer.files[0])));
 
-let lost = false;
 async function follow() {
   let busy = false;
   try {
     if (!document.hidden) busy = await refresh();
-    if (lost) tell();
-    lost = false;
+    if (lost) {
+      lost = false;
+      tell();
+      await look(); // its answer may have been lost
+    }
   } catch (error) {
     lost = true;
     tell(error.message);

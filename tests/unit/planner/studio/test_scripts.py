@@ -117,13 +117,20 @@ def test_markup_in_names_is_text(seen):
 
 
 def page_with(answers):
-    """The studio's page in one file; `answers` holds what its server says, by path."""
+    """The studio's page in one file; `answers` holds what its server says, by path: null if it is gone."""
     common, *modules = [
         (ROOT / name).read_text("utf-8") for name in (*SCRIPTS, f"{FOLDER}/studio.js")
     ]
     script = re.sub(r"^import .*$|^export ", "", "\n".join(modules), flags=re.MULTILINE)
+    script = script.replace("IDLE_MS = 3000", "IDLE_MS = 30")
     given = f"var answers = {json.dumps(answers)};".replace("<", "\\u003c")
-    stub = "fetch = async (path) => new Response(JSON.stringify(answers[path.split('?')[0]]));"
+    stub = """
+fetch = async (path) => {
+  const answer = answers[path.split("?")[0]];
+  if (answer === null) throw new TypeError("Failed to fetch");
+  return new Response(JSON.stringify(answer));
+};
+"""
     scripts = f"<script>{common}\n{given}\n{stub}</script><script type=module>{script}</script>"
     page = re.sub(
         r'<script [^>]*src="[^"]*"></script>|<link rel="stylesheet"[^>]*>', "", answers["page"]
@@ -131,18 +138,24 @@ def page_with(answers):
     return page.replace("</head>", f"{scripts}</head>")
 
 
-def test_plan_button_while_another_tab_plans_is_disabled_with_the_reason(tmp_path, monkeypatch):
+@pytest.fixture
+def plate(tmp_path, monkeypatch):
+    """A studio whose folder holds one drawing, and what it says of the drawing."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plate.csv").write_text("0,0\n30,0\n30,21\n0,21\n")
+    read = {**preview(["plate.csv", "--units=mm"]), "command": "squeezetree try plate.csv"}
+    return Answers(Folder(tmp_path)), read
+
+
+def test_plan_button_while_another_tab_plans_is_disabled_with_the_reason(plate, tmp_path):
+    studio, read = plate
     log = tmp_path / "plate.plan.jsonl"
     log.write_text('{"drawing": "plate.csv", "step": "try", "command": "squeezetree try"}\n')
-    studio = Answers(Folder(tmp_path))
     with closing(log.open("ab")) as planning:  # as the planning process does
         fcntl.flock(planning, fcntl.LOCK_EX)
         running = json.loads(studio.state().body)
     log.write_text(log.read_text() + '{"exit": 0}\n')
     done = json.loads(studio.state().body)
-    read = {**preview(["plate.csv", "--units=mm"]), "command": "squeezetree try plate.csv"}
     answers = {"page": studio.page().body.decode(), "/folder.json": running, "/preview": read}
     seen = played(
         page_with(answers),
@@ -165,3 +178,46 @@ def test_plan_button_while_another_tab_plans_is_disabled_with_the_reason(tmp_pat
     }
     assert seen["after"] == {"disabled": False, "reason": ""}
     assert seen["error"] == ""
+
+
+def test_preview_that_a_killed_server_did_not_answer_is_asked_for_again(plate, tmp_path):
+    studio, read = plate
+    state = json.loads(studio.state().body)
+    answers = {"page": studio.page().body.decode(), "/folder.json": state, "/preview": None}
+    seen = played(
+        page_with(answers),
+        f"""
+  const shown = async (id, wanted) => {{
+    for (let k = 0; k < 50 && byId(id).hidden === wanted; k++)
+      await new Promise((done) => setTimeout(done, 10));
+    return !byId(id).hidden;
+  }};
+  const lost = {{error: await shown("error", true), form: !byId("settings").hidden}};
+  view.answers["/preview"] = {json.dumps(read)};
+  const form = await shown("settings", true);
+  return {{lost, form, error: !byId("error").hidden, facts: byId("facts").textContent}};
+""",
+        tmp_path,
+    )
+    assert seen["lost"] == {"error": True, "form": False}
+    assert (seen["form"], seen["error"]) == (True, False)
+    assert "30.0 x 21.0 mm" in seen["facts"]
+
+
+def test_file_that_is_no_drawing_is_refused_without_asking_the_server(plate, tmp_path):
+    studio, read = plate
+    state = json.loads(studio.state().body)
+    answers = {"page": studio.page().body.decode(), "/folder.json": state, "/preview": read}
+    seen = played(
+        page_with(answers),
+        """
+  const files = new view.DataTransfer();
+  files.items.add(new view.File(["x"], "photo.jpg"));
+  byId("file").files = files.files;
+  byId("file").dispatchEvent(new view.Event("change"));
+  await new Promise((done) => setTimeout(done, 200));
+  return byId("error").textContent;
+""",
+        tmp_path,
+    )
+    assert seen.startswith("photo.jpg: is no drawing; those end in .dxf, .svg")
