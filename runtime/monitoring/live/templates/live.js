@@ -20,7 +20,8 @@ const MANY = 600, LEAST_PPM = 10_000, MARGIN_MM = 3, APART = 9, POLL_MS = 400, L
 // What panels show: the open hand at its place, or the part where a leaf says it lies.
 const length = table.finger_length_um / 1000, thickness = table.finger_width_um / 1000;
 const far = Math.max(1, ...table.outlines.flat().map(([x, y]) => Math.hypot(x, y)));
-const reach = Math.max(table.opening_um / 2000 + thickness, far, ...leaves.map(leaf => Math.hypot(leaf.x_um, leaf.y_um) / 1000 + (leaf.resolved ? far : 0)));
+const reaches = [...nodes.map(node => Math.hypot(node.opening_um / 2000 + thickness, length / 2)), ...leaves.map(leaf => leaf.resolved ? far : 0)];
+const reach = Math.max(far, ...[...nodes, ...leaves].map((at, index) => Math.hypot(at.x_um, at.y_um) / 1000 + reaches.at(index)));
 const placed = ({x_um, y_um, angle_urad, theta_urad}) => `translate(${x_um / 1000} ${y_um / 1000})rotate(${(angle_urad ?? theta_urad) / 1e6 * 180 / Math.PI})`;
 const outlines = table.outlines.map(outline => outline.map(point => point.join()).join(" "));
 function picture(target) {
