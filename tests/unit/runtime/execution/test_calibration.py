@@ -65,7 +65,7 @@ def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_o
     assert ours < 0.5  # of which rounding to counts is 0.2, of the block and of the reading
     assert line > 2.5
     assert max(map(abs, residuals_mm(fitted))) < 1.0
-    off = calibration.against_nominal_mm(fitted)
+    off = [block["off_nominal_mm"] for block in figures(fitted)["blocks"]]
     assert len(off) == len(BLOCKS)
     assert max(map(abs, off)) > 2.0
 
