@@ -1,7 +1,7 @@
 """The parts of one or several journals, and their table."""
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 from runtime.errors import JournalError, TornError
 from runtime.journal.chain import records
+from runtime.journal.lines import Entry
 from runtime.shell.errors import UsageError
 from runtime.table import Pose2, Table, loads, turned_pose
 
-Entry = Mapping[str, object]
 RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 
 
