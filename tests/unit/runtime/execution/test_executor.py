@@ -3,7 +3,8 @@
 import pytest
 from counting import count_of
 from fake_cell import Deaf, FakeCell, FakeJournal, Log, State, fake_cell
-from sample_tables import pushing_table, random_table, small_table, with_node
+from sample_tables import changed, pushing_table, random_table, small_table
+from squeezes import ARRIVED, AT_21, AT_30, AT_36, CONTACT
 
 from drivers.errors import ArmError, GripperFault, LinkError
 from runtime.errors import JournalError, TableError
@@ -12,8 +13,6 @@ from runtime.table import Table
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome, PartResult, Step
 
-CONTACT, ARRIVED = 2, 3
-AT_21, AT_30, AT_36 = ((count_of(width), CONTACT) for width in (21_000, 30_000, 36_000))
 LONGEST = [AT_30, AT_21]  # reaches leaf 1 by both nodes
 
 
@@ -301,9 +300,7 @@ def test_an_arm_that_stands_elsewhere_is_not_moved_again(off_mm):
 
 
 def test_a_table_the_gripper_cannot_execute_is_refused_before_anything_moves():
-    node = small_table().nodes[0]
-    slow = node._replace(squeeze=node.squeeze._replace(speed_um_s=19_000))
     rig = fake_cell([])
     with pytest.raises(TableError, match=r"node 0 .* the gripper does 20\.\."):
-        run(rig, with_node(small_table(), 0, slow))
+        run(rig, changed(small_table(), {"nodes.0.squeeze.speed_um_s": 19_000}))
     assert rig.log.calls == []
