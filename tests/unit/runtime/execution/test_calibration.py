@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 from math import acos
 from pathlib import Path
 
@@ -85,13 +86,8 @@ def test_measurements_that_contradict_one_another_are_refused(measured, message)
 
 def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path):
     path = tmp_path / "g.json"
-    fitted = calibration.GripperCalibration(
-        "S/N 1", "today", tuple(gauges()), fitted_to(gauges()).points_um
-    )
     for tips, current in ((None, None), ((57.15, 5.2), (30, 900))):
-        fitted = calibration.GripperCalibration(
-            "S/N 1", "today", fitted.gauges, fitted.points_um, tips, current
-        )
+        fitted = replace(fitted_to(gauges()), tips_mm=tips, current_ma=current)
         save(fitted, path)
         assert load(path) == fitted
     record = json.loads(path.read_text())
@@ -187,11 +183,8 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(tmp_path, capsy
     calibration = load(tmp_path / "g.json")
     assert [gauge.width_mm for gauge in calibration.gauges] == list(BLOCKS)
     assert calibration.gauges == tuple(gauges())
-    assert (calibration.tips_mm, calibration.current_ma, calibration.gripper) == (
-        (57.15, 5.3),
-        (0, 800),
-        "S/N 7",
-    )
+    assert (calibration.tips_mm, calibration.current_ma) == ((57.15, 5.3), (0, 800))
+    assert calibration.gripper == "S/N 7"
     assert set(gripper.forces) == {0}
     assert {speed for position, speed in gripper.asked if position == 255} == {0}
     assert gripper.closed

@@ -13,7 +13,7 @@ from scipy import special, stats
 from runtime.spc.study.gauge import beta_share, crossed, f_tail, t_tail, type_one
 
 PARTS = ("repeatability", "reproducibility", "gauge", "part")
-# Measurement Systems Analysis, 4th edition: tables III-B 7 and 8, and figure III-B 16 by the other method, which
+# Measurement Systems Analysis, 4th edition: tables III-B 7 and 8; by the other method figure III-B 16, which
 # rounds averages to four digits before it goes on, so that its fourth digit may be one off.
 ANOVA = ("anova", (0.199933, 0.226838, 0.302373, 1.042327), (18.42, 20.90, 27.86, 96.04))
 RANGES = ("ranges", (0.20188, 0.22963, 0.30575, 1.10456), (17.62, 20.04, 26.68, 96.38))
