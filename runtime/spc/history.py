@@ -136,9 +136,7 @@ def _squeezed(entry: Entry, table: Table) -> Squeezed:
     node, target = _whole(entry["node"]), entry.get("target")
     if node < 0:
         raise IndexError(node)
-    targets = [branch.target for branch in table.nodes[node].branches]
-    branch = targets.index(target) if isinstance(target, int) and target in targets else None
-    return Squeezed(node, branch, _whole(entry["width_um"]))
+    return Squeezed(node, table.nodes[node].branch_to(target), _whole(entry["width_um"]))
 
 
 def _whole(value: object) -> int:

@@ -17,6 +17,9 @@ MOST_BINS = 300  # of a histogram of readings
 HELD_UM = 2000
 """Expected width above which the jaws hold a part, which the hand then drags to `Node.release`."""
 
+REJECT = -1
+"""In place of the index of a branch: no branch."""
+
 KINDS = ("pose", "tolerances", "modes", "orientation", "identity")
 
 
@@ -134,6 +137,18 @@ class Node(NamedTuple):
     def let_go(self) -> Place:
         """Where a held part is released."""
         return self.release or self.squeeze.place
+
+    def release_point(self, branch: int) -> Place | None:
+        """Where a part that took a branch is released; None: where the hand stands.
+
+        An unknown part, whose branch is `REJECT`, is not dragged.
+        """
+        held = branch != REJECT and self.branches[branch].expected_um >= HELD_UM
+        return self.release if held else None
+
+    def branch_to(self, target: object) -> int | None:
+        """The branch with a target; None where there is none."""
+        return next((k for k, branch in enumerate(self.branches) if branch.target == target), None)
 
 
 class LeafPose(NamedTuple):

@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 
 from drivers.ports import ObjectState
 from runtime.table import REJECT, Calibration, Node, Place, Table, decision_map, turned
-from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
+from runtime.traversal.decision import Policy, TraversalState, advance, decide
 from runtime.traversal.results import Outcome, PartResult, Step
 
 
@@ -106,7 +106,7 @@ class Program:
             reading = yield Squeeze(index, node)
             assert reading is not None
             decision = decide(node, self.maps[index], self._width_um(reading), reading.object)
-            if decision.branch == REJECT or release_point(node, decision.branch) is not None:
+            if decision.branch == REJECT or node.release_point(decision.branch) is not None:
                 reading = yield Tighten(index, node)
                 assert reading is not None
                 decision = decide(node, self.maps[index], self._width_um(reading), reading.object)
@@ -122,7 +122,7 @@ class Program:
             steps = (*steps, step)
             state = advance(state, step.target, table, self._policy)
             following = table.nodes[0 if state.outcome is not None else state.node]
-            point = release_point(node, decision.branch)
+            point = node.release_point(decision.branch)
             yield Release(index, node, steps, point, state, following)
         yield Done(PartResult.of(number, state.outcome, steps, _reason(state, steps)))
 

@@ -10,7 +10,7 @@ from sample_tables import every_field_table, random_table, small_table
 from runtime.execution.asked import ERRORS, MAX_LINE
 from runtime.execution.executor import RunOptions
 from runtime.table import REJECT, Table, decide, decision_map
-from runtime.traversal.decision import Policy, release_point
+from runtime.traversal.decision import Policy
 
 WORDS = [
     *("NEXT", "WIDTH", "COUNTS", "STATUS", "RESET", "TABLE", "VERSION", "OBJECT", "NONE", "next"),
@@ -34,7 +34,7 @@ def expected(table: Table, count: int, felt: bool) -> str:
     branch = decide(decision_map(node, table.gripper), width_um(count), felt)
     if branch == REJECT:
         return "REJECT"
-    if release_point(node, branch) is not None:
+    if node.release_point(branch) is not None:
         return "DRAG"
     target = node.branches[branch].target
     if target >= 0:

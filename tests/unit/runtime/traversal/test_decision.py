@@ -16,7 +16,6 @@ from runtime.traversal.decision import (
     TraversalState,
     advance,
     decide,
-    release_point,
 )
 from runtime.traversal.results import Outcome
 
@@ -137,10 +136,10 @@ def test_only_what_is_held_and_known_is_dragged():
         for expected_um in (1_999, 2_000)
     )
     for held, branch in ((node, 0), (node, 1), (just, 0)):
-        assert release_point(held, branch) == node.release
-    assert release_point(node, REJECT) is None
-    assert release_point(thin, 0) is None
-    assert release_point(TABLE.nodes[0], 0) is None
+        assert held.release_point(branch) == node.release
+    assert node.release_point(REJECT) is None
+    assert thin.release_point(0) is None
+    assert TABLE.nodes[0].release_point(0) is None
 
 
 def test_a_target_of_zero_is_a_node_and_leaf_zero_is_none():
