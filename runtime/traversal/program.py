@@ -36,16 +36,10 @@ class Approach:
 class Squeeze:
     """Close the jaws at the node until they meet something."""
 
-    index: int
-    node: Node
-
 
 @dataclass(frozen=True, slots=True)
 class Tighten:
     """Raise the force to the node's: the reading decides nothing yet, or the part is dragged."""
-
-    index: int
-    node: Node
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,11 +97,11 @@ class Program:
         while state.outcome is None:
             index, node = state.node, table.nodes[state.node]
             yield Approach(index, node, len(steps) + 1, state.again)
-            reading = yield Squeeze(index, node)
+            reading = yield Squeeze()
             assert reading is not None
             decision = decide(node, self.maps[index], self._width_um(reading), reading.object)
             if decision.branch == REJECT or node.release_point(decision.branch) is not None:
-                reading = yield Tighten(index, node)
+                reading = yield Tighten()
                 assert reading is not None
                 decision = decide(node, self.maps[index], self._width_um(reading), reading.object)
             step = Step(
