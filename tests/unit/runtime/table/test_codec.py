@@ -20,7 +20,8 @@ from sample_tables import (
 
 from runtime.table import Place, Table, TableError, dump, dumps, load, loads
 from runtime.table.codec import FORMAT
-from runtime.table.fields import MAX_BYTES, SECTIONS
+from runtime.table.fields import MAX_BYTES
+from runtime.table.sections import SECTIONS
 
 SMALL = dumps(small_table())
 PAYLOAD = msgpack.unpackb(SMALL)[3]
