@@ -17,17 +17,9 @@ MANUAL = "manual"  # a person at the terminal
 SIMULATED_CAMERA = "{camera}"  # in --audit: the address of the simulated cell's camera
 # Options that --serve allows; the others are about devices, which the robot moves itself.
 SERVED = {
-    "serve",
-    "network",
-    "trees",
-    "count",
-    "journal",
-    "json",
-    "debug",
-    "calibration",
-    "on_reject",
+    *("serve", "network", "trees", "count", "journal", "json", "debug", "calibration"),
+    *("on_reject", "on_unresolved", "http", "shifts", "require_signed"),
 }
-SERVED |= {"on_unresolved", "http", "shifts", "require_signed"}
 
 RUN_CODES = epilog(
     ExitCode.INPUT,
@@ -151,9 +143,7 @@ def parser() -> Parser:
     _add_instead(built.add_argument_group("instead of a run"))
     _add_handling(built.add_argument_group("how parts are handled"))
     _add_policy(built.add_argument_group("what follows"))
-    views = built.add_argument_group("who watches")
-    _add_views(views)
-    _add_takt(views)
+    _add_views(built.add_argument_group("who watches"))
     _add_simulated(built.add_argument_group("with --port sim"))
     return built
 
@@ -310,6 +300,12 @@ def _add_views(group: argparse._ArgumentGroup) -> None:
         metavar="H,H,...",
         help="hours at which shifts change, for the page's figures (default: 6,14,22)",
     )
+    add(
+        "--takt",
+        type=seconds,
+        metavar="6s",
+        help="also print at the end how many parts were done within it",
+    )
 
 
 def hours(text: str) -> tuple[int, ...]:
@@ -318,15 +314,6 @@ def hours(text: str) -> tuple[int, ...]:
     if not all(word.isascii() and word.isdecimal() and int(word) < 24 for word in words):
         raise argparse.ArgumentTypeError(f"{text!r}: write hours from 0 to 23, such as 6,14,22")
     return tuple(map(int, words))
-
-
-def _add_takt(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--takt",
-        type=seconds,
-        metavar="6s",
-        help="also print at the end how many parts were done within it",
-    )
 
 
 def _add_simulated(group: argparse._ArgumentGroup) -> None:

@@ -163,7 +163,6 @@ def report(measured: Measured) -> Iterator[str]:
 
 def figures(measured: GripperCalibration) -> Measured:
     """The measurement in plain types, with the nominal widths."""
-    nominal = calibration.against_nominal_mm(measured)
     left_out = [None, *calibration.residuals_mm(measured)]
     blocks = [
         {
@@ -171,9 +170,9 @@ def figures(measured: GripperCalibration) -> Measured:
             "read_mm": [reading / 1000 for reading in gauge.readings_um],
             "spread_mm": gauge.spread_um / 1000,
             "off_without_it_mm": off,
-            "off_nominal_mm": line,
+            "off_nominal_mm": gauge.mean / 1000 - gauge.width_mm,
         }
-        for gauge, off, line in zip_longest(measured.gauges, left_out, nominal)
+        for gauge, off in zip_longest(measured.gauges, left_out)
     ]
     return {"gripper": measured.gripper, "blocks": blocks}
 

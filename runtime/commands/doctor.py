@@ -11,7 +11,7 @@ from runtime.commands import checks as doctor
 from runtime.commands.arguments import MANUAL, SIMULATED, address
 from runtime.commands.cell import REHEARSAL
 from runtime.commands.checks import Finding, System, Verdict
-from runtime.commands.ur_checks import Accepts, accepts, check_controllers
+from runtime.commands.ur_checks import check_controllers
 from runtime.devices.cell_process import CellProcess
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
@@ -105,13 +105,12 @@ def findings(
     known: calibration.GripperCalibration | None,
     drivers: Drivers,
     system: System,
-    listens: Accepts = accepts,
 ) -> Iterator[Finding]:
     """All checks, ordered by dependency."""
     if table is not None:
         of_table = table.gripper.profile
         yield from doctor.check_table(table, known.of(of_table) if known else Calibration(of_table))
-    yield from check_controllers(filter(None, (port, arm_url)), listens)
+    yield from check_controllers(filter(None, (port, arm_url)))
     yield from _gripper_findings(port, profile, drivers, system)
     if arm_url is not None:
         try:

@@ -29,11 +29,6 @@ examples:
   {NAME} verify T.zip --key acme.pem.pub
 
 {EXIT_CODES}"""
-EXAMPLES = {
-    "key": "-o acme.pem",
-    "pack": "T.msgpack -o T.zip",
-    "verify": "T.zip --key acme.pem.pub",
-}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -49,7 +44,7 @@ def parser() -> Parser:
         epilog=EPILOG,
     )
     subcommands = built.add_subparsers(required=True, metavar="key | pack | verify")
-    subcommand = _subcommand(subcommands, "key", _key, "make a key to sign with")
+    subcommand = _subcommand(subcommands, "key -o acme.pem", _key, "make a key to sign with")
     subcommand.add_argument(
         "-o",
         "--output",
@@ -58,9 +53,8 @@ def parser() -> Parser:
         help="private key, for its owner alone; the public one goes to K.pem.pub; neither is overwritten "
         "(default: ~/.config/squeezetree/signing-key.pem)",
     )
-    subcommand = _subcommand(
-        subcommands, "pack", _pack, "sign a table, its calibration and its job as one zip"
-    )
+    purpose = "sign a table, its calibration and its job as one zip"
+    subcommand = _subcommand(subcommands, "pack T.msgpack -o T.zip", _pack, purpose)
     subcommand.add_argument(
         "tree", type=Path, metavar="T", help="the table, as plan-compile wrote it"
     )
@@ -79,9 +73,8 @@ def parser() -> Parser:
     subcommand.add_argument(
         "--signer", type=_name, metavar="NAME", help="who signs, for people (default: user@host)"
     )
-    subcommand = _subcommand(
-        subcommands, "verify", _verify, "check every byte of a pack; needs no network"
-    )
+    purpose = "check every byte of a pack; needs no network"
+    subcommand = _subcommand(subcommands, "verify T.zip --key acme.pem.pub", _verify, purpose)
     subcommand.add_argument("pack", type=Path, metavar="P.zip", help="the pack")
     subcommand.add_argument(
         "--key",
@@ -94,12 +87,12 @@ def parser() -> Parser:
 
 def _subcommand(
     subcommands: "argparse._SubParsersAction[Parser]",
-    name: str,
+    example: str,
     body: Callable[[argparse.Namespace], int],
     purpose: str,
 ) -> Parser:
-    example = f"{NAME} {name} {EXAMPLES[name]}"
-    subcommand = add_command(subcommands, name, purpose, example, EXIT_CODES)
+    name = example.partition(" ")[0]
+    subcommand = add_command(subcommands, name, purpose, f"{NAME} {example}", EXIT_CODES)
     subcommand.add_common()
     subcommand.set_defaults(run=body)
     return subcommand

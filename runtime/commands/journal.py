@@ -14,7 +14,7 @@ from runtime.journal.chain import records, verify
 from runtime.journal.lines import RESERVED, UPTIME, Entry, begins_run
 from runtime.journal.replay import Replay
 from runtime.journal.times import times_of
-from runtime.shell.command import Parser, add_command, natural, run, seconds
+from runtime.shell.command import Parser, add_command, natural, run, say_result, seconds
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, words_of
@@ -100,31 +100,25 @@ def _subcommand(
 
 def _verify(arguments: argparse.Namespace) -> int:
     seen = verify(arguments.journal)
-    if arguments.json:
-        print(json.dumps({name: getattr(seen, name) for name in VERIFIED}))
-    else:
-        end = "ended" if seen.closed else "BROKE OFF"
-        where = f" and {seen.segments + 1} files" if seen.segments else ""
-        counted = f"{seen.records} records in {seen.runs} runs{where}"
-        print(f"{arguments.journal}: {counted} verify; the last run {end}")
+    end = "ended" if seen.closed else "BROKE OFF"
+    where = f" and {seen.segments + 1} files" if seen.segments else ""
+    counted = f"{seen.records} records in {seen.runs} runs{where}"
+    line = f"{arguments.journal}: {counted} verify; the last run {end}"
+    say_result(arguments.json, {name: getattr(seen, name) for name in VERIFIED}, [line])
     return 0
 
 
 def _replay(arguments: argparse.Namespace) -> int:
     replay = Replay()
     findings = list(replay.follow(_entries(arguments.journal)))
-    if arguments.json:
-        entries = [finding._asdict() for finding in findings]
-        print(json.dumps({"decisions": replay.decisions, "findings": entries}))
-    else:
-        for finding in findings:
-            print(cleaned(f"record {finding.seq}: {finding.sentence}"))
+    entries = [finding._asdict() for finding in findings]
+    whole = f"{arguments.journal}: {replay.decisions} decisions derived again, all as recorded"
+    lines = [f"record {finding.seq}: {finding.sentence}" for finding in findings] or [whole]
+    say_result(arguments.json, {"decisions": replay.decisions, "findings": entries}, lines)
     if findings:
         raise JournalError(
             arguments.journal, f"{len(findings)} records claim what their counts do not justify"
         )
-    if not arguments.json:
-        print(f"{arguments.journal}: {replay.decisions} decisions derived again, all as recorded")
     return 0
 
 
@@ -162,7 +156,7 @@ def _show_times(arguments: argparse.Namespace) -> int:
         result = times_of(entries, arguments.takt)
     except ValueError as error:
         raise JournalError(arguments.journal, f"an outcome's {error}") from error
-    print(json.dumps(result.fields()) if arguments.json else "\n".join(result.lines()))
+    say_result(arguments.json, result.fields(), result.lines())
     return 0
 
 

@@ -2,7 +2,6 @@
 
 import argparse
 from math import inf
-from pathlib import Path
 
 from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA
 from runtime.execution import calibration, delivery, middle
@@ -165,8 +164,7 @@ def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | deli
         return delivery.by_name(words, table)
     if len(words) > 1:
         raise UsageError("--deliver stands twice, and the table is of one part; give one place")
-    (named,) = words
-    return delivery.from_text(named) if "," in named else delivery.from_file(Path(named))
+    return delivery.from_word(words[0])
 
 
 def _takes_part(arguments: argparse.Namespace) -> bool:

@@ -1,15 +1,17 @@
 """A recipe: a table that is valid and fits the cell, with the options of its run."""
 
 import argparse
+import hashlib
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 
+from runtime import VERSION
 from runtime.commands.arguments import SIMULATED
 from runtime.commands.options import run_options
-from runtime.commands.software import installed
-from runtime.execution import carry
+from runtime.execution import calibration, carry
 from runtime.execution.events import Console
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import check_arc
@@ -39,7 +41,7 @@ def prepare(arguments: argparse.Namespace, tree: Path) -> Recipe:
         ExpectedError: it is missing or damaged, or does not fit; each class has its `exit_code`.
     """
     loaded = load(tree)
-    table, software = loaded.table, installed(arguments, tree, loaded)
+    table, software = loaded.table, _installed(arguments, tree, loaded)
     if arguments.serve is None:  # a robot that uses --serve may have any gripper
         check_table(table)
     options = run_options(arguments, table)
@@ -51,11 +53,11 @@ def prepare(arguments: argparse.Namespace, tree: Path) -> Recipe:
 
 
 def _check_fit(table: Table, options: RunOptions) -> None:
-    calibration = options.handling.widths(table)
-    problems = misfits(table, calibration)
+    widths = options.handling.widths(table)
+    problems = misfits(table, widths)
     if problems:
         raise InputError(problems[0])
-    check_arc(options.handling.arc, table.limits, calibration)
+    check_arc(options.handling.arc, table.limits, widths)
     check_places(table, options.handling.middle_mm)
 
 
@@ -90,4 +92,33 @@ def _header(arguments: argparse.Namespace, tree: Path, options: RunOptions) -> d
         "calibration_um": None if measured is None else list(measured.points_um),
         "middle_um": round(1000 * options.handling.middle_mm),
         "declared_safe_state": DECLARED,
+    }
+
+
+def _installed(arguments: argparse.Namespace, tree: Path, loaded: TableFile) -> dict[str, object]:
+    """Entry of a run in the log of installed software: files, versions, and the signature that covers them.
+
+    Raises:
+        InputError: the calibration's file is refused, or the key of `--require-signed` cannot be used.
+        PackError: no pack signed by it vouches for table and calibration.
+        UsageError: the extra for signatures is missing.
+    """
+    path = arguments.calibration
+    measured = None if path is None else calibration.bytes_of(path)
+    signer: dict[str, object] = {"signer": None, "fingerprint": None, "pack_sha256": None}
+    if arguments.require_signed is not None:
+        from runtime.signing import keys, pack  # with a library that no other run has to load
+
+        trusted = keys.load_public(arguments.require_signed)
+        fields = pack.covering(tree, loaded.data, measured, trusted).fields()
+        signer = {name: fields[name] for name in signer}
+    return {
+        "table": str(tree),
+        "compiled_by": loaded.table.tool,
+        "job_sha256": loaded.table.job_digest.hex(),
+        "calibration": None if path is None else str(path),
+        "calibration_sha256": None if measured is None else hashlib.sha256(measured).hexdigest(),
+        "squeezetree": VERSION,
+        "python": sys.version.split()[0],
+        **signer,
     }

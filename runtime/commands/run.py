@@ -77,19 +77,15 @@ class _Asked:
         """Looks for a broken run, connects, and refuses early; then begins the journal and runs the parts."""
         arguments, table = self.arguments, self.recipe.loaded.table
         clock = SystemClock(arguments.time_scale)
-        header, policy = self.recipe.header, arguments.after_crash
         plc = None if arguments.plc is None else self._plc()
+        recipes = (self.recipe,) if plc is None else plc.recipes
         # Opened first, since it may be refused: everything below closes before it and is watched
         # until then.
-        monitor = self.stack.enter_context(
-            Monitor(self.recipe.console, self.recipe.loaded, arguments.trees[0], views(arguments))
-            if plc is None
-            else plc.monitor
-        )
-        journal, begun = self._look_back(clock, header)
+        monitor = self.stack.enter_context(self._monitor() if plc is None else plc.monitor)
+        journal, begun = self._look_back(clock)
         incidents = Incidents()
         devices = self._connect(incidents.record)
-        for recipe in (self.recipe,) if plc is None else plc.recipes:
+        for recipe in recipes:
             options = recipe.options
             carry.check(
                 options.delivery, recipe.loaded.table, devices.arm, options.handling.middle_mm
@@ -104,10 +100,7 @@ class _Asked:
         auditor = self._auditor(devices)
         journal = journal or self._journal(clock)
         cell = Cell(devices.gripper, devices.arm, devices.clock or clock, journal, auditor)
-        self.stack.enter_context(interrupts.whole())  # a run with a header has a last record, too
-        monitor.ready()
-        self._note_software(clock, (self.recipe,) if plc is None else plc.recipes)
-        crash.begin(journal, begun, self.recipe.loaded.data, header, policy)
+        self._begin(journal, begun, monitor, clock, recipes)
         incidents.hand_over(journal)
         if arguments.put_down:
             return self._say_put_down(session.put_down(table, cell, monitor, self.recipe.options))
@@ -141,22 +134,15 @@ class _Asked:
         from runtime.monitoring.live.server import listening
 
         arguments, table, clock = self.arguments, self.recipe.loaded.table, SystemClock()
-        header, policy = self.recipe.header, arguments.after_crash
         check_asked(table)
         address = serve.check(arguments)
-        monitor = self.stack.enter_context(
-            Monitor(self.recipe.console, self.recipe.loaded, arguments.trees[0], views(arguments))
-        )
+        monitor = self.stack.enter_context(self._monitor())
         listener = self.stack.enter_context(listening(address, "--serve"))
-        journal, _ = self._look_back(clock, header)
-        journal = journal or self._journal(clock)
+        journal = self._look_back(clock)[0] or self._journal(clock)
         self.recipe.console.note(
             f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}"
         )
-        self.stack.enter_context(interrupts.whole())
-        monitor.ready()
-        self._note_software(clock, (self.recipe,))
-        crash.begin(journal, None, self.recipe.loaded.data, header, policy)
+        self._begin(journal, None, monitor, clock, (self.recipe,))
         with session.ending(journal) as tally:
             parts = AskedParts(
                 table,
@@ -212,18 +198,30 @@ class _Asked:
         return 0
 
     def _connect(self, report: Report) -> Devices:
-        return connect(
-            self.arguments,
-            self.recipe.loaded.table,
-            self.recipe.console,
-            self.drivers,
-            self.stack,
-            report,
-        )
+        table, console = self.recipe.loaded.table, self.recipe.console
+        return connect(self.arguments, table, console, self.drivers, self.stack, report)
 
-    def _look_back(
-        self, clock: SystemClock, header: Mapping[str, object]
-    ) -> tuple[Journal | None, Replay | None]:
+    def _monitor(self) -> Monitor:
+        recipe = self.recipe
+        return Monitor(recipe.console, recipe.loaded, recipe.path, views(self.arguments))
+
+    def _begin(
+        self,
+        journal: Journal,
+        begun: Replay | None,
+        monitor: Monitor,
+        clock: SystemClock,
+        recipes: Sequence[Recipe],
+    ) -> None:
+        """Begins the run in the logs, or goes on with a broken one; from then on it has a last record."""
+        self.stack.enter_context(interrupts.whole())
+        monitor.ready()
+        for recipe in recipes:
+            log.note(journal.path, recipe.loaded.data, recipe.software, clock.stamp, clock.uptime)
+        data, policy = self.recipe.loaded.data, self.arguments.after_crash
+        crash.begin(journal, begun, data, self.recipe.header, policy)
+
+    def _look_back(self, clock: SystemClock) -> tuple[Journal | None, Replay | None]:
         """Opens an existing journal, and looks for a run in it that broke off."""
         arguments = self.arguments
         if not files.exists(arguments.journal):
@@ -231,32 +229,24 @@ class _Asked:
         journal = self._journal(clock)
         now = {"time": clock.stamp(), **clock.uptime()}
         try:
-            policy, data, most_s = (
-                arguments.after_crash,
+            broken = crash.look(
+                journal,
                 self.recipe.loaded.data,
-                arguments.resume_within,
-            )
-            return journal, crash.look(
-                journal, data, header, policy, self.recipe.console, now=now, most_s=most_s
+                self.recipe.header,
+                arguments.after_crash,
+                self.recipe.console,
+                now=now,
+                most_s=arguments.resume_within,
             )
         except BrokenRunError as error:
             if not arguments.put_down:
                 raise
             self.recipe.console.note(str(error))
-            return journal, None
+            broken = None
+        return journal, broken
 
     def _journal(self, clock: SystemClock) -> Journal:
         return self.stack.enter_context(Journal(self.arguments.journal, clock.stamp, clock.uptime))
-
-    def _note_software(self, clock: SystemClock, recipes: Sequence[Recipe]) -> None:
-        for recipe in recipes:
-            log.note(
-                self.arguments.journal,
-                recipe.loaded.data,
-                recipe.software,
-                clock.stamp,
-                clock.uptime,
-            )
 
     def _holds(self, devices: Devices, journal: Journal | None, *, activate: bool) -> Held | None:
         """Checks what the fingers may hold before a run; raises unless they may be moved anyway."""

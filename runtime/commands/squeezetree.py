@@ -20,86 +20,41 @@ class Program(NamedTuple):
     """The program of a subcommand."""
 
     name: str  # name as installed
-    parser: str  # the module with its `parser`
     purpose: str  # its purpose
     before: tuple[str, ...] = ()  # arguments that come before the user's
 
 
 GROUPS: dict[str, dict[str, Program]] = {
     "a part, at the workstation": {
-        "try": Program(
-            "plan-try", "planner.cli.first_look", "from a drawing to a first answer, in a minute"
-        ),
-        "studio": Program("plan-studio", "planner.cli.studio", "the same on a page of a browser"),
-        "init": Program("plan-init", "planner.cli.init", "begin a job file from a drawing"),
-        "plan": Program("plan-compile", "planner.cli.compile", "plan a job's squeezes as a table"),
-        "evaluate": Program(
-            "plan-evaluate", "planner.cli.evaluate", "run a table on simulated parts"
-        ),
-        "report": Program("plan-report", "planner.cli.report", "a table and its runs, as a page"),
+        "try": Program("plan-try", "from a drawing to a first answer, in a minute"),
+        "studio": Program("plan-studio", "the same on a page of a browser"),
+        "init": Program("plan-init", "begin a job file from a drawing"),
+        "plan": Program("plan-compile", "plan a job's squeezes as a table"),
+        "evaluate": Program("plan-evaluate", "run a table on simulated parts"),
+        "report": Program("plan-report", "a table and its runs, as a page"),
     },
     "a cell": {
-        "doctor": Program(
-            "grasp-doctor", "runtime.commands.doctor", "check a cell before it runs; moves nothing"
-        ),
-        "calibrate": Program(
-            "grasp-calibrate", "runtime.commands.calibrate", "measure widths, or the audit camera"
-        ),
-        "run": Program(
-            "grasp-runtime",
-            "runtime.commands.arguments",
-            "locate parts by a table, in a cell or simulated",
-        ),
-        "cell": Program(
-            "grasp-cell", "drivers.sim.cli", "a simulated cell that other programs control"
-        ),
-        "serve": Program(
-            "grasp-runtime",
-            "runtime.commands.arguments",
-            "answer a robot: serve ADDRESS ...",
-            ("--serve",),
-        ),
+        "doctor": Program("grasp-doctor", "check a cell before it runs; moves nothing"),
+        "calibrate": Program("grasp-calibrate", "measure widths, or the audit camera"),
+        "run": Program("grasp-runtime", "locate parts by a table, in a cell or simulated"),
+        "cell": Program("grasp-cell", "a simulated cell that other programs control"),
+        "serve": Program("grasp-runtime", "answer a robot: serve ADDRESS ...", ("--serve",)),
     },
     "what happened": {
-        "journal": Program(
-            "grasp-journal", "runtime.commands.journal", "show, verify, replay or export it"
-        ),
-        "audit": Program(
-            "grasp-audit",
-            "drivers.camera.audit.command",
-            "answers judged by camera; charts, acceptance",
-        ),
+        "journal": Program("grasp-journal", "show, verify, replay or export it"),
+        "audit": Program("grasp-audit", "answers judged by camera; charts, acceptance"),
     },
     "what is installed": {
-        "pack": Program(
-            "grasp-evidence",
-            "runtime.commands.evidence",
-            "sign a table and its calibration",
-            ("pack",),
-        ),
-        "verify": Program(
-            "grasp-evidence", "runtime.commands.evidence", "check every byte of a pack", ("verify",)
-        ),
-        "key": Program(
-            "grasp-evidence", "runtime.commands.evidence", "make a key to sign with", ("key",)
-        ),
+        "pack": Program("grasp-evidence", "sign a table and its calibration", ("pack",)),
+        "verify": Program("grasp-evidence", "check every byte of a pack", ("verify",)),
+        "key": Program("grasp-evidence", "make a key to sign with", ("key",)),
     },
     "further": {
-        "simulate": Program(
-            "plan-simulate", "planner.cli.simulate", "how single squeezes and pushes end"
-        ),
-        "expect": Program(
-            "plan-expect", "planner.cli.expect", "the readings of a healthy cell, for charts"
-        ),
-        "export": Program(
-            "plan-export", "planner.cli.export", "a table in C99, IEC 61131-3 or JSON"
-        ),
-        "identify": Program(
-            "plan-identify", "planner.cli.identify", "how a part slides, from pushes"
-        ),
-        "refit": Program(
-            "plan-refit", "planner.cli.refit", "what is off in a cell, from its journals"
-        ),
+        "simulate": Program("plan-simulate", "how single squeezes and pushes end"),
+        "expect": Program("plan-expect", "the readings of a healthy cell, for charts"),
+        "export": Program("plan-export", "a table in C99, IEC 61131-3 or JSON"),
+        "identify": Program("plan-identify", "how a part slides, from pushes"),
+        "refit": Program("plan-refit", "what is off in a cell, from its journals"),
     },
 }  # by subject, in the order of a user's day
 PROGRAMS = {word: program for group in GROUPS.values() for word, program in group.items()}

@@ -23,7 +23,7 @@ def accepts(host: str, port: int) -> bool:
         return False
 
 
-def check_controllers(addresses: Iterator[str], listens: Accepts) -> Iterator[Finding]:
+def check_controllers(addresses: Iterator[str], listens: Accepts = accepts) -> Iterator[Finding]:
     """Checks the controllers that ports and arms name, each once."""
     seen = set()
     for address in addresses:

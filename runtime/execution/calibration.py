@@ -141,11 +141,6 @@ def residuals_mm(calibration: GripperCalibration) -> list[float]:
     ]
 
 
-def against_nominal_mm(calibration: GripperCalibration) -> list[float]:
-    """For each block: nominal width minus true width, mm."""
-    return [gauge.mean / 1000 - gauge.width_mm for gauge in calibration.gauges]
-
-
 def save(calibration: GripperCalibration, path: Path) -> None:
     """Writes the file.
 

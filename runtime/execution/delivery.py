@@ -76,6 +76,11 @@ class Sorting:
         return list(self.named.items())
 
 
+def from_word(word: str) -> Delivery:
+    """The delivery of `x,y,angle`, see `from_text`, or of the name of a file, see `from_file`."""
+    return from_text(word) if "," in word else from_file(Path(word))
+
+
 def from_text(text: str) -> Delivery:
     """The delivery of `x,y,angle`: mm, mm, degrees of the part where it is put down.
 
@@ -114,7 +119,7 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
             )
         if name in result:
             raise UsageError(f"--deliver {word!r}: {name} has a place already; give each part one")
-        result[name] = from_text(place) if "," in place else from_file(Path(place))
+        result[name] = from_word(place)
     return Sorting(result, numbers)
 
 

@@ -25,7 +25,7 @@ from runtime.shell import interrupts
 from runtime.shell.errors import ExpectedError, exit_code_of, is_expected
 from runtime.table import Phases, Place, Squeeze, Table, predicted_pose
 from runtime.traversal.answer import outcome_fields
-from runtime.traversal.decision import Policy, TraversalState, release_point
+from runtime.traversal.decision import Policy, TraversalState
 from runtime.traversal.geometry import placement
 from runtime.traversal.program import (
     START,
@@ -248,7 +248,7 @@ class Executor:
         if pending is None:
             return
         node, branch = pending
-        self._drag(release_point(node, branch))
+        self._drag(node.release_point(branch))
         self._hand.release(node.squeeze)
         self._cell.journal.record("freed", {"part": part})
         self._hand.retreat()

@@ -15,7 +15,6 @@ from runtime.execution.reading import room_um
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
 from runtime.journal.replay import Last, Replay
 from runtime.table import REJECT, Node, Pose2, Table, close_alike, from_segment, job_of
-from runtime.traversal.decision import release_point
 from runtime.traversal.geometry import placement
 
 ABORT_REMEDY = "clear the cell, then start with --after-crash abort"
@@ -40,8 +39,8 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
     index, target = broken.held_at
     node = table.nodes[index]
     pose, state = hand.where(), hand.gripper.state()
-    branch = next((k for k, branch in enumerate(node.branches) if branch.target == target), REJECT)
-    place, let_go = placement(node.squeeze), placement(node.squeeze, release_point(node, branch))
+    branch = REJECT if (taken := node.branch_to(target)) is None else taken
+    place, let_go = placement(node.squeeze), placement(node.squeeze, node.release_point(branch))
     retreat_mm = hand.limits.retreat_height_um / 1000
     low = pose[2] < (hand.timing.regrasp_mm if broken.steps else retreat_mm) - LEVEL_MM
     alike = close_alike(job_of(table))

@@ -5,7 +5,6 @@ from math import hypot, isfinite, remainder, tau
 from drivers.ports import Arm, Gripper, GripperState, PoseOfHand, Settled
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
 from runtime.table import Limits, Table
-from runtime.traversal.decision import release_point
 from runtime.traversal.geometry import MOST_TURNS, end_of, placement, sent
 
 # Largest distance of an arm, by its own reading, from where it was sent; beyond, it was displaced.
@@ -120,7 +119,7 @@ def check_places(table: Table, middle_mm: float) -> None:
     limits = table.limits
     for node in table.nodes:
         ends = [end for push in node.pushes for end in (placement(push), end_of(push))]
-        released = [release_point(node, k) for k in range(len(node.branches))]
+        released = [node.release_point(k) for k in range(len(node.branches))]
         places = {placement(node.squeeze, point) for point in (None, *released)}
         for x_mm, y_mm, angle_rad in (sent(place, middle_mm) for place in (*places, *ends)):
             for height_um in (limits.squeeze_height_um, limits.retreat_height_um):

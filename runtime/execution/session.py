@@ -150,7 +150,7 @@ def ending(journal: Journal) -> Iterator[Tally]:
     try:
         yield tally
         interrupts.conclude()
-        journal.record("end", _end_fields(tally, tally.exit_code, None))
+        end_run(journal, tally)
     except BaseException as error:
         interrupts.conclude()
         with suppress(JournalError):

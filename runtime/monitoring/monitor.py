@@ -2,7 +2,6 @@
 
 import os
 import socket
-from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -124,11 +123,11 @@ def ended(tally: Tally) -> tuple[str, str]:
     return "good", f"Ended as planned. {figures}."
 
 
-def notify(*lines: str, environment: Mapping[str, str] = os.environ) -> bool:
-    """Sends lines to systemd (sd_notify(3)); returns whether a service manager took them."""
-    address = environment.get("NOTIFY_SOCKET", "")
+def notify(*lines: str) -> None:
+    """Sends lines to systemd (sd_notify(3)), if a service manager started the process."""
+    address = os.environ.get("NOTIFY_SOCKET", "")
     if not address.startswith(("/", "@")):
-        return False
+        return
     # A leading @ stands for the zero byte of Linux' abstract names.
     name = "\0" + address[1:] if address.startswith("@") else address
     with (
@@ -138,5 +137,3 @@ def notify(*lines: str, environment: Mapping[str, str] = os.environ) -> bool:
         channel.setblocking(False)  # does not wait for a manager that hangs
         channel.connect(name)
         channel.sendall("\n".join(lines).encode())
-        return True
-    return False

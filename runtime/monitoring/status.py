@@ -104,30 +104,15 @@ class Status:
             outcomes = {outcome.value: self._outcomes[outcome] for outcome in Outcome}
             phases = {phase.value: int(phase is self._phase) for phase in Phase}
             leaves, audits = dict(sorted(self._leaves.items())), dict(sorted(self._audits.items()))
-            share = {"": self._predicted}
+            promise = "Share within the goal that the table promises."
             metrics = (
-                ("squeezes_total", "counter", "Squeezes so far.", {"": self._squeezes}),
-                ("part", "gauge", "Number of the part under way.", {"": self._part}),
-                ("parts_total", "counter", "Parts by outcome.", _labelled("outcome", outcomes)),
-                ("phase", "gauge", "1 for what the cell is doing.", _labelled("phase", phases)),
-                (
-                    "leaves_total",
-                    "counter",
-                    "Parts by the leaf they ended at.",
-                    _labelled("leaf", leaves),
-                ),
-                (
-                    "audits_total",
-                    "counter",
-                    "Parts by the auditor's verdict.",
-                    _labelled("verdict", audits),
-                ),
-                (
-                    "predicted_success_ratio",
-                    "gauge",
-                    "Share within the goal that the table promises.",
-                    share,
-                ),
+                ("squeezes_total", "Squeezes so far.", {"": self._squeezes}),
+                ("part", "Number of the part under way.", {"": self._part}),
+                ("parts_total", "Parts by outcome.", _labelled("outcome", outcomes)),
+                ("phase", "1 for what the cell is doing.", _labelled("phase", phases)),
+                ("leaves_total", "Parts by the leaf they ended at.", _labelled("leaf", leaves)),
+                ("audits_total", "Parts by the auditor's verdict.", _labelled("verdict", audits)),
+                ("predicted_success_ratio", promise, {"": self._predicted}),
             )
         return "".join(_metric(*metric) for metric in metrics)
 
@@ -136,8 +121,9 @@ def _labelled(label: str, values: Mapping[Any, float]) -> dict[str, float]:
     return {f'{label}="{name}"': value for name, value in values.items()}
 
 
-def _metric(name: str, kind: str, help_text: str, values: dict[str, float]) -> str:
-    name = f"squeezetree_{name}"
+def _metric(name: str, help_text: str, values: dict[str, float]) -> str:
+    """The lines of a metric: a counter if its name ends in `_total`, as is usual, else a gauge."""
+    name, kind = f"squeezetree_{name}", "counter" if name.endswith("_total") else "gauge"
     lines = [f"# HELP {name} {help_text}", f"# TYPE {name} {kind}"]
     lines += [
         f"{name}{{{labels}}} {value:g}" if labels else f"{name} {value:g}"

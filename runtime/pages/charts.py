@@ -75,7 +75,6 @@ def histogram(
     bands: Sequence[Band],
     span: tuple[float, float],
     unit: str,
-    mark: float | None = None,
 ) -> str:
     """Histogram of values over bands of the axis.
 
@@ -85,7 +84,6 @@ def histogram(
         bands: of the axis, named where there is room.
         span: ends of the axis.
         unit: of the values.
-        mark: a marked value.
     """
     low, high = span
     scale = 100.0 / ((high - low) or 1.0)
@@ -100,9 +98,6 @@ def histogram(
         for value, number in counts
     )
     drawn.append(f'<path class="stem" d="{stems}"/>')
-    if mark is not None:
-        x = (mark - low) * scale
-        drawn.append(f'<polyline class="mark" points="{x:.2f},0 {x:.2f},100"/>')
     words = "".join(
         f'<span style="left:{at:.1f}%">{escape(name)}</span>' for at, name in _apart(bands, span)
     )

@@ -263,7 +263,7 @@ class OpcUaServer(PlcServer):
         self._jobs = number
         offer = self._panel.offers[seen.order.table]
         job_id, configuration = f"{self._begun}/{number}", self._panel.configuration.digest
-        self._panel.begin(Job(number, job_id, meas_id, offer.id, offer.digest, configuration))
+        self._panel.job = Job(number, job_id, meas_id, offer.id, offer.digest, configuration)
         return (job_id, *DONE)
 
     def _prepare(self, recipe: str) -> Outputs:

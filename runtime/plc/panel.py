@@ -67,6 +67,7 @@ class Panel:
         configuration: the current one.
         results: by their ids, the last ones.
         job: of the current part or of the waiting result; otherwise the last one.
+        seen: the last glance.
     """
 
     def __init__(
@@ -76,28 +77,19 @@ class Panel:
         self.results: dict[str, Result] = {}
         self.job = Job(0, "", "", "", "", "")
         self.configuration = configuration
-        self._seen = first
+        self.seen = first
         self._last = NO_RESULT
         self._counts = dict.fromkeys(OUTCOMES[1:], 0)
         self._reason = 0
 
     @property
-    def seen(self) -> Glance:
-        """The last glance."""
-        return self._seen
-
-    @property
     def state(self) -> VisionState:
         """The displayed state."""
-        return view(self._seen).state
-
-    def begin(self, job: Job) -> None:
-        """A part was accepted."""
-        self.job = job
+        return view(self.seen).state
 
     def see(self, seen: Glance) -> Change | None:
         """Updates from the station; returns the change of the displayed state, if any."""
-        before, self._seen = self._seen, seen
+        before, self.seen = self.seen, seen
         if waits(seen) and not waits(before):
             self._finish(seen.answer, self.offers[seen.in_use].parts)
         reason = stop_reason(before, seen)
@@ -115,7 +107,7 @@ class Panel:
 
     def values(self) -> Iterator[tuple[str, Value]]:
         """All values by path."""
-        seen, row = self._seen, view(self._seen)
+        seen, row = self.seen, view(self.seen)
         prepared = None if seen.table is None else self.offers[seen.table]
         yield f"{MACHINE}/CurrentState", row.state.outer
         yield f"{AUTOMATIC}/CurrentState", row.state.value if row.state.automatic else ""

@@ -3,14 +3,23 @@
 The module has no sockets or threads; callers pass the time.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from enum import IntEnum
 from math import nan
 from typing import NamedTuple
 
-from runtime.plc.counters import Counters
 from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State
-from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, WRITTEN, Register, words
+from runtime.plc.registers import (
+    HEARTBEAT_LIMIT_S,
+    OUTCOMES,
+    READ,
+    UNKNOWN,
+    WRITTEN,
+    Register,
+    words,
+)
+from runtime.table import takt_figures
 
 BEAT_S = 0.25  # between two changes of `heartbeat_out`
 
@@ -62,6 +71,36 @@ class Glance(NamedTuple):
     error_id: int
     table: int | None  # number of the table for the next trigger, None where it is invalid
     in_use: int  # number of the table of the last accepted trigger
+
+
+class Counters:
+    """Parts by their outcome, the seconds of the last one, and the share done within a takt.
+
+    Args:
+        takt_s: time within which parts should be done; None: no takt.
+    """
+
+    def __init__(self, takt_s: float | None = None) -> None:
+        self._takt_s = takt_s
+        self._seconds: Counter[float] = Counter()  # in hundredths: limited in number
+        self._values = {f"parts_{name}": 0 for name in OUTCOMES[1:]}
+        self._values |= {"seconds_last": UNKNOWN, "takt_share": UNKNOWN}
+
+    def add(self, outcome: int, seconds: float) -> None:
+        """Adds one part by its `Answer.outcome` and its seconds; NaN: unknown."""
+        self._values[f"parts_{OUTCOMES[outcome]}"] += 1
+        self._values["seconds_last"] = UNKNOWN
+        if not seconds > 0.0:  # a clock that does not advance times nothing
+            return
+        self._values["seconds_last"] = min(round(100.0 * seconds), UNKNOWN)
+        self._seconds[round(seconds, 2)] += 1
+        if self._takt_s is not None:
+            share = takt_figures(self._seconds, self._takt_s)["takt_probability"]
+            self._values["takt_share"] = round(1e4 * share)
+
+    def values(self) -> dict[str, int]:
+        """Values by register name."""
+        return self._values
 
 
 class Station:
@@ -134,12 +173,6 @@ class Station:
                 if 0 < count <= len(content):
                     return content[:count]
         return Refusal.ADDRESS
-
-    def value(self, name: str, now: float) -> int:
-        """One value, by its name."""
-        self.tick(now)
-        (register,) = (register for register in MAP if register.name == name)
-        return self._values((register,), now)[name]
 
     def tick(self, now: float) -> None:
         """Ends enabling when the PLC's heartbeat has stopped for too long."""

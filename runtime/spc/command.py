@@ -85,19 +85,9 @@ def _write(options: argparse.Namespace, history: History, summary: Summary) -> N
 def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator[Row]:
     """One row a part, with the names of the charts that alarmed at its index; None is unknown."""
     for index, part in enumerate(parts):
-        values = (
-            *(
-                index,
-                part.number,
-                part.time,
-                part.outcome,
-                part.leaf,
-                part.verdict,
-                len(part.squeezes),
-            ),
-            *(part.residual or (None, None, None)),
-            " ".join(alarms.get(index, ())),
-        )
+        ends = (part.number, part.time, part.outcome, part.leaf, part.verdict, len(part.squeezes))
+        residual = part.residual or (None, None, None)
+        values = (index, *ends, *residual, " ".join(alarms.get(index, ())))
         yield dict(zip(COLUMNS, values, strict=True))
 
 

@@ -4,7 +4,7 @@ from collections import deque
 
 from runtime.spc.history import Part, Squeezed
 from runtime.spc.monitor import Alarm, Monitor
-from runtime.table import Node, Table
+from runtime.table import Table
 from runtime.traversal.results import PartResult
 
 LEAST_REFIT = 20  # least parts for a refit
@@ -19,7 +19,7 @@ class Drift:
     def __init__(self, table: Table) -> None:
         self._courses = {name: deque[float](maxlen=RECENT) for name in ("wider", "narrower")}
         self._table, self._charts = table, Monitor(table, draw=self._keep)
-        self._parts, self._drifted = 0, False
+        self._drifted = False
         self._alarms: dict[str, Alarm] = {}  # the latest of each chart
 
     def _keep(self, name: str, value: float) -> None:
@@ -38,17 +38,11 @@ class Drift:
         """Adds a part that has ended; returns whether a refit would pay by now."""
         nodes = self._table.nodes
         squeezes = (
-            Squeezed(step.node, _branch(nodes[step.node], step.target), step.width_um)
+            Squeezed(step.node, nodes[step.node].branch_to(step.target), step.width_um)
             for step in result.steps
         )
         part = Part(result.part, tuple(squeezes), result.outcome.value, result.leaf, result.audit)
         alarms = self._charts.add(part)
-        for chart, sentence in alarms:
-            self._alarms[chart] = Alarm(self._parts, result.part, chart, sentence)
-        self._parts += 1
-        self._drifted |= any(chart in DRIFTED for chart, _ in alarms)
-        return self._drifted and self._parts >= LEAST_REFIT
-
-
-def _branch(node: Node, target: int | None) -> int | None:
-    return next((k for k, branch in enumerate(node.branches) if branch.target == target), None)
+        self._alarms |= {alarm.chart: alarm for alarm in alarms}
+        self._drifted |= any(alarm.chart in DRIFTED for alarm in alarms)
+        return self._drifted and self._charts.parts >= LEAST_REFIT

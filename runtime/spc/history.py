@@ -1,7 +1,7 @@
 """The parts of one or several journals, and their table."""
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 from runtime.errors import JournalError, TornError
 from runtime.journal.chain import records
+from runtime.journal.lines import Entry
 from runtime.shell.errors import UsageError
 from runtime.table import Pose2, Table, loads, turned_pose
 
-Entry = Mapping[str, object]
 RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 
 
@@ -136,9 +136,7 @@ def _squeezed(entry: Entry, table: Table) -> Squeezed:
     node, target = _whole(entry["node"]), entry.get("target")
     if node < 0:
         raise IndexError(node)
-    targets = [branch.target for branch in table.nodes[node].branches]
-    branch = targets.index(target) if isinstance(target, int) and target in targets else None
-    return Squeezed(node, branch, _whole(entry["width_um"]))
+    return Squeezed(node, table.nodes[node].branch_to(target), _whole(entry["width_um"]))
 
 
 def _whole(value: object) -> int:

@@ -70,7 +70,7 @@ class Monitor:
             round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials
         )
         shares = branch_shares(table)
-        self.table = table
+        self.table, self.parts = table, 0  # number of parts so far
         self.widths = Cusum(WIDTH_SHIFT_UM)
         self.branches = tuple(GTestChart(shares, window) for window in WINDOWS)
         self.failures = BinomialWindowChart(failure_share(predicted))
@@ -88,19 +88,19 @@ class Monitor:
         """
         if self.readings is not None:
             self.readings.expected.check(history)
-        for place, part in enumerate(history.parts):
-            for chart, sentence in self.add(part):
-                yield Alarm(place, part.number, chart, sentence)
+        for part in history.parts:
+            yield from self.add(part)
 
-    def add(self, part: Part) -> list[tuple[str, str]]:
-        """Adds one part; returns the charts that alarm, each with its sentence."""
-        results = [(chart, MEANING[chart]) for chart in self._alarmed(part)]
+    def add(self, part: Part) -> list[Alarm]:
+        """Adds one part; returns the alarms."""
+        sentences = {chart: MEANING[chart] for chart in self._alarmed(part)}
         if self.readings is not None:
             world = self.readings.add(self.table, part)
             self._draw("friction", log1p(self.readings.value if world is None else LIMIT))
             if world is not None:
-                results.append(("readings", MEANING["readings"].format(world)))
-        return results
+                sentences["readings"] = MEANING["readings"].format(world)
+        place, self.parts = self.parts, self.parts + 1
+        return [Alarm(place, part.number, *alarm) for alarm in sentences.items()]
 
     def _alarmed(self, part: Part) -> Iterator[str]:
         shifted = False

@@ -43,7 +43,6 @@ from runtime.table.grippers import (
     selectable,
 )
 from runtime.table.lookup import (
-    REJECT,
     Calibration,
     DecisionMap,
     Segments,
@@ -55,6 +54,7 @@ from runtime.table.model import (
     HELD_UM,
     KINDS,
     PPM,
+    REJECT,
     Area,
     Branch,
     Covariance,

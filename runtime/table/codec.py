@@ -1,4 +1,4 @@
-"""The bytes of a table: msgpack of the sections in `runtime.table.fields`; see `TABLE.md`."""
+"""The bytes of a table: msgpack of the sections in `runtime.table.sections`; see `TABLE.md`."""
 
 import hashlib
 from collections import defaultdict
@@ -10,8 +10,9 @@ from typing import Any
 import msgpack  # type: ignore[import-untyped]
 
 from runtime.errors import TableError
-from runtime.table.fields import FLAG, MAX_BYTES, MAX_LEAVES, SECTIONS, TYPES, Section, records_of
+from runtime.table.fields import FLAG, MAX_BYTES, MAX_LEAVES, TYPES
 from runtime.table.model import Area, Covariance, Node, Table, Tolerance
+from runtime.table.sections import SECTIONS, Section, records_of
 
 FORMAT = 12
 MAGIC = "squeezetree"

@@ -7,9 +7,7 @@ from typing import NamedTuple
 
 from drivers.ports import GripperProfile
 from runtime.errors import TableError
-from runtime.table.model import Branch, GripperSpec, Node, Table
-
-REJECT = -1
+from runtime.table.model import REJECT, Branch, GripperSpec, Node, Table
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,14 +1,33 @@
 """The decision table in memory: frozen records of its file's content.
 
-`runtime.table.fields` has the meaning and the range of each field. Lengths are in um, angles in
-urad, forces in mN, speeds in um/s, shares in ppm.
+A field's annotation gives its meaning and range. Lengths are in um, angles in urad, forces in mN,
+speeds in um/s, shares in ppm.
 """
 
 from dataclasses import dataclass, replace
 from math import hypot
-from typing import NamedTuple, Self
+from typing import Annotated, NamedTuple, Self
 
 from drivers.ports import TURN_RADIUS_MM, GripperProfile
+from runtime.shell.plain_text import LONGEST
+from runtime.table.fields import (
+    FAR,
+    FLAG,
+    LINE,
+    MAX_BYTES,
+    MAX_DEPTH,
+    MAX_HYPOTHESES,
+    MAX_LEAVES,
+    MAX_NODES,
+    MAX_TRIALS,
+    TEXT,
+    TURN,
+    WIDE,
+    WIDTH,
+    Field,
+    X,
+    Y,
+)
 from runtime.table.grippers import known
 
 PPM = 1_000_000
@@ -17,23 +36,26 @@ MOST_BINS = 300  # of a histogram of readings
 HELD_UM = 2000
 """Expected width above which the jaws hold a part, which the hand then drags to `Node.release`."""
 
+REJECT = -1
+"""In place of the index of a branch: no branch."""
+
 KINDS = ("pose", "tolerances", "modes", "orientation", "identity")
 
 
 class Place(NamedTuple):
     """A place of the hand's centre in the world."""
 
-    x_um: int
-    y_um: int
+    x_um: Annotated[int, Field("hand's centre", *X)]
+    y_um: Annotated[int, Field("hand's centre", *Y)]
 
 
 class Area(NamedTuple):
     """A rectangle in the world along its axes, um."""
 
-    x_min: int
-    y_min: int
-    x_max: int
-    y_max: int
+    x_min: Annotated[int, Field("of hand's centre and located parts", -FAR)]
+    y_min: Annotated[int, Field("the same", -FAR)]
+    x_max: Annotated[int, Field("the same", "limits.work_area_um.x_min")]
+    y_max: Annotated[int, Field("the same", "limits.work_area_um.y_min")]
 
     def contains(self, x_mm: float, y_mm: float) -> bool:
         """Whether a place lies in the rectangle or on its edge."""
@@ -46,9 +68,9 @@ class Area(NamedTuple):
 class Tolerance(NamedTuple):
     """The largest deviations of a pose that a goal allows; 0 where its kind does not ask."""
 
-    x_um: int
-    y_um: int
-    theta_urad: int
+    x_um: Annotated[int, Field("bound of abs(dx)")]
+    y_um: Annotated[int, Field("bound of abs(dy)")]
+    theta_urad: Annotated[int, Field("bound of abs(dtheta)")]
 
 
 NO_TOLERANCE = Tolerance(0, 0, 0)
@@ -57,24 +79,24 @@ NO_TOLERANCE = Tolerance(0, 0, 0)
 class Covariance(NamedTuple):
     """Second moments of the parts at a leaf about its pose, in units of 0.1 mm and 10 mrad."""
 
-    xx: int
-    xy: int
-    yy: int
-    xt: int
-    yt: int
-    tt: int
+    xx: Annotated[int, Field("in 0.1 mm and 10 mrad")]
+    xy: Annotated[int, Field("the same", -FAR)]
+    yy: Annotated[int, Field("the same")]
+    xt: Annotated[int, Field("the same", -FAR)]
+    yt: Annotated[int, Field("the same", -FAR)]
+    tt: Annotated[int, Field("the same")]
 
 
 class Squeeze(NamedTuple):
     """One squeeze: place of the hand in the world, opening, speed and force of closing."""
 
-    x_um: int
-    y_um: int
-    angle_urad: int
-    opening_um: int
-    speed_um_s: int
-    force_mn: int
-    clearance_um: int
+    x_um: Annotated[int, Field("hand's centre", *X)]
+    y_um: Annotated[int, Field("hand's centre", *Y)]
+    angle_urad: Annotated[int, Field("of the hand", *TURN)]
+    opening_um: Annotated[int, Field("before the squeeze", 1, "gripper.opening_um")]
+    speed_um_s: Annotated[int, Field("of closing", 1, "limits.max_speed_um_s")]
+    force_mn: Annotated[int, Field("of closing", 1, "limits.max_force_mn")]
+    clearance_um: Annotated[int, Field("open fingers to any believed pose", 0, WIDE)]
 
     @property
     def place(self) -> Place:
@@ -97,22 +119,22 @@ class Squeeze(NamedTuple):
 class Push(NamedTuple):
     """One push: the hand comes down beside the part and goes straight on along its own x axis."""
 
-    x_um: int
-    y_um: int
-    angle_urad: int
-    opening_um: int
-    length_um: int
-    speed_um_s: int
+    x_um: Annotated[int, Field("hand's centre at the start", *X)]
+    y_um: Annotated[int, Field("the same", *Y)]
+    angle_urad: Annotated[int, Field("of hand and way", *TURN)]
+    opening_um: Annotated[int, Field("of the jaws", *WIDTH)]
+    length_um: Annotated[int, Field("of the way", 1, WIDE)]
+    speed_um_s: Annotated[int, Field("of the hand", 1, "limits.arm_speed_um_s")]
 
 
 class Branch(NamedTuple):
     """One outcome of a squeeze: an interval of widths and its target."""
 
-    low_um: int
-    expected_um: int
-    high_um: int
-    probability_ppm: int
-    target: int
+    low_um: Annotated[int, Field("least width", *WIDTH)]
+    expected_um: Annotated[int, Field("expected width", *WIDTH)]
+    high_um: Annotated[int, Field("greatest width", *WIDTH)]
+    probability_ppm: Annotated[int, Field("share of the node's outcomes", 0, PPM)]
+    target: Annotated[int, Field(">= 0: node, < 0: leaf ~target", -MAX_LEAVES, MAX_NODES - 1)]
 
     @property
     def grip(self) -> bool:
@@ -128,37 +150,49 @@ class Node(NamedTuple):
     release: Place | None = None  # None: the jaws open where they closed
     pushes: tuple[Push, ...] = ()
     # None: unknown; the jaws close at the squeeze's speed all the way
-    contact_um: int | None = None
+    contact_um: Annotated[int | None, Field("greatest width of a contact", *WIDTH)] = None
 
     @property
     def let_go(self) -> Place:
         """Where a held part is released."""
         return self.release or self.squeeze.place
 
+    def release_point(self, branch: int) -> Place | None:
+        """Where a part that took a branch is released; None: where the hand stands.
+
+        An unknown part, whose branch is `REJECT`, is not dragged.
+        """
+        held = branch != REJECT and self.branches[branch].expected_um >= HELD_UM
+        return self.release if held else None
+
+    def branch_to(self, target: object) -> int | None:
+        """The branch with a target; None where there is none."""
+        return next((k for k, branch in enumerate(self.branches) if branch.target == target), None)
+
 
 class LeafPose(NamedTuple):
     """A pose of a part at a leaf, and the hypothesis that goes with it."""
 
-    x_um: int
-    y_um: int
-    theta_urad: int
-    hypothesis: int = 0
+    x_um: Annotated[int, Field("pose", -FAR)]
+    y_um: Annotated[int, Field("pose", -FAR)]
+    theta_urad: Annotated[int, Field("pose", *TURN)]
+    hypothesis: Annotated[int, Field("number of the part", 0, MAX_HYPOTHESES - 1)] = 0
 
 
 class Leaf(NamedTuple):
     """An end of the tree: the predicted pose of the part in the world, and its success rate."""
 
-    x_um: int
-    y_um: int
-    theta_urad: int
+    x_um: Annotated[int, Field("predicted pose", -FAR)]
+    y_um: Annotated[int, Field("predicted pose", -FAR)]
+    theta_urad: Annotated[int, Field("predicted pose", *TURN)]
     covariance: Covariance
-    success_ppm: int
-    trials: int
-    resolved: bool
+    success_ppm: Annotated[int, Field("trials here that met the goal", 0, PPM)]
+    trials: Annotated[int, Field("0: success not known", 0, MAX_TRIALS)]
+    resolved: Annotated[bool, Field("0: the outcome is UNRESOLVED", 0, 1, FLAG)]
     alternatives: tuple[LeafPose, ...] = ()
-    error_median_um: int = 0
-    error_p95_um: int = 0
-    hypothesis: int = 0
+    error_median_um: Annotated[int, Field("of these trials")] = 0
+    error_p95_um: Annotated[int, Field("95th percentile")] = 0
+    hypothesis: Annotated[int, Field("number of the part", 0, MAX_HYPOTHESES - 1)] = 0
 
     @property
     def poses(self) -> tuple[LeafPose, ...]:
@@ -176,18 +210,18 @@ class Leaf(NamedTuple):
 class GripperSpec:
     """The gripper of a table: its model's profile, and the fingers."""
 
-    model: str
-    opening_um: int
-    finger_length_um: int
-    finger_width_um: int
-    steps: int
-    noise_um: int
-    empty_um: int
-    least_speed_um_s: int
-    most_speed_um_s: int
-    least_force_mn: int
-    most_force_mn: int
-    streams: bool
+    model: Annotated[str, Field("name of the model", 1, LONGEST, LINE)]
+    opening_um: Annotated[int, Field("widest opening", 1, WIDE)]
+    finger_length_um: Annotated[int, Field("along x", 1, WIDE)]
+    finger_width_um: Annotated[int, Field("along y", 1, WIDE)]
+    steps: Annotated[int, Field("of a reading from 0 to the opening", 1, WIDE)]
+    noise_um: Annotated[int, Field("of a reading, standard deviation", *WIDTH)]
+    empty_um: Annotated[int, Field("up to it the object flag may miss a part", *WIDTH)]
+    least_speed_um_s: Annotated[int, Field("of closing")]
+    most_speed_um_s: Annotated[int, Field("the same", "gripper.least_speed_um_s")]
+    least_force_mn: Annotated[int, Field("of closing")]
+    most_force_mn: Annotated[int, Field("the same", "gripper.least_force_mn")]
+    streams: Annotated[bool, Field("1: takes another stroke on its way", 0, 1, FLAG)]
 
     @classmethod
     def of(cls, profile: GripperProfile, finger_length_um: int, finger_width_um: int) -> Self:
@@ -254,63 +288,64 @@ class GripperSpec:
 class GoalSpec:
     """When a part counts as located: tolerances, symmetry and confidence."""
 
-    distance_um: int
-    confidence_ppm: int
-    rho_um: int
-    symmetry: int
-    kind: str = "pose"  # one of `KINDS`
+    distance_um: Annotated[int, Field("bound of the error")]
+    confidence_ppm: Annotated[int, Field("share of parts to locate", 0, PPM)]
+    rho_um: Annotated[int, Field("weight of one radian")]
+    symmetry: Annotated[int, Field("rotational order, 1: none", 1, 1000)]
+    kind: Annotated[str, Field("see below", 1, LONGEST, LINE)] = "pose"  # one of `KINDS`
     tolerance: Tolerance = NO_TOLERANCE
-    modes: int = 1
-    identify: bool = True
+    modes: Annotated[int, Field("poses that a leaf may name", 1, 64)] = 1
+    identify: Annotated[bool, Field("1: leaves must name the right part", 0, 1, FLAG)] = True
 
 
 class Hypothesis(NamedTuple):
     """One of the parts that may lie on the table."""
 
-    name: str
-    share_ppm: int
-    rho_um: int
-    symmetry: int
+    name: Annotated[str, Field("of the part", 1, LONGEST, LINE)]
+    share_ppm: Annotated[int, Field("of the parts that come", 0, PPM)]
+    rho_um: Annotated[int, Field("as in `goal`")]
+    symmetry: Annotated[int, Field("as in `goal`", 1, 1000)]
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
     """Limits for all motions of a table."""
 
-    max_depth: int
-    max_force_mn: int
-    max_speed_um_s: int
+    max_depth: Annotated[int, Field("squeezes to any leaf", 1, MAX_DEPTH)]
+    max_force_mn: Annotated[int, Field("closing force", 1)]
+    max_speed_um_s: Annotated[int, Field("closing speed", 1)]
     work_area_um: Area
-    retreat_height_um: int
-    squeeze_height_um: int
-    arm_speed_um_s: int
+    retreat_height_um: Annotated[int, Field("of travelling tips", -FAR)]
+    squeeze_height_um: Annotated[int, Field("of squeezing tips, below the former", -FAR)]
+    arm_speed_um_s: Annotated[int, Field("speed of the arm", 1)]
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
     """Results of the evaluation at compile time for the whole table."""
 
-    success_ppm: int
-    trials: int
-    mean_squeezes_ppm: int
-    reject_ppm: int = 0
-    error_median_um: int = 0
-    error_p95_um: int = 0
+    success_ppm: Annotated[int, Field("trials that met the goal", 0, PPM)]
+    trials: Annotated[int, Field("0: not evaluated", 0, MAX_TRIALS)]
+    mean_squeezes_ppm: Annotated[int, Field("squeezes a part, millionths", 0, MAX_DEPTH * PPM)]
+    reject_ppm: Annotated[int, Field("trials that ended in REJECT", 0, PPM)] = 0
+    error_median_um: Annotated[int, Field("at resolved leaves", 0, "predicted.error_p95_um")] = 0
+    error_p95_um: Annotated[int, Field("95th percentile")] = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
     """A decision table. Nodes and leaves are numbered breadth first; node 0 is the root."""
 
-    tool: str
-    job_digest: bytes
+    tool: Annotated[str, Field("name and version", 1, LONGEST, LINE)]
+    job_digest: Annotated[bytes, Field("SHA-256 of the job's text", 32, 32, "bytes")]
     gripper: GripperSpec
     goal: GoalSpec
     limits: Limits
     nodes: tuple[Node, ...]
     leaves: tuple[Leaf, ...]
     predicted: Prediction
-    job: str | None  # None: stripped
+    # None: stripped
+    job: Annotated[str | None, Field("canonical text, a JSON object", 0, MAX_BYTES, TEXT)]
     hypotheses: tuple[Hypothesis, ...] = ()  # empty for a single part
 
     @property

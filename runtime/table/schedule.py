@@ -6,8 +6,7 @@ from math import cos, hypot, remainder, sin, tau
 from typing import Any, NamedTuple, Self
 
 from runtime.table.embedded import section
-from runtime.table.lookup import REJECT
-from runtime.table.model import HELD_UM, Node, Push, Squeeze, Table
+from runtime.table.model import Node, Push, Squeeze, Table
 from runtime.table.timing import Phases, Timing, Visit
 from runtime.table.turning import may_turn, turned_pose
 
@@ -104,12 +103,8 @@ class Schedule:
             before = Stand(*turned_pose(before, -turn_rad))
         push_s, before = self._push_s(node, before or place)
         let_go = place
-        if (
-            squeezed.branch != REJECT
-            and node.release
-            and node.branches[squeezed.branch].expected_um >= HELD_UM
-        ):
-            let_go = place._replace(x_mm=node.release.x_um / 1e3, y_mm=node.release.y_um / 1e3)
+        if (point := node.release_point(squeezed.branch)) is not None:
+            let_go = place._replace(x_mm=point.x_um / 1e3, y_mm=point.y_um / 1e3)
         visit = Visit(
             way_mm=hypot(place.x_mm - before.x_mm, place.y_mm - before.y_mm),
             turn_rad=remainder(place.angle_rad - before.angle_rad, tau),

@@ -8,12 +8,13 @@ the hand's angle.
 from collections.abc import Mapping
 from dataclasses import replace
 from math import cos, hypot, remainder, sin, tau
-from typing import Any
+from typing import Any, TypeVar
 
 from runtime.table.embedded import number, section
 from runtime.table.goal import Pose2
-from runtime.table.model import Area, Covariance, Leaf, LeafPose, Node, Place, Squeeze, Table
+from runtime.table.model import Area, Covariance, Leaf, LeafPose, Node, Place, Table
 
+Pose = TypeVar("Pose", Leaf, LeafPose)
 TURN_URAD = 1e6 * tau
 KINDS = ("pose", "orientation", "identity")
 """Goals that are invariant under rotation.
@@ -64,11 +65,7 @@ def turned_leaf(leaf: Leaf, turn_urad: int) -> Leaf:
     """The leaf with its poses, and the scatter about them, turned about the origin."""
     if turn_urad == 0:
         return leaf
-    pose = _turned_pose(LeafPose(leaf.x_um, leaf.y_um, leaf.theta_urad), turn_urad)
-    return leaf._replace(
-        x_um=pose.x_um,
-        y_um=pose.y_um,
-        theta_urad=pose.theta_urad,
+    return _turned_pose(leaf, turn_urad)._replace(
         covariance=_turned_covariance(leaf.covariance, turn_urad),
         alternatives=tuple(_turned_pose(other, turn_urad) for other in leaf.alternatives),
     )
@@ -96,19 +93,15 @@ def _turned_angle(angle_urad: int, turn_urad: int) -> int:
 
 def _turned_node(node: Node, turn_urad: int) -> Node:
     squeeze, release = node.squeeze, node.release
+    x_um, y_um = _turned_place(squeeze.x_um, squeeze.y_um, turn_urad)
+    angle_urad = _turned_angle(squeeze.angle_urad, turn_urad)
     return node._replace(
-        squeeze=_turned_squeeze(squeeze, turn_urad),
+        squeeze=squeeze._replace(x_um=x_um, y_um=y_um, angle_urad=angle_urad),
         release=None if release is None else _turned_place(*release, turn_urad),
     )
 
 
-def _turned_squeeze(squeeze: Squeeze, turn_urad: int) -> Squeeze:
-    x_um, y_um = _turned_place(squeeze.x_um, squeeze.y_um, turn_urad)
-    angle_urad = _turned_angle(squeeze.angle_urad, turn_urad)
-    return squeeze._replace(x_um=x_um, y_um=y_um, angle_urad=angle_urad)
-
-
-def _turned_pose(pose: LeafPose, turn_urad: int) -> LeafPose:
+def _turned_pose(pose: Pose, turn_urad: int) -> Pose:
     x_um, y_um = _turned_place(pose.x_um, pose.y_um, turn_urad)
     theta_urad = _turned_angle(pose.theta_urad, turn_urad)
     return pose._replace(x_um=x_um, y_um=y_um, theta_urad=theta_urad)

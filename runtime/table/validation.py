@@ -10,9 +10,10 @@ from runtime.shell.plain_text import is_plain
 from runtime.table.agreement import validate_agreement
 from runtime.table.embedded import job_of
 from runtime.table.evidence import refuted, successes_of, validate_figures
-from runtime.table.fields import FAR, LINE, SECTIONS, Field, Section, records_of
+from runtime.table.fields import FAR, LINE, Field
 from runtime.table.lookup import Calibration, decision_map, unread
 from runtime.table.model import KINDS, PPM, GoalSpec, GripperSpec, Leaf, Limits, Node, Table
+from runtime.table.sections import SECTIONS, Section, records_of
 
 
 def validate(table: Table) -> None:

@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 from drivers.ports import ObjectState
 from runtime.errors import GripperStateError
 from runtime.shell.errors import UsageError
-from runtime.table import HELD_UM, REJECT, DecisionMap, Node, Place, Table
+from runtime.table import REJECT, DecisionMap, Node, Table
 from runtime.table import decide as look_up
 from runtime.traversal.results import Outcome
 
@@ -51,16 +51,6 @@ def decide(node: Node, decided: DecisionMap, width_um: int, seen: ObjectState) -
             f"the gripper reports {seen.sentence} after a closing motion; the reading is not believed"
         )
     return Decision(node, look_up(decided, width_um, seen is ObjectState.CLOSING), seen)
-
-
-def release_point(node: Node, branch: int) -> Place | None:
-    """Where a node requires the release of a part; None for the hand's place.
-
-    An unknown part, whose branch is `REJECT`, is not dragged.
-    """
-    if branch == REJECT or node.branches[branch].expected_um < HELD_UM:
-        return None
-    return node.release
 
 
 class RecoveryAction(Enum):

@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 
 from drivers.ports import ObjectState
 from runtime.table import REJECT, Calibration, Node, Place, Table, decision_map, turned
-from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
+from runtime.traversal.decision import Policy, TraversalState, advance, decide
 from runtime.traversal.results import Outcome, PartResult, Step
 
 
@@ -36,16 +36,10 @@ class Approach:
 class Squeeze:
     """Close the jaws at the node until they meet something."""
 
-    index: int
-    node: Node
-
 
 @dataclass(frozen=True, slots=True)
 class Tighten:
     """Raise the force to the node's: the reading decides nothing yet, or the part is dragged."""
-
-    index: int
-    node: Node
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,11 +97,11 @@ class Program:
         while state.outcome is None:
             index, node = state.node, table.nodes[state.node]
             yield Approach(index, node, len(steps) + 1, state.again)
-            reading = yield Squeeze(index, node)
+            reading = yield Squeeze()
             assert reading is not None
             decision = decide(node, self.maps[index], self._width_um(reading), reading.object)
-            if decision.branch == REJECT or release_point(node, decision.branch) is not None:
-                reading = yield Tighten(index, node)
+            if decision.branch == REJECT or node.release_point(decision.branch) is not None:
+                reading = yield Tighten()
                 assert reading is not None
                 decision = decide(node, self.maps[index], self._width_um(reading), reading.object)
             step = Step(
@@ -122,7 +116,7 @@ class Program:
             steps = (*steps, step)
             state = advance(state, step.target, table, self._policy)
             following = table.nodes[0 if state.outcome is not None else state.node]
-            point = release_point(node, decision.branch)
+            point = node.release_point(decision.branch)
             yield Release(index, node, steps, point, state, following)
         yield Done(PartResult.of(number, state.outcome, steps, _reason(state, steps)))
 

@@ -51,7 +51,7 @@ def healthy(table: Table, job: Job, expected: Expectation, blocks: int) -> dict[
     for block in range(blocks):
         monitor, seed = Monitor(table, expected), FRESH + block
         for part in parts(table, squeezed(table, job, 10_000, seed), seed):
-            alarms.update(chart for chart, _ in monitor.add(part))
+            alarms.update(alarm.chart for alarm in monitor.add(part))
         print(f"healthy block {block}: {alarms.total()} alarms so far", flush=True)
     return {
         "parts": 10_000 * blocks,
@@ -126,8 +126,8 @@ def _first(start: Monitor, stretch: list[Part]) -> dict[str, int]:
     """The first alarm of each chart, in parts since the drift began."""
     monitor, result = copy.deepcopy(start), {}
     for number, part in enumerate(stretch, start=1):
-        for chart, _ in monitor.add(part):
-            result.setdefault(chart, number)
+        for alarm in monitor.add(part):
+            result.setdefault(alarm.chart, number)
     return result
 
 

@@ -9,6 +9,7 @@ import pytest
 from command_parsers import parsers, subcommands
 
 from planner.identification import pushes
+from runtime.commands.squeezetree import PROGRAMS
 from runtime.shell.exit_codes import ExitCode
 
 COMMANDS = parsers()
@@ -34,6 +35,10 @@ def arguments(parser: argparse.ArgumentParser) -> list[argparse.Action]:
     return [
         action for action in parser._actions if not isinstance(action, argparse._SubParsersAction)
     ]
+
+
+def test_every_program_of_squeezetree_is_among_them():
+    assert COMMANDS.keys() == {"squeezetree", *(program.name for program in PROGRAMS.values())}
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -7,7 +7,8 @@ from sample_tables import small_table
 
 from runtime.table import HELD_UM, KINDS, dumps
 from runtime.table.codec import FORMAT, MAGIC
-from runtime.table.fields import FLAG, LINE, MAX_BYTES, MAX_LEAVES, SECTIONS, TEXT, Field, Section
+from runtime.table.fields import FLAG, LINE, MAX_BYTES, MAX_LEAVES, TEXT, Field
+from runtime.table.sections import SECTIONS, Section
 
 PAGE = (Path(__file__).parents[2] / "runtime" / "table" / "TABLE.md").read_text()
 PROSE = " ".join(PAGE.split())

@@ -5,6 +5,13 @@ from importlib import import_module
 
 from runtime.commands import squeezetree
 
+PLANNER = "first_look studio init compile evaluate report simulate expect export identify refit"
+CELL = "doctor calibrate arguments journal evidence"
+MODULES = (
+    *(f"planner.cli.{name}" for name in PLANNER.split()),
+    *(f"runtime.commands.{name}" for name in CELL.split()),
+    *("drivers.sim.cli", "drivers.camera.audit.command"),
+)
 CAMERA = "drivers.camera.calibration.command"
 APART = {
     "grasp-calibrate": {"camera": CAMERA, "tag": CAMERA, "pictures": CAMERA},
@@ -16,12 +23,12 @@ APART = {
 def parsers() -> dict[str, argparse.ArgumentParser]:
     """The parser of each installed program, by its name."""
     result = {squeezetree.NAME: squeezetree.parser()}
-    for program in squeezetree.PROGRAMS.values():
-        parser = import_module(program.parser).parser()
-        for word, module in APART.get(program.name, {}).items():
+    for name in MODULES:
+        parser = import_module(name).parser()
+        for word, module in APART.get(parser.prog, {}).items():
             other = import_module(module).parser()
             subcommands(parser)[word] = subcommands(other).get(word, other)
-        result[program.name] = parser
+        result[parser.prog] = parser
     return result
 
 

@@ -15,7 +15,7 @@ from planner.export.write import LEAF, NODE, UNRESOLVED, VECTORS
 from runtime.errors import GripperStateError
 from runtime.table import Branch, Place, Table, decision_map
 from runtime.table.fields import MAX_BRANCHES
-from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
+from runtime.traversal.decision import Policy, TraversalState, advance, decide
 from runtime.traversal.results import Outcome
 
 HARNESS = Path(__file__).with_name("export_harness.c")
@@ -64,7 +64,7 @@ class Oracle:
         except (GripperStateError, ValueError):
             return FAULT
         state = advance(TraversalState(index), decision.target, self._table, Policy())
-        x, y = release_point(node, decision.branch) or node.squeeze.place
+        x, y = node.release_point(decision.branch) or node.squeeze.place
         if state.outcome is None:
             return 0, state.node, x, y
         return NUMBERS[state.outcome], -1 if state.leaf is None else state.leaf, x, y

@@ -1,8 +1,10 @@
 """Decision tables for tests: one small enough to draw, and random ones of any size."""
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import replace
 from random import Random
+from typing import Any
 
 from runtime.table import (
     PROFILES,
@@ -128,6 +130,25 @@ def every_field_table() -> Table:
 def with_job(table: Table, job: str) -> Table:
     """The same table with a job embedded."""
     return replace(table, job=job, job_digest=hashlib.sha256(job.encode()).digest())
+
+
+def changed(record: Any, values: Mapping[str, object]) -> Any:
+    """A record with other values at dotted paths of fields and indices, as `nodes.1.squeeze.x_um`."""
+    for path, value in values.items():
+        record = _changed(record, path.split("."), value)
+    return record
+
+
+def _changed(record: Any, path: list[str], value: object) -> Any:
+    if not path:
+        return value
+    name, *rest = path
+    if name.isdecimal():
+        items = list(record)
+        items[int(name)] = _changed(items[int(name)], rest, value)
+        return tuple(items)
+    field = {name: _changed(getattr(record, name), rest, value)}
+    return record._replace(**field) if isinstance(record, tuple) else replace(record, **field)
 
 
 def with_node(table: Table, index: int, node: Node) -> Table:

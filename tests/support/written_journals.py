@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from counting import count_of
 from fake_cell import fake_cell
 from sample_tables import small_table
+from squeezes import AT_21, AT_30, AT_36
 
 from runtime.devices.clock import SystemClock
 from runtime.execution import session
@@ -14,7 +14,6 @@ from runtime.monitoring.console import Objects
 from runtime.table import Calibration, dumps
 from runtime.traversal.decision import Policy
 
-AT_21, AT_30, AT_36 = ((count_of(width), 2) for width in (21_000, 30_000, 36_000))
 ENDS = ["leaf", "leaf", "unresolved", "reject"]
 
 

@@ -4,15 +4,17 @@ It listens at `PORT`, `HOST:PORT` or `[::1]:PORT`; without a host for this machi
 HEAD of a few pages, and anything else with one sentence.
 """
 
+import contextlib
 import ipaddress
 import re
 import socket
+import threading
 from collections.abc import Callable, Collection, Mapping
-from functools import partial
-from typing import NamedTuple
+from http import HTTPStatus
+from typing import NamedTuple, Self
 from urllib.parse import urlsplit
 
-from runtime.monitoring.http_server import MOST_CLIENTS, Server, response
+from runtime.devices.clock import SystemClock
 from runtime.shell.errors import UsageError
 
 LOOPBACK = "127.0.0.1"
@@ -21,6 +23,17 @@ Pages = Mapping[str, tuple[str, Callable[[], bytes]]]
 REQUEST = re.compile(rb"([A-Z]{1,10}) (/[!-~]*) HTTP/1\.[01]\r?$")
 HOST = re.compile(rb"^host[ \t]*:(.*)$", re.IGNORECASE | re.MULTILINE)
 TEXT = "text/plain; charset=utf-8"
+MOST_CLIENTS = 8  # one more disconnects the oldest
+PATIENCE_S = 5.0
+PAUSE_S = 0.02  # pause after each accepted client: at most fifty a second
+MAX_ASK_BYTES = 8192
+# No caching, no guessing of media types, no frames; a response ends with its connection.
+ALWAYS = """\
+Cache-Control: no-store\r
+X-Content-Type-Options: nosniff\r
+X-Frame-Options: DENY\r
+Connection: close\r
+"""
 
 
 class Address(NamedTuple):
@@ -88,18 +101,96 @@ def is_loopback(host: str) -> bool:
         return host.lower() == "localhost"
 
 
-class PageServer(Server):
-    """Answers requests on a TCP port; its `address` has the actual port in place of 0.
+class PageServer:
+    """Answers requests on a TCP port, in separate threads; leaving the context ends both.
+
+    It never waits for the control loop, nor the loop for it, and its cost is bounded: clients at a time (a
+    thread each), clients a second, bytes of a request, seconds for a request and its response. Only complete
+    requests are answered; a client that is idle for `PATIENCE_S` is disconnected. Its `address` has the
+    actual port in place of 0.
 
     Raises:
         UsageError: the address is not available.
     """
 
     def __init__(self, address: Address, pages: Pages) -> None:
-        listener = listening(address, "--http")
-        self.address = Address(address.host, int(listener.getsockname()[1]))
+        self._listener, self._pages, self._clock = (
+            listening(address, "--http"),
+            pages,
+            SystemClock(),
+        )
+        self.address = Address(address.host, int(self._listener.getsockname()[1]))
         self.local = is_loopback(address.host)
-        super().__init__(listener, partial(answer, pages, local=self.local))
+        self._clients: dict[socket.socket, threading.Thread] = {}  # open ones, the oldest first
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="http", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends all connections and stops listening."""
+        self._ended.set()
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)  # ends its `accept`
+        self._thread.join()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _serve(self) -> None:
+        with self._listener:
+            while not self._ended.is_set():
+                # The client is gone, or there are no descriptors or threads left: the pause helps
+                # there, too.
+                with contextlib.suppress(OSError, RuntimeError):
+                    self._let_in(self._listener.accept()[0])
+                self._ended.wait(PAUSE_S)
+        for client, thread in tuple(self._clients.items()):
+            self._disconnect(client)
+            thread.join()
+
+    def _let_in(self, client: socket.socket) -> None:
+        others = tuple(self._clients)
+        if len(others) >= MOST_CLIENTS:
+            self._disconnect(others[0])
+        thread = threading.Thread(target=self._converse, args=(client,), name="http", daemon=True)
+        with self._lock:
+            thread.start()
+            self._clients[client] = thread
+
+    def _disconnect(self, client: socket.socket) -> None:
+        """Ends a connection, and so its thread, unless it has ended already."""
+        with self._lock, contextlib.suppress(OSError):
+            if self._clients.pop(client, None) is not None:
+                client.shutdown(socket.SHUT_RDWR)
+
+    def _converse(self, client: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            asked = self._read(client)
+            if asked is not None:
+                client.settimeout(PATIENCE_S)
+                client.sendall(answer(self._pages, asked, local=self.local))
+                client.shutdown(socket.SHUT_WR)
+        with self._lock:
+            self._clients.pop(client, None)
+            client.close()
+
+    def _read(self, client: socket.socket) -> bytes | None:
+        """A request's head; None where it is incomplete."""
+        asked, until = b"", self._clock.now() + PATIENCE_S
+        while b"\r\n\r\n" not in asked and b"\n\n" not in asked:
+            client.settimeout(max(until - self._clock.now(), 1e-3))
+            try:
+                piece = client.recv(MAX_ASK_BYTES)
+            except TimeoutError:
+                piece = b""
+            asked += piece
+            if not piece or len(asked) > MAX_ASK_BYTES:
+                return None
+        return asked
 
 
 def listening(address: Address, option: str, *, at_once: bool = True) -> socket.socket:
@@ -138,6 +229,13 @@ def _sentence(error: OSError, address: Address) -> str:
     if address.port and "in use" in reason:
         return f"{reason}; name another port, or 0 for a free one"
     return f"{reason}; {_WORD}"
+
+
+def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
+    """A complete HTTP response with a body; `more` are header lines, each with its end."""
+    status = HTTPStatus(code)
+    head = f"HTTP/1.0 {status} {status.phrase}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n"
+    return f"{head}{more}{ALWAYS}\r\n".encode() + body
 
 
 def answer(pages: Pages, asked: bytes, *, local: bool) -> bytes:

@@ -138,7 +138,7 @@ class Drivers:
         return iter(())
 
 
-def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(tmp_path, capsys):
+def test_command_prints_each_finding_and_fails_if_one_is_bad(tmp_path, capsys):
     tree = tmp_path / "t.msgpack"
     dump(small_table(), tree)
     given = parser().parse_args(["--port", "tcp://doctor:1", "--tree", str(tree)])

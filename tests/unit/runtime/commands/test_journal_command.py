@@ -9,6 +9,7 @@ from written_journals import ENDS, write_run
 from runtime.commands.journal import main
 from runtime.devices.clock import SystemClock
 from runtime.journal.chain import Journal, records
+from runtime.journal.lines import RESERVED
 
 
 @pytest.fixture
@@ -43,7 +44,7 @@ def test_a_forged_decision_is_24_though_its_chain_holds(journal, tmp_path, capsy
     forged = tmp_path / "forged.jsonl"
     with Journal(forged, SystemClock().stamp) as writing:
         for entry in records(journal):
-            fields = {name: value for name, value in entry.items() if name not in writing_fields()}
+            fields = {name: value for name, value in entry.items() if name not in RESERVED}
             if entry["kind"] == "squeeze" and entry["seq"] == 3:
                 fields["target"] = 1
             writing.record(str(entry["kind"]), fields)
@@ -55,10 +56,6 @@ def test_a_forged_decision_is_24_though_its_chain_holds(journal, tmp_path, capsy
     assert "records claim what their counts do not justify" in seen.err
     assert main(["replay", str(forged), "--json"]) == 24
     assert json.loads(lines(capsys)[0])["findings"][0]["seq"] == 3
-
-
-def writing_fields() -> set[str]:
-    return {"seq", "time", "kind", "previous", "digest"}
 
 
 def test_show_filters_by_part_node_outcome_and_time(journal, capsys):

@@ -12,10 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from counting import count_of
 from fake_cell import FakeCell, Log, State, fake_cell
 from plc_programs import TcpPlc
-from sample_tables import small_table
+from sample_tables import changed, small_table
+from squeezes import AT_21, AT_30, AT_36
 
 from runtime.cli import main
 from runtime.commands import options, plc
@@ -31,7 +31,6 @@ from runtime.shell.errors import UsageError
 from runtime.shell.interrupts import StopRequests
 from runtime.table import dump
 
-AT_21, AT_30, AT_36 = ((count_of(width), 2) for width in (21_000, 30_000, 36_000))
 PLC = ["--tree", "t", "--port", "sim", "--plc", "modbus-tcp://127.0.0.1:0"]
 
 
@@ -294,8 +293,7 @@ def test_stop_request_ends_the_wait_for_a_result_to_be_taken(tmp_path, tree):
 
 def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path, tree):
     other = tmp_path / "u.msgpack"
-    table = small_table()
-    dump(replace(table, tool="squeezetree other"), other)
+    dump(changed(small_table(), {"tool": "squeezetree other"}), other)
 
     def program(client):
         client.enable()
@@ -337,7 +335,6 @@ def test_server_that_fails_ends_the_run_and_its_journal(starts, tmp_path, tree, 
 
 def test_tables_for_different_grippers_are_refused(tmp_path, tree):
     other = tmp_path / "u.msgpack"
-    table = small_table()
-    dump(replace(table, gripper=replace(table.gripper, finger_width_um=1000)), other)
+    dump(changed(small_table(), {"gripper.finger_width_um": 1000}), other)
     with pytest.raises(UsageError, match="another gripper"):
         Running(tmp_path, fake_cell([]), tree, other)

@@ -2,11 +2,13 @@
 
 import io
 import json
+from collections.abc import Iterator
+from dataclasses import replace
 from math import acos
 from pathlib import Path
 
 import pytest
-from counting import SETTINGS, state
+from fake_cell import FakeGripper, Log, State
 from sample_tables import GRIPPER
 
 from drivers.ports import GripperState, ObjectState, Settled
@@ -65,7 +67,7 @@ def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_o
     assert ours < 0.5  # of which rounding to counts is 0.2, of the block and of the reading
     assert line > 2.5
     assert max(map(abs, residuals_mm(fitted))) < 1.0
-    off = calibration.against_nominal_mm(fitted)
+    off = [block["off_nominal_mm"] for block in figures(fitted)["blocks"]]
     assert len(off) == len(BLOCKS)
     assert max(map(abs, off)) > 2.0
 
@@ -85,13 +87,8 @@ def test_measurements_that_contradict_one_another_are_refused(measured, message)
 
 def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path):
     path = tmp_path / "g.json"
-    fitted = calibration.GripperCalibration(
-        "S/N 1", "today", tuple(gauges()), fitted_to(gauges()).points_um
-    )
     for tips, current in ((None, None), ((57.15, 5.2), (30, 900))):
-        fitted = calibration.GripperCalibration(
-            "S/N 1", "today", fitted.gauges, fitted.points_um, tips, current
-        )
+        fitted = replace(fitted_to(gauges()), tips_mm=tips, current_ma=current)
         save(fitted, path)
         assert load(path) == fitted
     record = json.loads(path.read_text())
@@ -137,42 +134,21 @@ def test_a_file_with_the_digest_of_nonsense_is_still_refused(tmp_path):
 # -- grasp-calibrate ------------------------------------------------------------------------------
 
 
-class ArcGripper:
-    """Closes on the block that is held between its fingers."""
-
-    profile = PROFILE
+class ArcGripper(FakeGripper):
+    """Closes on the block that is held between its fingers; not active at first."""
 
     def __init__(self) -> None:
-        self.block_mm, self.asked, self.forces = 0.0, [], []
-        self.active, self.reading = False, (3, 3, 0)
-        self.closed = False
+        super().__init__(Log(), self.stops())
+        self.now, self.block_mm = State(activated=False), 0.0
 
-    def state(self):
-        return state(*self.reading, active=self.active)
-
-    def activate(self) -> None:
-        self.active = True
-
-    def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
-        self.asked.append((SETTINGS.request(width_um), SETTINGS.speed(speed_mm_s)))
-        self.forces.append(SETTINGS.force(force_n))
-
-    def wait(self):
-        request, _ = self.asked[-1]
-        stop = round(count_of(self.block_mm))
-        met = request > stop and self.block_mm > 0.0
-        count = stop if met else min(max(request, 3), 230)
-        return state(count, 2 if met else 3, request)
-
-    def close(self) -> None:
-        self.closed = True
+    def stops(self) -> Iterator[tuple[int, int]]:
+        while True:
+            yield round(count_of(self.block_mm)), 2 if self.block_mm > 0.0 else 3
 
     def hold(self, sentence: str) -> None:
         words = sentence.split()
-        if words[0] == "Hold":
-            self.block_mm = float(words[2])
-        elif words[0] == "Take":
-            self.block_mm = 0.0
+        if words[0] in ("Hold", "Take"):
+            self.block_mm = float(words[2]) if words[0] == "Hold" else 0.0
 
 
 def arguments(tmp_path: Path, *more: str):
@@ -187,14 +163,12 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(tmp_path, capsy
     calibration = load(tmp_path / "g.json")
     assert [gauge.width_mm for gauge in calibration.gauges] == list(BLOCKS)
     assert calibration.gauges == tuple(gauges())
-    assert (calibration.tips_mm, calibration.current_ma, calibration.gripper) == (
-        (57.15, 5.3),
-        (0, 800),
-        "S/N 7",
-    )
-    assert set(gripper.forces) == {0}
-    assert {speed for position, speed in gripper.asked if position == 255} == {0}
-    assert gripper.closed
+    assert (calibration.tips_mm, calibration.current_ma) == ((57.15, 5.3), (0, 800))
+    assert calibration.gripper == "S/N 7"
+    moves = [call.arguments for call in gripper.log.named("move")]
+    assert {force for _, _, force in moves} == {0}
+    assert {speed for position, speed, _ in moves if position == 255} == {0}
+    assert gripper.log.named("close")
     out = capsys.readouterr().out
     assert "nominal" in out
     assert len(list(report(figures(calibration)))) == 2 + len(BLOCKS)
@@ -221,12 +195,13 @@ def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(tmp_path):
 def test_without_a_terminal_nothing_is_moved(tmp_path, monkeypatch, capsys, held, more, said):
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     gripper = ArcGripper()
-    gripper.active = held
-    gripper.reading = (174, 2, 255) if held else gripper.reading
+    if held:
+        gripper.now = State(object_flag=2, echo_counts=255, position_counts=174)
     with pytest.raises(UsageError, match="run it in a terminal"):
         run(arguments(tmp_path, *more), lambda port, profile: gripper)
     assert said in capsys.readouterr().out
-    assert (gripper.active, gripper.asked, gripper.closed) == (held, [], True)
+    assert (gripper.now.activated, gripper.log.named("move")) == (held, [])
+    assert gripper.log.named("close")
 
 
 @pytest.mark.parametrize(

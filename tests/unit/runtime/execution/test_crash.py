@@ -1,6 +1,5 @@
 """What is done about a run that broke off, before any device is opened."""
 
-from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -13,10 +12,10 @@ from runtime.errors import BrokenRunError
 from runtime.execution import crash
 from runtime.execution.delivery import from_text
 from runtime.journal.chain import Journal, records, verify
+from runtime.journal.lines import Entry
 from runtime.table import dumps
 
 STAMP = SystemClock().stamp
-RESUME_WITHIN_S = 300.0
 TABLE = dumps(small_table())
 FIELDS = {"on_reject": "next", "on_unresolved": "next"}
 
@@ -29,19 +28,11 @@ def broken(path: Path, lines: int) -> Path:
     return path
 
 
-def look(path: Path, policy: str, table: bytes = TABLE, **fields: object):
-    return look_at(path, policy, moment(), table, **fields)
-
-
-def look_at(
-    path: Path, policy: str, now: Mapping[str, object], table: bytes = TABLE, **fields: object
-):
+def look(path: Path, policy: str, now: Entry | None = None, table: bytes = TABLE, **fields: object):
     with Journal(path, STAMP) as journal:
-        return crash.look(
-            *(journal, table, {**FIELDS, **fields}, policy, Quiet()),
-            now=now,
-            most_s=RESUME_WITHIN_S,
-        )
+        given = {**FIELDS, **fields}
+        now = moment() if now is None else now
+        return crash.look(journal, table, given, policy, Quiet(), now=now, most_s=300.0)
 
 
 def moment(wall_s: float = 0.0, up_s: float = 0.0, boot: str | None = None) -> dict[str, object]:
@@ -134,18 +125,18 @@ RECENT = {
 def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(tmp_path, policy, name):
     path = broken(tmp_path / "j.jsonl", 4)
     with pytest.raises(BrokenRunError, match=r"s ago; after 300 s|is not clear") as refused:
-        look_at(path, policy, TOO_OLD[name]())
+        look(path, policy, TOO_OLD[name]())
     assert refused.value.exit_code == 24
     assert not verify(path).closed
 
 
 @pytest.mark.parametrize("name", RECENT)
 def test_look_a_part_of_known_recent_age_is_gone_on_with(tmp_path, name):
-    assert look_at(broken(tmp_path / "j.jsonl", 4), crash.RESUME, RECENT[name]()) is not None
+    assert look(broken(tmp_path / "j.jsonl", 4), crash.RESUME, RECENT[name]()) is not None
 
 
 def test_between_two_parts_there_is_nothing_that_could_be_too_old(tmp_path):
-    seen = look_at(broken(tmp_path / "j.jsonl", 5), crash.RESUME, moment(1e6, 1e6))
+    seen = look(broken(tmp_path / "j.jsonl", 5), crash.RESUME, moment(1e6, 1e6))
     assert seen is not None
     assert seen.part is None
 
@@ -167,14 +158,9 @@ def test_going_on_is_recorded_with_what_was_cut_off(tmp_path):
     with path.open("ab") as file:
         file.write(b'{"seq":4,"ti')
     with Journal(path, STAMP) as journal:
-        seen = crash.look(
-            *(journal, TABLE, FIELDS, crash.RESUME, Quiet()), now=moment(), most_s=RESUME_WITHIN_S
-        )
+        arguments = (journal, TABLE, FIELDS, crash.RESUME, Quiet())
+        seen = crash.look(*arguments, now=moment(), most_s=300.0)
         crash.begin(journal, seen, TABLE, FIELDS, crash.RESUME)
     last = list(records(path))[-1]
-    assert (last["kind"], last["part"], last["how"], last["cut_bytes"]) == (
-        "resume",
-        1,
-        "resume",
-        12,
-    )
+    assert (last["kind"], last["part"]) == ("resume", 1)
+    assert (last["how"], last["cut_bytes"]) == ("resume", 12)

@@ -1,11 +1,10 @@
 """Where a part goes: read from text, file or job, or refused with the key that is wrong."""
 
 import json
-from dataclasses import replace
 from math import inf, nan, pi
 
 import pytest
-from sample_tables import several_table
+from sample_tables import changed, several_table
 
 from runtime.execution.delivery import Delivery, by_name, from_file, from_job, from_keys, from_text
 from runtime.shell.errors import InputError, UsageError
@@ -101,20 +100,14 @@ def test_several_parts_are_sorted_by_their_names(tmp_path):
 @pytest.mark.parametrize(
     ("words", "goal", "message"),
     [
-        (
-            ["1,2,3"],
-            {},
-            "which part it is; write NAME=x,y,angle, the name one of: left hand, right hand",
-        ),
+        (["1,2,3"], {}, "write NAME=x,y,angle, the name one of: left hand, right hand"),
         (["hand=1,2,3"], {}, "one of: left hand"),
         (["left hand=1,2,3", "left hand=1,2,3"], {}, "left hand has a place already"),
         (["left hand=1,2,x"], {}, "write x,y,angle"),
-        (["left hand=1,2,3"], {"kind": "identity"}, "both which part it is and where"),
-        (["left hand=1,2,3"], {"identify": False}, "both which part it is and where"),
+        (["left hand=1,2,3"], {"goal.kind": "identity"}, "both which part it is and where"),
+        (["left hand=1,2,3"], {"goal.identify": False}, "both which part it is and where"),
     ],
 )
 def test_a_place_of_no_known_part_is_refused(words, goal, message):
-    table = several_table()
-    table = replace(table, goal=replace(table.goal, **goal))
     with pytest.raises(UsageError, match=message):
-        by_name(words, table)
+        by_name(words, changed(several_table(), goal))

@@ -3,10 +3,9 @@
 import math
 import random
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-from fake_cell import FakeClock, FakeJournal
+from asked import asked_parts
 from fake_scene import setting
 from sample_tables import small_table
 
@@ -14,14 +13,11 @@ from drivers.sim.physics.scene import Block
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.execution import fixed_block
-from runtime.execution.asked import AskedParts
-from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.execution.fixed_block import Grip, fit, gripping, measure
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.execution.safety import check_places
-from runtime.monitoring.console import Objects
 from runtime.shell.errors import InputError
 from runtime.table import Area
 from runtime.traversal.geometry import compose, placement, sent
@@ -140,10 +136,8 @@ def test_a_place_that_the_arm_would_leave_its_area_for_is_refused_before_anythin
 def test_a_robot_that_asks_is_answered_where_its_arm_has_to_go():
     lines = []
     for middle_mm in (0.0, 1.5):
-        table, options = small_table(), RunOptions(handling=Handling(middle_mm=middle_mm))
-        asked = AskedParts(
-            table, "0" * 64, FakeJournal(), FakeClock(), Objects(table, Path("j")), Tally(), options
-        )
+        options = RunOptions(handling=Handling(middle_mm=middle_mm))
+        asked = asked_parts(small_table(), options)
         asked.answer("NEXT")
         lines.append(asked.answer("WIDTH 30.0 OBJECT").split())
     at, beside = ([float(word) for word in words[2:5]] for words in lines)

@@ -1,12 +1,11 @@
 """What the executor does beyond the plain loop: gentle force, drags, policies."""
 
 import math
-from dataclasses import replace
 
 import pytest
 from counting import SETTINGS, width_um
 from fake_cell import State, fake_cell
-from sample_tables import GRIPPER, small_table, with_job, with_node
+from sample_tables import changed, small_table, with_job
 from squeezes import AT_21, AT_30, AT_36, AT_60, jaw_moves, meeting, run
 
 from runtime.errors import GripperStateError
@@ -19,14 +18,10 @@ from runtime.traversal.results import Outcome
 # -- force ----------------------------------------------------------------------------------------
 
 
-def dragging_table(force_mn: int = 40_000) -> Table:
+def dragging_table(force_mn: int) -> Table:
     """The small table; what the root holds is dragged, so that it has to be held with its force."""
-    root = small_table().nodes[0]
-    root = root._replace(
-        squeeze=root.squeeze._replace(force_mn=force_mn), release=Place(12_000, -7_000)
-    )
-    table = with_node(small_table(), 0, root)
-    return replace(table, limits=replace(table.limits, max_force_mn=235_000))
+    force = {"nodes.0.squeeze.force_mn": force_mn, "limits.max_force_mn": 235_000}
+    return changed(small_table(), {"nodes.0.release": Place(12_000, -7_000), **force})
 
 
 def test_the_motor_current_ends_the_raising():
@@ -46,8 +41,7 @@ def known_table() -> Table:
     table = with_job(
         small_table(), '{"gripper":{"upper_finger_share":0.5},"part":{"height_mm":16.0}}'
     )
-    second = table.nodes[1]._replace(contact_um=42_000)
-    return with_node(table, 1, second._replace(squeeze=second.squeeze._replace(opening_um=50_000)))
+    return changed(table, {"nodes.1.contact_um": 42_000, "nodes.1.squeeze.opening_um": 50_000})
 
 
 def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_the_next():
@@ -62,13 +56,11 @@ def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_th
 
 
 def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrower():
-    root, second = known_table().nodes
-    narrow = second._replace(contact_um=None, squeeze=second.squeeze._replace(opening_um=38_000))
     rig = fake_cell([AT_36, AT_21])
-    wide = root.branches[1]._replace(low_um=35_000, expected_um=36_000, high_um=37_000)
-    table = with_node(
-        with_node(known_table(), 1, narrow), 0, root._replace(branches=(root.branches[0], wide))
-    )
+    narrow = {"nodes.1.contact_um": None, "nodes.1.squeeze.opening_um": 38_000}
+    widths = {"low_um": 35_000, "expected_um": 36_000, "high_um": 37_000}
+    wide = {f"nodes.0.branches.1.{name}": each for name, each in widths.items()}
+    table = changed(known_table(), narrow | wide)
     run(rig, RunOptions(), table)
     log = rig.log.calls
     rise = next(
@@ -89,11 +81,9 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
     ],
 )
 def test_hand_goes_half_a_turn_off_only_where_the_wrist_must(angle_rad, wrist, expected_rad):
-    table = known_table()
-    squeeze = table.nodes[1].squeeze._replace(angle_urad=round(1e6 * angle_rad))
     rig = fake_cell([AT_30, AT_21])
     rig.arm.turns = wrist
-    turned = with_node(table, 1, table.nodes[1]._replace(squeeze=squeeze))
+    turned = changed(known_table(), {"nodes.1.squeeze.angle_urad": round(1e6 * angle_rad)})
     assert run(rig, RunOptions(), turned).leaf == 1
     last = rig.log.named("move_linear")[-1]
     assert last.arguments[3] == pytest.approx(expected_rad, abs=1e-6)
@@ -101,13 +91,8 @@ def test_hand_goes_half_a_turn_off_only_where_the_wrist_must(angle_rad, wrist, e
 
 def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between():
     for streams, waits in ((True, 1), (False, 2)):
-        root = small_table().nodes[0]._replace(contact_um=33_000)
-        table = with_node(small_table(), 0, root)
-        table = replace(
-            table,
-            limits=replace(table.limits, max_speed_um_s=150_000),
-            gripper=replace(GRIPPER, streams=streams),
-        )
+        fast = {"nodes.0.contact_um": 33_000, "limits.max_speed_um_s": 150_000}
+        table = changed(small_table(), {**fast, "gripper.streams": streams})
         rig = fake_cell([AT_21])
         assert run(rig, RunOptions(), table).leaf == 0
         calls = [call.name for call in rig.log.calls if call.name in ("move", "wait")]
@@ -118,8 +103,7 @@ def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_
 
 
 def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there():
-    table = small_table()
-    table = with_node(table, 0, table.nodes[0]._replace(release=Place(12_000, -7_000)))
+    table = changed(small_table(), {"nodes.0.release": Place(12_000, -7_000)})
     rig = fake_cell([AT_21])
     rig.arm.at = (5.0, 5.0, 60.0, 0.1)
     assert run(rig, RunOptions(), table).leaf == 0

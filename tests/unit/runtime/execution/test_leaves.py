@@ -5,7 +5,7 @@ from math import degrees, inf, radians
 
 import pytest
 from fake_cell import Deaf, FakeCell, fake_cell
-from sample_tables import small_table, with_job
+from sample_tables import changed, small_table, with_job
 from squeezes import ARRIVED, AT_21, AT_36, EMPTY, jaw_moves, run
 
 from runtime.execution.delivery import Delivery, from_text
@@ -159,8 +159,7 @@ def taken_and_put(rig: FakeCell, text: str, table: Table) -> tuple[float, float]
 
 def table_of(symmetry: int, share: float | None) -> Table:
     job = "{}" if share is None else f'{{"gripper": {{"upper_finger_share": {share}}}}}'
-    table = with_job(small_table(), job)
-    return replace(table, goal=replace(table.goal, symmetry=symmetry))
+    return changed(with_job(small_table(), job), {"goal.symmetry": symmetry})
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from counting import width_um
 from fake_cell import fake_cell
 from refusals import refusal
-from sample_tables import LIMITS, small_table, with_job
+from sample_tables import changed, small_table, with_job
 from squeezes import ARC, AT_21, AT_36, AT_60, CLOSED, jaw_moves, meeting, run
 
 from runtime.errors import TableError
@@ -58,9 +58,7 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated, arc, sto
 
 
 def test_tips_on_an_arc_pass_above_a_part_of_known_height_however_far_the_jaws_are_open():
-    rig, table = fake_cell([]), small_table()
-    table = with_job(table, '{"part":{"height_mm":16.0}}')
-    table = replace(table, limits=replace(LIMITS, retreat_height_um=60_000))
+    rig, table = fake_cell([]), with_job(small_table(), '{"part":{"height_mm":16.0}}')
     straight, arced = (
         Hand(rig.gripper, rig.arm, rig.cell.clock, table, Handling(arc=arc)).timing.regrasp_mm
         for arc in (None, ARC)
@@ -86,8 +84,8 @@ def test_tips_on_an_arc_pass_above_a_part_of_known_height_however_far_the_jaws_a
     ],
 )
 def test_arc_that_the_gripper_or_the_cell_cannot_follow_is_refused(arc, retreat_um, said, allowed):
-    rig, table = fake_cell([]), small_table()
-    table = replace(table, limits=replace(LIMITS, retreat_height_um=retreat_um))
+    rig = fake_cell([])
+    table = changed(small_table(), {"limits.retreat_height_um": retreat_um})
     with refusal(TableError, said, unless=allowed):
         Hand(rig.gripper, rig.arm, rig.cell.clock, table, Handling(arc=arc))
 

@@ -5,9 +5,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from counting import count_of
 from fake_cell import FakeCell, FakeScene, Log, State, fake_cell
 from sample_tables import small_table
+from squeezes import AT_21, AT_30, AT_36
 
 from runtime.cli import main
 from runtime.errors import GripperStateError
@@ -16,7 +16,6 @@ from runtime.execution.events import Console, Tally
 from runtime.monitoring.console import Lines, Objects
 from runtime.table import dump
 
-AT_21, AT_30, AT_36 = ((count_of(width), 2) for width in (21_000, 30_000, 36_000))
 JOURNAL = Path("j.jsonl")
 TRUTH = SimpleNamespace(
     x_mm=0.3, y_mm=0.9, theta_rad=3.14159265, squeezes=1, crashes=0, hypothesis=0

@@ -78,8 +78,8 @@ def test_profile_of_a_model_that_is_not_known_is_refused(model):
     assert "\n" not in str(raised.value)
 
 
-def point_at(profile: object, folder: Path) -> None:
-    """A package that brings a profile, as pip leaves it."""
+def bring(profile: object, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Installs a package that brings a profile, as pip leaves it."""
     info = folder / "other_make-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: other_make\nVersion: 1.0\n")
@@ -89,13 +89,13 @@ def point_at(profile: object, folder: Path) -> None:
     (folder / "other_profile.py").write_text(
         f"from runtime.table import GripperProfile\nPROFILE = {profile!r}\n"
     )
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.delitem(sys.modules, "other_profile", raising=False)
 
 
 def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path, monkeypatch):
     brought = GripperProfile("other-60", 60_000, 10.0, 20, (5.0, 50.0), (1.0, 60.0))
-    point_at(brought, tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "other_profile", raising=False)
+    bring(brought, tmp_path, monkeypatch)
     assert profile_of("Other 60") == brought
 
 
@@ -103,8 +103,6 @@ def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path, monkeyp
     "profile", [None, GripperProfile("other-60", 60_000, 10.0, 20, (50.0, 5.0), (1.0, 60.0))]
 )
 def test_profile_that_is_none_is_refused(profile, tmp_path, monkeypatch):
-    point_at(profile, tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "other_profile", raising=False)
+    bring(profile, tmp_path, monkeypatch)
     with pytest.raises(TableError, match="not understood"):
         profile_of("other-60")

@@ -1,9 +1,7 @@
 """The tips' arc: the published geometry, and stages that keep the tips where they are to be."""
 
-from dataclasses import replace
-
 import pytest
-from sample_tables import small_table
+from sample_tables import changed, small_table
 
 from runtime.commands.arguments import parser
 from runtime.commands.options import run_options
@@ -70,8 +68,7 @@ def test_tips_on_an_arc_whose_offset_nobody_knows_are_not_taken_for_straight(nam
 
 
 def arc_of(model: str, named: str | None) -> TipArc | None:
-    table = small_table()
-    table = replace(table, gripper=replace(table.gripper, model=model))
+    table = changed(small_table(), {"gripper.model": model})
     given = parser().parse_args(
         ["--tree", "T", "--port", "P", "--deliver", "no", *(["--tips", named] if named else [])]
     )

@@ -36,7 +36,7 @@ def test_trend_stays_within_its_box_and_shows_its_limits(values):
 
 def test_histogram_keeps_the_names_of_its_bands_apart():
     bands = [Band(k, k + 1.0, str(k)) for k in range(40)]
-    text = histogram("widths", [(3.5, 9), (80.0, 1)], bands, (0.0, 85.0), "mm", mark=12.0)
+    text = histogram("widths", [(3.5, 9), (80.0, 1)], bands, (0.0, 85.0), "mm")
     assert Page(text).open == []
     left = [float(at) for at in re.findall(r"left:([\d.]+)%", text)]
     assert len(left) > 3

@@ -3,10 +3,9 @@
 import pytest
 from plc_programs import MemoryPlc
 
-from runtime.plc.counters import Counters
 from runtime.plc.handshake import Error
 from runtime.plc.registers import HEARTBEAT_LIMIT_S, READ
-from runtime.plc.station import Order
+from runtime.plc.station import Counters, Order
 
 SIGNALS = ("acknowledge", "busy", "result_valid", "result_id")
 RESULT = {"x": -1200, "y": 70_000, "angle": -1_799_999, "part": 2, "face": 1, "expected_error": 300}

@@ -41,6 +41,14 @@ def taken(reader):
     return data.replace(b"\r\n", b"\n")
 
 
+def sent(outlet, reader):
+    """What comes of a stream's lines, kept ones too, until nothing comes."""
+    data = taken(reader)
+    while more := (outlet.put(b""), taken(reader))[1]:
+        data += more
+    return data
+
+
 def test_outlet_of_a_stream_nobody_reads_keeps_lines_and_sends_them_later(ends, monkeypatch):
     monkeypatch.setattr(output, "END_S", 0.05)
     reader, writer = ends
@@ -48,10 +56,7 @@ def test_outlet_of_a_stream_nobody_reads_keeps_lines_and_sends_them_later(ends, 
     lines = [f"{number:098d}\n".encode() for number in range(2000)]
     for line in lines:
         outlet.put(line)
-    got = taken(reader)
-    while more := (outlet.put(b""), taken(reader))[1]:
-        got += more
-    assert got.splitlines(keepends=True) == lines
+    assert sent(outlet, reader).splitlines(keepends=True) == lines
     assert outlet.end() == outlet.lost == 0
     assert os.get_blocking(writer)  # others, who share it, are not surprised
     outlet.close()
@@ -66,10 +71,7 @@ def test_outlet_drops_whole_lines_beyond_what_it_keeps(ends, monkeypatch):
         outlet.put(LINE)
     dropped = outlet.lost
     assert dropped > 0
-    got = taken(reader)
-    while more := (outlet.put(b""), taken(reader))[1]:
-        got += more
-    assert got == LINE * (3000 - dropped)
+    assert sent(outlet, reader) == LINE * (3000 - dropped)
     outlet.close()
 
 

@@ -39,18 +39,13 @@ def test_binomial_tail_is_scipys(least, trials, share):
     assert binomial_tail(least, trials, share) == pytest.approx(theirs, rel=1e-8, abs=1e-14)
 
 
-def test_chi_square_is_pearsons_where_every_cell_is_well_filled():
-    counts, shares = [30, 50, 20], [0.25, 0.5, 0.25]
-    ours, freedom = chi_square(counts, shares)
-    theirs = stats.chisquare(counts, 100 * np.array(shares))
-    assert ours == pytest.approx(theirs.statistic)
-    assert chi_square_tail(ours, freedom) == pytest.approx(theirs.pvalue)
-
-
-def test_likelihood_ratio_is_scipys():
+@pytest.mark.parametrize(
+    ("statistic", "name"), [(chi_square, "pearson"), (likelihood_ratio, "log-likelihood")]
+)
+def test_statistics_are_scipys_where_every_cell_is_well_filled(statistic, name):
     counts, shares = [30, 50, 20], [0.2, 0.5, 0.3]
-    theirs = stats.power_divergence(counts, 100 * np.array(shares), lambda_="log-likelihood")
-    ours, freedom = likelihood_ratio(counts, shares)
+    theirs = stats.power_divergence(counts, 100 * np.array(shares), lambda_=name)
+    ours, freedom = statistic(counts, shares)
     assert ours == pytest.approx(theirs.statistic)
     assert chi_square_tail(ours, freedom) == pytest.approx(theirs.pvalue)
 

@@ -2,13 +2,12 @@
 
 import json
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from math import cos, pi, sin
 from pathlib import Path
 
 import pytest
-from sample_tables import several_table, with_job
+from sample_tables import changed, several_table, with_job
 
 from runtime.cli import main
 from runtime.table import Area, Push, Table, TableError, dump, dumps, load, loads
@@ -18,81 +17,56 @@ from runtime.table.embedded import gyration_mm
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TABLE = load(RECTANGLE).table
 WIDE = Area(-900_000, -150_000, 150_000, 150_000)
-Forge = Callable[[Table], Table]
+PUSH = Push(-60_000, 0, 0, 0, 30_000, 30_000)
 
 
-def limits(**changes: object) -> Forge:
-    return lambda table: replace(table, limits=replace(table.limits, **changes))
-
-
-def gripper(**changes: object) -> Forge:
-    return lambda table: replace(table, gripper=replace(table.gripper, **changes))
-
-
-def goal(**changes: object) -> Forge:
-    return lambda table: replace(table, goal=replace(table.goal, **changes))
-
-
-def squeeze(**changes: int) -> Forge:
-    def forge(table: Table) -> Table:
-        root, *others = table.nodes
-        return replace(
-            table, nodes=(root._replace(squeeze=root.squeeze._replace(**changes)), *others)
-        )
-
-    return forge
-
-
-def shifted(x_um: int, y_um: int = 0) -> Forge:
-    """All leaves moved together, as if the table had been made for another place."""
-    return lambda table: replace(
-        table,
-        leaves=tuple(
-            leaf._replace(x_um=leaf.x_um + x_um, y_um=leaf.y_um + y_um) for leaf in table.leaves
-        ),
-    )
-
-
-def with_push(table: Table) -> Table:
-    root, *others = table.nodes
-    push = Push(-60_000, 0, 0, 0, 30_000, 30_000)
-    return replace(table, nodes=(root._replace(pushes=(push,)), *others))
+def shifted(x_um: int, y_um: int) -> Table:
+    """The table with all leaves moved together, as if it had been made for another place."""
+    leaves = (leaf._replace(x_um=leaf.x_um + x_um, y_um=leaf.y_um + y_um) for leaf in TABLE.leaves)
+    return replace(TABLE, leaves=tuple(leaves))
 
 
 @pytest.mark.parametrize(
-    ("forge", "said"),
+    ("path", "value", "said"),
     [
-        (limits(squeeze_height_um=-50_000), "squeeze_height_um is -50000, but the embedded job"),
-        (limits(retreat_height_um=900_000), "limits.retreat_height_um is 900000, but"),
-        (limits(max_force_mn=500_000), "limits.max_force_mn is 500000, but"),
-        (limits(max_speed_um_s=150_001), "limits.max_speed_um_s is 150001, but"),
-        (limits(arm_speed_um_s=2_000_000), "limits.arm_speed_um_s is 2000000, but"),
-        (limits(work_area_um=WIDE), "limits.work_area_um is "),
-        (gripper(model="robotiq-hand-e"), "gripper.model is robotiq-hand-e, but the embedded job"),
-        (gripper(noise_um=0), "gripper.noise_um is 0, but"),
-        (gripper(finger_length_um=99_000), "gripper.finger_length_um is 99000, but"),
-        (goal(distance_um=2_999), "goal.distance_um is 2999, but the embedded job says 3000"),
-        (goal(confidence_ppm=900_000), "goal.confidence_ppm is 900000, but"),
-        (goal(symmetry=1), "goal.symmetry is 1, but"),
-        (goal(rho_um=10_000), "goal.rho_um is 10000, but the embedded job says 10571"),
-        (goal(kind="modes", modes=1), "goal.kind is modes, but the embedded job says pose"),
-        (squeeze(force_mn=200_000), "node 0: force_mn is 200000, but the embedded job says 40000"),
-        (squeeze(speed_um_s=150_000), "speed_um_s is 150000, but the embedded job says 60000"),
-        (squeeze(x_um=90_000), "node 0: at (90.00, 0.00) mm the jaws touch no part within radius"),
-        (with_push, "node 0 is pushed before, which is belief, but the embedded job says none"),
-        (shifted(15_000), "does not lie between the jaws of node"),
+        ("limits.squeeze_height_um", -50_000, "squeeze_height_um is -50000, but the embedded job"),
+        ("limits.retreat_height_um", 900_000, "limits.retreat_height_um is 900000, but"),
+        ("limits.max_force_mn", 500_000, "limits.max_force_mn is 500000, but"),
+        ("limits.max_speed_um_s", 150_001, "limits.max_speed_um_s is 150001, but"),
+        ("limits.arm_speed_um_s", 2_000_000, "limits.arm_speed_um_s is 2000000, but"),
+        ("limits.work_area_um", WIDE, "limits.work_area_um is "),
+        ("gripper.model", "robotiq-hand-e", "model is robotiq-hand-e, but the embedded job"),
+        ("gripper.noise_um", 0, "gripper.noise_um is 0, but"),
+        ("gripper.finger_length_um", 99_000, "gripper.finger_length_um is 99000, but"),
+        ("goal.distance_um", 2_999, "goal.distance_um is 2999, but the embedded job says 3000"),
+        ("goal.confidence_ppm", 900_000, "goal.confidence_ppm is 900000, but"),
+        ("goal.symmetry", 1, "goal.symmetry is 1, but"),
+        ("goal.rho_um", 10_000, "goal.rho_um is 10000, but the embedded job says 10571"),
+        ("goal.kind", "modes", "goal.kind is modes, but the embedded job says pose"),
+        (
+            "nodes.0.squeeze.force_mn",
+            200_000,
+            "force_mn is 200000, but the embedded job says 40000",
+        ),
+        ("nodes.0.squeeze.speed_um_s", 150_000, "is 150000, but the embedded job says 60000"),
+        (
+            "nodes.0.squeeze.x_um",
+            90_000,
+            "at (90.00, 0.00) mm the jaws touch no part within radius",
+        ),
+        ("nodes.0.pushes", (PUSH,), "is pushed before, which is belief, but the embedded job says"),
     ],
 )
-def test_a_table_that_its_job_contradicts_is_refused(forge, said):
+def test_a_table_that_its_job_contradicts_is_refused(path, value, said):
     with pytest.raises(TableError) as refused:
-        loads(encode(forge(TABLE)))
+        loads(encode(changed(TABLE, {path: value})))
     assert said in str(refused.value)
     assert str(refused.value).endswith("recompile it")
 
 
 def test_an_opening_is_one_of_those_that_the_job_lists_if_it_lists_any():
     job = json.loads(TABLE.job or "")
-    narrow = squeeze(opening_um=80_000)(TABLE)
+    narrow = changed(TABLE, {"nodes.0.squeeze.opening_um": 80_000})
     loads(encode(narrow))
     listed = with_job(narrow, json.dumps({**job, "actions": {"openings_mm": [70.0, 85.0]}}))
     with pytest.raises(TableError, match="says one of 70000, 85000"):
@@ -103,7 +77,7 @@ def test_an_opening_is_one_of_those_that_the_job_lists_if_it_lists_any():
 def test_leaves_that_all_lie_15_mm_off_are_refused_in_any_direction(direction):
     turn = direction * pi / 4
     with pytest.raises(TableError, match="does not lie between the jaws"):
-        dumps(shifted(round(15_000 * cos(turn)), round(15_000 * sin(turn)))(TABLE))
+        dumps(shifted(round(15_000 * cos(turn)), round(15_000 * sin(turn))))
 
 
 def test_a_leaf_that_is_turned_is_refused():
@@ -112,16 +86,15 @@ def test_a_leaf_that_is_turned_is_refused():
     quarter = round(1e6 * pi / 2)
     branches = [branch for node in TABLE.nodes for branch in node.branches]
     number = next(~b.target for b in branches if b.target < 0 and 20_500 < b.expected_um < 21_500)
-    leaves = list(TABLE.leaves)
-    leaves[number] = leaves[number]._replace(theta_urad=leaves[number].theta_urad + quarter)
+    turned = {f"leaves.{number}.theta_urad": TABLE.leaves[number].theta_urad + quarter}
     dumps(certain)
     with pytest.raises(TableError, match=f"leaf {number}: the part of the embedded job"):
-        dumps(replace(certain, leaves=tuple(leaves)))
+        dumps(changed(certain, turned))
 
 
 def test_a_forged_table_is_refused_before_anything_is_connected(tmp_path, capsys):
     path = tmp_path / "forged.msgpack"
-    path.write_bytes(encode(limits(squeeze_height_um=-50_000)(TABLE)))
+    path.write_bytes(encode(changed(TABLE, {"limits.squeeze_height_um": -50_000})))
     assert main(["--tree", str(path), "--check"]) == 3
     err = capsys.readouterr().err
     assert err.count("\n") == 1
@@ -170,7 +143,7 @@ def test_an_outline_of_thousands_of_points_takes_milliseconds():
         [(40 + cos(40 * t)) * cos(t), (40 + cos(40 * t)) * sin(t)] for t in steps
     ]
     rho_um = round(1e3 * gyration_mm([(x, y) for x, y in job["part"]["outline_mm"]]))
-    forged = with_job(goal(rho_um=rho_um)(TABLE), json.dumps(job))
+    forged = with_job(changed(TABLE, {"goal.rho_um": rho_um}), json.dumps(job))
     start = time.process_time()
     with pytest.raises(TableError, match="does not lie between the jaws"):
         dumps(forged)

@@ -1,16 +1,15 @@
 """Figures of a table: tests of a share against a second method, and figures that contradict one another."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sample_tables import small_table, with_leaf
+from sample_tables import changed, small_table
 from scipy.stats import binom, binomtest
 
-from runtime.table import Table, TableError, dumps, refuted, wilson_interval
+from runtime.table import TableError, dumps, refuted, wilson_interval
 from runtime.table.evidence import LEAST_LOG, LEVEL, MOST_TERMS, Z95
 
 
@@ -73,28 +72,21 @@ def test_the_interval_is_scipys(successes, trials):
 TABLE = small_table()
 
 
-def leaf_with(**changes: int) -> Table:
-    return with_leaf(TABLE, 1, TABLE.leaves[1]._replace(**changes))
-
-
-def predicted_with(**changes):
-    return replace(TABLE, predicted=replace(TABLE.predicted, **changes))
-
-
 @pytest.mark.parametrize(
-    ("table", "said"),
+    ("record", "values", "said"),
     [
-        (leaf_with(success_ppm=995_002), "success_ppm is 995002, no share of 3000 trials"),
-        (leaf_with(success_ppm=990_000, trials=7), "success_ppm is 990000, no share of 7 trials"),
-        (leaf_with(error_p95_um=3_001), "error_p95_um is 3001, but 2985 of 3000 trials lay within"),
-        (leaf_with(error_median_um=3_001, error_p95_um=3_001), "error_median_um is 3001"),
-        (predicted_with(success_ppm=1_000_000), "10000 of 10000 trials, but only 9589 met"),
-        (predicted_with(reject_ppm=42_002), "success_ppm is 958000, but 42002 ppm were rejected"),
-        (predicted_with(mean_squeezes_ppm=4_000_001), "allowed is 1000000..4000000"),
-        (predicted_with(mean_squeezes_ppm=999_999), "allowed is 1000000..4000000"),
+        ("leaves.1", {"success_ppm": 995_002}, "success_ppm is 995002, no share of 3000 trials"),
+        ("leaves.1", {"success_ppm": 990_000, "trials": 7}, "is 990000, no share of 7 trials"),
+        ("leaves.1", {"error_p95_um": 3_001}, "is 3001, but 2985 of 3000 trials lay within"),
+        ("leaves.1", {"error_median_um": 3_001, "error_p95_um": 3_001}, "error_median_um is 3001"),
+        ("predicted", {"success_ppm": 1_000_000}, "10000 of 10000 trials, but only 9589 met"),
+        ("predicted", {"reject_ppm": 42_002}, "ppm is 958000, but 42002 ppm were rejected"),
+        ("predicted", {"mean_squeezes_ppm": 4_000_001}, "allowed is 1000000..4000000"),
+        ("predicted", {"mean_squeezes_ppm": 999_999}, "allowed is 1000000..4000000"),
     ],
 )
-def test_figures_that_cannot_be_of_one_evaluation_are_refused(table, said):
+def test_figures_that_cannot_be_of_one_evaluation_are_refused(record, values, said):
+    table = changed(TABLE, {f"{record}.{name}": value for name, value in values.items()})
     with pytest.raises(TableError, match=re.escape(said)):
         dumps(table)
 
@@ -113,4 +105,4 @@ def test_figures_of_an_evaluation_pass():
             error_median_um=round(median),
             error_p95_um=round(high),
         )
-        dumps(replace(with_leaf(TABLE, 1, leaf), predicted=replace(TABLE.predicted, trials=0)))
+        dumps(changed(TABLE, {"leaves.1": leaf, "predicted.trials": 0}))

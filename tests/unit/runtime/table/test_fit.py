@@ -2,7 +2,7 @@
 
 import pytest
 from grown_tables import grown_table
-from sample_tables import GRIPPER, every_field_table, random_table, small_table, with_node
+from sample_tables import GRIPPER, changed, every_field_table, random_table, small_table
 
 from runtime.table import Calibration, misfits
 
@@ -43,7 +43,7 @@ def test_an_outcome_that_reads_as_its_neighbour_is_reported():
     root = small_table().nodes[0]
     first = root.branches[0]._replace(low_um=18_000, expected_um=21_000, high_um=30_000)
     second = root.branches[1]._replace(low_um=18_000, expected_um=22_000, high_um=30_000)
-    table = with_node(small_table(), 0, root._replace(branches=(first, second)))
+    table = changed(small_table(), {"nodes.0.branches": (first, second)})
     coarse = of((0, 0), (5_000, 18_500), (20_000, 18_501), (20_001, 22_400), (60_000, 22_401))
     assert any(
         problem.startswith("node 0, branch 0: this gripper reads 21.00 mm as another")

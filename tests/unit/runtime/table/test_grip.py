@@ -28,11 +28,8 @@ def held(width_mm: float, pose: tuple[float, float, float]) -> bool:
         (34.0, (0.0, -2.0, 0.0), True),
         (8.0, (-20.0, 10.0, -pi / 2), True),  # about one arm: a finger stands in the slot
         (12.0, (-20.0, 0.0, -pi / 2), False),  # about the slot alone: arms fill the fingers' place
-        (
-            8.0,
-            (0.0, 10.0, -pi / 2),
-            False,
-        ),  # about one arm, but the closed end fills the place of a finger
+        # About one arm, but the closed end fills the place of a finger.
+        (8.0, (0.0, 10.0, -pi / 2), False),
         (8.0, (0.0, 60.0, 0.0), False),  # far away
     ],
 )

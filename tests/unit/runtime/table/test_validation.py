@@ -7,18 +7,16 @@ import pytest
 from sample_tables import (
     GRIPPER,
     PUSHES,
+    changed,
     every_field_table,
     small_table,
     with_job,
-    with_leaf,
-    with_node,
 )
 
 from runtime.table import (
     PPM,
     Area,
     Branch,
-    Covariance,
     Leaf,
     LeafPose,
     Node,
@@ -46,88 +44,69 @@ def one_node(*rows: tuple[int, int, int]) -> Table:
     return replace(UNTRIED, nodes=(Node(TABLE.nodes[0].squeeze, branches),), leaves=leaves)
 
 
-def squeeze_with(**changes: int) -> Table:
-    node = TABLE.nodes[1]
-    return with_node(TABLE, 1, node._replace(squeeze=node.squeeze._replace(**changes)))
-
-
-def branch_with(node: int, number: int, **changes: int) -> Table:
-    branches = list(TABLE.nodes[node].branches)
-    branches[number] = branches[number]._replace(**changes)
-    return with_node(TABLE, node, TABLE.nodes[node]._replace(branches=tuple(branches)))
-
-
-def leaf_with(index: int = 0, **changes: object) -> Table:
-    return with_leaf(UNTRIED, index, TABLE.leaves[index]._replace(**changes))
-
-
-def root_with(**changes: object) -> Table:
-    return with_node(TABLE, 0, TABLE.nodes[0]._replace(**changes))
-
-
-def push_with(**changes: int) -> Table:
-    return root_with(pushes=(PUSHES[0]._replace(**changes),))
-
-
-def gripper_with(**changes: object) -> Table:
-    return replace(TABLE, gripper=replace(GRIPPER, **changes))
-
-
-def limits_with(**changes: object) -> Table:
-    return replace(TABLE, limits=replace(TABLE.limits, **changes))
-
-
-def goal_with(**changes: object) -> Table:
-    return replace(TABLE, goal=replace(TABLE.goal, **changes))
-
-
-def with_goal_alone(**changes: object) -> Table:
-    """A table of untried leaves: errors that were measured bind the goal, too."""
-    untried = tuple(leaf._replace(trials=0) for leaf in TABLE.leaves)
-    return replace(goal_with(**changes), leaves=untried)
+def but(path: str, value: object) -> Table:
+    """The small table, not evaluated, with a push and another value in a field."""
+    return changed(UNTRIED, {"nodes.0.pushes": PUSHES[:1], path: value})
 
 
 # -- edges ----------------------------------------------------------------------------------------
 
-LEAF_POSE, EXACT = LeafPose(0, 0, 1), Covariance(0, 0, 0, 0, 0, 0)
-# What forges a table, the field that it changes, the last value that is allowed and the next one.
+# The field, the last value that is allowed and the next one.
 FIELDS = [
-    (squeeze_with, "x_um", 60_000, 60_001, "node 1: x_um is 60001, allowed is -60000..60000"),
-    (squeeze_with, "opening_um", 85_000, 85_001, "node 1: opening_um is 85001"),
-    (squeeze_with, "force_mn", 60_000, 60_001, "node 1: force_mn is 60001"),
-    (squeeze_with, "speed_um_s", 1, 0, "node 1: speed_um_s is 0, allowed is 1..60000"),
-    (squeeze_with, "clearance_um", 0, -1, "node 1: clearance_um is -1"),
-    (squeeze_with, "angle_urad", -3_142_000, -3_142_001, "node 1: angle_urad is -3142001"),
-    (leaf_with, "x_um", 60_000, -60_001, "leaf 0: x_um is -60001, allowed is -60000..60000"),
-    (leaf_with, "covariance", EXACT, EXACT._replace(xx=-1), "leaf 0: covariance.xx is -1"),
-    (leaf_with, "success_ppm", 990_000, 985_000, "0.9850 of 6000 trials met the goal, which"),
-    (limits_with, "max_depth", 2, 1, "node 1 is deeper than limits.max_depth = 1"),
-    (limits_with, "max_depth", 64, 65, "limits.max_depth is 65, allowed is 1..64"),
-    (limits_with, "retreat_height_um", 10_001, 10_000, "limits.retreat_height_um is 10000"),
-    (goal_with, "symmetry", 1, 0, "goal.symmetry is 0"),
-    (with_goal_alone, "distance_um", 1, 0, "goal.distance_um is 0"),
-    (gripper_with, "steps", 170, 0, "gripper.steps is 0, allowed is 1.."),
-    (root_with, "contact_um", 84_999, 85_000, "node 0: contact_um is 85000, allowed is 30000.."),
-    (root_with, "release", Place(0, 60_000), Place(0, 60_001), "node 0, release 0: y_um is 60001"),
-    (root_with, "pushes", PUSHES[:1] * 4, PUSHES[:1] * 5, "number of pushes is 5, allowed is 0..4"),
-    (push_with, "length_um", 110_000, 110_001, "node 0, push 0: x_um of its end is 60001"),
-    (push_with, "length_um", 1, 0, "node 0, push 0: length_um is 0"),
-    (push_with, "opening_um", 85_000, 85_001, "node 0, push 0: opening_um is"),
-    (push_with, "speed_um_s", 400_000, 400_001, "node 0, push 0: speed_um_s is"),
+    ("nodes.1.squeeze.x_um", 60_000, 60_001, "node 1: x_um is 60001, allowed is -60000..60000"),
+    ("nodes.1.squeeze.opening_um", 85_000, 85_001, "node 1: opening_um is 85001"),
+    ("nodes.1.squeeze.force_mn", 60_000, 60_001, "node 1: force_mn is 60001"),
+    ("nodes.1.squeeze.speed_um_s", 1, 0, "node 1: speed_um_s is 0, allowed is 1..60000"),
+    ("nodes.1.squeeze.clearance_um", 0, -1, "node 1: clearance_um is -1"),
+    ("nodes.1.squeeze.angle_urad", -3_142_000, -3_142_001, "node 1: angle_urad is -3142001"),
+    ("nodes.1.branches.1.high_um", 85_000, 85_001, "branch 1: high_um is"),
+    ("nodes.0.branches.0.probability_ppm", 600_002, 600_003, "sum to 1000003 ppm, not 1000000"),
+    ("leaves.0.x_um", 60_000, -60_001, "leaf 0: x_um is -60001, allowed is -60000..60000"),
+    ("leaves.0.covariance.xx", 0, -1, "leaf 0: covariance.xx is -1"),
+    ("leaves.0.success_ppm", 990_000, 985_000, "0.9850 of 6000 trials met the goal, which"),
+    ("limits.max_depth", 2, 1, "node 1 is deeper than limits.max_depth = 1"),
+    ("limits.max_depth", 64, 65, "limits.max_depth is 65, allowed is 1..64"),
+    ("limits.retreat_height_um", 10_001, 10_000, "limits.retreat_height_um is 10000"),
+    ("limits.work_area_um", TABLE.limits.work_area_um, Area(0, 0, -1, 1), "x_max is -1"),
+    ("goal.symmetry", 1, 0, "goal.symmetry is 0"),
+    ("gripper.steps", 170, 0, "gripper.steps is 0, allowed is 1.."),
+    ("nodes.0.contact_um", 84_999, 85_000, "node 0: contact_um is 85000, allowed is 30000.."),
+    ("nodes.0.release", Place(0, 60_000), Place(0, 60_001), "node 0, release 0: y_um is 60001"),
+    (
+        "nodes.1.release",
+        Place(0, 0),
+        Place(1_000, -2_000),
+        "node 1: its release is where it squeezes",
+    ),
+    ("nodes.0.pushes", PUSHES[:1] * 4, PUSHES[:1] * 5, "number of pushes is 5, allowed is 0..4"),
+    ("nodes.0.pushes.0.length_um", 110_000, 110_001, "push 0: x_um of its end is 60001"),
+    ("nodes.0.pushes.0.length_um", 1, 0, "node 0, push 0: length_um is 0"),
+    ("nodes.0.pushes.0.opening_um", 85_000, 85_001, "node 0, push 0: opening_um is"),
+    ("nodes.0.pushes.0.speed_um_s", 400_000, 400_001, "node 0, push 0: speed_um_s is"),
+    ("job_digest", TABLE.job_digest, b"short", "length of job_digest is 5"),
+    ("nodes", TABLE.nodes, (), "number of nodes is 0"),
 ]
 TWO_POSES = "leaf 0: 2 poses are more than the goal leaves open; mark it unresolved"
 NEAREST_TAKEN = "node 0, branch 1: expected_um is 21000, allowed is 21001..22000"
-EDGES = [
-    (forge(**{name: last}), forge(**{name: following}), said)
-    for forge, name, last, following, said in FIELDS
-]
-EDGES += [
-    (branch_with(1, 1, high_um=85_000), branch_with(1, 1, high_um=85_001), "branch 1: high_um is"),
+# Of untried leaves: errors that were measured bind the goal, too.
+LEAVES_UNTRIED = replace(UNTRIED, leaves=tuple(leaf._replace(trials=0) for leaf in TABLE.leaves))
+IN_TOLERANCES = {"goal.kind": "tolerances", "goal.tolerance": Tolerance(1, 1, 1)}
+NONE_GOOD = {"leaves.0.success_ppm": 0, "leaves.0.trials": 0}
+AMBIGUOUS = {"leaves.0.alternatives": (LeafPose(0, 0, 1),), "leaves.0.resolved": False}
+BUTS = [
+    (LEAVES_UNTRIED, {"goal.distance_um": 1}, {"goal.distance_um": 0}, "goal.distance_um is 0"),
+    (UNTRIED, NONE_GOOD, NONE_GOOD | {"leaves.0.trials": 2}, "refutes the"),
+    (UNTRIED, AMBIGUOUS, AMBIGUOUS | {"leaves.0.resolved": True}, TWO_POSES),
     (
-        branch_with(0, 0, probability_ppm=600_002),
-        branch_with(0, 0, probability_ppm=600_003),
-        "node 0: the branches' probabilities sum to 1000003 ppm, not 1000000",
+        UNTRIED,
+        IN_TOLERANCES,
+        IN_TOLERANCES | {"goal.tolerance.y_um": 0},
+        "goal.tolerance.y_um is 0",
     ),
+]
+EDGES = [(but(path, last), but(path, following), said) for path, last, following, said in FIELDS]
+EDGES += [(changed(table, last), changed(table, after), said) for table, last, after, said in BUTS]
+EDGES += [
     (
         one_node((20_000, 21_000, 22_000), (20_000, 21_500, 22_000)),
         one_node((20_000, 21_000, 22_000), (20_000, 21_000, 22_000)),
@@ -138,25 +117,6 @@ EDGES += [
         one_node((20_100, 20_150, 20_200)),
         "node 0, branch 0: no reading means 20.10..20.20 mm; widen it",
     ),
-    (leaf_with(success_ppm=0, trials=0), leaf_with(success_ppm=0, trials=2), "refutes the"),
-    (
-        leaf_with(alternatives=(LEAF_POSE,), resolved=False),
-        leaf_with(alternatives=(LEAF_POSE,)),
-        TWO_POSES,
-    ),
-    (
-        goal_with(kind="tolerances", tolerance=Tolerance(1, 1, 1)),
-        goal_with(kind="tolerances", tolerance=Tolerance(1, 0, 1)),
-        "goal.tolerance.y_um is 0",
-    ),
-    (
-        with_node(TABLE, 1, TABLE.nodes[1]._replace(release=Place(0, 0))),
-        with_node(TABLE, 1, TABLE.nodes[1]._replace(release=Place(1_000, -2_000))),
-        "node 1: its release is where it squeezes",
-    ),
-    (TABLE, replace(TABLE, job_digest=b"short"), "length of job_digest is 5"),
-    (TABLE, replace(TABLE, nodes=(), leaves=TABLE.leaves), "number of nodes is 0"),
-    (TABLE, limits_with(work_area_um=Area(0, 0, -1, 1)), "limits.work_area_um.x_max is -1"),
 ]
 
 
@@ -171,15 +131,13 @@ def test_validate_at_an_edge_allows_the_last_value_and_refuses_the_next(allowed,
 
 
 def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open():
-    two = replace(
-        leaf_with(alternatives=(LeafPose(0, 0, 1),)),
-        goal=replace(TABLE.goal, kind="modes", modes=2),
-    )
+    modes = {"goal.kind": "modes", "goal.modes": 2, "leaves.0.alternatives": (LeafPose(0, 0, 1),)}
+    two = changed(UNTRIED, modes)
     dumps(two)
     with pytest.raises(TableError, match="leaf 0: y_um is 60001"):
-        dumps(with_leaf(two, 0, two.leaves[0]._replace(alternatives=(LeafPose(0, 60_001, 0),))))
+        dumps(changed(two, {"leaves.0.alternatives.0.y_um": 60_001}))
     with pytest.raises(TableError, match="2 poses are more"):
-        dumps(replace(two, goal=replace(two.goal, kind="pose")))
+        dumps(changed(two, {"goal.kind": "pose"}))
 
 
 def test_a_grip_is_never_read_where_the_jaws_are_closed():
@@ -196,10 +154,16 @@ def test_a_grip_is_never_read_where_the_jaws_are_closed():
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        (branch_with(1, 0, target=1), "node 1, branch 0: target is 1, where breadth first it is 2"),
-        (branch_with(1, 0, target=~2), "branch 0: target is -3, where breadth first it is -2"),
-        (branch_with(1, 0, target=7), "node 1, branch 0: target is 7, where breadth first it is 2"),
-        (branch_with(0, 1, target=~1), "node 1 is never reached"),
+        (
+            but("nodes.1.branches.0.target", 1),
+            "node 1, branch 0: target is 1, where breadth first it is 2",
+        ),
+        (
+            but("nodes.1.branches.0.target", ~2),
+            "branch 0: target is -3, where breadth first it is -2",
+        ),
+        (but("nodes.1.branches.0.target", 7), "target is 7, where breadth first it is 2"),
+        (but("nodes.0.branches.1.target", ~1), "node 1 is never reached"),
         (replace(TABLE, nodes=TABLE.nodes[:1]), "node 1 is missing"),
         (replace(TABLE, leaves=TABLE.leaves[:2]), "leaf 2 is missing"),
         (replace(TABLE, leaves=TABLE.leaves * 2), "leaf 3 is never reached"),
@@ -221,9 +185,10 @@ def test_validate_of_a_long_chain_does_not_recurse():
         TABLE.nodes[0]._replace(branches=(first._replace(target=~63), second._replace(target=~64)))
     )
     leaves: tuple[Leaf, ...] = (TABLE.leaves[0],) * 65
-    dumps(replace(limits_with(max_depth=64), nodes=tuple(nodes), leaves=leaves))
+    chain = replace(UNTRIED, nodes=tuple(nodes), leaves=leaves)
+    dumps(changed(chain, {"limits.max_depth": 64}))
     with pytest.raises(TableError, match=r"node 63 is deeper than limits\.max_depth = 63"):
-        dumps(replace(limits_with(max_depth=63), nodes=tuple(nodes), leaves=leaves))
+        dumps(changed(chain, {"limits.max_depth": 63}))
 
 
 # -- the embedded job -----------------------------------------------------------------------------

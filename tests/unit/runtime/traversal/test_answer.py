@@ -33,17 +33,11 @@ def test_each_part_is_reported_in_its_own_frames():
     table = with_parts(several_table())
     one, other = (fields(table, at(leaf), frames_of(table)) for leaf in (0, 1))
     assert (one["hypothesis"], other["hypothesis"]) == ("left hand", "right hand")
-    assert one["datum"] == {
-        "x_mm": 1.0,
-        "y_mm": 2.5,
-        "angle_deg": 90.0,
-    }  # the leaf is at (0, 0.5), 0 deg
+    # The leaf is at (0, 0.5), 0 deg.
+    assert one["datum"] == {"x_mm": 1.0, "y_mm": 2.5, "angle_deg": 90.0}
     assert one["picks"] == {"rim": {"x_mm": 1.0, "y_mm": 5.5, "angle_deg": 90.0}}
-    assert other["datum"] == {
-        "x_mm": -1.2,
-        "y_mm": -3.0,
-        "angle_deg": pytest.approx(90.0, abs=0.02),
-    }
+    turned = pytest.approx(90.0, abs=0.02)
+    assert other["datum"] == {"x_mm": -1.2, "y_mm": -3.0, "angle_deg": turned}
     assert other["picks"] == {}
 
 

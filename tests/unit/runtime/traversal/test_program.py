@@ -8,7 +8,7 @@ from sample_tables import random_table, small_table
 from drivers.ports import ObjectState
 from runtime.errors import GripperStateError
 from runtime.table import Calibration, Place, Table, decision_map
-from runtime.traversal.decision import Policy, TraversalState, release_point
+from runtime.traversal.decision import Policy, TraversalState
 from runtime.traversal.program import (
     Approach,
     Done,
@@ -101,7 +101,7 @@ def test_part_any_branch_leads_where_the_table_says(seed: int) -> None:
             requests = program(table).part(1, TraversalState(index))
             release = released(requests, next(requests), held(low_um))
             assert release.step.target == node.branches[number].target
-            assert (release.point is None) == (release_point(node, number) is None)
+            assert (release.point is None) == (node.release_point(number) is None)
 
 
 def test_part_contradicting_reading_is_refused() -> None:

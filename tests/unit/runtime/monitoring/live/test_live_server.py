@@ -11,10 +11,8 @@ from collections.abc import Callable
 import pytest
 from sample_tables import small_table
 
-from runtime.monitoring import http_server
-from runtime.monitoring.http_server import MOST_CLIENTS
-from runtime.monitoring.live import page
-from runtime.monitoring.live.server import Address, PageServer
+from runtime.monitoring.live import page, server
+from runtime.monitoring.live.server import MOST_CLIENTS, Address, PageServer
 from runtime.monitoring.shift import CHANGES, Shift
 from runtime.monitoring.status import Status
 from runtime.table import TableFile
@@ -72,7 +70,7 @@ def test_clients_that_misbehave_do_not_end_it(serving, words):
 
 
 def test_who_says_or_takes_nothing_is_sent_away(monkeypatch, serving):
-    monkeypatch.setattr(http_server, "PATIENCE_S", 0.2)
+    monkeypatch.setattr(server, "PATIENCE_S", 0.2)
     with connected(serving) as silent, connected(serving) as deaf:
         deaf.sendall(
             b"GET /large HTTP/1.0\r\n\r\n"

@@ -12,40 +12,27 @@ from scipy import special, stats
 
 from runtime.spc.study.gauge import beta_share, crossed, f_tail, t_tail, type_one
 
-
-def test_crossed_anova_is_aiags_example_to_four_digits():
-    # Measurement Systems Analysis, 4th edition, tables III-B 7 and 8; three and six printed digits.
-    study = crossed(AIAG)
-    spread = study.anova
-    assert spread.repeatability == pytest.approx(0.199933, abs=5e-6)
-    assert spread.reproducibility == pytest.approx(0.226838, abs=5e-6)
-    assert spread.gauge == pytest.approx(0.302373, abs=5e-6)
-    assert spread.part == pytest.approx(1.042327, abs=5e-6)
-    assert spread.total == pytest.approx(1.0853, abs=5e-5)
-    percents = [
-        spread.percent(value)
-        for value in (spread.repeatability, spread.reproducibility, spread.gauge)
-    ]
-    assert [round(value, 2) for value in percents] == [18.42, 20.90, 27.86]
-    assert round(spread.percent(spread.part), 2) == 96.04
-    assert spread.categories == pytest.approx(4.861, abs=1e-3)
-    assert study.interaction_p == pytest.approx(0.974, abs=1e-3)
+PARTS = ("repeatability", "reproducibility", "gauge", "part")
+# Measurement Systems Analysis, 4th edition: tables III-B 7 and 8; by the other method figure III-B 16, which
+# rounds averages to four digits before it goes on, so that its fourth digit may be one off.
+ANOVA = ("anova", (0.199933, 0.226838, 0.302373, 1.042327), (18.42, 20.90, 27.86, 96.04))
+RANGES = ("ranges", (0.20188, 0.22963, 0.30575, 1.10456), (17.62, 20.04, 26.68, 96.38))
 
 
-def test_crossed_average_and_range_is_aiags_example_to_four_digits():
-    # The same data by the other method, figure III-B 16. The manual rounds averages to four
-    # digits before it goes on, so that its fourth digit may be one off.
-    spread = crossed(AIAG).ranges
-    assert spread.repeatability == pytest.approx(0.20188, abs=5e-5)
-    assert spread.reproducibility == pytest.approx(0.22963, abs=5e-5)
-    assert spread.gauge == pytest.approx(0.30575, abs=5e-5)
-    assert spread.part == pytest.approx(1.10456, abs=5e-5)
-    assert spread.total == pytest.approx(1.14610, abs=5e-5)
-    percents = (spread.repeatability, spread.reproducibility, spread.gauge, spread.part)
-    assert [spread.percent(value) for value in percents] == pytest.approx(
-        [17.62, 20.04, 26.68, 96.38], abs=0.01
-    )
-    assert spread.categories == pytest.approx(5.094, abs=1e-3)
+@pytest.mark.parametrize(
+    ("method", "sigmas", "percents", "total", "categories", "digits"),
+    [(*ANOVA, 1.0853, 4.861, (5e-6, 0.005)), (*RANGES, 1.14610, 5.094, (5e-5, 0.01))],
+)
+def test_crossed_is_aiags_example_to_its_digits(
+    method, sigmas, percents, total, categories, digits
+):
+    spread = getattr(crossed(AIAG), method)
+    ours = [getattr(spread, name) for name in PARTS]
+    assert ours == pytest.approx(sigmas, abs=digits[0])
+    assert [spread.percent(value) for value in ours] == pytest.approx(percents, abs=digits[1])
+    assert spread.total == pytest.approx(total, abs=5e-5)
+    assert spread.categories == pytest.approx(categories, abs=1e-3)
+    assert crossed(AIAG).interaction_p == pytest.approx(0.974, abs=1e-3)
 
 
 def test_type_one_bias_is_aiags_example_to_four_digits():

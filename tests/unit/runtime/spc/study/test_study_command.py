@@ -97,18 +97,13 @@ def with_truth(path, parts, off_mm):
         journal.header(TABLE)
         for part in parts:
             journal.record("part", {"part": part.number})
-            journal.record(
-                "outcome",
-                {"part": part.number, "outcome": part.outcome, "leaf": part.leaf, "audit": None},
-            )
+            end = {"outcome": part.outcome, "leaf": part.leaf, "audit": None}
+            journal.record("outcome", {"part": part.number, **end})
             if part.leaf is not None:
                 leaf = TABLE.leaves[part.leaf]
-                true = {
-                    "x_um": leaf.x_um + round(1000 * off_mm),
-                    "y_um": leaf.y_um,
-                    "theta_urad": leaf.theta_urad,
-                }
-                journal.record("truth", {"part": part.number, **true, "within_goal": off_mm < 3.0})
+                place = {"x_um": leaf.x_um + round(1000 * off_mm), "y_um": leaf.y_um}
+                true = {**place, "theta_urad": leaf.theta_urad, "within_goal": off_mm < 3.0}
+                journal.record("truth", {"part": part.number, **true})
         journal.record("end", {})
     return path
 

@@ -1,0 +1,111 @@
+"""The sections of a table's file: the common source of codec, validation and `TABLE.md`."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from runtime.table.fields import (
+    MAX_ALTERNATIVES,
+    MAX_BRANCHES,
+    MAX_HYPOTHESES,
+    MAX_LEAVES,
+    MAX_NODES,
+    MAX_PUSHES,
+    Field,
+    fields_of,
+)
+from runtime.table.model import (
+    Branch,
+    GoalSpec,
+    GripperSpec,
+    Hypothesis,
+    Leaf,
+    LeafPose,
+    Limits,
+    Node,
+    Place,
+    Prediction,
+    Push,
+    Squeeze,
+    Table,
+)
+
+
+class Section(NamedTuple):
+    """One record, or columns of records: one array for each field."""
+
+    name: str
+    meaning: str
+    record: Callable[..., Any]
+    row: str = ""  # name of a record; empty: a single record, without columns
+    least: int = 1  # number of records, or for each owner
+    most: int = 1
+    owner: Field | None = None  # the column with the index of a record's node or leaf
+
+    @property
+    def optional(self) -> bool:
+        """Whether the section may be absent, without records."""
+        return self.name in OPTIONAL
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """The fields of its record."""
+        return FIELDS[self.name]
+
+    @property
+    def columns(self) -> tuple[Field, ...]:
+        """All fields in the order of the file."""
+        return self.fields if self.owner is None else (self.owner, *self.fields)
+
+
+NODE = Field("number, never falling", 0, MAX_NODES - 1, name="node")
+LEAF = Field("number, never falling", 0, MAX_LEAVES - 1, name="leaf")
+
+SECTIONS = (
+    Section("tool", "compiler", dict),
+    Section("job_digest", "digest of the job", dict),
+    Section("gripper", "gripper", GripperSpec),
+    Section("goal", "when a part counts as located", GoalSpec),
+    Section("limits", "what no motion may exceed", Limits),
+    Section("predicted", "evaluation of the whole table", Prediction),
+    Section("nodes", "squeezes", Squeeze, "node", 1, MAX_NODES),
+    Section("branches", "outcomes of each squeeze", Branch, "branch", 1, MAX_BRANCHES, NODE),
+    Section("leaves", "ends of the tree", Leaf, "leaf", 1, MAX_LEAVES),
+    Section("alternatives", "further poses", LeafPose, "alternative", 0, MAX_ALTERNATIVES, LEAF),
+    Section("hypotheses", "parts, if several", Hypothesis, "hypothesis", 2, MAX_HYPOTHESES),
+    Section("releases", "where a held part is dragged", Place, "release", 0, 1, NODE),
+    Section("pushes", "pushes before a squeeze, in order", Push, "push", 0, MAX_PUSHES, NODE),
+    Section("contacts", "first contact of a squeeze, if known", dict, "contact", 0, 1, NODE),
+    Section("job", "job, unless stripped", dict),
+)
+OPTIONAL = ("hypotheses", "releases", "pushes", "contacts", "job")
+FIELDS: dict[str, tuple[Field, ...]] = {
+    **{
+        section.name: fields_of(section.record)
+        for section in SECTIONS
+        if section.record is not dict
+    },
+    **{name: fields_of(Table, name) for name in ("tool", "job_digest", "job")},
+    "contacts": fields_of(Node, "contact_um"),
+}
+
+
+def records_of(table: Table) -> dict[str, list[tuple[int, Any]]]:
+    """The records of each section, each with the index of its owner, or its own index without one."""
+    nodes, leaves = list(enumerate(table.nodes)), list(enumerate(table.leaves))
+    return {
+        "tool": [(0, table)],
+        "job_digest": [(0, table)],
+        "gripper": [(0, table.gripper)],
+        "goal": [(0, table.goal)],
+        "limits": [(0, table.limits)],
+        "predicted": [(0, table.predicted)],
+        "nodes": [(at, node.squeeze) for at, node in nodes],
+        "branches": [(at, branch) for at, node in nodes for branch in node.branches],
+        "leaves": leaves,
+        "alternatives": [(at, pose) for at, leaf in leaves for pose in leaf.alternatives],
+        "hypotheses": list(enumerate(table.hypotheses)),
+        "releases": [(at, node.release) for at, node in nodes if node.release is not None],
+        "pushes": [(at, push) for at, node in nodes for push in node.pushes],
+        "contacts": [(at, node) for at, node in nodes if node.contact_um is not None],
+        "job": [] if table.job is None else [(0, table)],
+    }
