@@ -83,18 +83,6 @@ class ActionSet:
         modes = metric.main_modes(states, MAIN_MODES, LEAST_MODE) if self.proposals else []
         return [(self.proposals[mode.hypothesis[0]], mode) for mode in modes]
 
-    def compared(self, placements: Array, squeezed: bool) -> Array:
-        """Placements (k, 3) in a form that is equal for equivalent squeezes.
-
-        First squeezes of parts at any angle are equivalent up to a turn about the origin, and one of the
-        hand.
-        """
-        if self.first is None or squeezed:
-            return placements
-        x, y, _ = to_hand(np.zeros((len(placements), 3)), placements.T).T
-        side = np.where((x < 0.0) | ((x == 0.0) & (y < 0.0)), -1.0, 1.0)
-        return np.stack([side * x, side * y, np.zeros(len(x))], axis=1)
-
     def within(self, placements: Array) -> Array:
         """The placements whose hand centre lies in the area."""
         inside = np.all(

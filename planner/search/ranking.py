@@ -200,9 +200,13 @@ class Ranking:
                 options = options.joined(self.rank([Asked(thin, near, hand)], rng)[0])
         return options
 
-    def unlike(self, placements: Array, most: int, touched: bool = True) -> Array:
-        """At most `most` of the grasp poses (k, 3), the best first, no two of them variants of one."""
-        return placements[unlike(self.actions.compared(placements, touched), most)]
+    def unlike(self, belief: Belief, placements: Array, most: int) -> Array:
+        """At most `most` of a belief's grasp poses (k, 3), the best first, no two of them variants of one.
+
+        Of the fixed ones for a first squeeze each may begin another plan.
+        """
+        fixed = self.actions.first is not None and not belief.touched
+        return np.asarray(placements[unlike(placements, most, 0.0 if fixed else 1.0)])
 
     def free(self, belief: Belief, placements: Array) -> Array:
         """The grasp poses (k, 3) at which the open fingers clear a belief, except a share `crash_share`."""
@@ -298,12 +302,18 @@ def judged(states: Array, reading: IntArray, costs: Costs, left: Array) -> None:
             left[option] += here / n * ahead
 
 
-def unlike(placements: Array, most: int) -> list[int]:
-    """Indices of grasp poses (k, 3), the best first, that are no variants of earlier ones; at most `most`."""
+def unlike(placements: Array, most: int, distance: float = 1.0) -> list[int]:
+    """Indices of grasp poses (k, 3), the best first, that are no variants of earlier ones; at most `most`.
+
+    Args:
+        placements: the grasp poses.
+        most: how many at most.
+        distance: up to which they are variants, in units of `ALIKE_MM` and `ALIKE`; 0: only equal ones are.
+    """
     chosen = list[int]()
     for k, placement in enumerate(placements):
         x, y, turn = np.abs(placements[chosen] - placement).T
-        near = (np.hypot(x, y) < ALIKE_MM) & (np.abs(wrap(turn, 2)) < ALIKE)
-        if len(chosen) < most and not near.any():
+        apart = np.maximum(np.hypot(x, y) / ALIKE_MM, np.abs(wrap(turn, 2)) / ALIKE)
+        if len(chosen) < most and not (apart <= distance).any():
             chosen.append(k)
     return chosen

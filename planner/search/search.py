@@ -326,7 +326,8 @@ class Search:
             -1, 3
         )
         plain = self.problem.costs.short_way(node.hand, plain)
-        again = [_Candidate(grasp, node.belief) for grasp in self.ranking.unlike(plain, most)]
+        plain = self.ranking.unlike(node.belief, plain, most)
+        again = [_Candidate(grasp, node.belief) for grasp in plain]
         for squeeze in [a.squeeze for a in actions if a.squeeze.pushes][:1]:
             assert self.pusher is not None
             again.append(
@@ -369,7 +370,7 @@ class Search:
         options = ranking.rank([Asked(thin, grasps, hand)], self.rng)[0]
         if effort.actions > 1:
             options = ranking.varied(belief, thin, options, hand, self.rng)
-        return ranking.unlike(options.placements, effort.actions, belief.touched)
+        return ranking.unlike(belief, options.placements, effort.actions)
 
     def _number(self) -> int:
         return PASSES.index(self.stage) if self.stage in PASSES else len(PASSES)

@@ -11,7 +11,7 @@ from planner.belief.metric import Metric
 from planner.frames import to_hand
 from planner.job import model as job_file
 from planner.mechanics.clearance import free_placements, least_clearance
-from planner.search.actions import ActionSet, actions_of
+from planner.search.actions import ActionSet
 from planner.search.proposals import Proposals, placed, proposals_of, stable_angles
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
@@ -43,18 +43,6 @@ def test_proposals_stand_about_the_main_modes_and_within_the_area():
     options = actions.options(belief, metric)
     # About the first mode (5 + 7, 0) lies outside; about the second -5 - 7 does.
     np.testing.assert_allclose(options[:, 0], [0.0, 5.0, -5.0], atol=1e-9)
-
-
-def test_first_squeezes_are_one_up_to_a_turn_of_the_part_and_half_a_turn_of_the_hand():
-    actions = actions_of(job_file.load(RECTANGLE))
-    placements = np.array(
-        [[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0], [0.0, 10.0, np.pi / 2], [0.0, 10.0, 0.0]]
-    )
-    same, half, turned, across = actions.compared(placements, squeezed=False)
-    assert np.allclose(same, half)
-    assert np.allclose(same, turned)
-    assert np.hypot(*(across - same)[:2]) == pytest.approx(np.hypot(10.0, 10.0))
-    assert actions.compared(placements, squeezed=True) is placements
 
 
 def width(outline, angle):

@@ -14,7 +14,8 @@ from planner.problem import Problem
 from planner.search.actions import actions_of
 from planner.search.ranking import ALIKE, ALIKE_MM, Ranking, judged, unlike
 
-GUSSET = Path(__file__).parents[4] / "trees" / "gusset" / "job.toml"
+TREES = Path(__file__).parents[4] / "trees"
+GUSSET = TREES / "gusset" / "job.toml"
 FACES = {"part": {"faces": "either"}}
 SORTED = {"goal": {"identify": False}}
 
@@ -44,6 +45,16 @@ def test_judged_options_equals_the_heuristic_of_their_branches(changes):
         assert left[k] == pytest.approx(
             outcomes.probability @ rule.stopping.cost_to_go(shares * size, size)
         )
+
+
+def test_unlike_first_squeezes_closer_than_variants_keeps_them_all():
+    job = job_file.load(TREES / "rectangle-25" / "job.toml")
+    problem = Problem.of(job, 1)
+    ranking, lying = Ranking(problem, actions_of(job)), problem.belief(50, np.random.default_rng(2))
+    first = ranking.actions.first
+    squeezed = Belief(lying.poses, lying.traits, np.zeros(50, np.int64))
+    assert len(ranking.unlike(squeezed, first, 16)) < len(first) == 9
+    np.testing.assert_array_equal(ranking.unlike(lying, np.repeat(first, 2, axis=0), 16), first)
 
 
 def test_unlike_random_grasp_poses_leaves_no_variants_and_drops_nothing_else():
