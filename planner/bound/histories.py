@@ -16,9 +16,8 @@ from planner.belief.particles import Belief
 from planner.bound.cover import most_located
 from planner.work.progress import Report, silent
 
-READINGS = (
-    1 << 22
-)  # more than there are; a reading is twice the encoder's, plus 1 if the object flag is set
+READINGS = 1 << 22
+"""More than there are; a reading is twice the encoder's, plus 1 if the object flag is set."""
 
 Squeeze: TypeAlias = Callable[[Belief, Array, np.random.Generator], tuple[Array, IntArray]]
 """Squeezes n parts once: a belief, placements (n, 3) of the hand and a random generator give

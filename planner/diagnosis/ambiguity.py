@@ -40,9 +40,7 @@ class Whereabouts(NamedTuple):
 
     poses: Array  # (m, 3) main poses, the most frequent first [mm, mm, rad]
     shares: tuple[float, ...]  # (m,) share of the parts within the goal of each
-    scatter: float = (
-        0.0  # scatter about a single pose, in units of the goal; 0 if there are several
-    )
+    scatter: float = 0.0  # about a single pose, in units of the goal; 0 if there are several
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
@@ -152,9 +150,8 @@ def _separator(
     floor = math.hypot(encoder.noise_mm, encoder.mm_per_step / math.sqrt(12.0))
     best, clearest = None, (False, TELLING)
     hands = hands_about(reach(job.part.outline_mm), 0.5 * job.gripper.finger_length_mm, HANDS)
-    about = placed(
-        hands, np.array([*pair[:, :2].mean(axis=0), pair[0, 2]])
-    )  # centre between the two poses
+    middle = np.array([*pair[:, :2].mean(axis=0), pair[0, 2]])
+    about = placed(hands, middle)
     about[:, 2] = wrap(about[:, 2], HALF_TURN_ALIKE)
     for placement in actions_of(job).within(about):
         if least_clearance(simulator.outline, simulator.jaws, pair, placement) < 0.0:

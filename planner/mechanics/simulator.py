@@ -48,10 +48,8 @@ SIMPLIFY_MM = 0.005
 """Distance within which densely sampled curves lose vertices: less than the step resolves."""
 CHUNK = 512
 TRACE_ROWS = 2000
-STUCK_MM, STUCK_DEG = (
-    10.0,
-    5.0,
-)  # Tolerated distance of a part that sticks to its pusher from where the pusher takes it
+STUCK_MM, STUCK_DEG = 10.0, 5.0
+"""Tolerated distance of a part that sticks to its pusher from where the pusher takes it."""
 
 
 class Parameters(NamedTuple):
@@ -59,15 +57,9 @@ class Parameters(NamedTuple):
 
     surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6), as from `surface.sample_each`
     mu: Array  # (n, 2) friction at the upper and the lower finger
-    release: Array | None = (
-        None  # (n, 3) motion of a held part on opening [mm, mm, rad]; None: none
-    )
-    share: Array | None = (
-        None  # (n,) share of the closing that the upper finger makes; None: the gripper's
-    )
-    deviation: Array | None = (
-        None  # (n, m) deviations of the outline, by the simulator's shapes; None: 0
-    )
+    release: Array | None = None  # (n, 3) motion of a held part on opening [mm, mm, rad]
+    share: Array | None = None  # (n,) upper finger's share of the closing; None: the gripper's
+    deviation: Array | None = None  # (n, m) deviations of the outline, by the simulator's shapes
     ellipsoid: BoolArray | None = None  # (n,) where a (6, 6) surface is an ellipsoid; None: nowhere
 
     def of(self, rows: IntArray) -> "Parameters":
@@ -81,9 +73,7 @@ class Parameters(NamedTuple):
 class Pushed(NamedTuple):
     """Results of n pushes."""
 
-    moved: (
-        Array  # (n, 3) displacements of the part's frame, along its axes at the start [mm, mm, rad]
-    )
+    moved: Array  # (n, 3) of the part's frame, along its axes at the start [mm, mm, rad]
     status: IntArray  # (n,) index into `planner.mechanics.push.PUSH_NAMES`
     given_up: IntArray  # (n,) 1 where the stepping failed and cut the push short
 
@@ -100,11 +90,8 @@ class Simulator:
     others: tuple[Surface, ...] = ()  # alternative limit surfaces, numbered 1, 2, ... in the traits
     # (m, N, 2) shapes of outline deviations: none, or `planner.mechanics.traits.shapes`
     shapes: Array = field(default_factory=lambda: np.zeros((0, 1, 2)))
-    release: tuple[float, float, float] = (
-        0.0,
-        0.0,
-        0.0,
-    )  # std of x, y [mm] and angle [rad] on opening
+    # std of x, y [mm] and angle [rad] on opening
+    release: tuple[float, float, float] = (0.0, 0.0, 0.0)
     step_mm: float = DEFAULT_STEP_MM  # nominal closing step of each finger
     workers: int = 1  # threads that share the roll-outs
 

@@ -31,9 +31,7 @@ WIDTH_DIGITS = 1  # of a mm: parts of equal widths take equally long
 class Achieved(NamedTuple):
     """Results of the plan in one world."""
 
-    oriented: (
-        float  # share that ends within `ORIENTED_DEG` of the predicted angle, modulo the period
-    )
+    oriented: float  # share within `ORIENTED_DEG` of the predicted angle, modulo the period
     located: float  # share within the job's goal of the best pose(s)
     located_modulo: float  # the same, modulo the plan's period
     seconds: float  # a part, by the table's model of time

@@ -32,9 +32,7 @@ COLLIDING_SHARE = 0.005
 class Sequence(NamedTuple):
     """A sequence of actions and its result."""
 
-    actions: tuple[
-        int, ...
-    ]  # indices of placements; empty if every first action collides or is pruned
+    actions: tuple[int, ...]  # indices of placements; empty if none is free of collision and kept
     ratio: float  # singleton ratio of the belief afterwards
 
 
@@ -57,9 +55,7 @@ class OpenLoop:
     depth: int  # d, the longest sequence
     alpha: float = ALPHA  # share of its ratio that a belief must keep
     enough: float = 2.0  # a sequence above this ratio ends the search; above 1, none does
-    budget: int | None = (
-        None  # beliefs expanded before the search ends, in place of the paper's time limit
-    )
+    budget: int | None = None  # beliefs to expand at most, in place of the paper's time limit
 
     def search(self, poses: Array, rng: np.random.Generator) -> Sequence:
         """The sequence of largest ratio for particles (n, 3) in the world: Algorithm 2 up to a*."""

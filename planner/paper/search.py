@@ -96,9 +96,8 @@ class PaperPlanner:
     placements: Array  # (k, 3) the actions: the hand frame in the world
     models: Models  # moves and observes beliefs
     encoder: Encoder  # turns expected widths into readings
-    clearance: Callable[
-        [Array, Array], float
-    ]  # clearance of open fingers at (3,) from poses (n, 3) [mm], < 0: collision
+    # of open fingers at (3,) from poses (n, 3) [mm], < 0: collision
+    clearance: Callable[[Array, Array], float]
     method: str = "paper"  # one of `METHODS`
     depth: int = DEEPEST  # d, the longest open-loop sequence
     max_depth: int = 12  # longest path of the tree, which the paper does not bound [squeezes]
@@ -192,9 +191,8 @@ def nearest_observation(
     member = np.unique(subspace, return_inverse=True)[1]
     size = np.bincount(member)
     expected = np.rint(np.bincount(member, counts) / size).astype(np.int64)
-    result, child = np.unique(
-        -expected[member], return_inverse=True
-    )  # rising widths are falling readings
+    # Rising widths are falling readings.
+    result, child = np.unique(-expected[member], return_inverse=True)
     size = np.bincount(child)
     mean = np.bincount(child, counts) / size
     label = np.argmin(np.abs(np.arange(encoder.steps + 1)[:, None] - mean[None]), axis=1)

@@ -34,9 +34,8 @@ class SensorModel:
         Raises:
             ValueError: there are fewer than `LEAST_ROLLOUTS` roll-outs.
         """
-        from sklearn.tree import (
-            DecisionTreeRegressor,
-        )  # importing sklearn takes two seconds; most plans learn nothing
+        # Importing sklearn takes two seconds; most plans learn nothing.
+        from sklearn.tree import DecisionTreeRegressor
 
         if len(final) < LEAST_ROLLOUTS:
             raise ValueError(f"{len(final)} roll-outs are too few for a sensor model; ask for more")
@@ -58,9 +57,7 @@ class CollisionTree:
     @classmethod
     def fit(cls, initial: Array, stands: BoolArray, order: int) -> Self:
         """Learns from initial poses (n, 3) and whether an open finger stands on the part (n,)."""
-        from sklearn.tree import (
-            DecisionTreeClassifier,
-        )  # importing sklearn takes two seconds; most plans learn nothing
+        from sklearn.tree import DecisionTreeClassifier
 
         tree = DecisionTreeClassifier(random_state=0)
         return cls(tree.fit(features(initial, order), stands), order)

@@ -20,11 +20,8 @@ from planner.part.pressure import stances
 from planner.world import ContactWorld
 from runtime.table import Table
 
-LEAST_FRICTION, SLIPPERY, ROUGH = (
-    0.05,
-    1.0 / 3.0,
-    1.5,
-)  # ends of the range, the latter as factors of the job's bounds
+LEAST_FRICTION = 0.05
+SLIPPERY, ROUGH = 1.0 / 3.0, 1.5  # ends of the range of friction, in the job's bounds
 UNEVEN = 0.1  # least doubt of the fingers' share, either way
 OFFSET_MM = 1.5  # least doubt of the error of widths, either way
 FEET = 20  # sets of three feet, besides those that plans doubt

@@ -19,14 +19,8 @@ MOST = 2000  # Most contours of one drawing
 NEARLY = 0.1  # gap, as a share of its size, up to which an open outline was meant to be closed
 LARGER_MM = 0.1  # distance that an unread shape must extend beyond a contour to surround it
 
-SHEETS_MM = (
-    (841, 1189),
-    (594, 841),
-    (420, 594),
-    (297, 420),
-    (210, 297),
-    (148, 210),
-)  # ISO 216, A0 to A5
+# ISO 216, A0 to A5
+SHEETS_MM = ((841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210))
 MARGINS_MM = 50.0  # both sides together: 20 mm to file it and 10 mm (ISO 5457), and some tolerance
 SHEET_SLACK_MM = 0.5
 

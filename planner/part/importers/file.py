@@ -46,9 +46,7 @@ class Face(NamedTuple):
     share: float  # share of the parts that come to rest on it
     imported: Imported
     cut_mm: float  # height of the finger tips, equal for all faces of the solid
-    down: tuple[
-        tuple[float, float, float], ...
-    ]  # outward normals of the solid's faces that may be down
+    down: tuple[tuple[float, float, float], ...]  # outward normals of the faces that may be down
 
     @property
     def down_text(self) -> str:
@@ -97,10 +95,8 @@ def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
     data, suffix = _bytes(path), path.suffix.lower()
     if options.layer is not None and suffix != ".dxf":
         raise UsageError(f"{where}: --layer is for DXF drawings; leave it out")
-    unit_mm, tolerance_mm = (
-        _unit_mm(options),
-        0.5 * options.tolerance_mm,
-    )  # half for removing vertices
+    unit_mm = _unit_mm(options)
+    tolerance_mm = 0.5 * options.tolerance_mm  # the other half is for removing vertices
     with time_limit(where):
         if suffix == ".stl":
             yield mesh.read(data, where, unit_mm, options.height_mm)

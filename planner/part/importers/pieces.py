@@ -30,9 +30,7 @@ class Options(NamedTuple):
     units: str | None = None  # one of `UNITS_MM`, or None for that of the file
     contour: int | None = None  # number of the contour, from 1, or None where there is only one
     tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
-    height_mm: float | None = (
-        None  # height of the finger tips beside a solid; None: `tips.tips_height_mm`
-    )
+    height_mm: float | None = None  # of the tips beside a solid; None: `tips.tips_height_mm`
     layer: str | None = None  # the layer of a DXF drawing to read; None for all visible ones
     scale: float | None = None  # mm of one unit, for drawings in pixels; instead of units
 
@@ -51,9 +49,7 @@ class Pieces(NamedTuple):
     strokes: list[Array]  # open ones, each (n, 2) [mm]
     notes: list[str]  # notes on the drawing, one sentence each
     height_mm: float | None = None  # height of a solid
-    layers: tuple[
-        str, ...
-    ] = ()  # layer of each ring, then of each stroke; empty where the format has none
+    layers: tuple[str, ...] = ()  # of each ring, then of each stroke; empty where there are none
     lost: tuple[Lost, ...] = ()  # shapes that were not read
 
 
