@@ -12,28 +12,16 @@ from planner.paper.search import singleton
 RNG_SEED = 11
 
 
-class Wall:
+def wall(poses, _rng):
     """A wall at the hand, pushed against from its far side: x beyond it comes to lie on it."""
-
-    def __call__(self, poses, rng):
-        moved = poses.copy()
-        moved[:, 0] = np.minimum(moved[:, 0], 0.0)
-        return moved
+    moved = poses.copy()
+    moved[:, 0] = np.minimum(moved[:, 0], 0.0)
+    return moved
 
 
-class Nowhere:
-    def collides(self, poses):
-        return np.zeros(len(poses), bool)
-
-
-class Beyond:
-    """Collides with whatever lies further than that from the hand."""
-
-    def __init__(self, reach):
-        self.reach = reach
-
-    def collides(self, poses):
-        return np.hypot(poses[:, 0], poses[:, 1]) > self.reach
+def beyond_reach(poses):
+    """Collides with whatever lies further than 9.5 mm from the hand."""
+    return np.hypot(poses[:, 0], poses[:, 1]) > 9.5
 
 
 def ratio(poses):
@@ -55,15 +43,9 @@ def right(x):
     return [x, 0.0, math.pi]
 
 
-def search_of(placements, depth, motion=None, collision=None, **options):
-    return OpenLoop(
-        np.array(placements, float),
-        motion or Wall(),
-        collision or Nowhere(),
-        ratio,
-        depth,
-        **options,
-    )
+def search_of(placements, depth, **options):
+    options = {"collides": lambda poses: np.zeros(len(poses), bool)} | options
+    return OpenLoop(np.array(placements, float), wall, ratio=ratio, depth=depth, **options)
 
 
 def best_by_trial(search, poses):
@@ -92,9 +74,8 @@ def found_by(search, poses):
 def test_search_finds_what_trying_everything_finds(seed, depth):
     rng = np.random.default_rng(seed)
     placements = [(left if rng.random() < 0.5 else right)(rng.uniform(0, 10)) for _ in range(4)]
-    search = search_of(
-        placements, depth, collision=Beyond(9.5), alpha=rng.choice([0.0, ALPHA, 0.95])
-    )
+    alpha = rng.choice([0.0, ALPHA, 0.95])
+    search = search_of(placements, depth, collides=beyond_reach, alpha=alpha)
     best = found_by(search, line(0, 10))
     assert (best.actions, best.ratio) == best_by_trial(search, line(0, 10))
 
