@@ -68,7 +68,7 @@ def view(
 ) -> View:
     """The curves of the model space that are visible and plotted, or lie on the requested layer.
 
-    `scale` is the size of a unit in mm; the others are as in `dxf.read`.
+    `scale` is the size of a unit in mm, `tolerance_mm` the largest distance of a chord from its curve.
 
     Raises:
         InputError: a shape cannot be drawn.

@@ -12,11 +12,17 @@ from planner.arrays import Array
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, kicad, mesh, svg, table
 from planner.part.importers.contours import Contour
-from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, Pieces, place, time_limit
+from planner.part.importers.pieces import MAX_BYTES, Options, Pieces, place, time_limit
 from runtime.shell.errors import ExpectedError, InputError, UsageError
 
-READERS = {".svg": svg.read, ".csv": table.read, ".kicad_mod": kicad.read}
-SUFFIXES = (".dxf", *READERS, ".stl")
+READERS = {
+    ".dxf": dxf.read,
+    ".svg": svg.read,
+    ".csv": table.read,
+    ".kicad_mod": kicad.read,
+    ".stl": mesh.read,
+}
+SUFFIXES = tuple(READERS)
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 """Generous bounds on the extents of a part for fingers; beyond, the unit is wrong."""
 MOST_VERTICES = 2000
@@ -95,15 +101,8 @@ def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
     data, suffix = _bytes(path), path.suffix.lower()
     if options.layer is not None and suffix != ".dxf":
         raise UsageError(f"{where}: --layer is for DXF drawings; leave it out")
-    unit_mm = _unit_mm(options)
-    tolerance_mm = 0.5 * options.tolerance_mm  # the other half is for removing vertices
     with time_limit(where):
-        if suffix == ".stl":
-            yield mesh.read(data, where, unit_mm, options.height_mm)
-        elif suffix == ".dxf":
-            yield dxf.read(data, where, unit_mm, tolerance_mm, options.layer)
-        else:
-            yield READERS[suffix](data, where, unit_mm, tolerance_mm)
+        yield READERS[suffix](data, where, options)
 
 
 @contextmanager
@@ -133,9 +132,7 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
         raise UsageError(f"{where}: --faces are those of a solid; name an STL file")
     data = _bytes(path)
     with time_limit(where):
-        results = [
-            face for face in mesh.lying(data, where, _unit_mm(options)) if face.share >= LEAST_SHARE
-        ]
+        results = [face for face in mesh.lying(data, where, options) if face.share >= LEAST_SHARE]
         least_mm = min(float(np.ptp(face.solid.bounds[:, 2])) for face in results)
         height_mm = options.height_mm or tips_mm(least_mm)
         if height_mm <= 0.0:
@@ -177,10 +174,6 @@ def _alike(one: Imported, other: Imported) -> bool:
     return abs(one.height_mm - other.height_mm) < mesh.WIDER_MM and symmetry.congruent(
         one.outline_mm, other.outline_mm, mesh.WIDER_MM
     )
-
-
-def _unit_mm(options: Options) -> float | None:
-    return options.scale or (UNITS_MM[options.units] if options.units else None)
 
 
 def _bytes(path: Path) -> bytes:

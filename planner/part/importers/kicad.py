@@ -14,7 +14,14 @@ import sexpdata
 import shapely
 
 from planner.arrays import Array
-from planner.part.importers.pieces import MAX_SHAPES, Pieces, flattened, sorted_out, too_much
+from planner.part.importers.pieces import (
+    MAX_SHAPES,
+    Options,
+    Pieces,
+    flattened,
+    sorted_out,
+    too_much,
+)
 from runtime.shell.errors import InputError
 
 BODY = "F.Fab"
@@ -62,7 +69,7 @@ class Expression(NamedTuple):
         return frozenset(_word(value) for part in stated for value in part.values)
 
 
-def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
+def read(data: bytes, where: str, options: Options) -> Pieces:
     """The body's lines, arcs, circles, rectangles, polygons and curves; millimetres, unless stated otherwise.
 
     Raises:
@@ -72,7 +79,8 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     shapes = _shapes(data.decode("utf-8-sig", errors="replace"), where)
     if len(shapes) > MAX_SHAPES:
         raise too_much(where, f"holds more than {MAX_SHAPES} shapes")
-    scale = np.array([1.0, -1.0]) * (unit_mm or 1.0)  # the file's y axis points down
+    unit_mm, tolerance_mm = options.unit_mm or 1.0, options.chord_mm
+    scale = np.array([1.0, -1.0]) * unit_mm  # the file's y axis points down
     curves, strays = list[Array](), Counter[str]()
     for shape in shapes:
         if not shape.layers() & ON_BODY or shape.name in TEXTS:
@@ -82,7 +90,7 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
             strays[shape.name] += 1
             continue
         try:
-            curves.append(scale * draw(shape, tolerance_mm / (unit_mm or 1.0)))
+            curves.append(scale * draw(shape, tolerance_mm / unit_mm))
         except (KeyError, ValueError, IndexError) as error:
             problem = f"has a {shape.name} that cannot be read ({_reason(error)}); export it anew"
             raise InputError(problem, where=where) from error

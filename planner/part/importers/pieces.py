@@ -34,6 +34,16 @@ class Options(NamedTuple):
     layer: str | None = None  # the layer of a DXF drawing to read; None for all visible ones
     scale: float | None = None  # mm of one unit, for drawings in pixels; instead of units
 
+    @property
+    def unit_mm(self) -> float | None:
+        """Size of one unit; None for that of the file."""
+        return self.scale or (UNITS_MM[self.units] if self.units else None)
+
+    @property
+    def chord_mm(self) -> float:
+        """Largest distance of a chord from its curve: the other half is for removing vertices."""
+        return 0.5 * self.tolerance_mm
+
 
 class Lost(NamedTuple):
     """A shape of a drawing that is not read and may be the part's outline."""

@@ -146,4 +146,4 @@ def test_a_footprint_that_takes_too_long_is_not_called_damaged(tmp_path):
     path = tmp_path / "part.kicad_mod"
     path.write_text("(footprint x " + "(at 0 0 0)" * 400_000 + ")")
     with pytest.raises(InputError, match="longer than"), time_limit("x", 0.2):
-        kicad.read(path.read_bytes(), "x", None, 0.01)
+        kicad.read(path.read_bytes(), "x", Options())

@@ -169,4 +169,4 @@ def test_a_fine_mesh_is_read_in_its_time_and_a_slow_one_is_not_called_damaged(tm
     assert outlines.area(read(path, units="mm").outline_mm) == pytest.approx(49 * math.pi, rel=4e-3)
     data = path.read_bytes()
     with pytest.raises(ExpectedError, match="longer than"), time_limit("x.stl", 0.02):
-        mesh.read(data, "x.stl", 1.0, None)
+        mesh.read(data, "x.stl", Options(units="mm"))
