@@ -140,18 +140,18 @@ class _Viewer(Frontend):
         """Notes on the drawing, one sentence each; `scale` is the size of a unit in mm."""
         notes = []
         if self._strays:
-            notes.append(f"not outlines, ignored: {_counted(self._strays)}")
+            notes.append(f"not outlines, ignored: {pieces.counted(self._strays)}")
         if self._hidden:
-            notes.append(f"not visible, left out: {_counted(self._hidden)}")
+            notes.append(f"not visible, left out: {pieces.counted(self._hidden)}")
         if self._edge_on:
             notes.append(
-                f"seen edge-on, left out: {_counted(self._edge_on)}; draw the outline in x and y"
+                f"seen edge-on, left out: {pieces.counted(self._edge_on)}; draw the outline in x and y"
             )
         if self._not_plotted:
             each = Counter(
                 {f"{kind} (layer {layer})": n for (kind, layer), n in self._not_plotted.items()}
             )
-            notes.append(f"not plotted, left out: {_counted(each)}; --layer reads a layer")
+            notes.append(f"not plotted, left out: {pieces.counted(each)}; --layer reads a layer")
         if self._widths:
             widest_mm = max(self._widths) * scale
             what = f"polylines with a width: {len(self._widths)}, up to {widest_mm:.4g} mm wide"
@@ -231,10 +231,6 @@ class _Viewer(Frontend):
             raise InputError(problem, where=self._where) from error
         if isinstance(entity, LWPolyline | Polyline) and entity.has_width:
             self._widths.append(_width(entity))
-
-
-def _counted(kinds: Counter[str]) -> str:
-    return ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
 
 
 def layer_of(entity: DXFEntity) -> str:

@@ -18,6 +18,7 @@ from planner.part.importers.pieces import (
     MAX_SHAPES,
     Options,
     Pieces,
+    counted,
     flattened,
     sorted_out,
     too_much,
@@ -94,7 +95,7 @@ def read(data: bytes, where: str, options: Options) -> Pieces:
         except (KeyError, ValueError, IndexError) as error:
             problem = f"has a {shape.name} that cannot be read ({_reason(error)}); export it anew"
             raise InputError(problem, where=where) from error
-    left_out = ", ".join(f"{n} {name}" for name, n in sorted(strays.items()))
+    left_out = counted(strays)
     if not curves:
         raise _nothing(shapes, left_out, where)
     notes = [f"not known, ignored on {BODY}: {left_out}"] if strays else []

@@ -2,6 +2,7 @@
 
 import signal
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -135,6 +136,11 @@ def place(point: Array) -> str:
     """Formats a point of a drawing to 0.01 mm, at any distance from the origin."""
     x, y = (np.round(point, 2) + 0.0).tolist()
     return f"({x:.12g}, {y:.12g})"
+
+
+def counted(kinds: Counter[str]) -> str:
+    """Lists how many shapes there are of each kind."""
+    return ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
 
 
 REPEAT_S = 0.1
