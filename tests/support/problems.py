@@ -12,8 +12,9 @@ import numpy as np
 import shapely
 from scipy.spatial.distance import pdist
 
+from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.limit_surface import LimitSurface, fit_ellipsoid
-from planner.mechanics.simulator import DEFAULT_STEP_MM, Simulator
+from planner.mechanics.simulator import DEFAULT_STEP_MM, RollOut, Simulator
 from planner.part.outline import canonical, radius_of_gyration
 from planner.part.pressure import Pressure, support
 
@@ -145,10 +146,25 @@ def simulator(
     )
 
 
+def rolled(
+    outline: np.ndarray, n: int, radius: float, seed: int, surface: LimitSurface | None = None
+) -> RollOut:
+    """Squeezes of at most n parts about the hand, of those that no open finger stands on."""
+    part, rng = simulator(outline, workers=2, surface=surface), np.random.default_rng(seed)
+    poses = random_poses(rng, n, radius)
+    poses = poses[classify_contact(part.outline, part.jaws, poses) != STANDS_ON]
+    return part.roll_out(poses, part.sample(len(poses), rng))
+
+
+def turned(points: np.ndarray, angle: float) -> np.ndarray:
+    """Points (..., 2), turned about the origin by an angle [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.asarray(points, float) @ np.array([[c, s], [-s, c]])
+
+
 def place(outline: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """Vertices (N, 2) of the outline at a pose (3,)."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    return np.ascontiguousarray(outline @ np.array([[c, s], [-s, c]]) + pose[:2])
+    return np.ascontiguousarray(turned(outline, pose[2]) + pose[:2])
 
 
 def finger_box(finger: int, face: float, jaws: np.ndarray = JAWS) -> shapely.Polygon:

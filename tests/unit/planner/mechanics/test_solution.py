@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from contact_solutions import contact_solution
+from problems import JAWS, place, rectangle
 
 from planner.mechanics import quartic
 from planner.mechanics.clearance import clearance
@@ -10,19 +11,12 @@ from planner.mechanics.lcp import RAY, SOLVED
 
 pytestmark = pytest.mark.slow
 
-JAWS = np.array([85.0, 27.5, 9.5, 0.5])
-RECTANGLE = np.array([[-15.0, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
 A = np.diag([1.05, 1.06, 0.58])
 RHO = 10.57
 
 
-def place(pose):
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return RECTANGLE @ np.array([[c, s], [-s, c]]) + pose[:2]
-
-
 def touching(pose):
-    points = place(pose)
+    points = place(rectangle(), pose)
     columns = np.ascontiguousarray(points.T)
     return points, tuple(f * (100.0 - clearance(columns, f, f * 100.0, 13.75)) for f in (1, -1))
 

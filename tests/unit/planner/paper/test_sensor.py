@@ -3,29 +3,20 @@
 import math
 
 import numpy as np
-import problems
 import pytest
+from problems import rectangle, rolled
 
-from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.paper.sensor import sensor_model
-
-
-def rolled(outline, n, seed):
-    simulator = problems.simulator(outline, workers=2)
-    rng = np.random.default_rng(seed)
-    poses = problems.random_poses(rng, n, 30.0)
-    poses = poses[classify_contact(simulator.outline, simulator.jaws, poses) != STANDS_ON]
-    return simulator.roll_out(poses, simulator.sample(len(poses), rng)._replace(release=None))
 
 
 @pytest.fixture(scope="module")
 def widths():
-    known = rolled(problems.rectangle(), 15_000, 1)
+    known = rolled(rectangle(), 15_000, 30.0, seed=1)
     return sensor_model(known.poses, known.width_mm, order=2)
 
 
 def test_the_model_predicts_widths_it_never_saw(widths):
-    fresh = rolled(problems.rectangle(), 6000, 2)
+    fresh = rolled(rectangle(), 6000, 30.0, seed=2)
     error = np.abs(widths(fresh.poses) - fresh.width_mm)
     # The encoder's noise is 0.15 mm and its counts are 0.37 mm wide.
     assert np.median(error) < 0.05
