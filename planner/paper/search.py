@@ -75,7 +75,7 @@ def learn(
         ValueError: no roll-out touches the part, or there are too few.
     """
     stands = rolled.status == COLLIDES
-    free = RollOuts(*(column[~stands] for column in rolled))
+    free = rolled.of(~stands)
     kcde = Kcde.fit(free, simulator.outline, simulator.jaws, rho_mm, order)
     subspaces = subspaces_of(free.width_mm, encoder)
     return Models(
