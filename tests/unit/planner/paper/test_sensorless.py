@@ -21,7 +21,6 @@ from problems import (
     simulator,
 )
 
-from planner.mechanics.simulator import Parameters
 from planner.paper.sensorless import SqueezeFunction, plan, width_function
 from planner.part.outline import convex_hull, min_width, width
 
@@ -105,7 +104,7 @@ def scalene():
 def test_our_simulator_ends_at_local_minima_without_friction(make):
     outline, rng = make(), np.random.default_rng(4)
     model = simulator(outline, jaws=LONG_JAWS)
-    frictionless = Parameters(model.sample(400, rng).surfaces, np.zeros((400, 2)))
+    frictionless = model.sample(400, rng)._replace(mu=np.zeros((400, 2)))
     final = model.roll_out(random_poses(rng, 400, 5.0), frictionless)
     minima = width_function(outline).minima
     direction = 0.5 * math.pi - final.poses[:, 2]
