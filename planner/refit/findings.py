@@ -44,7 +44,9 @@ def _finding(quantity: Quantity, posterior: Posterior, job: Job) -> Finding:
         18.0 if "finger_part" in quantity.key else 12.0
     )
     learned = bool(spread < LEARNED * prior)
-    sentence = _sentence(quantity.key, mean, low, high, job) if learned else _unknown(quantity.key)
+    sentence = f"the journals do not tell {NAMES[quantity.key]}; what the job says stays"
+    if learned:
+        sentence = _sentence(quantity.key, mean, low, high, job)
     return Finding(quantity.key, mean, low, high, learned, sentence)
 
 
@@ -92,10 +94,6 @@ NAMES = {
     "finger_part_min": "the least friction between finger and part",
     "finger_part_max": "the greatest friction between finger and part",
 }
-
-
-def _unknown(key: str) -> str:
-    return f"the journals do not tell {NAMES[key]}; what the job says stays"
 
 
 def _pressed(posterior: Posterior) -> Finding:
