@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 from scipy.spatial.distance import pdist
 
+from planner.belief.observation import Encoder
 from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.limit_surface import LimitSurface, fit_ellipsoid
 from planner.mechanics.simulator import DEFAULT_STEP_MM, RollOut, Simulator
@@ -20,6 +21,8 @@ from planner.part.pressure import Pressure, support
 
 JAWS = np.array([85.0, 27.5, 9.5, 0.5])
 """The paper's gripper: opening, finger length and thickness (mm), the upper finger's share of the closing."""
+ENCODER = Encoder(85.0, 227, 0.15)
+"""The 2F-85's: opening [mm], steps and noise [mm]."""
 LONG_JAWS = np.array([85.0, 400.0, 9.5, 0.5])
 """Fingers longer than any part: nothing reaches their ends."""
 

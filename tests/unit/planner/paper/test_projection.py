@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from problems import rectangle, rolled
+from problems import ENCODER, rectangle, rolled
 
-from planner.belief.observation import Encoder
 from planner.frames import wrap
 from planner.mechanics.quartic_fit import fit_pressure
 from planner.paper.projection import Projection
@@ -14,7 +13,6 @@ from planner.paper.subspaces import subspaces_of
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Pressure, support
 
-ENCODER = Encoder(85.0, 227, 0.15)
 OUTLINE = rectangle()
 RHO = radius_of_gyration(OUTLINE)
 

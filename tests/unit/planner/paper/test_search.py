@@ -1,14 +1,12 @@
 """Algorithm 1 and its variants on a line, with models simple enough to know what must come out."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from counting import label_of
+from problems import ENCODER
 
-from planner.belief.observation import encoder_of
-from planner.job import model as job_file
 from planner.paper.search import (
     METHODS,
     Models,
@@ -18,8 +16,6 @@ from planner.paper.search import (
 )
 from planner.search.tree import breadth_first
 
-JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
-ENCODER = encoder_of(JOB)
 HELD_MM, FREE_MM = 30.0, 10.0
 
 

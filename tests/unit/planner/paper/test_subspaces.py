@@ -4,13 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from problems import rectangle, rolled
+from problems import ENCODER, rectangle, rolled
 
-from planner.belief.observation import Encoder, resolution_of
+from planner.belief.observation import resolution_of
 from planner.mechanics.squeeze import GRASPED, JAMMED
 from planner.paper.subspaces import subspaces_of
-
-ENCODER = Encoder(85.0, 227, 0.15)
 
 
 @pytest.fixture(scope="module")
