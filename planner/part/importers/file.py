@@ -75,9 +75,9 @@ def read_outline(path: Path, options: Options) -> Imported:
         candidates, notes = contours.contours(pieces, options.tolerance_mm, where)
         contour, more = contours.choose(candidates, options.contour, where, pieces.lost)
         all_notes = (*notes, *(shape.what for shape in pieces.lost if shape.box is None), *more)
-        imported, shift = _checked(contour.points, where, options.tolerance_mm, all_notes)
-        holes = tuple(hole + shift for hole in contours.holes_of(contour, candidates))
-        return imported._replace(height_mm=pieces.height_mm, holes_mm=holes)
+        holes = contours.holes_of(contour, candidates)
+        imported = _checked(contour.points, holes, where, options.tolerance_mm, all_notes)
+        return imported._replace(height_mm=pieces.height_mm)
 
 
 def read_contours(path: Path, options: Options) -> list[Contour]:
@@ -163,7 +163,7 @@ def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) 
         hull = shapely.convex_hull(shapely.multipoints(np.concatenate(outer)))
         points = np.asarray(shapely.get_coordinates(hull)[:-1])
         notes.append(f"{len(outer)} contours, taken as their convex hull")
-    imported, _ = _checked(points, where, tolerance_mm, tuple(notes))
+    imported = _checked(points, [], where, tolerance_mm, tuple(notes))
     return imported._replace(height_mm=pieces.height_mm)
 
 
@@ -197,9 +197,9 @@ def _bytes(path: Path) -> bytes:
 
 
 def _checked(
-    points: Array, where: str, tolerance_mm: float, notes: tuple[str, ...]
-) -> tuple[Imported, Array]:
-    """The outline of a contour, and the shift (2,) that took it to its frame [mm]."""
+    points: Array, holes: list[Array], where: str, tolerance_mm: float, notes: tuple[str, ...]
+) -> Imported:
+    """The outline of a contour, with its holes and the drawing's datum in its frame."""
     size = np.ptp(points, axis=0)
     if not SMALLEST_MM <= size.max() <= LARGEST_MM:
         problem = (
@@ -217,16 +217,15 @@ def _checked(
         raise InputError(problem, where=where)
     order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))
     shift = first + second
-    if np.abs(shift).max() <= DATUM_MM:
-        return Imported(
-            simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))
-        ), shift
-    corner = simple.min(axis=0)  # a point nearer the part than the drawing's origin
-    name = f"the lower left corner of the part's box, {place(corner - shift)} mm in the drawing"
-    metres = float(np.hypot(*shift)) / 1000
-    far = f"the drawing's origin, {metres:.4g} m away, is too far for a datum; that is {name}"
-    origin = float(corner[0]), float(corner[1])
-    return Imported(simple, order, size, (*notes, far), origin_mm=origin, origin_name=name), shift
+    origin, name = shift, DATUM
+    if np.abs(shift).max() > DATUM_MM:
+        origin = simple.min(axis=0)  # a point nearer the part than the drawing's origin
+        name = f"the lower left corner of the part's box, {place(origin - shift)} mm in the drawing"
+        metres = float(np.hypot(*shift)) / 1000
+        far = f"the drawing's origin, {metres:.4g} m away, is too far for a datum; that is {name}"
+        notes = (*notes, far)
+    inner = tuple(hole + shift for hole in holes)
+    return Imported(simple, order, size, notes, None, inner, tuple(origin.tolist()), name)
 
 
 def _apart(points: Array, where: str) -> Array:

@@ -93,12 +93,10 @@ class Values(NamedTuple):
         width, height = self.viewport
         if name in ACROSS or name in ALONG:
             whole = width if name in ACROSS else height
+        elif width is None or height is None:
+            whole = None
         else:
-            whole = (
-                None
-                if width is None or height is None
-                else math.hypot(width, height) / math.sqrt(2.0)
-            )
+            whole = math.hypot(width, height) / math.sqrt(2.0)
         if whole is None:
             raise self.error(name, "is a share of a size that nobody states")
         return 0.01 * stated.value * whole
