@@ -122,15 +122,10 @@ def seconds_of(job: Job, angles: Array, widths: Array) -> float:
     schedule = Schedule(nodes, timing_of(job))
     before = Stand.at(nodes[-1].squeeze)
     rows, parts = np.unique(widths.round(WIDTH_DIGITS), axis=0, return_counts=True)
-    taken = [
-        sum(
-            phases.total_s
-            for phases in schedule.part(
-                [Squeezed(k, width, REJECT) for k, width in enumerate(row)], before
-            )
-        )
-        for row in rows.tolist()
-    ]
+    taken = []
+    for row in rows.tolist():
+        squeezed = [Squeezed(k, width, REJECT) for k, width in enumerate(row)]
+        taken.append(sum(phases.total_s for phases in schedule.part(squeezed, before)))
     return float(np.average(taken, weights=parts))
 
 
