@@ -84,12 +84,8 @@ class Histories:
         report: Report = silent,
     ) -> None:
         """Tries placements on parts (n,) from the start, to the depths given."""
-        self._squeeze, self._parts, self._metric, self._placements = (
-            squeeze,
-            parts,
-            metric,
-            placements,
-        )
+        self._squeeze, self._placements = squeeze, placements
+        self._parts, self._metric = parts, metric
         self._deepest, self._rng, self._workers, self._report = depths.most, rng, workers, report
         start, none = np.array([0, len(parts)]), np.zeros(0, np.int64)
         located = self._located(parts.poses, start)

@@ -161,13 +161,10 @@ class PaperPlanner:
         children = list[Node]()
         for k in range(len(clusters.mean)):
             belief = poses[label == k]
-            share = node.share * len(belief) / len(node.belief)
-            children.append(
-                Node(Belief.of(belief), share, singleton(belief, self.order), node.depth + 1)
-            )
-        node.actions = [
-            Action(Squeeze(placement, self.encoder.opening_mm, clearance, clusters), children)
-        ]
+            share, mode = node.share * len(belief) / len(node.belief), singleton(belief, self.order)
+            children.append(Node(Belief.of(belief), share, mode, node.depth + 1))
+        squeeze = Squeeze(placement, self.encoder.opening_mm, clearance, clusters)
+        node.actions = [Action(squeeze, children)]
         return children
 
 

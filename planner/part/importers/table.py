@@ -40,11 +40,9 @@ def read(data: bytes, where: str, options: Options) -> Pieces:
     scale = options.unit_mm if options.unit_mm is not None else stated
     if scale is None:
         raise need_units(where, "does not name its unit (a header x_mm,y_mm would)")
-    notes = (
-        ["the header names another unit, overruled by --units"]
-        if stated not in (None, scale)
-        else []
-    )
+    notes = []
+    if stated not in (None, scale):
+        notes.append("the header names another unit, overruled by --units")
     points = np.array([_vertex(cells, line, where) for line, cells in rows]).reshape(-1, 2) * scale
     closed = np.concatenate([points, points[:1]])
     if len(points) > 1 and np.hypot(*(points[0] - points[-1])) <= options.chord_mm:
