@@ -54,7 +54,6 @@ class OpenLoop:
     collides: Collides  # collision detector
     ratio: Callable[[Array], float]  # singleton ratio of a belief (n, 3)
     depth: int  # d, the longest sequence
-    alpha: float = ALPHA  # share of its ratio that a belief must keep
     enough: float = math.inf  # a sequence above this ratio ends the search
     budget: float = math.inf  # beliefs to expand at most, in place of the paper's time limit
 
@@ -87,6 +86,6 @@ class OpenLoop:
                 continue
             poses = self.moved(element.poses, placement, rng)
             ratio = self.ratio(poses)
-            if ratio >= self.alpha * element.ratio:
+            if ratio >= ALPHA * element.ratio:
                 # The last level is only judged; keeping its beliefs would fill the memory.
                 yield _Element(poses[:0] if last else poses, ratio, (*element.actions, action))

@@ -6,7 +6,7 @@ singleton ratio, beliefs are moved by learned models, and the nearest expected w
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
@@ -39,19 +39,19 @@ SENSORLESS_BUDGET = 400
 """Beliefs expanded; four actions and five squeezes need 341, and the paper saw no gain beyond four."""
 
 
-def singleton(poses: Array, order: int, box: Sequence[float] = TOLERANCES) -> Mode:
+def singleton(poses: Array, order: int) -> Mode:
     """SingletonRatio(X, eps) as printed (VI.1): the average of particles (m, 3), and the share near it.
 
-    The average is over x, y, cos(n theta) and sin(n theta), n the order; near means within a box of
-    half-widths x, y [mm] and theta [rad]. The paper prints n = 2. The average of two modes lies between
-    them, so the ratio is always near 0; the default method uses the mode ratio of `planner.belief.metric`.
+    The average is over x, y, cos(n theta) and sin(n theta), n the order; near means within `TOLERANCES`.
+    The paper prints n = 2. The average of two modes lies between them, so the ratio is always near 0; the
+    default method uses the mode ratio of `planner.belief.metric`.
     """
     turned = order * poses[:, 2]
     theta = math.atan2(np.sin(turned).mean(), np.cos(turned).mean()) / order
     pose = np.array([poses[:, 0].mean(), poses[:, 1].mean(), theta])
     off = np.abs(poses - pose)
     off[:, 2] = np.abs(wrap(poses[:, 2] - theta, order))
-    return Mode(pose, float((off <= box).all(axis=1).mean()))
+    return Mode(pose, float((off <= TOLERANCES).all(axis=1).mean()))
 
 
 class Models(NamedTuple):
