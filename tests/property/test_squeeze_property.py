@@ -1,8 +1,7 @@
 """Random simple polygons, friction and poses: whatever is squeezed, the answer is a state of the world."""
 
 import numpy as np
-from contact_problems import goals, random_contacts, wrenches
-from contact_solutions import posed
+from contact_problems import goals, posed, random_contacts, wrenches
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import JAWS, deepest_overlap, random_convex, random_poses, random_star, simulator
