@@ -224,8 +224,8 @@ def _checked(
         metres = float(np.hypot(*shift)) / 1000
         far = f"the drawing's origin, {metres:.4g} m away, is too far for a datum; that is {name}"
         notes = (*notes, far)
-    inner = tuple(hole + shift for hole in holes)
-    return Imported(simple, order, size, notes, None, inner, tuple(origin.tolist()), name)
+    outlined = Imported(simple, order, size, notes, holes_mm=tuple(hole + shift for hole in holes))
+    return outlined._replace(origin_mm=tuple(origin.tolist()), origin_name=name)
 
 
 def _apart(points: Array, where: str) -> Array:
