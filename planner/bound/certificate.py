@@ -67,9 +67,8 @@ class Covered:
         self._nodes, self._encoder = table.nodes, encoder_of_table(table)
         self._maps = cache(lambda node: decision_map(table.nodes[node], table.gripper))
         self._all = believed(job, PILOTS, np.random.default_rng(self._seed))
-        self._squeezed = dict[
-            History, Belief
-        ]()  # keyed by history and the number of the next placement
+        # Keyed by history and the number of the next placement.
+        self._squeezed = dict[History, Belief]()
 
     def __call__(self, history: History) -> Array:
         """The placements (k, 3) of the next squeeze, the table's own last where it has one."""

@@ -16,9 +16,8 @@ from planner.belief.particles import Belief
 from planner.bound.cover import most_located
 from planner.work.progress import Report, silent
 
-READINGS = (
-    1 << 22
-)  # more than there are; a reading is twice the encoder's, plus 1 if the object flag is set
+READINGS = 1 << 22
+"""More than there are; a reading is twice the encoder's, plus 1 if the object flag is set."""
 
 Squeeze: TypeAlias = Callable[[Belief, Array, np.random.Generator], tuple[Array, IntArray]]
 """Squeezes n parts once: a belief, placements (n, 3) of the hand and a random generator give
@@ -85,12 +84,8 @@ class Histories:
         report: Report = silent,
     ) -> None:
         """Tries placements on parts (n,) from the start, to the depths given."""
-        self._squeeze, self._parts, self._metric, self._placements = (
-            squeeze,
-            parts,
-            metric,
-            placements,
-        )
+        self._squeeze, self._placements = squeeze, placements
+        self._parts, self._metric = parts, metric
         self._deepest, self._rng, self._workers, self._report = depths.most, rng, workers, report
         start, none = np.array([0, len(parts)]), np.zeros(0, np.int64)
         located = self._located(parts.poses, start)

@@ -88,12 +88,8 @@ class Advice(NamedTuple):
     rejected: float  # share whose width no branch has
     pinched: float  # of these, the share of all that stops the jaws at less than a count, which is no grip
     unresolved: float  # share that ends in leaves from which no squeeze gained anything
-    at_depth_limit: (
-        float  # share that ends in unresolved leaves as deep as `search.max_depth` allows
-    )
-    open_poses: list[
-        Ambiguity
-    ]  # the unresolved leaves with most parts, and squeezes to resolve them
+    at_depth_limit: float  # share that ends in unresolved leaves at `search.max_depth`
+    open_poses: list[Ambiguity]  # the unresolved leaves with most parts, and their remedies
     gains: Sequence[Gain]  # cost of each source of noise; empty if not asked for
     proposing: bool  # whether placements were proposed besides the stated ones
     margins: Margins | None = None  # what widths a little off do; None if not asked for

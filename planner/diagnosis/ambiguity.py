@@ -40,9 +40,7 @@ class Whereabouts(NamedTuple):
 
     poses: Array  # (m, 3) main poses, the most frequent first [mm, mm, rad]
     shares: tuple[float, ...]  # (m,) share of the parts within the goal of each
-    scatter: float = (
-        0.0  # scatter about a single pose, in units of the goal; 0 if there are several
-    )
+    scatter: float = 0.0  # about a single pose, in units of the goal; 0 if there are several
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
@@ -79,27 +77,22 @@ class Ambiguity(NamedTuple):
 
     def line(self) -> str:
         """The result as one line of text."""
-        text, scatter = (
-            f"leaf {self.leaf} ({self.share:.2%}): the part lies at {self.where.text()}; ",
-            self.where.scatter,
-        )
+        scatter = self.where.scatter
         if len(self.where.poses) == 1 and scatter < 1.0:
-            return (
-                text
-                + "the plan was less sure of it than its trials: more particles of [search] may be"
+            why = "the plan was less sure of it than its trials: more particles of [search] may be"
+        elif len(self.where.poses) == 1:
+            why = (
+                f"nearly all others lie about it, within {scatter:.1f} times the goal: ask for less"
             )
-        if len(self.where.poses) == 1:
-            return (
-                text
-                + f"nearly all others lie about it, within {scatter:.1f} times the goal: ask for less"
+        elif self.separator is None:
+            why = "no squeeze that was tried gives the first two different widths"
+        else:
+            (x, y, angle), (one, other) = self.separator.placement, self.separator.widths_mm
+            why = (
+                f"a hand at ({x:z.0f}, {y:z.0f}) mm, {math.degrees(angle):z.0f} deg would read {one:.1f} mm "
+                f"for the first and {other:.1f} mm for the second"
             )
-        if self.separator is None:
-            return text + "no squeeze that was tried gives the first two different widths"
-        (x, y, angle), (one, other) = self.separator.placement, self.separator.widths_mm
-        return text + (
-            f"a hand at ({x:z.0f}, {y:z.0f}) mm, {math.degrees(angle):z.0f} deg would read {one:.1f} mm for "
-            f"the first and {other:.1f} mm for the second"
-        )
+        return f"leaf {self.leaf} ({self.share:.2%}): the part lies at {self.where.text()}; {why}"
 
 
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
@@ -152,9 +145,8 @@ def _separator(
     floor = math.hypot(encoder.noise_mm, encoder.mm_per_step / math.sqrt(12.0))
     best, clearest = None, (False, TELLING)
     hands = hands_about(reach(job.part.outline_mm), 0.5 * job.gripper.finger_length_mm, HANDS)
-    about = placed(
-        hands, np.array([*pair[:, :2].mean(axis=0), pair[0, 2]])
-    )  # centre between the two poses
+    middle = np.array([*pair[:, :2].mean(axis=0), pair[0, 2]])
+    about = placed(hands, middle)
     about[:, 2] = wrap(about[:, 2], HALF_TURN_ALIKE)
     for placement in actions_of(job).within(about):
         if least_clearance(simulator.outline, simulator.jaws, pair, placement) < 0.0:

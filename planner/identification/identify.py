@@ -26,14 +26,7 @@ from runtime.shell.errors import InputError
 Kind = Literal["ellipsoid", "quartic"]
 Surface = LimitSurface | QuarticSurface
 
-RIDGES = (
-    3.0,
-    10.0,
-    30.0,
-    100.0,
-    300.0,
-    1000.0,
-)  # pulls towards the ellipsoid, in numbers of pairs
+RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # pulls towards the ellipsoid [pairs]
 
 FOLDS = 5
 LEAST_PAIRS = 12  # of a file; a split keeps at least half of them for the fit
@@ -63,9 +56,7 @@ class Fit(NamedTuple):
     """A fitted surface with the parameters of the fit."""
 
     surface: Surface  # the limit surface, of wrenches divided by `friction_n`
-    friction_n: (
-        float | None
-    )  # friction with the table at full slip, N; None: magnitudes are unknown
+    friction_n: float | None  # with the table at full slip, N; None: magnitudes are unknown
     ridge: float  # pull towards the ellipsoid, in pairs; 0 for an ellipsoid
 
 
@@ -74,12 +65,8 @@ class Identified(NamedTuple):
 
     kind: Kind  # "ellipsoid" or "quartic"
     fit: Fit  # fit to all pairs
-    errors_rad: (
-        Array  # (splits,) mean angle between measured and predicted twist over the held-out half
-    )
-    held_out: (
-        Array  # (K, 3) mean predicted unit twist of each pair while held out; nan if it never was
-    )
+    errors_rad: Array  # (splits,) mean angle of measured and predicted twists that were held out
+    held_out: Array  # (K, 3) mean predicted unit twist of each pair while held out, or nan
     fit_error_rad: float  # error of the final fit on its own pairs
 
 

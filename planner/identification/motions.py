@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from planner.arrays import Array, IntArray
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.push import Paths
-from planner.mechanics.simulator import Parameters, Simulator
+from planner.mechanics.simulator import Simulator
 from runtime.shell.errors import InputError
 
 SCALE_MM = 2.0  # Residuals beyond this count linearly, not squared
@@ -94,7 +94,7 @@ def held_out_mm(
 def _off(motions: Motions, part: Simulator, A: Array, friction: float, radius_mm: float) -> Array:
     """Differences (n, 3) between simulated and measured ends of pushes: x, y, rho times the angle [mm]."""
     n = len(motions.moved)
-    parameters = Parameters(np.repeat(A[None], n, axis=0), np.full((n, 2), friction))
+    parameters = part.nominal(n, friction)._replace(surfaces=np.repeat(A[None], n, axis=0))
     pushed = part.push(motions.paths, parameters, radius_mm)
     return np.asarray((pushed.moved - motions.moved) * [1.0, 1.0, part.surface.rho_mm])
 

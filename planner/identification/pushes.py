@@ -249,14 +249,8 @@ class _Reader:
 
 
 COLUMNS = ("fx_n", "fy_n", "tau_n_mm", "vx_mm", "vy_mm", "omega_rad")
-DIRECTIONS = (
-    "fx",
-    "fy",
-    "tau_rho",
-    "vx",
-    "vy",
-    "om_rho",
-)  # torque over rho, angle times rho; any scale
+# Torque over rho, angle times rho; any scale.
+DIRECTIONS = ("fx", "fy", "tau_rho", "vx", "vy", "om_rho")
 WEIGHT = "weight"
 
 

@@ -10,10 +10,9 @@ import hashlib
 import math
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
@@ -32,32 +31,27 @@ FORMAT = b"roll-outs 1"
 RING_MM = 5.0  # Width of a ring
 FACTOR = 3.0  # Radius of the region in radii of the job's uncertainty (paper, VII)
 
-Rows: TypeAlias = NDArray[np.void]
-ROW = np.dtype(
-    [
-        ("index", "<u2"),
-        ("status", "i1"),
-        ("initial", "<f8", 3),
-        ("final", "<f8", 3),
-        ("width_mm", "<f8"),
-    ]
-)  # One roll-out of a block
-
 
 class RollOuts(NamedTuple):
-    """Training squeezes from the whole disc of starts, ordered by ring."""
+    """Training squeezes, ordered by ring."""
 
     initial: Array  # (n, 3) poses before, in the hand frame [mm, mm, rad]
     final: Array  # (n, 3) poses after
     width_mm: Array  # (n,) opening at which the fingers stopped
     status: IntArray  # (n,) index into `STATUS_NAMES`; or `COLLIDES`: final = initial, width_mm = opening
 
+    def of(self, rows: BoolArray) -> "RollOuts":
+        """Some of the roll-outs."""
+        initial, final = self.initial[rows], self.final[rows]
+        return RollOuts(initial, final, self.width_mm[rows], self.status[rows])
+
 
 class Block(NamedTuple):
-    """The place of `BLOCK` starts: ring `ring`, starts `BLOCK * number` and on."""
+    """The first starts, at most `BLOCK`, of those with number `BLOCK * number` and on in a ring."""
 
     ring: int
     number: int
+    starts: int
 
 
 def roll_outs(
@@ -76,38 +70,32 @@ def roll_outs(
         raise ValueError(f"radius_mm = {radius_mm} and count = {count} must be above 0")
     wanted = ring_counts(radius_mm, count)
     rings = min(len(wanted), len(ring_counts(farthest(simulator.outline, simulator.jaws), 1)))
-    blocks = [Block(ring, k) for ring in range(rings) for k in range(-(-wanted[ring] // BLOCK))]
-    rolled = Threads(simulator.workers).map(
-        partial(roll_block, replace(simulator, workers=1)), blocks
-    )
-    kept = [np.empty(0, ROW)]
+    blocks = [
+        Block(ring, number, wanted[ring] - number * BLOCK)
+        for ring in range(rings)
+        for number in range(-(-wanted[ring] // BLOCK))
+    ]
+    run = partial(roll_block, replace(simulator, workers=1))
+    pieces = [RollOuts(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), np.empty(0, np.int64))]
     report("roll-outs", 0, len(blocks))
-    for done, ((ring, number), rows) in enumerate(zip(blocks, rolled, strict=True), start=1):
-        kept.append(rows[: np.searchsorted(rows["index"], wanted[ring] - number * BLOCK)])
+    for done, piece in enumerate(Threads(simulator.workers).map(run, blocks), start=1):
+        pieces.append(piece)
         report("roll-outs", done, len(blocks))
-    table = np.concatenate(kept)
-    table = table[np.hypot(table["initial"][:, 0], table["initial"][:, 1]) <= radius_mm]
-    initial, final, width = (
-        np.ascontiguousarray(table[name]) for name in ("initial", "final", "width_mm")
-    )
-    return RollOuts(initial, final, width, table["status"].astype(np.int64))
+    whole = RollOuts(*(np.concatenate(columns) for columns in zip(*pieces, strict=True)))
+    return whole.of(np.hypot(*whole.initial[:, :2].T) <= radius_mm)
 
 
-def roll_block(simulator: Simulator, block: Block) -> Rows:
-    """Rolls out the starts of one block within the fingers' reach: an array of `ROW`."""
+def roll_block(simulator: Simulator, block: Block) -> RollOuts:
+    """Rolls out the starts of one block within the fingers' reach."""
     rng = np.random.default_rng(int.from_bytes(_seed(content_of(simulator), block)))
     drawn = starts(block.ring, BLOCK, rng)
     reached = np.flatnonzero(within_reach(simulator.outline, simulator.jaws, drawn))
     initial, parameters = drawn[reached], simulator.sample(len(reached), rng)
     hits = classify_contact(simulator.outline, simulator.jaws, initial) == STANDS_ON
     rolled = simulator.roll_out(initial, parameters)
-    rows = np.empty(len(initial), ROW)
-    rows["index"] = reached
-    rows["status"] = np.where(hits, COLLIDES, rolled.status)
-    rows["initial"] = initial
-    rows["final"] = np.where(hits[:, None], initial, rolled.poses)
-    rows["width_mm"] = rolled.width_mm
-    return rows
+    final = np.where(hits[:, None], initial, rolled.poses)
+    status = np.where(hits, COLLIDES, rolled.status)
+    return RollOuts(initial, final, rolled.width_mm, status).of(reached < block.starts)
 
 
 def content_of(simulator: Simulator) -> bytes:
@@ -125,7 +113,7 @@ def content_of(simulator: Simulator) -> bytes:
 
 
 def _seed(content: bytes, block: Block) -> bytes:
-    return hashlib.sha256(content + b"%d %d" % block).digest()
+    return hashlib.sha256(content + b"%d %d" % (block.ring, block.number)).digest()
 
 
 def region_radius(job: Job) -> float:

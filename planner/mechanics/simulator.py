@@ -48,10 +48,8 @@ SIMPLIFY_MM = 0.005
 """Distance within which densely sampled curves lose vertices: less than the step resolves."""
 CHUNK = 512
 TRACE_ROWS = 2000
-STUCK_MM, STUCK_DEG = (
-    10.0,
-    5.0,
-)  # Tolerated distance of a part that sticks to its pusher from where the pusher takes it
+STUCK_MM, STUCK_DEG = 10.0, 5.0
+"""Tolerated distance of a part that sticks to its pusher from where the pusher takes it."""
 
 
 class Parameters(NamedTuple):
@@ -59,15 +57,9 @@ class Parameters(NamedTuple):
 
     surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6), as from `surface.sample_each`
     mu: Array  # (n, 2) friction at the upper and the lower finger
-    release: Array | None = (
-        None  # (n, 3) motion of a held part on opening [mm, mm, rad]; None: none
-    )
-    share: Array | None = (
-        None  # (n,) share of the closing that the upper finger makes; None: the gripper's
-    )
-    deviation: Array | None = (
-        None  # (n, m) deviations of the outline, by the simulator's shapes; None: 0
-    )
+    release: Array  # (n, 3) motion of a held part on opening [mm, mm, rad]
+    share: Array  # (n,) upper finger's share of the closing
+    deviation: Array  # (n, m) deviations of the outline, by the simulator's shapes
     ellipsoid: BoolArray | None = None  # (n,) where a (6, 6) surface is an ellipsoid; None: nowhere
 
     def of(self, rows: IntArray) -> "Parameters":
@@ -81,9 +73,7 @@ class Parameters(NamedTuple):
 class Pushed(NamedTuple):
     """Results of n pushes."""
 
-    moved: (
-        Array  # (n, 3) displacements of the part's frame, along its axes at the start [mm, mm, rad]
-    )
+    moved: Array  # (n, 3) of the part's frame, along its axes at the start [mm, mm, rad]
     status: IntArray  # (n,) index into `planner.mechanics.push.PUSH_NAMES`
     given_up: IntArray  # (n,) 1 where the stepping failed and cut the push short
 
@@ -100,11 +90,8 @@ class Simulator:
     others: tuple[Surface, ...] = ()  # alternative limit surfaces, numbered 1, 2, ... in the traits
     # (m, N, 2) shapes of outline deviations: none, or `planner.mechanics.traits.shapes`
     shapes: Array = field(default_factory=lambda: np.zeros((0, 1, 2)))
-    release: tuple[float, float, float] = (
-        0.0,
-        0.0,
-        0.0,
-    )  # std of x, y [mm] and angle [rad] on opening
+    # std of x, y [mm] and angle [rad] on opening
+    release: tuple[float, float, float] = (0.0, 0.0, 0.0)
     step_mm: float = DEFAULT_STEP_MM  # nominal closing step of each finger
     workers: int = 1  # threads that share the roll-outs
 
@@ -147,7 +134,13 @@ class Simulator:
         """Parameters without scatter: the nominal limit surface and one friction value, n times."""
         surface = limit_surface.nominal(self.surface)
         mu, n = arguments.number(mu, "mu", 0.0, MOST_FRICTION), arguments.count(n, "n", 0)
-        return Parameters(np.repeat(surface[None], n, axis=0), np.full((n, 2), mu))
+        return Parameters(
+            surfaces=np.repeat(surface[None], n, axis=0),
+            mu=np.full((n, 2), mu),
+            release=np.zeros((n, 3)),
+            share=np.full(n, self.jaws[3]),
+            deviation=np.zeros((n, len(self.shapes))),
+        )
 
     def sample(self, n: int, rng: np.random.Generator, traits: Traits | None = None) -> Parameters:
         """Random parameters of n roll-outs: Wishart limit surface, uniform friction, normal release.
@@ -181,11 +174,10 @@ class Simulator:
         Returns x, y, theta, width (k, 4) [mm, mm, rad, mm] along the path, and the status.
         """
         q = arguments.row(pose, "pose", 3)
-        mu = arguments.number(mu, "mu", 0.0, MOST_FRICTION)
         surfaces, rows = checked_surfaces(np.asarray(surface)[None]), np.zeros((TRACE_ROWS, 4))
-        parameters = Parameters(surfaces, np.full((1, 2), mu))
         result = _at_the_start(q[None])
-        count = self._squeeze(self._each(parameters), result, rows)
+        each = _each(self.nominal(1, mu)._replace(surfaces=surfaces))
+        count = self._squeeze(each, result, rows)
         end = np.array([[*result.poses[0], result.width_mm[0]]])
         return np.concatenate([rows[:count], end]), int(result.status[0])
 
@@ -202,7 +194,7 @@ class Simulator:
             return in_order(
                 [(rows, self.roll_out(poses[rows], chosen)) for rows, chosen in forms], len(poses)
             )
-        result, each = _at_the_start(poses), self._each(parameters)
+        result, each = _at_the_start(poses), _each(parameters)
 
         def run(start: int) -> None:
             rows = slice(start, start + CHUNK)
@@ -210,19 +202,9 @@ class Simulator:
             self._squeeze(chunk, result.of(rows), np.zeros((0, 4)))
 
         deque(Threads(self.workers).map(run, range(0, len(poses), CHUNK)), maxlen=0)
-        if parameters.release is not None:
-            held = (result.status == GRASPED) | (result.status == JAMMED)
-            result.poses[held] += parameters.release[held]
+        held = (result.status == GRASPED) | (result.status == JAMMED)
+        result.poses[held] += parameters.release[held]
         return result
-
-    def _each(self, parameters: Parameters) -> Each:
-        """The complete kernel input for each squeeze."""
-        n, share, deviation = len(parameters.mu), parameters.share, parameters.deviation
-        if share is None:
-            share = np.full(n, self.jaws[3])
-        if deviation is None:
-            deviation = np.zeros((n, len(self.shapes)))
-        return Each(parameters.surfaces, parameters.mu, share, np.ascontiguousarray(deviation))
 
     def _squeeze(self, each: Each, result: RollOut, trace: Array) -> int:
         """Squeezes the parts of `result`, filled in place; returns the rows written to `trace` (rows, 4)."""
@@ -292,7 +274,6 @@ class Simulator:
         way_mm = arguments.rows(way_mm, "way_mm", least=0.0, most=arguments.LONGEST_MM)
         arguments.same_length(poses=start, opening_mm=opening_mm, way_mm=way_mm, traits=traits)
         parameters = self.sample(len(start), rng, traits)
-        assert parameters.share is not None
         beside = beside_mm(parameters.share, self.jaws[0] - opening_mm)
         pushers = of_fingers(opening_mm, np.asarray(way_mm, np.float64), self.jaws[1], self.jaws[2])
         # Turned by a quarter, the hand's x axis points down, as pushing fingers look.
@@ -322,6 +303,12 @@ class Simulator:
         return result
 
 
+def _each(parameters: Parameters) -> Each:
+    """The kernel's input for each squeeze."""
+    deviation = np.ascontiguousarray(parameters.deviation)
+    return Each(parameters.surfaces, parameters.mu, parameters.share, deviation)
+
+
 def _at_the_start(poses: Array) -> RollOut:
     """Empty results for squeezes of poses (n, 3)."""
     n, start = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
@@ -336,11 +323,9 @@ def check(parameters: Parameters, n: int, shapes: int) -> None:
     """
     checked_surfaces(parameters.surfaces)
     arguments.rows(parameters.mu, "mu", 2, least=0.0, most=MOST_FRICTION)
-    if parameters.release is not None:
-        arguments.rows(parameters.release, "release", 3)
-    if parameters.share is not None:
-        arguments.rows(parameters.share, "share", least=0.0, most=1.0)
-    if parameters.deviation is not None and shapes:
+    arguments.rows(parameters.release, "release", 3)
+    arguments.rows(parameters.share, "share", least=0.0, most=1.0)
+    if shapes:
         arguments.rows(parameters.deviation, "deviation", shapes)
     arguments.same_length(poses=range(n), **parameters._asdict())
 

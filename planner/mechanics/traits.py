@@ -21,19 +21,13 @@ TRAITS = np.dtype(
     [
         ("hypothesis", np.int64),  # hypothesis
         ("friction", np.float64),  # between fingers and part; `FRESH`: drawn anew for every squeeze
-        (
-            "share",
-            np.float64,
-        ),  # added to the upper finger's share of the closing
+        ("share", np.float64),  # added to the upper finger's share of the closing
         ("surface", np.int64),  # number of the limit surface in the simulator
         ("dof", np.int64),  # degrees of freedom of that surface's scatter; 0: those of the job
         ("deviation", np.float64, SHAPES),  # of the outline, for each of `shapes` [mm]
         ("encoder_mm", np.float64),  # added to every width before it is read
         ("gain", np.float64),  # error of the encoder in proportion to the width
-        (
-            "across_mm",
-            np.float64,
-        ),  # distance of the hand from its place, along the closing direction
+        ("across_mm", np.float64),  # of the hand from its place, along the closing direction
     ]
 )
 Traits: TypeAlias = NDArray[np.void]

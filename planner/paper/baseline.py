@@ -31,9 +31,7 @@ WIDTH_DIGITS = 1  # of a mm: parts of equal widths take equally long
 class Achieved(NamedTuple):
     """Results of the plan in one world."""
 
-    oriented: (
-        float  # share that ends within `ORIENTED_DEG` of the predicted angle, modulo the period
-    )
+    oriented: float  # share within `ORIENTED_DEG` of the predicted angle, modulo the period
     located: float  # share within the job's goal of the best pose(s)
     located_modulo: float  # the same, modulo the plan's period
     seconds: float  # a part, by the table's model of time
@@ -124,15 +122,10 @@ def seconds_of(job: Job, angles: Array, widths: Array) -> float:
     schedule = Schedule(nodes, timing_of(job))
     before = Stand.at(nodes[-1].squeeze)
     rows, parts = np.unique(widths.round(WIDTH_DIGITS), axis=0, return_counts=True)
-    taken = [
-        sum(
-            phases.total_s
-            for phases in schedule.part(
-                [Squeezed(k, width, REJECT) for k, width in enumerate(row)], before
-            )
-        )
-        for row in rows.tolist()
-    ]
+    taken = []
+    for row in rows.tolist():
+        squeezed = [Squeezed(k, width, REJECT) for k, width in enumerate(row)]
+        taken.append(sum(phases.total_s for phases in schedule.part(squeezed, before)))
     return float(np.average(taken, weights=parts))
 
 

@@ -10,6 +10,7 @@ A breadth-first search over sequences of actions, without the outcomes of squeez
   (`COLLIDING_SHARE`).
 """
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.frames import to_hand, to_world
-from planner.paper.sensor import CollisionTree
+from planner.paper.sensor import Collides
 
 Motion: TypeAlias = Callable[[Array, np.random.Generator], Array]
 """ForwardMotionModel-KCDE: draws final poses for initial ones, both (n, 3) in the hand frame."""
@@ -32,9 +33,7 @@ COLLIDING_SHARE = 0.005
 class Sequence(NamedTuple):
     """A sequence of actions and its result."""
 
-    actions: tuple[
-        int, ...
-    ]  # indices of placements; empty if every first action collides or is pruned
+    actions: tuple[int, ...]  # indices of placements; empty if none is free of collision and kept
     ratio: float  # singleton ratio of the belief afterwards
 
 
@@ -52,14 +51,11 @@ class OpenLoop:
 
     placements: Array  # (k, 3) the actions: the hand frame in the world
     motion: Motion  # forward motion model
-    collision: CollisionTree  # collision detector
+    collides: Collides  # collision detector
     ratio: Callable[[Array], float]  # singleton ratio of a belief (n, 3)
     depth: int  # d, the longest sequence
-    alpha: float = ALPHA  # share of its ratio that a belief must keep
-    enough: float = 2.0  # a sequence above this ratio ends the search; above 1, none does
-    budget: int | None = (
-        None  # beliefs expanded before the search ends, in place of the paper's time limit
-    )
+    enough: float = math.inf  # a sequence above this ratio ends the search
+    budget: float = math.inf  # beliefs to expand at most, in place of the paper's time limit
 
     def search(self, poses: Array, rng: np.random.Generator) -> Sequence:
         """The sequence of largest ratio for particles (n, 3) in the world: Algorithm 2 up to a*."""
@@ -69,16 +65,14 @@ class OpenLoop:
             element = queue.popleft()
             if element.actions and element.ratio > best.ratio:
                 best = Sequence(element.actions, element.ratio)
-            if len(element.actions) < self.depth and (
-                self.budget is None or expanded < self.budget
-            ):
+            if len(element.actions) < self.depth and expanded < self.budget:
                 queue.extend(self._expand(element, rng))
                 expanded += 1
         return best
 
     def free(self, poses: Array, placement: Array) -> bool:
         """Whether the hand can be set down at a placement (3,) among the believed poses (n, 3)."""
-        return bool(self.collision.collides(to_hand(poses, placement)).mean() <= COLLIDING_SHARE)
+        return bool(self.collides(to_hand(poses, placement)).mean() <= COLLIDING_SHARE)
 
     def moved(self, poses: Array, placement: Array, rng: np.random.Generator) -> Array:
         """Poses (n, 3) in the world after an action: ForwardMotionModel-KCDE(X, a)."""
@@ -92,6 +86,6 @@ class OpenLoop:
                 continue
             poses = self.moved(element.poses, placement, rng)
             ratio = self.ratio(poses)
-            if ratio >= self.alpha * element.ratio:
+            if ratio >= ALPHA * element.ratio:
                 # The last level is only judged; keeping its beliefs would fill the memory.
                 yield _Element(poses[:0] if last else poses, ratio, (*element.actions, action))

@@ -4,10 +4,9 @@ Unlike in the default method the action is the first of the best open-loop seque
 singleton ratio, beliefs are moved by learned models, and the nearest expected width always wins.
 """
 
-import dataclasses
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
@@ -23,12 +22,11 @@ from planner.learned.rollouts import COLLIDES, RollOuts
 from planner.mechanics.simulator import Simulator
 from planner.paper.open_loop import Motion, OpenLoop
 from planner.paper.projection import Projection
-from planner.paper.sensor import CollisionTree, SensorModel
+from planner.paper.sensor import Collides, Widths, collision_detector, sensor_model
 from planner.paper.subspaces import Subspaces, subspaces_of
 from planner.search.tree import Action, Node, Progress, Squeeze
 
 Path: TypeAlias = tuple[int, ...]  # the branches taken on the way to a node
-PRINTED_ORDER = 2  # The paper maps theta to [cos 2 theta, sin 2 theta]
 METHODS = ("paper", "sensorless")
 """Algorithm 1, and a whole open-loop sequence without branching."""
 TOLERANCES = (2.5, 2.5, math.radians(5.0))
@@ -41,27 +39,27 @@ SENSORLESS_BUDGET = 400
 """Beliefs expanded; four actions and five squeezes need 341, and the paper saw no gain beyond four."""
 
 
-def singleton(poses: Array, order: int, box: Sequence[float] = TOLERANCES) -> Mode:
+def singleton(poses: Array, order: int) -> Mode:
     """SingletonRatio(X, eps) as printed (VI.1): the average of particles (m, 3), and the share near it.
 
-    The average is over x, y, cos(n theta) and sin(n theta), n the order; near means within a box of
-    half-widths x, y [mm] and theta [rad]. The average of two modes lies between them, so the ratio is
-    always near 0; the default method uses the mode ratio of `planner.belief.metric` instead.
+    The average is over x, y, cos(n theta) and sin(n theta), n the order; near means within `TOLERANCES`.
+    The paper prints n = 2. The average of two modes lies between them, so the ratio is always near 0; the
+    default method uses the mode ratio of `planner.belief.metric`.
     """
     turned = order * poses[:, 2]
     theta = math.atan2(np.sin(turned).mean(), np.cos(turned).mean()) / order
     pose = np.array([poses[:, 0].mean(), poses[:, 1].mean(), theta])
     off = np.abs(poses - pose)
     off[:, 2] = np.abs(wrap(poses[:, 2] - theta, order))
-    return Mode(pose, float((off <= box).all(axis=1).mean()))
+    return Mode(pose, float((off <= TOLERANCES).all(axis=1).mean()))
 
 
 class Models(NamedTuple):
     """Models learned from the roll-outs before planning (paper VI, pre-planning steps 1 and 2)."""
 
     motion: Motion
-    sensor: SensorModel
-    collision: CollisionTree
+    widths: Widths
+    collides: Collides
     subspaces: Subspaces
     projection: Projection
 
@@ -77,13 +75,13 @@ def learn(
         ValueError: no roll-out touches the part, or there are too few.
     """
     stands = rolled.status == COLLIDES
-    free = RollOuts(*(column[~stands] for column in rolled))
+    free = rolled.of(~stands)
     kcde = Kcde.fit(free, simulator.outline, simulator.jaws, rho_mm, order)
     subspaces = subspaces_of(free.width_mm, encoder)
     return Models(
         motion=lambda poses, rng: kcde.sample(poses, rng, simulator.workers).poses,
-        sensor=SensorModel.fit(free.final, free.width_mm, order),
-        collision=CollisionTree.fit(rolled.initial, stands, order),
+        widths=sensor_model(free.final, free.width_mm, order),
+        collides=collision_detector(rolled.initial, stands, order),
         subspaces=subspaces,
         projection=Projection.fit(free.final, subspaces.label(free.width_mm), rho_mm, order),
     )
@@ -96,13 +94,12 @@ class PaperPlanner:
     placements: Array  # (k, 3) the actions: the hand frame in the world
     models: Models  # moves and observes beliefs
     encoder: Encoder  # turns expected widths into readings
-    clearance: Callable[
-        [Array, Array], float
-    ]  # clearance of open fingers at (3,) from poses (n, 3) [mm], < 0: collision
-    method: str = "paper"  # one of `METHODS`
-    depth: int = DEEPEST  # d, the longest open-loop sequence
-    max_depth: int = 12  # longest path of the tree, which the paper does not bound [squeezes]
-    order: int = PRINTED_ORDER  # the part's rotational order; the paper's parts have 2
+    # of open fingers at (3,) from poses (n, 3) [mm], < 0: collision
+    clearance: Callable[[Array, Array], float]
+    method: str  # one of `METHODS`
+    depth: int  # d, the longest open-loop sequence
+    max_depth: int  # longest path of the tree, which the paper does not bound [squeezes]
+    order: int  # the part's rotational order; the paper's parts have 2
 
     def plan(self, belief: Array, seed: list[int], progress: Progress | None = None) -> Node:
         """ExpandTree(C, eps, r_s, d) from particles (n, 3) in the world, breadth first instead of recursive.
@@ -136,20 +133,15 @@ class PaperPlanner:
         return self._squeezed(node, self.placements[actions[0]], rng, branching=True)
 
     def _search(self, longest: int) -> OpenLoop:
-        search = OpenLoop(
+        sensorless = self.method == "sensorless"
+        return OpenLoop(
             placements=self.placements,
             motion=self.models.motion,
-            collision=self.models.collision,
+            collides=self.models.collides,
             ratio=lambda poses: singleton(poses, self.order).ratio,
-            depth=min(self.depth, longest),
-        )
-        if self.method != "sensorless":
-            return search
-        return dataclasses.replace(
-            search,
-            depth=min(SENSORLESS_DEPTH, longest),
-            enough=SINGLETON_SHARE,
-            budget=SENSORLESS_BUDGET,
+            depth=min(SENSORLESS_DEPTH if sensorless else self.depth, longest),
+            enough=SINGLETON_SHARE if sensorless else math.inf,
+            budget=SENSORLESS_BUDGET if sensorless else math.inf,
         )
 
     def _squeezed(
@@ -157,7 +149,7 @@ class PaperPlanner:
     ) -> list[Node]:
         """Gives a node its action, with a child for each observation, or one for all widths."""
         hand = self.models.motion(to_hand(node.belief.poses, placement), rng)
-        width = self.models.sensor.predict(hand)
+        width = self.models.widths(hand)
         subspace = np.zeros(len(width), np.int64)
         if branching:  # the end of Algorithm 2, then the loop of Algorithm 1
             subspace = self.models.subspaces.label(width)
@@ -169,13 +161,10 @@ class PaperPlanner:
         children = list[Node]()
         for k in range(len(clusters.mean)):
             belief = poses[label == k]
-            share = node.share * len(belief) / len(node.belief)
-            children.append(
-                Node(Belief.of(belief), share, singleton(belief, self.order), node.depth + 1)
-            )
-        node.actions = [
-            Action(Squeeze(placement, self.encoder.opening_mm, clearance, clusters), children)
-        ]
+            share, mode = node.share * len(belief) / len(node.belief), singleton(belief, self.order)
+            children.append(Node(Belief.of(belief), share, mode, node.depth + 1))
+        squeeze = Squeeze(placement, self.encoder.opening_mm, clearance, clusters)
+        node.actions = [Action(squeeze, children)]
         return children
 
 
@@ -192,9 +181,8 @@ def nearest_observation(
     member = np.unique(subspace, return_inverse=True)[1]
     size = np.bincount(member)
     expected = np.rint(np.bincount(member, counts) / size).astype(np.int64)
-    result, child = np.unique(
-        -expected[member], return_inverse=True
-    )  # rising widths are falling readings
+    # Rising widths are falling readings.
+    result, child = np.unique(-expected[member], return_inverse=True)
     size = np.bincount(child)
     mean = np.bincount(child, counts) / size
     label = np.argmin(np.abs(np.arange(encoder.steps + 1)[:, None] - mean[None]), axis=1)

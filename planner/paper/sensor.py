@@ -4,70 +4,54 @@ The trees use x, y and the angle as (cos n theta, sin n theta), n the part's rot
 seam.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import Array, BoolArray
 
-if TYPE_CHECKING:
-    from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
-
 LEAST_ROLLOUTS = 10
 
+Widths: TypeAlias = Callable[[Array], Array]
+"""SensorModel-RegressionTree: expected widths (n,) of final poses (n, 3) in the hand frame [mm]."""
+Collides: TypeAlias = Callable[[Array], BoolArray]
+"""CollisionFree-DecisionTree: where an open finger would stand on parts at poses (n, 3) in the hand frame.
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SensorModel:
-    """A regression tree from final poses to widths."""
-
-    tree: DecisionTreeRegressor  # on the columns of `features`
-    order: int  # rotational order of the part
-
-    @classmethod
-    def fit(cls, final: Array, width_mm: Array, order: int) -> Self:
-        """Learns from final poses (n, 3) in the hand frame and their widths (n,) [mm].
-
-        Raises:
-            ValueError: there are fewer than `LEAST_ROLLOUTS` roll-outs.
-        """
-        from sklearn.tree import (
-            DecisionTreeRegressor,
-        )  # importing sklearn takes two seconds; most plans learn nothing
-
-        if len(final) < LEAST_ROLLOUTS:
-            raise ValueError(f"{len(final)} roll-outs are too few for a sensor model; ask for more")
-        tree = DecisionTreeRegressor(random_state=0)
-        return cls(tree.fit(features(final, order), width_mm), order)
-
-    def predict(self, poses: Array) -> Array:
-        """Expected widths (n,) of final poses (n, 3) in the hand frame [mm]."""
-        return np.asarray(self.tree.predict(features(poses, self.order)))
+The default planner uses `mechanics.clearance`.
+"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CollisionTree:
-    """CollisionFree-DecisionTree, learned from roll-outs. The default planner uses `mechanics.clearance`."""
+def sensor_model(final: Array, width_mm: Array, order: int) -> Widths:
+    """Learns from final poses (n, 3) in the hand frame and the widths (n,) there [mm].
 
-    tree: DecisionTreeClassifier
-    order: int
+    Raises:
+        ValueError: fewer than `LEAST_ROLLOUTS` roll-outs.
+    """
+    # Importing sklearn takes two seconds; most plans learn nothing.
+    from sklearn.tree import DecisionTreeRegressor
 
-    @classmethod
-    def fit(cls, initial: Array, stands: BoolArray, order: int) -> Self:
-        """Learns from initial poses (n, 3) and whether an open finger stands on the part (n,)."""
-        from sklearn.tree import (
-            DecisionTreeClassifier,
-        )  # importing sklearn takes two seconds; most plans learn nothing
+    if len(final) < LEAST_ROLLOUTS:
+        raise ValueError(f"{len(final)} roll-outs are too few for a sensor model; ask for more")
+    return _fitted(DecisionTreeRegressor(random_state=0), final, width_mm, order)
 
-        tree = DecisionTreeClassifier(random_state=0)
-        return cls(tree.fit(features(initial, order), stands), order)
 
-    def collides(self, poses: Array) -> BoolArray:
-        """Where an open finger would stand on the part; poses are (n, 3) in the hand frame."""
-        return np.asarray(self.tree.predict(features(poses, self.order)), dtype=np.bool_)
+def collision_detector(initial: Array, stands: BoolArray, order: int) -> Collides:
+    """Learns from initial poses (n, 3) and whether an open finger stands on the part (n,)."""
+    from sklearn.tree import DecisionTreeClassifier
+
+    return _fitted(DecisionTreeClassifier(random_state=0), initial, stands, order)
+
+
+def _fitted(tree: Any, known: Array, values: Array | BoolArray, order: int) -> Callable[..., Any]:
+    """The prediction of a tree that is fitted to the values (n,) of known poses (n, 3)."""
+    tree.fit(features(known, order), values)
+
+    def predict(poses: Array) -> Any:
+        return tree.predict(features(poses, order))
+
+    return predict
 
 
 def features(poses: Array, order: int) -> NDArray[np.float32]:

@@ -38,9 +38,8 @@ class WidthFunction:
     def __call__(self, direction: Array) -> Array:
         """Widths in some directions [rad] -> [mm]."""
         reduced = np.mod(direction, math.pi)
-        arc = (
-            np.searchsorted(self.knots, reduced, side="right") - 1
-        )  # -1: the last one, from before pi
+        # -1 is the last arc, which begins before pi.
+        arc = np.searchsorted(self.knots, reduced, side="right") - 1
         chord = self.chords[arc]
         return np.abs(chord[..., 0] * np.cos(reduced) + chord[..., 1] * np.sin(reduced))
 
@@ -100,9 +99,7 @@ def _slope(chords: Array, directions: Array) -> Array:
     return np.asarray(chords[:, 1] * np.cos(directions) - chords[:, 0] * np.sin(directions))
 
 
-RIPPLE_MM = (
-    0.05  # Depth below which minima of the width are facets of a sampled curve, which hold no part
-)
+RIPPLE_MM = 0.05  # Depth below which minima of the width are facets of a sampled curve
 ALIKE_RAD = 1e-6  # Difference below which steps of the squeeze function are equal
 
 
@@ -183,9 +180,8 @@ def chain(function: SqueezeFunction) -> list[Interval]:
         target = results[-1].length
         wider = [i for i in intervals if i.spread < target - ALIKE_RAD]
         best = max(wider, key=lambda i: (i.length, -i.spread))
-        if (
-            best.length <= target + ALIKE_RAD
-        ):  # impossible by his theorem, except for steps equal to 1e-6
+        # Impossible by his theorem, except for steps equal to 1e-6.
+        if best.length <= target + ALIKE_RAD:
             break
         results.append(best)
     return results[::-1]

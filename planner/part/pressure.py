@@ -33,16 +33,10 @@ class Pressure:
     """
 
     kind: Kind
-    wishart_dof: (
-        int  # degrees of freedom n_df of the random ellipsoids (paper section IV, footnote 1)
-    )
-    limit_surface: str | None = (
-        None  # "ellipsoid" or "quartic", fitted to the pressure; None: not fitted
-    )
+    wishart_dof: int  # degrees of freedom n_df of the random ellipsoids (paper, IV, footnote 1)
+    limit_surface: str | None = None  # "ellipsoid" or "quartic", if fitted to the pressure
     points_mm: Array | None = None  # (M, 2) supports in the part's frame, for "points"
-    weights: Array | None = (
-        None  # (M,) share of the load on each support, summing to 1, for "points"
-    )
+    weights: Array | None = None  # (M,) share of the load on each support, of sum 1, for "points"
     ellipsoid: Array | None = None  # (3, 3) A with F^T A F = 1, F = [fx, fy, tau/rho] / (mu N)
     rho_mm: float | None = None  # the rho that `ellipsoid` or `quartic` is normalised with
     quartic: Array | None = None  # (15,) of a convex quartic (`planner.mechanics.quartic`)
@@ -80,16 +74,14 @@ def stances(outline: Outline) -> Array:
     """
     hull = convex_hull(outline)
     corners = hull[:: -(-len(hull) // HULL_CORNERS)]  # counter-clockwise, and so are the triangles
-    if not shapely.contains_xy(
-        shapely.polygons(corners), 0.0, 0.0
-    ):  # most vertices of a curve are far from the chord
+    if not shapely.contains_xy(shapely.polygons(corners), 0.0, 0.0):
+        # Most vertices of a curve are far from the chord.
         turn = np.arange(HULL_CORNERS) * 2.0 * np.pi / HULL_CORNERS
         corners = hull[np.unique(np.argmax(hull @ np.stack([np.cos(turn), np.sin(turn)]), axis=0))]
     feet = corners[list(combinations(range(len(corners)), 3))]
     following = np.roll(feet, -1, axis=1)
-    shares = (
-        feet[..., 0] * following[..., 1] - following[..., 0] * feet[..., 1]
-    )  # (k, 3) twice the areas
+    # (k, 3) twice the areas
+    shares = feet[..., 0] * following[..., 1] - following[..., 0] * feet[..., 1]
     return np.asarray(feet[np.all(shares >= -ON_EDGE * shares.sum(axis=1)[:, None], axis=1)])
 
 

@@ -75,9 +75,8 @@ HESSIAN_ROWS = FORM @ (np.eye(81) - 144.0 * COEFFICIENT_ROWS.T / _MULTIPLICITY @
 
 GAUGE = _null_space(FORM)  # (9, 9, 9) orthonormal directions of Q that do not affect y^T Q y
 
-CERTIFICATES = _null_space(
-    HESSIAN_ROWS
-)  # (24, 9, 9) orthonormal basis of the Q that belong to a quartic
+CERTIFICATES = _null_space(HESSIAN_ROWS)
+"""(24, 9, 9): an orthonormal basis of the Q that belong to a quartic."""
 
 
 def monomials(F: Array) -> Array:

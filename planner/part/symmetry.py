@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from planner.part.outline import Outline, simplified
 
@@ -33,14 +32,14 @@ def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
     )
 
 
-def has_order(outline: Outline, n: int, tolerance_mm: float = TOLERANCE_MM) -> bool:
+def has_order(outline: Outline, n: int) -> bool:
     """Whether each turn by a multiple of 2 pi / n takes a centred outline (N, 2) onto itself.
 
-    All n - 1 turns are tested: a nearly round part passes any small one. The tolerance bounds the distance
+    All n - 1 turns are tested: a nearly round part passes any small one. `TOLERANCE_MM` bounds the distance
     of a turned vertex from the boundary, and so that of a vertex from the turned boundary, by the inverse
     turn.
     """
-    return _maps_onto_itself(_boundary(outline), outline, n, tolerance_mm)
+    return _maps_onto_itself(_boundary(outline), outline, n, TOLERANCE_MM)
 
 
 def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_MM) -> bool:
@@ -64,8 +63,7 @@ def nearest_turn(outline: Outline, symmetry: int) -> Turn:
         for k in range(1, parts // 2 + 1):
             if symmetry * k % parts:
                 angle = math.tau * k / parts
-                c, s = math.cos(angle), math.sin(angle)
-                turned = shapely.linearrings(outline @ np.array([[c, s], [-s, c]]))
+                turned = shapely.linearrings(_turned(outline, angle))
                 apart = float(shapely.hausdorff_distance(ring, turned, densify=0.2))
                 result.append(Turn(math.degrees(angle), apart))
     return min(result, key=lambda turn: turn.apart_mm)
@@ -105,7 +103,8 @@ def _maps_onto_itself(
 def _is_on(
     boundary: shapely.LinearRing, vertices: Outline, angle: float, tolerance_mm: float
 ) -> bool:
-    return bool(shapely.dwithin(boundary, _turned(vertices, angle), tolerance_mm).all())
+    turned = shapely.points(_turned(vertices, angle))
+    return bool(shapely.dwithin(boundary, turned, tolerance_mm).all())
 
 
 def _boundary(outline: Outline) -> shapely.LinearRing:
@@ -114,6 +113,6 @@ def _boundary(outline: Outline) -> shapely.LinearRing:
     return boundary
 
 
-def _turned(outline: Outline, angle: float) -> NDArray[np.object_]:
+def _turned(outline: Outline, angle: float) -> Outline:
     c, s = math.cos(angle), math.sin(angle)
-    return np.asarray(shapely.points(outline @ np.array([[c, s], [-s, c]])))
+    return np.asarray(outline @ np.array([[c, s], [-s, c]]))

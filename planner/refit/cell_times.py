@@ -38,7 +38,7 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
         looks = [
             squeeze.phases.release_s - CLEAR_MM / _speed(table, squeeze)
             for squeeze in plain
-            if _stays(table, squeeze)
+            if table.nodes[squeeze.node].release is None  # the hand opens where it squeezed
         ]
         if looks:
             result["poll_s"] = round(max(median(looks), 0.0) / 3.0, 4)
@@ -84,8 +84,3 @@ def _jaws(table: Table, timing: Timing, squeeze: Timed) -> float:
 
 def _speed(table: Table, squeeze: Timed) -> float:
     return table.nodes[squeeze.node].squeeze.speed_um_s / 1e3
-
-
-def _stays(table: Table, squeeze: Timed) -> bool:
-    """Whether the hand opens where it squeezed."""
-    return table.nodes[squeeze.node].release is None

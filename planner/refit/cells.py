@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from planner.arrays import Array, BoolArray
+from planner.arrays import Array
 from planner.belief.doubts import closing_mm, traits_of
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
@@ -20,11 +20,8 @@ from planner.part.pressure import stances
 from planner.world import ContactWorld
 from runtime.table import Table
 
-LEAST_FRICTION, SLIPPERY, ROUGH = (
-    0.05,
-    1.0 / 3.0,
-    1.5,
-)  # ends of the range, the latter as factors of the job's bounds
+LEAST_FRICTION = 0.05
+SLIPPERY, ROUGH = 1.0 / 3.0, 1.5  # ends of the range of friction, in the job's bounds
 UNEVEN = 0.1  # least doubt of the fingers' share, either way
 OFFSET_MM = 1.5  # least doubt of the error of widths, either way
 FEET = 20  # sets of three feet, besides those that plans doubt
@@ -95,15 +92,11 @@ class Space(NamedTuple):
     def density(self, points: Array) -> Array:
         """The prior's density (n,) at points, up to a factor."""
         low, high = self.bounds
-        inside = ((points[:, :-1] >= low) & (points[:, :-1] <= high)).all(axis=1) & self._ordered(
-            points
-        )
+        inside = ((points[:, :-1] >= low) & (points[:, :-1] <= high)).all(axis=1)
+        least, most = (self.column(f"finger_part_{end}") for end in ("min", "max"))
+        inside &= points[:, least] <= points[:, most]
         share = np.where(points[:, -1] == 0, 0.5, 0.5 / max(1, self.surfaces - 1))
         return np.where(inside, share, 0.0)
-
-    def _ordered(self, points: Array) -> BoolArray:
-        low, high = self.column("finger_part_min"), self.column("finger_part_max")
-        return np.asarray(points[:, low] <= points[:, high])
 
 
 def _on_feet(job: Job) -> list[Surface]:

@@ -17,6 +17,7 @@ KEPT_DOUBT = 0.1  # share of particles with friction beyond the learned bounds
 SURE = 0.8  # probability above which another limit surface replaces the job's
 OFF_MM = 0.5  # distance of the fingers' meeting point above which they need repair
 OFF = 0.02  # error of the fingers' share above which the gripper is faulty
+DIGITS = {"finger_share": 4, "middle_mm": 3, "encoder_mm": 3, "encoder_gain": 5}  # in the job
 
 
 class Finding(NamedTuple):
@@ -44,7 +45,9 @@ def _finding(quantity: Quantity, posterior: Posterior, job: Job) -> Finding:
         18.0 if "finger_part" in quantity.key else 12.0
     )
     learned = bool(spread < LEARNED * prior)
-    sentence = _sentence(quantity.key, mean, low, high, job) if learned else _unknown(quantity.key)
+    sentence = f"the journals do not tell {NAMES[quantity.key]}; what the job says stays"
+    if learned:
+        sentence = _sentence(quantity.key, mean, low, high, job)
     return Finding(quantity.key, mean, low, high, learned, sentence)
 
 
@@ -94,10 +97,6 @@ NAMES = {
 }
 
 
-def _unknown(key: str) -> str:
-    return f"the journals do not tell {NAMES[key]}; what the job says stays"
-
-
 def _pressed(posterior: Posterior) -> Finding:
     shares = surface_shares(posterior)
     stated, best = float(shares[0]), float(shares.max())
@@ -128,12 +127,7 @@ def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any
     }
     doubt: dict[str, Any] = {
         key: [round(record[key].low_5, digits), round(record[key].high_95, digits)]
-        for key, digits in (
-            ("finger_share", 4),
-            ("middle_mm", 3),
-            ("encoder_mm", 3),
-            ("encoder_gain", 5),
-        )
+        for key, digits in DIGITS.items()
         if key in record
     }
     if "least_dof" in record:
@@ -154,11 +148,9 @@ def _friction(learned: Mapping[str, Finding], job: Job) -> dict[str, Any]:
     low, high = (getattr(job.friction, key) for key in keys)
     low = round(learned[keys[0]].low_5, 3) if keys[0] in learned else low
     high = round(learned[keys[1]].high_95, 3) if keys[1] in learned else high
-    doubt = (
-        min(job.friction.doubt, KEPT_DOUBT)
-        if all(key in learned for key in keys)
-        else job.friction.doubt
-    )
+    doubt = job.friction.doubt
+    if all(key in learned for key in keys):
+        doubt = min(doubt, KEPT_DOUBT)
     return {keys[0]: min(low, high), keys[1]: max(low, high), "doubt": doubt}
 
 

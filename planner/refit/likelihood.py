@@ -61,9 +61,8 @@ class Likelihood:
     def log(self, features: Array) -> Array:
         """Logarithm (n,) of the likelihood at features (n, k), up to a constant."""
         terms = _terms((features - self.centre) / self.scale, self.curved)
-        wider = 1.0 + np.einsum(
-            "ij,ij->i", terms @ self.doubt, terms
-        )  # far from all cells simulated
+        # Far from all simulated cells the scatter is wider.
+        wider = 1.0 + np.einsum("ij,ij->i", terms @ self.doubt, terms)
         off = (self.statistics - terms @ self.slopes) @ self.whiten.T
         return np.asarray(-0.5 * (off**2).sum(axis=1) / wider - 0.5 * off.shape[1] * np.log(wider))
 

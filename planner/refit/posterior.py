@@ -31,9 +31,8 @@ STEPS = 200  # of each chain
 ROOM = 0.25  # margin beyond the range of cells tried where polynomials still hold
 ACROSS = 0.1  # share of long steps, the distance of two chains: from one mode to another
 
-Task = tuple[
-    Array, int, int
-]  # a cell to simulate: its point (d + 1,), pairs of sets of parts, and the seed
+Task = tuple[Array, int, int]
+"""A cell to simulate: its point (d + 1,), pairs of sets of parts, and the seed."""
 
 
 class Effort(NamedTuple):

@@ -134,10 +134,7 @@ class Cluster:
                 results[running[future]] = future.result(timeout=POLL_S)
             except TimeoutError:  # its worker died first: it runs again
                 continue
-            except (
-                CancelledError,
-                OSError,
-            ) as error:  # distributed's CommClosedError is one of the latter
+            except (CancelledError, OSError) as error:  # also distributed's CommClosedError
                 raise self._lost() from error
             del running[future]
 

@@ -1,14 +1,13 @@
 """Random simple polygons, friction and poses: whatever is squeezed, the answer is a state of the world."""
 
 import numpy as np
-from contact_problems import goals, random_contacts, wrenches
-from contact_solutions import posed
+from contact_problems import goals, posed, random_contacts, wrenches
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import JAWS, deepest_overlap, random_convex, random_poses, random_star, simulator
 
 from planner.mechanics.contacts import FN, FT
-from planner.mechanics.simulator import STATUS_NAMES, Parameters
+from planner.mechanics.simulator import STATUS_NAMES
 from planner.mechanics.step import SOLVED, solve
 
 CASES = settings(max_examples=30, deadline=None, derandomize=True)
@@ -36,7 +35,7 @@ def squeezed(outline, seed, mu, count=25):
     part = simulator(outline)
     poses = random_poses(rng, count, 30.0)
     sampled = part.sample(count, rng)
-    return poses, part.roll_out(poses, Parameters(sampled.surfaces, np.full((count, 2), mu)))
+    return poses, part.roll_out(poses, sampled._replace(mu=np.full((count, 2), mu)))
 
 
 def assert_no_overlap(outline, poses, result):

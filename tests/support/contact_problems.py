@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.mechanics import contacts
+from planner.mechanics.step import STEP_WORK, StepWork
 
 
 class ContactProblem(NamedTuple):
@@ -189,3 +190,16 @@ HAVE_MOTION = {
     "repeated contact": repeated_contact,
 }
 HAVE_NONE = {"jamming": jamming, "wedged": wedged, "flush grasp": flush_grasp}
+
+
+def workspace() -> StepWork:
+    """A fresh workspace of a step."""
+    return np.zeros(1, STEP_WORK).view(np.recarray)[0]
+
+
+def posed(problem: ContactProblem) -> StepWork:
+    """A workspace with the contacts of a problem."""
+    work = workspace()
+    work.A[:] = problem.A
+    work.C[:], work.I[:] = rows(problem)
+    return work

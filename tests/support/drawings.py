@@ -1,14 +1,19 @@
-"""Drawings for tests of the importers, made by ezdxf, and what becomes of them."""
+"""Drawings for tests of the importers, and what becomes of them."""
 
 import ezdxf
 import numpy as np
+import pytest
 
 from planner.part import outline as outlines
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options
+from runtime.shell.errors import InputError
 
 PLATE = [(0, 0), (40, 0), (40, 20), (0, 20)]
 PLATE_MM2 = 800.0
+SVG = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+MM = 'width="100mm" height="100mm" viewBox="0 0 100 100"'
+"""An SVG page whose unit is a millimetre."""
 
 
 def dxf(folder, draw, units=4, version="R2010"):
@@ -21,8 +26,23 @@ def dxf(folder, draw, units=4, version="R2010"):
     return path
 
 
+def svg(folder, body, size=MM, before=""):
+    """An SVG file of this content and page."""
+    path = folder / "part.svg"
+    path.write_text(f"{before}<svg {SVG} {size}>{body}</svg>")
+    return path
+
+
 def read(path, **options):
     return read_outline(path, Options(**options))
+
+
+def refused(path, match=None, error=InputError, **options):
+    """The error of one line about a file that is not read."""
+    with pytest.raises(error, match=match) as caught:
+        read(path, **options)
+    assert "\n" not in str(caught.value)
+    return caught.value
 
 
 def area(part):

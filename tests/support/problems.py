@@ -12,13 +12,17 @@ import numpy as np
 import shapely
 from scipy.spatial.distance import pdist
 
+from planner.belief.observation import Encoder
+from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.limit_surface import LimitSurface, fit_ellipsoid
-from planner.mechanics.simulator import DEFAULT_STEP_MM, Simulator
+from planner.mechanics.simulator import DEFAULT_STEP_MM, RollOut, Simulator
 from planner.part.outline import canonical, radius_of_gyration
 from planner.part.pressure import Pressure, support
 
 JAWS = np.array([85.0, 27.5, 9.5, 0.5])
 """The paper's gripper: opening, finger length and thickness (mm), the upper finger's share of the closing."""
+ENCODER = Encoder(85.0, 227, 0.15)
+"""The 2F-85's: opening [mm], steps and noise [mm]."""
 LONG_JAWS = np.array([85.0, 400.0, 9.5, 0.5])
 """Fingers longer than any part: nothing reaches their ends."""
 
@@ -145,10 +149,25 @@ def simulator(
     )
 
 
+def rolled(
+    outline: np.ndarray, n: int, radius: float, seed: int, surface: LimitSurface | None = None
+) -> RollOut:
+    """Squeezes of at most n parts about the hand, of those that no open finger stands on."""
+    part, rng = simulator(outline, workers=2, surface=surface), np.random.default_rng(seed)
+    poses = random_poses(rng, n, radius)
+    poses = poses[classify_contact(part.outline, part.jaws, poses) != STANDS_ON]
+    return part.roll_out(poses, part.sample(len(poses), rng))
+
+
+def turned(points: np.ndarray, angle: float) -> np.ndarray:
+    """Points (..., 2), turned about the origin by an angle [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.asarray(points, float) @ np.array([[c, s], [-s, c]])
+
+
 def place(outline: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """Vertices (N, 2) of the outline at a pose (3,)."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    return np.ascontiguousarray(outline @ np.array([[c, s], [-s, c]]) + pose[:2])
+    return np.ascontiguousarray(turned(outline, pose[2]) + pose[:2])
 
 
 def finger_box(finger: int, face: float, jaws: np.ndarray = JAWS) -> shapely.Polygon:

@@ -5,6 +5,12 @@ import numpy as np
 from planner.part.quartic_form import PAIRS
 
 
+def random_ellipsoid(rng):
+    """A random positive definite matrix (3, 3)."""
+    root = rng.normal(size=(3, 3))
+    return root @ root.T + 0.2 * np.eye(3)
+
+
 def mean_twist_error(predicted, twists):
     """Mean angle between predicted unit twists (K, 3) and others of any length [rad]."""
     cosine = (predicted * twists).sum(axis=1) / np.linalg.norm(twists, axis=1)

@@ -19,14 +19,8 @@ MOST = 2000  # Most contours of one drawing
 NEARLY = 0.1  # gap, as a share of its size, up to which an open outline was meant to be closed
 LARGER_MM = 0.1  # distance that an unread shape must extend beyond a contour to surround it
 
-SHEETS_MM = (
-    (841, 1189),
-    (594, 841),
-    (420, 594),
-    (297, 420),
-    (210, 297),
-    (148, 210),
-)  # ISO 216, A0 to A5
+# ISO 216, A0 to A5
+SHEETS_MM = ((841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210))
 MARGINS_MM = 50.0  # both sides together: 20 mm to file it and 10 mm (ISO 5457), and some tolerance
 SHEET_SLACK_MM = 0.5
 
@@ -35,11 +29,11 @@ class Contour(NamedTuple):
     """A closed curve of a drawing."""
 
     points: Array  # (n, 2) [mm], not closed
-    area_mm2: float  # enclosed area
-    holes: int  # how many contours lie inside it
-    outer: bool  # whether it lies inside none
     note: str = ""  # how it was joined from several faces
     ambiguity: str = ""  # why its lines may bound another contour; where, and what to do
+    area_mm2: float = 0.0  # enclosed area
+    holes: int = 0  # how many contours lie inside it
+    outer: bool = True  # whether it lies inside none
 
 
 def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour], list[str]]:
@@ -54,8 +48,11 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
     alone, drawn = _sorted(pieces, join_mm)
     origin = drawn.origin
     bounded = noding.regions(drawn.lines, join_mm)
-    joined = [_contour(region, bounded.loose, drawn, join_mm) for region in bounded.regions]
-    rings = [each for each in (*map(_plain, alone), *joined) if _is_wide(each.points, join_mm)]
+    joined = [
+        Contour(region.ring, *seams.meaning(region, bounded.loose, drawn, join_mm))
+        for region in bounded.regions
+    ]
+    rings = [each for each in (*map(Contour, alone), *joined) if _is_wide(each.points, join_mm)]
     if not rings or _around(bounded.loose, [ring.points for ring in rings]):
         raise _no_contour(bounded.loose, origin, pieces.lost, where)
     if len(rings) > MOST:
@@ -116,12 +113,8 @@ def choose(
 
 def holes_of(contour: Contour, contours: list[Contour]) -> list[Array]:
     """The inner contours (n, 2) [mm] that lie inside a contour."""
-    face = _face(contour.points)
-    return [o.points for o in contours if o is not contour and face.contains(_face(o.points))]
-
-
-def _face(ring: Array) -> shapely.Geometry:
-    return shapely.make_valid(shapely.Polygon(ring))
+    face = noding.face(contour.points)
+    return [o.points for o in contours if o is not contour and face.contains(noding.face(o.points))]
 
 
 def listing(contours: list[Contour]) -> str:
@@ -154,8 +147,11 @@ def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
     neighbours = np.bincount(near[0], minlength=len(lines)) - 1
     apart = []
     for k in range(count):
-        simple = bool(strings[k].is_simple)
-        if (simple and not neighbours[k]) or not (simple or _bounds_one_region(lines[k], join_mm)):
+        if strings[k].is_simple:
+            isolated = not neighbours[k]
+        else:
+            isolated = len(noding.regions([lines[k]], join_mm).regions) != 1
+        if isolated:
             apart.append(k)
     rest = sorted(set(range(len(lines))) - set(apart))
     tree = shapely.STRtree([strings[k] for k in rest])
@@ -163,23 +159,10 @@ def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
     return [lines[k][:-1] for k in apart], drawn
 
 
-def _bounds_one_region(line: Array, join_mm: float) -> bool:
-    return len(noding.regions([line], join_mm).regions) == 1
-
-
-def _plain(ring: Array) -> Contour:
-    return Contour(ring, 0.0, 0, True)
-
-
-def _contour(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: float) -> Contour:
-    meaning = seams.meaning(region, loose, drawn, join_mm)
-    return _plain(region.ring)._replace(note=meaning.note, ambiguity=meaning.ambiguity)
-
-
 def _is_wide(ring: Array, join_mm: float) -> bool:
     """Whether a ring encloses more than a line drawn twice."""
     least = 0.5 * join_mm * float(shapely.LinearRing(ring).length) if len(ring) > 2 else 0.0
-    return len(ring) > 2 and _hull(ring).area > least and float(_face(ring).area) > least
+    return len(ring) > 2 and _hull(ring).area > least and float(noding.face(ring).area) > least
 
 
 def _hull(points: Array) -> shapely.Geometry:
@@ -224,7 +207,7 @@ def _without_copies(rings: list[Contour], tolerance_mm: float) -> list[Contour]:
 
 def _nested(rings: list[Contour]) -> list[Contour]:
     """For each ring the rings around it, by one point of each, since contours of a part do not cross."""
-    faces = [_face(ring.points) for ring in rings]
+    faces = [noding.face(ring.points) for ring in rings]
     tree = shapely.STRtree(faces)
     inner, outer = tree.query(faces, predicate="within")
     proper = inner != outer

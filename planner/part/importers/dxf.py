@@ -31,17 +31,11 @@ UNITS_MM = {
 MAX_DEPTH = 50
 
 
-def read(
-    data: bytes, where: str, unit_mm: float | None, tolerance_mm: float, layer: str | None = None
-) -> pieces.Pieces:
-    """The shapes of a DXF file; raises the errors of `file.read_outline`.
-
-    `unit_mm` is the size of one unit (None: as the file says), `tolerance_mm` the largest distance of a
-    chord from its curve, `layer` the layer to read (None: all visible ones); `where` names the file in
-    errors.
-    """
+def read(data: bytes, where: str, options: pieces.Options) -> pieces.Pieces:
+    """The shapes of a DXF file, which errors call `where`; raises the errors of `file.read_outline`."""
     document, auditor = _document(data, where)
-    scale, notes = _scale(document, where, unit_mm)
+    scale, notes = _scale(document, where, options.unit_mm)
+    layer = options.layer
     space = document.modelspace()
     if layer is not None:
         drawn = {dxf_view.layer_of(entity) for each in (space, *document.blocks) for entity in each}
@@ -55,11 +49,11 @@ def read(
             where, f"draws more than {pieces.MAX_SHAPES} shapes, its blocks written out"
         )
     losses = dxf_audit.losses(auditor, data)
-    shown = dxf_view.view(document, scale, tolerance_mm, where, layer)
+    shown = dxf_view.view(document, scale, options.chord_mm, where, layer)
     notes += [*losses.repairs, *shown.notes]
     if not shown.curves:
         notes += _elsewhere(document)
-    sorted_out = pieces.sorted_out(shown.curves, tolerance_mm, where, notes)
+    sorted_out = pieces.sorted_out(shown.curves, options.chord_mm, where, notes)
     return sorted_out._replace(lost=(*losses.lost, *shown.lost))
 
 

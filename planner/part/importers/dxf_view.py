@@ -68,7 +68,7 @@ def view(
 ) -> View:
     """The curves of the model space that are visible and plotted, or lie on the requested layer.
 
-    `scale` is the size of a unit in mm; the others are as in `dxf.read`.
+    `scale` is the size of a unit in mm, `tolerance_mm` the largest distance of a chord from its curve.
 
     Raises:
         InputError: a shape cannot be drawn.
@@ -131,27 +131,21 @@ class _Viewer(Frontend):
         self._unplotted = {name for name, layer in layers.items() if not layer.dxf.plot}
         self._tolerance, self._where = tolerance, where
         self._hidden, self._strays = Counter[str](), Counter[str]()
-        self._edge_on = Counter[str]()
-        self._not_plotted = Counter[tuple[str, str]]()
+        self._edge_on, self._not_plotted = Counter[str](), Counter[str]()
         self._widths: list[float] = []
         self.lost: list[pieces.Lost] = []
 
     def notes(self, scale: float) -> list[str]:
         """Notes on the drawing, one sentence each; `scale` is the size of a unit in mm."""
-        notes = []
-        if self._strays:
-            notes.append(f"not outlines, ignored: {_counted(self._strays)}")
-        if self._hidden:
-            notes.append(f"not visible, left out: {_counted(self._hidden)}")
-        if self._edge_on:
-            notes.append(
-                f"seen edge-on, left out: {_counted(self._edge_on)}; draw the outline in x and y"
-            )
-        if self._not_plotted:
-            each = Counter(
-                {f"{kind} (layer {layer})": n for (kind, layer), n in self._not_plotted.items()}
-            )
-            notes.append(f"not plotted, left out: {_counted(each)}; --layer reads a layer")
+        counts = (
+            ("not outlines, ignored", self._strays, ""),
+            ("not visible, left out", self._hidden, ""),
+            ("seen edge-on, left out", self._edge_on, "; draw the outline in x and y"),
+            ("not plotted, left out", self._not_plotted, "; --layer reads a layer"),
+        )
+        notes = [
+            f"{what}: {pieces.counted(kinds)}{remedy}" for what, kinds, remedy in counts if kinds
+        ]
         if self._widths:
             widest_mm = max(self._widths) * scale
             what = f"polylines with a width: {len(self._widths)}, up to {widest_mm:.4g} mm wide"
@@ -182,7 +176,7 @@ class _Viewer(Frontend):
         elif kind == "MLINE":
             super().draw_entity(entity, properties)
         elif layer in self._unplotted and kind in SHAPES:
-            self._not_plotted[kind, properties.layer] += 1
+            self._not_plotted[f"{kind} (layer {properties.layer})"] += 1
             self._lose_around(entity, f"on layer {properties.layer} is not plotted")
         elif kind in SHAPES:
             self._draw_shape(entity, properties)
@@ -231,10 +225,6 @@ class _Viewer(Frontend):
             raise InputError(problem, where=self._where) from error
         if isinstance(entity, LWPolyline | Polyline) and entity.has_width:
             self._widths.append(_width(entity))
-
-
-def _counted(kinds: Counter[str]) -> str:
-    return ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
 
 
 def layer_of(entity: DXFEntity) -> str:

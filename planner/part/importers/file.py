@@ -12,11 +12,17 @@ from planner.arrays import Array
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, kicad, mesh, svg, table
 from planner.part.importers.contours import Contour
-from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, Pieces, place, time_limit
+from planner.part.importers.pieces import MAX_BYTES, Options, Pieces, place, time_limit
 from runtime.shell.errors import ExpectedError, InputError, UsageError
 
-READERS = {".svg": svg.read, ".csv": table.read, ".kicad_mod": kicad.read}
-SUFFIXES = (".dxf", *READERS, ".stl")
+READERS = {
+    ".dxf": dxf.read,
+    ".svg": svg.read,
+    ".csv": table.read,
+    ".kicad_mod": kicad.read,
+    ".stl": mesh.read,
+}
+SUFFIXES = tuple(READERS)
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 """Generous bounds on the extents of a part for fingers; beyond, the unit is wrong."""
 MOST_VERTICES = 2000
@@ -46,9 +52,7 @@ class Face(NamedTuple):
     share: float  # share of the parts that come to rest on it
     imported: Imported
     cut_mm: float  # height of the finger tips, equal for all faces of the solid
-    down: tuple[
-        tuple[float, float, float], ...
-    ]  # outward normals of the solid's faces that may be down
+    down: tuple[tuple[float, float, float], ...]  # outward normals of the faces that may be down
 
     @property
     def down_text(self) -> str:
@@ -71,9 +75,9 @@ def read_outline(path: Path, options: Options) -> Imported:
         candidates, notes = contours.contours(pieces, options.tolerance_mm, where)
         contour, more = contours.choose(candidates, options.contour, where, pieces.lost)
         all_notes = (*notes, *(shape.what for shape in pieces.lost if shape.box is None), *more)
-        imported, shift = _checked(contour.points, where, options.tolerance_mm, all_notes)
-        holes = tuple(hole + shift for hole in contours.holes_of(contour, candidates))
-        return imported._replace(height_mm=pieces.height_mm, holes_mm=holes)
+        holes = contours.holes_of(contour, candidates)
+        imported = _checked(contour.points, holes, where, options.tolerance_mm, all_notes)
+        return imported._replace(height_mm=pieces.height_mm)
 
 
 def read_contours(path: Path, options: Options) -> list[Contour]:
@@ -97,17 +101,8 @@ def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
     data, suffix = _bytes(path), path.suffix.lower()
     if options.layer is not None and suffix != ".dxf":
         raise UsageError(f"{where}: --layer is for DXF drawings; leave it out")
-    unit_mm, tolerance_mm = (
-        _unit_mm(options),
-        0.5 * options.tolerance_mm,
-    )  # half for removing vertices
     with time_limit(where):
-        if suffix == ".stl":
-            yield mesh.read(data, where, unit_mm, options.height_mm)
-        elif suffix == ".dxf":
-            yield dxf.read(data, where, unit_mm, tolerance_mm, options.layer)
-        else:
-            yield READERS[suffix](data, where, unit_mm, tolerance_mm)
+        yield READERS[suffix](data, where, options)
 
 
 @contextmanager
@@ -137,9 +132,7 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
         raise UsageError(f"{where}: --faces are those of a solid; name an STL file")
     data = _bytes(path)
     with time_limit(where):
-        results = [
-            face for face in mesh.lying(data, where, _unit_mm(options)) if face.share >= LEAST_SHARE
-        ]
+        results = [face for face in mesh.lying(data, where, options) if face.share >= LEAST_SHARE]
         least_mm = min(float(np.ptp(face.solid.bounds[:, 2])) for face in results)
         height_mm = options.height_mm or tips_mm(least_mm)
         if height_mm <= 0.0:
@@ -170,7 +163,7 @@ def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) 
         hull = shapely.convex_hull(shapely.multipoints(np.concatenate(outer)))
         points = np.asarray(shapely.get_coordinates(hull)[:-1])
         notes.append(f"{len(outer)} contours, taken as their convex hull")
-    imported, _ = _checked(points, where, tolerance_mm, tuple(notes))
+    imported = _checked(points, [], where, tolerance_mm, tuple(notes))
     return imported._replace(height_mm=pieces.height_mm)
 
 
@@ -181,10 +174,6 @@ def _alike(one: Imported, other: Imported) -> bool:
     return abs(one.height_mm - other.height_mm) < mesh.WIDER_MM and symmetry.congruent(
         one.outline_mm, other.outline_mm, mesh.WIDER_MM
     )
-
-
-def _unit_mm(options: Options) -> float | None:
-    return options.scale or (UNITS_MM[options.units] if options.units else None)
 
 
 def _bytes(path: Path) -> bytes:
@@ -208,9 +197,9 @@ def _bytes(path: Path) -> bytes:
 
 
 def _checked(
-    points: Array, where: str, tolerance_mm: float, notes: tuple[str, ...]
-) -> tuple[Imported, Array]:
-    """The outline of a contour, and the shift (2,) that took it to its frame [mm]."""
+    points: Array, holes: list[Array], where: str, tolerance_mm: float, notes: tuple[str, ...]
+) -> Imported:
+    """The outline of a contour, with its holes and the drawing's datum in its frame."""
     size = np.ptp(points, axis=0)
     if not SMALLEST_MM <= size.max() <= LARGEST_MM:
         problem = (
@@ -228,16 +217,15 @@ def _checked(
         raise InputError(problem, where=where)
     order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))
     shift = first + second
-    if np.abs(shift).max() <= DATUM_MM:
-        return Imported(
-            simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))
-        ), shift
-    corner = simple.min(axis=0)  # a point nearer the part than the drawing's origin
-    name = f"the lower left corner of the part's box, {place(corner - shift)} mm in the drawing"
-    metres = float(np.hypot(*shift)) / 1000
-    far = f"the drawing's origin, {metres:.4g} m away, is too far for a datum; that is {name}"
-    origin = float(corner[0]), float(corner[1])
-    return Imported(simple, order, size, (*notes, far), origin_mm=origin, origin_name=name), shift
+    origin, name = shift, DATUM
+    if np.abs(shift).max() > DATUM_MM:
+        origin = simple.min(axis=0)  # a point nearer the part than the drawing's origin
+        name = f"the lower left corner of the part's box, {place(origin - shift)} mm in the drawing"
+        metres = float(np.hypot(*shift)) / 1000
+        far = f"the drawing's origin, {metres:.4g} m away, is too far for a datum; that is {name}"
+        notes = (*notes, far)
+    outlined = Imported(simple, order, size, notes, holes_mm=tuple(hole + shift for hole in holes))
+    return outlined._replace(origin_mm=tuple(origin.tolist()), origin_name=name)
 
 
 def _apart(points: Array, where: str) -> Array:

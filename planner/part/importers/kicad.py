@@ -3,6 +3,7 @@
 A footprint is one S-expression, read by sexpdata; its shapes are those of KiCad 5 (`module`) to 9.
 """
 
+import cmath
 import math
 import re
 from collections import Counter
@@ -14,7 +15,7 @@ import sexpdata
 import shapely
 
 from planner.arrays import Array
-from planner.part.importers.pieces import MAX_SHAPES, Pieces, flattened, sorted_out, too_much
+from planner.part.importers import pieces
 from runtime.shell.errors import InputError
 
 BODY = "F.Fab"
@@ -62,7 +63,7 @@ class Expression(NamedTuple):
         return frozenset(_word(value) for part in stated for value in part.values)
 
 
-def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
+def read(data: bytes, where: str, options: pieces.Options) -> pieces.Pieces:
     """The body's lines, arcs, circles, rectangles, polygons and curves; millimetres, unless stated otherwise.
 
     Raises:
@@ -70,9 +71,10 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
         InputError: it holds too many shapes, or none on the layer of the body.
     """
     shapes = _shapes(data.decode("utf-8-sig", errors="replace"), where)
-    if len(shapes) > MAX_SHAPES:
-        raise too_much(where, f"holds more than {MAX_SHAPES} shapes")
-    scale = np.array([1.0, -1.0]) * (unit_mm or 1.0)  # the file's y axis points down
+    if len(shapes) > pieces.MAX_SHAPES:
+        raise pieces.too_much(where, f"holds more than {pieces.MAX_SHAPES} shapes")
+    unit_mm, tolerance_mm = options.unit_mm or 1.0, options.chord_mm
+    scale = np.array([1.0, -1.0]) * unit_mm  # the file's y axis points down
     curves, strays = list[Array](), Counter[str]()
     for shape in shapes:
         if not shape.layers() & ON_BODY or shape.name in TEXTS:
@@ -82,15 +84,15 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
             strays[shape.name] += 1
             continue
         try:
-            curves.append(scale * draw(shape, tolerance_mm / (unit_mm or 1.0)))
+            curves.append(scale * draw(shape, tolerance_mm / unit_mm))
         except (KeyError, ValueError, IndexError) as error:
             problem = f"has a {shape.name} that cannot be read ({_reason(error)}); export it anew"
             raise InputError(problem, where=where) from error
-    left_out = ", ".join(f"{n} {name}" for name, n in sorted(strays.items()))
+    left_out = pieces.counted(strays)
     if not curves:
         raise _nothing(shapes, left_out, where)
     notes = [f"not known, ignored on {BODY}: {left_out}"] if strays else []
-    return sorted_out(curves, 2.0 * tolerance_mm, where, notes)
+    return pieces.sorted_out(curves, 2.0 * tolerance_mm, where, notes)
 
 
 def _shapes(text: str, where: str) -> list[Expression]:
@@ -187,7 +189,7 @@ def _bezier(shape: Expression, tolerance: float) -> Array:
         weights = [rest**3, 3.0 * rest**2 * share, 3.0 * rest * share**2, share**3]
         return np.asarray(np.column_stack(weights) @ control)
 
-    return flattened(curve, tolerance)
+    return pieces.flattened(curve, tolerance)
 
 
 CURVES: dict[str, Callable[[Expression, float], Array]] = {
@@ -208,27 +210,19 @@ def _arc(centre: Array, start: Array, turn: float, tolerance: float) -> Array:
         c, s = np.cos(turn * share), np.sin(turn * share)
         return np.asarray(centre + np.column_stack([c * x - s * y, s * x + c * y]))
 
-    return flattened(curve, tolerance)
+    return pieces.flattened(curve, tolerance)
 
 
 def _through(start: Array, middle: Array, end: Array, tolerance: float) -> Array:
     """The arc through three points, a circle where it ends where it begins; their straight line if on one."""
     if np.array_equal(start, end):
         return _arc(0.5 * (start + middle), start, math.tau, tolerance)
-    one, other = middle - start, end - start
-    cross = one[0] * other[1] - one[1] * other[0]
-    if abs(cross) <= 1e-9 * float(other @ other):
+    one, other = (complex(*(point - start)) for point in (middle, end))
+    cross = (one.conjugate() * other).imag
+    if abs(cross) <= 1e-9 * abs(other) ** 2:
         return np.array([start, end])
-    offset = np.array(
-        [
-            other[1] * (one @ one) - one[1] * (other @ other),
-            one[0] * (other @ other) - other[0] * (one @ one),
-        ]
-    )
-    centre = start + offset / (2.0 * cross)
-    first, last = (math.atan2(*(point - centre)[::-1]) for point in (start, end))
-    turn = (last - first) % math.tau
-    passes = (math.atan2(*(middle - centre)[::-1]) - first) % math.tau < turn
-    return np.concatenate(
-        [_arc(centre, start, turn if passes else turn - math.tau, tolerance)[:-1], end[None]]
-    )
+    to_centre = (abs(one) ** 2 * other - abs(other) ** 2 * one) / (2j * cross)
+    turn, before = (cmath.phase(1.0 - chord / to_centre) % math.tau for chord in (other, one))
+    centre = start + np.array([to_centre.real, to_centre.imag])
+    points = _arc(centre, start, turn if before < turn else turn - math.tau, tolerance)
+    return np.concatenate([points[:-1], end[None]])

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from planner.part.importers.pieces import Pieces, need_units, sorted_out
+from planner.part.importers.pieces import Options, Pieces, need_units, sorted_out
 from planner.part.tips import tips_height_mm
 from runtime.shell.errors import InputError, UsageError
 
@@ -27,19 +27,19 @@ class Lying(NamedTuple):
     solid: Any  # the trimesh, turned so that the face is down
 
 
-def read(data: bytes, where: str, unit_mm: float | None, height_mm: float | None) -> Pieces:
-    """The silhouette of a solid above `height_mm`; see `silhouette`."""
-    return silhouette(_solid(_trimesh(where), data, where, unit_mm), where, height_mm)
+def read(data: bytes, where: str, options: Options) -> Pieces:
+    """The silhouette of a solid above the finger tips; see `silhouette`."""
+    return silhouette(_solid(_trimesh(where), data, where, options), where, options.height_mm)
 
 
-def lying(data: bytes, where: str, unit_mm: float | None) -> list[Lying]:
+def lying(data: bytes, where: str, options: Options) -> list[Lying]:
     """A solid on each facet of its convex hull that it can rest on, the commonest first, else by direction.
 
     The share of a facet is the solid angle that it subtends at the centre of mass, plus that of the facets
     that tip over onto it. That is quasi-static: bouncing and rolling are ignored.
     """
     trimesh = _trimesh(where)
-    solid = _solid(trimesh, data, where, unit_mm)
+    solid = _solid(trimesh, data, where, options)
     if not (solid.is_watertight and solid.is_winding_consistent):
         problem = "is no closed solid, so that its centre of mass is not known; repair it and export it again"
         raise InputError(problem, where=where)
@@ -157,12 +157,12 @@ def _union(polygons: list[shapely.Geometry]) -> shapely.Geometry:
     return shapely.buffer(wider, -CRACK_MM, join_style="mitre")
 
 
-def _solid(trimesh: ModuleType, data: bytes, where: str, unit_mm: float | None) -> Any:
-    if unit_mm is None:
+def _solid(trimesh: ModuleType, data: bytes, where: str, options: Options) -> Any:
+    if options.unit_mm is None:
         raise need_units(where, "is an STL file, which never says its units")
     try:
         solid = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
-        vertices = np.asarray(solid.vertices, dtype=np.float64) * unit_mm
+        vertices = np.asarray(solid.vertices, dtype=np.float64) * options.unit_mm
         faces = np.asarray(solid.faces)
     except InputError:  # the time limit
         raise

@@ -26,6 +26,11 @@ class Region(NamedTuple):
     seams: list[Array]  # lines (n, 2) that two of its faces share [mm]
 
 
+def face(ring: Array) -> shapely.Geometry:
+    """The area that a ring (n, 2) encloses, also one that crosses itself."""
+    return shapely.make_valid(shapely.Polygon(ring))
+
+
 class Regions(NamedTuple):
     """The regions that lines bound."""
 

@@ -2,6 +2,7 @@
 
 import signal
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -30,11 +31,19 @@ class Options(NamedTuple):
     units: str | None = None  # one of `UNITS_MM`, or None for that of the file
     contour: int | None = None  # number of the contour, from 1, or None where there is only one
     tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
-    height_mm: float | None = (
-        None  # height of the finger tips beside a solid; None: `tips.tips_height_mm`
-    )
+    height_mm: float | None = None  # of the tips beside a solid; None: `tips.tips_height_mm`
     layer: str | None = None  # the layer of a DXF drawing to read; None for all visible ones
     scale: float | None = None  # mm of one unit, for drawings in pixels; instead of units
+
+    @property
+    def unit_mm(self) -> float | None:
+        """Size of one unit; None for that of the file."""
+        return self.scale or (UNITS_MM[self.units] if self.units else None)
+
+    @property
+    def chord_mm(self) -> float:
+        """Largest distance of a chord from its curve: the other half is for removing vertices."""
+        return 0.5 * self.tolerance_mm
 
 
 class Lost(NamedTuple):
@@ -51,9 +60,7 @@ class Pieces(NamedTuple):
     strokes: list[Array]  # open ones, each (n, 2) [mm]
     notes: list[str]  # notes on the drawing, one sentence each
     height_mm: float | None = None  # height of a solid
-    layers: tuple[
-        str, ...
-    ] = ()  # layer of each ring, then of each stroke; empty where the format has none
+    layers: tuple[str, ...] = ()  # of each ring, then of each stroke; empty where there are none
     lost: tuple[Lost, ...] = ()  # shapes that were not read
 
 
@@ -129,6 +136,11 @@ def place(point: Array) -> str:
     """Formats a point of a drawing to 0.01 mm, at any distance from the origin."""
     x, y = (np.round(point, 2) + 0.0).tolist()
     return f"({x:.12g}, {y:.12g})"
+
+
+def counted(kinds: Counter[str]) -> str:
+    """Lists how many shapes there are of each kind."""
+    return ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
 
 
 REPEAT_S = 0.1

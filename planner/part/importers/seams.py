@@ -76,7 +76,7 @@ def _named(points: Array, drawn: Drawn) -> str:
 
 def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str:
     """A layer that alone bounds another region; "" where one bounds this region, or none bounds any."""
-    face = _filled(region)
+    face = noding.face(region.ring)
     near = drawn.tree.query(face, "dwithin", distance=join_mm)
     layers = sorted({drawn.layers[k] for k in near})
     differing = ""
@@ -86,14 +86,9 @@ def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str
         ).regions
         if not bounded:
             continue
-        apart = shapely.symmetric_difference(
-            face, shapely.union_all([_filled(each) for each in bounded])
-        )
+        whole = shapely.union_all([noding.face(each.ring) for each in bounded])
+        apart = shapely.symmetric_difference(face, whole)
         if apart.area <= join_mm * face.length:
             return ""
         differing = layer
     return differing
-
-
-def _filled(region: noding.Region) -> shapely.Geometry:
-    return shapely.make_valid(shapely.Polygon(region.ring))

@@ -28,12 +28,12 @@ from runtime.shell.errors import InputError
 ASPECT = 1e-3
 
 
-def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> pieces.Pieces:
-    """The shapes of an SVG file; see `dxf.read`. A unit_mm of None uses its width and viewBox.
+def read(data: bytes, where: str, options: pieces.Options) -> pieces.Pieces:
+    """The shapes of an SVG file; see `dxf.read`. Without a unit its width and viewBox state the size.
 
     A length with a unit, such as 40mm, does not depend on the user unit.
     """
-    root = _root(data, where)
+    root, unit_mm, tolerance_mm = _root(data, where), options.unit_mm, options.chord_mm
     sheets = Sheets(root)
     page = Values(sheets.style(root, INHERITED), Viewport(None, None), 1.0, f"{where}: <svg>")
     box = _box(page)

@@ -89,8 +89,7 @@ class Scene:
                 f"strokes up to {self.widest_mm:.4g} mm wide; the outline runs along their middle"
             )
         if self.strays:
-            kinds = ", ".join(f"{n} {kind}" for kind, n in sorted(self.strays.items()))
-            notes.append(f"not outlines, ignored: {kinds}")
+            notes.append(f"not outlines, ignored: {pieces.counted(self.strays)}")
         if self.missing:
             notes.append(f"copied, but not in the file: {', '.join(dict.fromkeys(self.missing))}")
         return notes

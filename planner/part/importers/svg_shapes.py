@@ -47,11 +47,7 @@ def polylines(kind: str, values: Values, tolerance: float) -> list[Array]:
         points = np.array(numbers, dtype=np.float64).reshape(-1, 2)
         return [np.concatenate([points, points[:1]]) if kind == "polygon" else points]
     path = _path(kind, values)
-    return (
-        [_polyline(part, tolerance, values) for part in path.as_subpaths()]
-        if path is not None
-        else []
-    )
+    return [_polyline(part, tolerance, values) for part in (path.as_subpaths() if path else ())]
 
 
 def _path(kind: str, values: Values) -> svgelements.Path | None:
@@ -65,24 +61,16 @@ def _path(kind: str, values: Values) -> svgelements.Path | None:
         return svgelements.Path(text)
     if kind == "rect":
         width, height = values.size("width"), values.size("height")
-        rx, ry = values.length("rx"), values.length("ry")
-        corner = values.at("x"), values.at("y")
-        radii = {name: value for name, value in (("rx", rx), ("ry", ry)) if value is not None}
-        return (
-            svgelements.Path(svgelements.Rect(*corner, width, height, **radii))
-            if width * height
-            else None
-        )
+        radii = {name: value for name in ("rx", "ry") if (value := values.length(name)) is not None}
+        rect = svgelements.Rect(values.at("x"), values.at("y"), width, height, **radii)
+        return svgelements.Path(rect) if width * height else None
     if kind == "circle":
         rx = ry = values.size("r")
     else:
-        rx, ry = values.length("rx"), values.length("ry")
-        rx, ry = (rx if rx is not None else ry) or 0.0, (ry if ry is not None else rx) or 0.0
-    return (
-        svgelements.Path(svgelements.Ellipse(values.at("cx"), values.at("cy"), rx, ry))
-        if rx * ry
-        else None
-    )
+        x, y = values.length("rx"), values.length("ry")
+        rx, ry = (x if x is not None else y) or 0.0, (y if y is not None else x) or 0.0
+    ellipse = svgelements.Ellipse(values.at("cx"), values.at("cy"), rx, ry)
+    return svgelements.Path(ellipse) if rx * ry else None
 
 
 def _polyline(part: svgelements.Subpath, tolerance: float, values: Values) -> Array:

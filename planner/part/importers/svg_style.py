@@ -25,18 +25,10 @@ INHERITED = {
 """Inherited properties, and their initial values."""
 SKIPPED = (True, True)  # comments and white space, for tinycss2
 SHARE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(%?)\s*")
-SCREEN, ELSEWHERE = (
-    {"", "all", "screen"},
-    {"print", "speech"},
-)  # media whose style sheets count, or not
-HARMLESS = {
-    "charset",
-    "font-face",
-    "keyframes",
-    "namespace",
-    "page",
-    "property",
-}  # rules that hide nothing
+SCREEN = {"", "all", "screen"}  # media whose style sheets count
+ELSEWHERE = {"print", "speech"}  # media whose style sheets do not count
+# rules that hide nothing
+HARMLESS = {"charset", "font-face", "keyframes", "namespace", "page", "property"}
 
 Style = Mapping[str, str]
 """The properties of one element, lower-case names; those of `INHERITED` are always there."""

@@ -32,10 +32,10 @@ ARGUMENTS = {
     "skewx": (1,),
     "skewy": (1,),
 }
-ACROSS = frozenset(
-    {"x", "cx", "rx", "x1", "x2", "width"}
-)  # percentages of these refer to the viewport's width
-ALONG = frozenset({"y", "cy", "ry", "y1", "y2", "height"})  # and of these to its height
+# Percentages of these refer to the viewport's width,
+ACROSS = frozenset({"x", "cx", "rx", "x1", "x2", "width"})
+# and of these to its height.
+ALONG = frozenset({"y", "cy", "ry", "y1", "y2", "height"})
 PLACES = ACROSS | ALONG | {"r"}
 EDGES = {"left": "0%", "top": "0%", "center": "50%", "right": "100%", "bottom": "100%"}
 ASPECT = re.compile(
@@ -93,12 +93,10 @@ class Values(NamedTuple):
         width, height = self.viewport
         if name in ACROSS or name in ALONG:
             whole = width if name in ACROSS else height
+        elif width is None or height is None:
+            whole = None
         else:
-            whole = (
-                None
-                if width is None or height is None
-                else math.hypot(width, height) / math.sqrt(2.0)
-            )
+            whole = math.hypot(width, height) / math.sqrt(2.0)
         if whole is None:
             raise self.error(name, "is a share of a size that nobody states")
         return 0.01 * stated.value * whole

@@ -5,14 +5,14 @@ import re
 
 import numpy as np
 
-from planner.part.importers.pieces import UNITS_MM, Pieces, need_units, sorted_out
+from planner.part.importers.pieces import UNITS_MM, Options, Pieces, need_units, sorted_out
 from runtime.shell.errors import InputError
 
 MAX_ROWS = 100_000
 HEADER = re.compile(r"[\"']?([xy])(?:[_ \[(]+(mm|cm|in|m)[\])]?)?[\"']?", re.IGNORECASE)
 
 
-def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
+def read(data: bytes, where: str, options: Options) -> Pieces:
     """The single ring of a CSV file; see `dxf.read`.
 
     Columns are separated by commas, semicolons (then a comma may be the decimal sign), tabs or spaces; lines
@@ -37,19 +37,17 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
             raise InputError(problem, where=where)
         stated = UNITS_MM[named.pop()] if named else None
         rows = rows[1:]
-    scale = unit_mm if unit_mm is not None else stated
+    scale = options.unit_mm if options.unit_mm is not None else stated
     if scale is None:
         raise need_units(where, "does not name its unit (a header x_mm,y_mm would)")
-    notes = (
-        ["the header names another unit, overruled by --units"]
-        if stated not in (None, scale)
-        else []
-    )
+    notes = []
+    if stated not in (None, scale):
+        notes.append("the header names another unit, overruled by --units")
     points = np.array([_vertex(cells, line, where) for line, cells in rows]).reshape(-1, 2) * scale
     closed = np.concatenate([points, points[:1]])
-    if len(points) > 1 and np.hypot(*(points[0] - points[-1])) <= tolerance_mm:
+    if len(points) > 1 and np.hypot(*(points[0] - points[-1])) <= options.chord_mm:
         closed = points
-    return sorted_out([closed] if len(closed) > 3 else [], tolerance_mm, where, notes)
+    return sorted_out([closed] if len(closed) > 3 else [], options.chord_mm, where, notes)
 
 
 def _cells(line: str) -> list[str]:

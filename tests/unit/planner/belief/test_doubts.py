@@ -119,6 +119,6 @@ def test_a_squeeze_between_uneven_fingers_is_one_with_another_gripper(job):
     half = parameters._replace(share=np.where(np.arange(n) % 2, 0.4, 0.5))
     other = Simulator.of_job(job.replaced(gripper={"upper_finger_share": 0.4}), 1)
     mixed, even = part.roll_out(poses, half), part.roll_out(poses, parameters)
-    uneven = other.roll_out(poses, parameters._replace(share=None))
+    uneven = other.roll_out(poses, parameters._replace(share=np.full(n, 0.4)))
     assert np.array_equal(mixed.poses[1::2], uneven.poses[1::2])
     assert np.array_equal(mixed.poses[::2], even.poses[::2])

@@ -37,19 +37,21 @@ def levels_of(world, depth, states=None):
     return histories_of(world, depth, depth, states).levels
 
 
+def assert_no_plan_is_below(world, levels):
+    for success in SUCCESSES:
+        term = overall_term(levels, success, CERTAINTY)
+        assert term.squeezes <= term.estimate + 1e-12
+        assert term.estimate <= world.least(success, 4) + 1e-9
+        for confidence in (0.99, 0.7, 0.5):
+            best = world.least(success, 4, least_share=confidence)
+            assert leaves_term(levels, confidence, success, CERTAINTY).estimate <= best + 1e-9
+
+
 @pytest.mark.parametrize("depth", [1, 2, 3])
 @pytest.mark.parametrize("seed", TOYS)
 def test_no_plan_of_a_toy_is_below_its_bounds(seed, depth):
     world = toy(seed)
-    levels = levels_of(world, depth)
-    for success in SUCCESSES:
-        best = world.least(success, 4)
-        term = overall_term(levels, success, CERTAINTY)
-        assert term.squeezes <= term.estimate + 1e-12
-        assert term.estimate <= best + 1e-9
-        for confidence in (0.99, 0.7, 0.5):
-            best = world.least(success, 4, least_share=confidence)
-            assert leaves_term(levels, confidence, success, CERTAINTY).estimate <= best + 1e-9
+    assert_no_plan_is_below(world, levels_of(world, depth))
 
 
 @pytest.mark.parametrize("depth", [1, 2, 3])
@@ -58,10 +60,9 @@ def test_where_all_parts_must_be_located_nothing_is_lost_but_beyond_the_horizon(
     world = toy(seed)
     best = world.least(1.0, depth, granted=True)
     assert overall_term(levels_of(world, depth), 1.0, CERTAINTY).estimate == pytest.approx(best)
+    best = world.least(1.0, depth, granted=True, least_share=0.999)
     leaves = leaves_term(levels_of(world, depth), 0.999, 1.0, CERTAINTY).estimate
-    assert leaves == pytest.approx(
-        world.least(1.0, depth, granted=True, least_share=0.999), abs=0.02
-    )
+    assert leaves == pytest.approx(best, abs=0.02)
 
 
 @pytest.mark.parametrize("price", [1.0, 3.0, 30.0])
@@ -87,13 +88,7 @@ def test_no_plan_is_below_the_bounds_wherever_more_was_tried(seed):
     for level in (1, 2, 1):
         untried = untried_of(result.levels, level)
         result.extend(level, rng.permutation(untried)[: 1 + len(untried) // 2])
-        for success in SUCCESSES:
-            best = world.least(success, 4)
-            assert overall_term(result.levels, success, CERTAINTY).estimate <= best + 1e-9
-            for confidence in (0.99, 0.7):
-                best = world.least(success, 4, least_share=confidence)
-                term = leaves_term(result.levels, confidence, success, CERTAINTY)
-                assert term.estimate <= best + 1e-9
+        assert_no_plan_is_below(world, result.levels)
 
 
 def untried_of(levels, level):
@@ -109,9 +104,8 @@ def test_samples_of_a_world_rarely_prove_too_much():
         levels = levels_of(world, 2, rng.integers(world.size, size=300))
         results.append(overall_term(levels, success, CERTAINTY).squeezes)
     assert np.mean(np.array(results) > best) <= 1.0 - CERTAINTY
-    many = overall_term(
-        levels_of(world, 2, rng.integers(world.size, size=10_000)), success, CERTAINTY
-    )
+    large = levels_of(world, 2, rng.integers(world.size, size=10_000))
+    many = overall_term(large, success, CERTAINTY)
     exact = overall_term(levels_of(world, 2), success, CERTAINTY).estimate
     assert 1.0 < np.mean(results) < many.squeezes < exact + 1e-9
 

@@ -33,17 +33,12 @@ def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
 
 def test_a_careful_plan_has_margins_and_one_for_finer_widths_has_none(table, job, evaluation):
     careful = margins_of(table, evaluation, job, 2000)
-    assert not careful.thin
-    assert not any(
-        "thin" in line for line in advise(table, evaluation, job, margins=careful).lines()
-    )
     thin = Margins(OFFSET, THIN + 0.01, 0.3)
-    assert any(
-        "thin margins" in line for line in advise(table, evaluation, job, margins=thin).lines()
-    )
+    for margins, expected in ((careful, False), (thin, True)):
+        lines = advise(table, evaluation, job, margins=margins).lines()
+        assert margins.thin == expected
+        assert any("thin margins" in line for line in lines) == expected
     # Leaves in one another's place, where readings only just tell them apart: every answer is wrong.
-    turned = replace(
-        table,
-        leaves=tuple(leaf._replace(theta_urad=leaf.theta_urad + 700_000) for leaf in table.leaves),
-    )
+    leaves = (leaf._replace(theta_urad=leaf.theta_urad + 700_000) for leaf in table.leaves)
+    turned = replace(table, leaves=tuple(leaves))
     assert margins_of(turned, evaluation, job, 500).wrong_rate > 0.9

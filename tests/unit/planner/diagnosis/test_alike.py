@@ -1,11 +1,11 @@
 """Poses that no squeeze tells apart are named before the search, where the goal asks for them."""
 
-import math
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from problems import regular_polygon
 
 from planner.compile import compile_job
 from planner.diagnosis.alike import alike
@@ -19,9 +19,8 @@ def box(length, width):
     return [[0, 0], [length, 0], [length, width], [0, width]]
 
 
-def ring(n, radius=14.0):
-    angles = np.arange(n) * math.tau / n
-    return np.round(radius * np.column_stack([np.cos(angles), np.sin(angles)]), 4).tolist()
+def ring(n):
+    return np.round(regular_polygon(n, 14.0), 4).tolist()
 
 
 def chamfered(cut):
@@ -51,13 +50,9 @@ def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline
     message = str(error.value)
     assert "no squeeze distinguishes" in message
     assert f"which is {order}" in message
-    result = alike(job)[0]
-    assert order * result.degrees % 360.0 == pytest.approx(
-        0.0, abs=1e-6
-    )  # a symmetry of the outline,
-    assert stated * result.degrees % 360.0 != pytest.approx(
-        0.0, abs=1e-6
-    )  # that the job does not state
+    turn = alike(job)[0].degrees  # a symmetry of the outline that the job does not state
+    assert order * turn % 360.0 == pytest.approx(0.0, abs=1e-6)
+    assert stated * turn % 360.0 != pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -21,28 +21,13 @@ def job_of(outline):
 
 
 def advice(**values):
-    empty = {
-        "failing": 0.5,
-        "rejected": 0.0,
-        "pinched": 0.0,
-        "unresolved": 0.0,
-        "at_depth_limit": 0.0,
-        "open_poses": [],
-    }
-    return Advice(**{**empty, "gains": (), "proposing": True} | values)
+    return Advice(0.5, 0.0, 0.0, 0.0, 0.0, [], (), proposing=True)._replace(**values)
 
 
-def notched(depth, width=1.0):
-    return [
-        [-15, -8],
-        [15, -8],
-        [15, -width],
-        [15 - depth, -width],
-        [15 - depth, width],
-        [15, width],
-        [15, 8],
-        [-15, 8],
-    ]
+def notched(depth):
+    """A box with a notch 2 mm wide in one of its short sides."""
+    right = [[15, -8], [15, -1], [15 - depth, -1], [15 - depth, 1], [15, 1], [15, 8]]
+    return [[-15, -8], *right, [-15, 8]]
 
 
 def test_a_turn_that_is_a_symmetry_is_not_reported():

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from problems import rectangle
 
 from planner.cli.identify import main
 from planner.identification import identify, pushes
@@ -15,7 +16,6 @@ from planner.part.pressure import Pressure, support
 pytestmark = pytest.mark.slow
 
 RHO = 10.0
-RECTANGLE = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
 A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 1.6]])
 
 
@@ -32,7 +32,7 @@ def rectangle_pairs(count: int, noise: float, seed: int = 0) -> pushes.Pairs:
     rng = np.random.default_rng(seed)
     V = rng.normal(size=(count, 3))
     V /= np.linalg.norm(V, axis=1, keepdims=True)
-    F = limit_surface.wrenches(*support(Pressure("boundary", 100), RECTANGLE), RHO, V)
+    F = limit_surface.wrenches(*support(Pressure("boundary", 100), rectangle()), RHO, V)
     V += rng.normal(scale=noise, size=V.shape)
     return pushes.Pairs(F * [1, 1, RHO], V / [1, 1, RHO], np.ones(count))
 

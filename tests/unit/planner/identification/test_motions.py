@@ -9,7 +9,6 @@ from problems import rectangle, simulator
 from planner.cli.identify import main
 from planner.identification import motions
 from planner.mechanics.push import Paths
-from planner.mechanics.simulator import Parameters
 
 pytestmark = pytest.mark.slow
 
@@ -35,7 +34,7 @@ def known(n: int, noise_mm: float) -> motions.Motions:
     starts = starts + aside
     paths = Paths(starts[:, None], starts, np.zeros(n), -28.0 * away)
     part = simulator(rectangle())
-    truth = Parameters(np.repeat(A[None], n, axis=0), np.full((n, 2), MU))
+    truth = part.nominal(n, MU)._replace(surfaces=np.repeat(A[None], n, axis=0))
     moved = part.push(paths, truth, TIP_MM).moved
     return motions.Motions(paths, moved + noise_mm * rng.normal(size=(n, 3)) * [1.0, 1.0, 0.1])
 

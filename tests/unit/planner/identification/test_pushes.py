@@ -22,10 +22,8 @@ def turn(angle: float) -> np.ndarray:
 
 
 def pose_line(origin: np.ndarray, angle: float) -> str:
-    marker = origin - turn(angle) @ CORNER
-    return f"{marker[0]!r} {marker[1]!r} 9.5 {math.cos(angle / 2)!r} 0 0 {math.sin(angle / 2)!r}".replace(
-        "np.float64(", ""
-    ).replace(")", "")
+    x, y = (origin - turn(angle) @ CORNER).tolist()
+    return f"{x!r} {y!r} 9.5 {math.cos(angle / 2)!r} 0 0 {math.sin(angle / 2)!r}"
 
 
 def made_up_push(
@@ -83,9 +81,8 @@ def test_a_push_of_known_wrench_and_twist_is_read_back(place, twist):
     wrenches, twists = pushes.pairs(pushes.parse(log(made_up_push(twist, "left", FORCE, place))))
     assert np.allclose(twists, [twist], atol=1e-9)
     expected = [*FORCE, torque(FACES["left"][0], FORCE)]
-    assert np.allclose(
-        wrenches, [expected], atol=0.2
-    )  # the block moves along an arc, not quite a line
+    # The block moves along an arc, not quite a line.
+    assert np.allclose(wrenches, [expected], atol=0.2)
 
 
 def test_the_tips_offset_is_found_from_the_faces_and_taken_off():
@@ -106,14 +103,11 @@ def test_the_tips_offset_is_found_from_the_faces_and_taken_off():
     assert np.abs(with_offset - without)[:, 2].max() < 0.2 * 1.5 * 3
 
 
-def lines_of(text: str = LOG) -> list[str]:
-    return text.splitlines()
+LINES = LOG.splitlines()
 
 
 def changed_line(index: int, line: str) -> str:
-    lines = lines_of()
-    lines[index] = line
-    return "\n".join(lines)
+    return "\n".join([*LINES[:index], line, *LINES[index + 1 :]])
 
 
 MISTAKES = {
@@ -130,7 +124,7 @@ MISTAKES = {
         "line 3, push 1 of 1: pose after: qw qx qy qz is not",
     ),
     "truncated": (
-        "\n".join(lines_of()[:-30]),
+        "\n".join(LINES[:-30]),
         "line 177, push 1 of 1: the file ends where pusher poses",
     ),
     "one push over": (LOG + LOG, "line 208, push 1 of 1: more lines follow"),
@@ -138,22 +132,18 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_a_spoiled_log_is_refused_with_its_place_in_one_line(name):
-    text, problem = MISTAKES[name]
-    with pytest.raises(InputError) as caught:
+@pytest.mark.parametrize(("text", "problem"), MISTAKES.values(), ids=MISTAKES)
+def test_a_spoiled_log_is_refused_with_its_place_in_one_line(text, problem):
+    with pytest.raises(InputError, match=r"^my\.txt: ") as caught:
         pushes.parse(text, "my.txt")
-    message = str(caught.value)
-    assert message.startswith("my.txt: ")
-    assert problem in message
-    assert "\n" not in message
+    assert problem in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_every_truncation_of_a_log_is_refused():
-    lines = lines_of()
-    for count in range(len(lines)):
+    for count in range(len(LINES)):
         with pytest.raises(InputError):
-            pushes.parse("\n".join(lines[:count]))
+            pushes.parse("\n".join(LINES[:count]))
 
 
 def test_a_push_without_motion_or_contact_is_refused():

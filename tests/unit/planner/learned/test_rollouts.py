@@ -45,18 +45,16 @@ def rows_of(result, ring):
     return np.hstack(columns)[inside]
 
 
-@pytest.mark.parametrize("name", OUTLINES)
-class TestRegion:
-    def test_beyond_the_fingers_reach_a_squeeze_changes_nothing(self, name):
-        part = simulator(OUTLINES[name]())
-        poses = random_poses(
-            np.random.default_rng(1), 4000, 1.1 * rollouts.farthest(part.outline, JAWS)
-        )
-        far = poses[~rollouts.within_reach(part.outline, JAWS, poses)]
-        rolled = part.roll_out(far, part.sample(len(far), np.random.default_rng(2)))
-        assert len(far) > 100
-        assert np.all(rolled.status == UNTOUCHED)
-        assert np.array_equal(rolled.poses, far)
+@pytest.mark.parametrize("outline", OUTLINES.values(), ids=OUTLINES)
+def test_beyond_the_fingers_reach_a_squeeze_changes_nothing(outline):
+    part = simulator(outline())
+    radius = 1.1 * rollouts.farthest(part.outline, JAWS)
+    poses = random_poses(np.random.default_rng(1), 4000, radius)
+    far = poses[~rollouts.within_reach(part.outline, JAWS, poses)]
+    rolled = part.roll_out(far, part.sample(len(far), np.random.default_rng(2)))
+    assert len(far) > 100
+    assert np.all(rolled.status == UNTOUCHED)
+    assert np.array_equal(rolled.poses, far)
 
 
 def test_fewer_are_a_prefix_of_more_in_every_ring(part, small):

@@ -8,12 +8,12 @@ from contact_problems import (
     goals,
     jamming,
     lcp,
+    posed,
     random_contacts,
     receding,
     rows,
     wrenches,
 )
-from contact_solutions import posed
 from lcp_twin import motions, solve
 
 from planner.mechanics.closed_form import (

@@ -215,9 +215,7 @@ def test_a_part_that_reaches_behind_a_finger_is_met_by_its_outer_corner(finger):
 
 def meets(outline, pose, width_mm, jaws, share):
     """The slow twin: whether jaws closed to a width reach a part in the hand frame, along a fine raster."""
-    x, y, theta = pose
-    c, s = np.cos(theta), np.sin(theta)
-    corners = outline @ np.array([[c, s], [-s, c]]) + np.array([x, y])
+    corners = place(outline, pose)
     ends = np.roll(corners, -1, axis=0)
     edge = np.concatenate(
         [a + np.linspace(0, 1, 200)[:, None] * (b - a) for a, b in zip(corners, ends, strict=True)]

@@ -1,27 +1,19 @@
 """The limit surface against closed forms, its defining conditions and published figures."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
-from surfaces import mean_twist_error
+from problems import rectangle, regular_polygon
+from surfaces import mean_twist_error, random_ellipsoid
 
-from planner.job import model as job
 from planner.mechanics import limit_surface
 from planner.mechanics.surface import of_job as surface_of
 from planner.part import outline
 from planner.part.pressure import Pressure, support
 
-RECTANGLE = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
-RHO = outline.radius_of_gyration(RECTANGLE)
+RHO = outline.radius_of_gyration(rectangle())
 TWISTS = limit_surface.twist_directions()
-RECTANGLE_JOB = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
-
-
-def random_ellipsoid(rng: np.random.Generator) -> np.ndarray:
-    root = rng.normal(size=(3, 3))
-    return root @ root.T + 0.2 * np.eye(3)
 
 
 def cost(A: np.ndarray, F: np.ndarray, V: np.ndarray) -> float:
@@ -33,13 +25,8 @@ def cost(A: np.ndarray, F: np.ndarray, V: np.ndarray) -> float:
     return total
 
 
-def circle(radius: float, count: int = 720) -> np.ndarray:
-    angles = np.arange(count) * math.tau / count
-    return radius * np.column_stack([np.cos(angles), np.sin(angles)])
-
-
 def test_turning_on_the_spot_matches_the_closed_forms_of_ring_and_disc():
-    ring = circle(20.0)
+    ring = regular_polygon(720, 20.0)
     spin = np.array([[0.0, 0.0, -1.0]])
     rho = 20.0 / math.sqrt(2)
     for kind, torque in (("boundary", 20.0), ("uniform", 2 / 3 * 20.0)):
@@ -51,7 +38,7 @@ def test_turning_on_the_spot_matches_the_closed_forms_of_ring_and_disc():
 @pytest.mark.parametrize("kind", ["boundary", "uniform"])
 def test_each_wrench_dissipates_most_under_its_own_twist(kind):
     """Maximum dissipation, and with it convexity: no other wrench of the surface does more work."""
-    F = limit_surface.wrenches(*support(Pressure(kind, 100), RECTANGLE), RHO, TWISTS)
+    F = limit_surface.wrenches(*support(Pressure(kind, 100), rectangle()), RHO, TWISTS)
     power = TWISTS @ F.T
     assert (np.diag(power) > 0).all()
     assert (power <= np.diag(power)[:, None] + 1e-12).all()
@@ -69,7 +56,7 @@ def test_fit_recovers_an_ellipsoid_from_its_own_pairs(seed):
 
 
 def test_fit_is_the_least_squares_minimum():
-    F = limit_surface.wrenches(*support(Pressure("boundary", 100), RECTANGLE), RHO, TWISTS)
+    F = limit_surface.wrenches(*support(Pressure("boundary", 100), rectangle()), RHO, TWISTS)
     A = limit_surface.fit(F, TWISTS)
     least = cost(A, F, TWISTS)
     rng = np.random.default_rng(3)
@@ -78,23 +65,23 @@ def test_fit_is_the_least_squares_minimum():
         assert cost(A + step + step.T, F, TWISTS) > least
 
 
-def test_rectangle_with_boundary_load_is_close_to_the_published_ellipsoid():
+def test_rectangle_with_boundary_load_is_close_to_the_published_ellipsoid(job):
     """The authors' released fit: rho = 10.5711873 mm and the diagonal below.
 
     rho is a closed form and agrees to its last digit. The diagonal depends on the twists and weights of the
     fit, which are not published; 5 % is a third of one standard deviation of the samples at n_df = 100.
     An ellipsoid leaves about 7 deg of error in the direction of the twist for this load.
     """
-    surface = surface_of(job.load(RECTANGLE_JOB))
+    surface = surface_of(job)
     assert surface.rho_mm == pytest.approx(10.5711873, abs=1e-7)
     assert np.diag(surface.A) == pytest.approx([1.04824883, 1.06257935, 0.57763835], rel=0.05)
-    F = limit_surface.wrenches(*support(Pressure("boundary", 100), RECTANGLE), RHO, TWISTS)
+    F = limit_surface.wrenches(*support(Pressure("boundary", 100), rectangle()), RHO, TWISTS)
     assert 6.0 < math.degrees(mean_twist_error(limit_surface.twist(surface.A, F), TWISTS)) < 8.0
 
 
 def test_the_ellipsoid_does_not_depend_on_the_place_of_the_frame():
     """H of a force and its twist are the same, whichever point they are taken about."""
-    points, weights = support(Pressure("boundary", 100), RECTANGLE)
+    points, weights = support(Pressure("boundary", 100), rectangle())
     here = limit_surface.fit_ellipsoid(points, weights, RHO).A
     offset = np.array([7.0, -2.0])
     there = limit_surface.fit_ellipsoid(points + offset, weights, RHO).A

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from surfaces import hessian, mean_twist_error
+from problems import rectangle
+from surfaces import hessian, mean_twist_error, random_ellipsoid
 
 from planner.mechanics import limit_surface, quartic, quartic_fit
 from planner.mechanics.quartic import QuarticSurface
@@ -10,14 +11,8 @@ from planner.part import outline, quartic_form
 from planner.part.pressure import Pressure, support
 from planner.part.quartic_form import coefficients_of
 
-RECTANGLE = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
-RHO = outline.radius_of_gyration(RECTANGLE)
+RHO = outline.radius_of_gyration(rectangle())
 TWISTS = limit_surface.twist_directions()
-
-
-def random_ellipsoid(rng: np.random.Generator) -> np.ndarray:
-    root = rng.normal(size=(3, 3))
-    return root @ root.T + 0.3 * np.eye(3)
 
 
 def least_curvature(coefficients: np.ndarray, directions: np.ndarray) -> float:
@@ -28,7 +23,7 @@ def least_curvature(coefficients: np.ndarray, directions: np.ndarray) -> float:
 
 @pytest.fixture(scope="module", params=["boundary", "uniform"])
 def load(request):
-    return support(Pressure(request.param, 100), RECTANGLE)
+    return support(Pressure(request.param, 100), rectangle())
 
 
 @pytest.fixture(scope="module")

@@ -2,29 +2,55 @@
 
 import numpy as np
 import pytest
-from contact_solutions import contact_solution
+from contact_problems import workspace
+from problems import JAWS, place, rectangle
 
-from planner.mechanics import quartic
+from planner.mechanics import contacts, quartic
+from planner.mechanics.boundary import Drive, directions
 from planner.mechanics.clearance import clearance
+from planner.mechanics.contacts import FINGER, FN, FT, GAP, N2, NX, NY, T2, UN, UT
 from planner.mechanics.lcp import RAY, SOLVED
+from planner.mechanics.step import TOUCHING_MM
+from planner.mechanics.surface_step import solve_surface
 
 pytestmark = pytest.mark.slow
 
-JAWS = np.array([85.0, 27.5, 9.5, 0.5])
-RECTANGLE = np.array([[-15.0, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
 A = np.diag([1.05, 1.06, 0.58])
 RHO = 10.57
 
 
-def place(pose):
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return RECTANGLE @ np.array([[c, s], [-s, c]]) + pose[:2]
+def stepped(pose, surface, friction):
+    """Status, touching contacts, friction of each, and displacement of a step from the first touch on."""
+    columns = np.ascontiguousarray(place(rectangle(), pose).T)
+    half, thickness = 0.5 * JAWS[1], JAWS[2]
+    faces = (side * (100.0 - clearance(columns, side, side * 100.0, half)) for side in (1, -1))
+    fingers = (
+        contacts.Finger(side, 0.0, face, half, thickness)
+        for side, face in zip((1, -1), faces, strict=True)
+    )
+    work, out = workspace(), np.zeros(columns.shape[1], np.int64)
+    hand = contacts.Hand(*fingers, 2)
+    count = contacts.find(work.C, work.I, columns, out, pose, hand, TOUCHING_MM)
+    directions(work.C, work.I, count, RHO, Drive(0.1, 0.1, 0.0, 0.0, 0.0))
+    work.F[:] = 0.0, 1.0, 0.0
+    status = solve_surface(surface, np.cos(pose[2]), np.sin(pose[2]), *friction, count, work)
+    mu = np.where(work.I[:count, FINGER] == 1, *friction)
+    return status, work.C[:count], mu, work.V
 
 
-def touching(pose):
-    points = place(pose)
-    columns = np.ascontiguousarray(points.T)
-    return points, tuple(f * (100.0 - clearance(columns, f, f * 100.0, 13.75)) for f in (1, -1))
+def violations(C, mu, V):
+    """Of eqs 3 to 5, at each contact; at most 0 for an exact solution."""
+    fn, ft = C[:, FN], C[:, FT]
+    slack = C[:, GAP] - C[:, UN] + C[:, NX] * V[0] + C[:, NY] * V[1] + C[:, N2] * V[2]
+    slip = C[:, NX] * V[1] - C[:, NY] * V[0] + C[:, T2] * V[2] - C[:, UT]
+    room = mu * fn - np.abs(ft)
+    return {
+        "overlap": -slack,
+        "force across a gap": np.minimum(np.abs(slack), fn),
+        "friction beyond the cone": -room,
+        "slip within the cone": np.minimum(np.abs(slip), np.maximum(room, 0.0)),
+        "friction along the slip": ft * slip,
+    }
 
 
 @pytest.mark.parametrize(
@@ -35,14 +61,13 @@ def test_solutions_fulfil_complementarity_and_coulombs_law(surface):
     solved = pressed = 0
     for _ in range(300):
         pose = np.array([rng.uniform(-8, 8), 0.0, rng.uniform(-np.pi, np.pi)])
-        points, faces = touching(pose)
-        mu = tuple(rng.uniform(0.1, 0.7, 2))
-        solution = contact_solution(points, pose, faces, JAWS, surface, RHO, mu, 0.1)
-        if solution.status != SOLVED:
-            assert solution.status == RAY
+        status, C, mu, V = stepped(pose, surface, rng.uniform(0.1, 0.7, 2))
+        if status != SOLVED:
+            assert status == RAY
             continue
         solved += 1
-        pressed += int((solution.force[:, 0] > 0.0).sum() > 1)
-        assert max(solution.residuals()) < 1e-6
+        pressed += int((C[:, FN] > 0.0).sum() > 1)
+        for name, values in violations(C, mu, V).items():
+            assert values.max(initial=0.0) < 1e-6, name
     assert solved > 100
     assert pressed > 20

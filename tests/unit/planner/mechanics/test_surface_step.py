@@ -1,36 +1,23 @@
 """The step with either limit surface: the quartic of an ellipsoid is that ellipsoid, fixed points hold."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from surfaces import hessian
 
 from planner.belief.doubts import believed
 from planner.belief.particles import initial
-from planner.job import model as job_file
 from planner.mechanics import quartic, surface
-from planner.mechanics.simulator import Parameters, Simulator
+from planner.mechanics.simulator import Simulator
 from planner.mechanics.surface_step import local_matrix
 
-JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
-TEXT = (Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml").read_text()
-
 
 @pytest.fixture(scope="module")
-def poses():
-    return initial(JOB, 200, np.random.default_rng(5))
+def poses(job):
+    return initial(job, 200, np.random.default_rng(5))
 
 
-@pytest.fixture(scope="module")
-def quartic_job():
-    return job_file.parse(
-        TEXT.replace('kind = "boundary"', 'limit_surface = "quartic"\nkind = "boundary"')
-    )
-
-
-def test_local_matrix_is_a_third_of_the_hessian_and_gives_the_gradient(quartic_job):
-    form = surface.of_job(quartic_job)
+def test_local_matrix_is_a_third_of_the_hessian_and_gives_the_gradient(job):
+    form = surface.of_job(job.replaced(pressure={"limit_surface": "quartic"}))
     assert isinstance(form, quartic.QuarticSurface)
     A = np.empty((3, 3))
     for F in np.random.default_rng(1).normal(size=(20, 3)):
@@ -39,8 +26,8 @@ def test_local_matrix_is_a_third_of_the_hessian_and_gives_the_gradient(quartic_j
         np.testing.assert_allclose(A @ F, form.gradient(F), atol=1e-12)
 
 
-def test_in_one_roll_out_each_part_is_squeezed_by_the_form_of_its_own_surface(poses):
-    doubting = JOB.replaced(doubt={"limit_surface": "any", "chance": 1.0})
+def test_in_one_roll_out_each_part_is_squeezed_by_the_form_of_its_own_surface(job, poses):
+    doubting = job.replaced(doubt={"limit_surface": "any", "chance": 1.0})
     simulator, rng = Simulator.of_job(doubting, workers=1), np.random.default_rng(6)
     traits = believed(doubting, len(poses), rng).traits
     curved = traits["surface"] == 1
@@ -56,8 +43,8 @@ def test_in_one_roll_out_each_part_is_squeezed_by_the_form_of_its_own_surface(po
         assert alone.width_mm[0] == rolled.width_mm[k]
 
 
-def test_parts_of_both_forms_end_alike_where_the_quartic_is_the_ellipsoid(poses):
-    plain = Simulator.of_job(JOB, workers=1)
+def test_parts_of_both_forms_end_alike_where_the_quartic_is_the_ellipsoid(job, poses):
+    plain = Simulator.of_job(job, workers=1)
     same = quartic.of_ellipsoid(plain.surface.A, plain.surface.rho_mm)
     both = np.zeros((len(poses), 6, 6))
     both[:, :3, :3] = plain.surface.A
@@ -69,12 +56,12 @@ def test_parts_of_both_forms_end_alike_where_the_quartic_is_the_ellipsoid(poses)
     np.testing.assert_array_equal(b.status, a.status)
 
 
-def test_a_release_moves_held_parts_only_and_by_what_the_job_says(poses):
-    text = TEXT + "\n[release]\nshift_mm = 0.5\nturn_deg = 2.0\n"
-    simulator = Simulator.of_job(job_file.parse(text), workers=1)
+def test_a_release_moves_held_parts_only_and_by_what_the_job_says(job, poses):
+    released = job.replaced(release={"shift_mm": 0.5, "turn_deg": 2.0})
+    simulator = Simulator.of_job(released, workers=1)
     far = np.concatenate([poses, poses + np.array([100.0, 0.0, 0.0])])
     drawn = simulator.sample(len(far), np.random.default_rng(4))
-    still = simulator.roll_out(far, Parameters(drawn.surfaces, drawn.mu))
+    still = simulator.roll_out(far, drawn._replace(release=np.zeros((len(far), 3))))
     moved = simulator.roll_out(far, drawn)
     offset = moved.poses - still.poses
     assert np.all(offset[len(poses) :] == 0.0)
@@ -82,9 +69,9 @@ def test_a_release_moves_held_parts_only_and_by_what_the_job_says(poses):
     assert offset[: len(poses), 2].std() == pytest.approx(np.radians(2.0), rel=0.2)
 
 
-def test_a_finger_that_sticks_lets_the_other_do_all_the_closing():
-    text = TEXT.replace("force_n = 40.0", "upper_finger_share = 0.0\nforce_n = 40.0")
-    simulator = Simulator.of_job(job_file.parse(text), workers=1)
+def test_a_finger_that_sticks_lets_the_other_do_all_the_closing(job):
+    uneven = job.replaced(gripper={"upper_finger_share": 0.0})
+    simulator = Simulator.of_job(uneven, workers=1)
     rolled = simulator.roll_out(np.zeros((1, 3)), simulator.nominal(1, 0.5))
     # The lower finger pushes the part up to the upper one, which stands at half the opening.
     assert rolled.width_mm[0] == pytest.approx(21.0, abs=0.01)

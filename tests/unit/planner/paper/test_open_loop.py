@@ -6,39 +6,27 @@ import math
 import numpy as np
 import pytest
 
+from planner.paper import open_loop
 from planner.paper.open_loop import ALPHA, OpenLoop
-from planner.paper.search import singleton
 
 RNG_SEED = 11
 
 
-class Wall:
+def wall(poses, _rng):
     """A wall at the hand, pushed against from its far side: x beyond it comes to lie on it."""
-
-    def __call__(self, poses, rng):
-        moved = poses.copy()
-        moved[:, 0] = np.minimum(moved[:, 0], 0.0)
-        return moved
+    moved = poses.copy()
+    moved[:, 0] = np.minimum(moved[:, 0], 0.0)
+    return moved
 
 
-class Nowhere:
-    def collides(self, poses):
-        return np.zeros(len(poses), bool)
-
-
-class Beyond:
-    """Collides with whatever lies further than that from the hand."""
-
-    def __init__(self, reach):
-        self.reach = reach
-
-    def collides(self, poses):
-        return np.hypot(poses[:, 0], poses[:, 1]) > self.reach
+def beyond_reach(poses):
+    """Collides with whatever lies further than 9.5 mm from the hand."""
+    return np.hypot(poses[:, 0], poses[:, 1]) > 9.5
 
 
 def ratio(poses):
-    # Orientation plays no part on the line; the wall turned by half a turn pushes the other way.
-    return singleton(poses, order=1, box=(1.0, 1e9, 10.0)).ratio
+    """Share within 1 mm of the mean along the line, where orientation plays no part."""
+    return np.mean(np.abs(poses[:, 0] - poses[:, 0].mean()) <= 1.0)
 
 
 def line(low, high, n=401):
@@ -55,15 +43,12 @@ def right(x):
     return [x, 0.0, math.pi]
 
 
-def search_of(placements, depth, motion=None, collision=None, **options):
-    return OpenLoop(
-        np.array(placements, float),
-        motion or Wall(),
-        collision or Nowhere(),
-        ratio,
-        depth,
-        **options,
-    )
+def nowhere(poses):
+    return np.zeros(len(poses), bool)
+
+
+def search_of(placements, depth, collides=nowhere):
+    return OpenLoop(np.array(placements, float), wall, collides, ratio, depth)
 
 
 def best_by_trial(search, poses):
@@ -76,7 +61,7 @@ def best_by_trial(search, poses):
                 alive = alive and search.free(belief, search.placements[action])
                 belief = search.moved(belief, search.placements[action], None)
                 value = search.ratio(belief)
-                alive = alive and value >= search.alpha * last
+                alive = alive and value >= open_loop.ALPHA * last
                 last = value
             if alive and last > result[1]:
                 result = (actions, last)
@@ -89,12 +74,11 @@ def found_by(search, poses):
 
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("depth", [1, 2, 3])
-def test_search_finds_what_trying_everything_finds(seed, depth):
+def test_search_finds_what_trying_everything_finds(seed, depth, monkeypatch):
     rng = np.random.default_rng(seed)
     placements = [(left if rng.random() < 0.5 else right)(rng.uniform(0, 10)) for _ in range(4)]
-    search = search_of(
-        placements, depth, collision=Beyond(9.5), alpha=rng.choice([0.0, ALPHA, 0.95])
-    )
+    monkeypatch.setattr(open_loop, "ALPHA", rng.choice([0.0, ALPHA, 0.95]))
+    search = search_of(placements, depth, beyond_reach)
     best = found_by(search, line(0, 10))
     assert (best.actions, best.ratio) == best_by_trial(search, line(0, 10))
 

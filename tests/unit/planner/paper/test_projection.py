@@ -3,48 +3,33 @@
 import math
 
 import numpy as np
-import problems
 import pytest
+from problems import ENCODER, rectangle, rolled
 
-from planner.belief.observation import Encoder
 from planner.frames import wrap
-from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.quartic_fit import fit_pressure
 from planner.paper.projection import Projection
 from planner.paper.subspaces import subspaces_of
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Pressure, support
 
-ENCODER = Encoder(85.0, 227, 0.15)
-OUTLINE = problems.rectangle()
+OUTLINE = rectangle()
 RHO = radius_of_gyration(OUTLINE)
-
-
-def quartic():
-    points, weights = support(Pressure("boundary", 100), OUTLINE)
-    return fit_pressure(points, weights, RHO)
-
-
-def learned(surface=None, n=9000):
-    simulator = problems.simulator(OUTLINE, workers=2, surface=surface)
-    rng = np.random.default_rng(5)
-    poses = problems.random_poses(rng, n, 38.25)
-    poses = poses[classify_contact(OUTLINE, simulator.jaws, poses) != STANDS_ON]
-    rolled = simulator.roll_out(poses, simulator.sample(len(poses), rng))
-    subspaces = subspaces_of(rolled.width_mm, ENCODER)
-    label = subspaces.label(rolled.width_mm)
-    return rolled, label, Projection.fit(rolled.poses, label, RHO, 2)
 
 
 @pytest.fixture(scope="module", params=["ellipsoid", "quartic"])
 def case(request):
-    return learned(quartic() if request.param == "quartic" else None)
+    """Final poses of squeezes, their subspaces, and the projection learned from them."""
+    quartic = request.param == "quartic"
+    load = support(Pressure("boundary", 100), OUTLINE)
+    surface = fit_pressure(*load, RHO) if quartic else None
+    ends = rolled(OUTLINE, 9000, 38.25, seed=5, surface=surface)
+    label = subspaces_of(ends.width_mm, ENCODER).label(ends.width_mm)
+    return ends.poses, label, Projection.fit(ends.poses, label, RHO, 2)
 
 
-def shaken(poses, seed=0, scale=0.8):
-    return poses + scale * np.random.default_rng(seed).standard_normal(poses.shape) / np.array(
-        [1, 1, RHO]
-    )
+def shaken(poses):
+    return poses + 0.8 * np.random.default_rng(0).standard_normal(poses.shape) / [1.0, 1.0, RHO]
 
 
 def distance(a, b):
@@ -53,21 +38,21 @@ def distance(a, b):
 
 
 def test_particles_move_to_the_nearest_pose_of_their_subspace(case):
-    rolled, label, projection = case
-    particles, asked = shaken(rolled.poses[:400]), label[:400]
+    ends, label, projection = case
+    particles, asked = shaken(ends[:400]), label[:400]
     projected = projection.project(particles, asked)
     for pose, k, end in zip(particles, asked, projected, strict=True):
         if k == 0:
             assert np.array_equal(end, pose)
             continue
-        every = distance(pose, rolled.poses[label == k])
+        every = distance(pose, ends[label == k])
         assert distance(pose, end) == pytest.approx(every.min(), abs=1e-9)
-        assert distance(end, rolled.poses[label == k]).min() < 1e-9
+        assert distance(end, ends[label == k]).min() < 1e-9
 
 
 def test_projecting_twice_is_projecting_once(case):
-    rolled, label, projection = case
-    once = projection.project(shaken(rolled.poses), label)
+    ends, label, projection = case
+    once = projection.project(shaken(ends), label)
     twice = projection.project(once, label)
     assert np.array_equal(twice, once)
 

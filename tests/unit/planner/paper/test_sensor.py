@@ -3,44 +3,31 @@
 import math
 
 import numpy as np
-import problems
 import pytest
+from problems import rectangle, rolled
 
-from planner.mechanics.clearance import STANDS_ON, classify_contact
-from planner.paper.sensor import SensorModel
-
-
-def rolled(outline, n, seed):
-    simulator = problems.simulator(outline, workers=2)
-    rng = np.random.default_rng(seed)
-    poses = problems.random_poses(rng, n, 30.0)
-    poses = poses[classify_contact(simulator.outline, simulator.jaws, poses) != STANDS_ON]
-    return simulator.roll_out(poses, simulator.sample(len(poses), rng)._replace(release=None))
+from planner.paper.sensor import sensor_model
 
 
 @pytest.fixture(scope="module")
-def rectangle():
-    return rolled(problems.rectangle(), 15_000, 1)
+def widths():
+    known = rolled(rectangle(), 15_000, 30.0, seed=1)
+    return sensor_model(known.poses, known.width_mm, order=2)
 
 
-@pytest.fixture(scope="module")
-def model(rectangle):
-    return SensorModel.fit(rectangle.poses, rectangle.width_mm, order=2)
-
-
-def test_the_model_predicts_widths_it_never_saw(model):
-    fresh = rolled(problems.rectangle(), 6000, 2)
-    error = np.abs(model.predict(fresh.poses) - fresh.width_mm)
+def test_the_model_predicts_widths_it_never_saw(widths):
+    fresh = rolled(rectangle(), 6000, 30.0, seed=2)
+    error = np.abs(widths(fresh.poses) - fresh.width_mm)
     # The encoder's noise is 0.15 mm and its counts are 0.37 mm wide.
     assert np.median(error) < 0.05
     assert np.quantile(error, 0.95) < 0.25
 
 
-def test_flush_grasps_and_jams_show_the_widths_that_geometry_says(model):
+def test_flush_grasps_and_jams_show_the_widths_that_geometry_says(widths):
     # Between the fingers the rectangle at angle t is 30 |sin t| + 21 |cos t| wide; it rests flush, or jams
     # where friction holds it on a diagonal.
     for turn, width in ((0.0, 21.0), (math.pi / 2, 30.0), (math.pi - 0.95, math.hypot(30.0, 21.0))):
         for copy in (turn, turn + math.pi, turn - math.pi):
-            assert model.predict(np.array([[0.0, 0.0, copy]]))[0] == pytest.approx(width, abs=0.5)
+            assert widths(np.array([[0.0, 0.0, copy]]))[0] == pytest.approx(width, abs=0.5)
     far = np.array([[40.0, 0.0, 0.3], [-45.0, 3.0, 1.0]])
-    assert np.array_equal(model.predict(far), [0.0, 0.0])
+    assert np.array_equal(widths(far), [0.0, 0.0])

@@ -21,7 +21,6 @@ from problems import (
     simulator,
 )
 
-from planner.mechanics.simulator import Parameters
 from planner.paper.sensorless import SqueezeFunction, plan, width_function
 from planner.part.outline import convex_hull, min_width, width
 
@@ -43,6 +42,11 @@ def carried_out(outline, angles, rng):
     return theta
 
 
+def off(outline, result, angles, rng):
+    """Largest deviation of parts from the plan's final angle after squeezes at some angles."""
+    return apart(carried_out(outline, angles, rng) - result.final, result.period).max()
+
+
 def apart(angles, period):
     return np.abs(angles - period * np.round(angles / period))
 
@@ -62,15 +66,8 @@ def test_plans_orient_every_part_up_to_the_symmetry_of_its_hull():
     rng = np.random.default_rng(2)
     for outline in outlines():
         result = plan(outline)
-        assert (
-            apart(carried_out(outline, result.angles, rng) - result.final, result.period).max()
-            < 1e-9
-        )
-
-
-def test_no_plan_is_longer_than_2n_minus_1():
-    for outline in outlines():
-        assert len(plan(outline).angles) <= 2 * len(convex_hull(outline)) - 1
+        assert off(outline, result, result.angles, rng) < 1e-9
+        assert len(result.angles) <= 2 * len(convex_hull(outline)) - 1  # Goldberg's bound
 
 
 def test_a_plan_holds_with_hands_off_by_less_than_its_slack():
@@ -80,10 +77,7 @@ def test_a_plan_holds_with_hands_off_by_less_than_its_slack():
         errors = 0.98 * result.slack * rng.uniform(-0.5, 0.5, len(result.angles))
         errors[-1] = 0.0
         if len(result.angles) > 1:
-            angles = result.angles + errors
-            assert (
-                apart(carried_out(outline, angles, rng) - result.final, result.period).max() < 1e-9
-            )
+            assert off(outline, result, result.angles + errors, rng) < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -101,12 +95,6 @@ def test_periods_of_known_shapes(outline, degrees):
     assert math.degrees(SqueezeFunction.of(outline).period) == pytest.approx(degrees)
 
 
-def frictionless(outline, n, rng):
-    model = simulator(outline, jaws=LONG_JAWS)
-    parameters = model.sample(n, rng)
-    return model, Parameters(parameters.surfaces, np.zeros((n, 2)))
-
-
 def scalene():
     """No edge is square to a chord: every equilibrium is stable or unstable, none is indifferent."""
     return random_convex(np.random.default_rng(6), 5)
@@ -115,12 +103,13 @@ def scalene():
 @pytest.mark.parametrize("make", [rectangle, scalene, hexagon, l_shape, bar])
 def test_our_simulator_ends_at_local_minima_without_friction(make):
     outline, rng = make(), np.random.default_rng(4)
-    model, parameters = frictionless(outline, 400, rng)
-    final = model.roll_out(random_poses(rng, 400, 5.0), parameters)
+    model = simulator(outline, jaws=LONG_JAWS)
+    frictionless = model.sample(400, rng)._replace(mu=np.zeros((400, 2)))
+    final = model.roll_out(random_poses(rng, 400, 5.0), frictionless)
     minima = width_function(outline).minima
     direction = 0.5 * math.pi - final.poses[:, 2]
-    off = apart(direction[:, None] - minima[None], math.pi).min(axis=1)
-    assert np.mean(np.degrees(off) < 0.5) > 0.99
+    beside = apart(direction[:, None] - minima[None], math.pi).min(axis=1)
+    assert np.mean(np.degrees(beside) < 0.5) > 0.99
     assert final.width_mm == pytest.approx(width_function(outline)(direction), abs=0.05)
 
 
@@ -133,16 +122,11 @@ def test_it_is_the_extent_in_every_direction():
         assert width_function(outline)(DIRECTIONS) == pytest.approx(expected, abs=1e-9)
 
 
-def test_the_least_minimum_is_the_narrowest_and_the_greatest_maximum_the_diameter():
+def test_extrema_lie_beyond_what_is_beside_them_between_least_width_and_diameter():
     for outline in outlines():
         function = width_function(outline)
         assert function(function.minima).min() == pytest.approx(min_width(outline))
         assert function(function.maxima).max() == pytest.approx(diameter(outline))
-
-
-def test_extrema_are_higher_or_lower_than_what_is_beside_them():
-    for outline in outlines():
-        function = width_function(outline)
         for step in (-1e-5, 1e-5):
             assert np.all(function(function.minima) < function(function.minima + step))
             assert np.all(function(function.maxima) > function(function.maxima + step))

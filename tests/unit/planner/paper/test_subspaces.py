@@ -3,24 +3,17 @@
 import math
 
 import numpy as np
-import problems
 import pytest
+from problems import ENCODER, rectangle, rolled
 
-from planner.belief.observation import Encoder, resolution_of
-from planner.mechanics.clearance import STANDS_ON, classify_contact
+from planner.belief.observation import resolution_of
 from planner.mechanics.squeeze import GRASPED, JAMMED
 from planner.paper.subspaces import subspaces_of
-
-ENCODER = Encoder(85.0, 227, 0.15)
 
 
 @pytest.fixture(scope="module")
 def squeezed():
-    simulator = problems.simulator(problems.rectangle(), workers=2)
-    rng = np.random.default_rng(2)
-    poses = problems.random_poses(rng, 12_000, 38.25)
-    poses = poses[classify_contact(simulator.outline, simulator.jaws, poses) != STANDS_ON]
-    return simulator.roll_out(poses, simulator.sample(len(poses), rng))
+    return rolled(rectangle(), 12_000, 38.25, seed=2)
 
 
 def test_the_rectangle_has_the_four_subspaces_of_the_paper(squeezed):
@@ -28,14 +21,8 @@ def test_the_rectangle_has_the_four_subspaces_of_the_paper(squeezed):
     subspaces = subspaces_of(squeezed.width_mm, ENCODER)
     assert len(subspaces) == 4
     label = subspaces.label(squeezed.width_mm)
-    least, most = zip(
-        *(
-            (widths.min(), widths.max())
-            for k in range(4)
-            for widths in [squeezed.width_mm[label == k]]
-        ),
-        strict=True,
-    )
+    widths = [squeezed.width_mm[label == k] for k in range(4)]
+    least, most = [each.min() for each in widths], [each.max() for each in widths]
     assert most[0] == 0.0
     assert least[1:3] == pytest.approx([21.0, 30.0], abs=0.05)
     assert most[3] == pytest.approx(math.hypot(30.0, 21.0), abs=0.05)

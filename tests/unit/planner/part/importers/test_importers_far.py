@@ -50,12 +50,10 @@ SMALL = {  # what is drawn at (x, y), and its area
 }
 
 
-@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize(("draw", "mm2"), SMALL.values(), ids=SMALL)
 @pytest.mark.parametrize("site_mm", [(0, 0), (5e9, -3e9)])
 @pytest.mark.parametrize("block", [False, True])
-def test_read_small_shape_far_away_keeps_its_form(tmp_path, name, site_mm, block):
-    draw, mm2 = SMALL[name]
-
+def test_read_small_shape_far_away_keeps_its_form(tmp_path, draw, mm2, site_mm, block):
     def place(space, document):
         if block:
             space.add_blockref("PART", (7, 5))

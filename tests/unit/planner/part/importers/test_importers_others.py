@@ -3,16 +3,10 @@
 import time
 
 import pytest
+from drawings import area, read, refused
 
-from planner.part import outline as outlines
-from planner.part.importers.file import read_outline
-from planner.part.importers.pieces import MAX_BYTES, Options, time_limit
+from planner.part.importers.pieces import MAX_BYTES, time_limit
 from runtime.shell.errors import InputError, UsageError
-
-
-def read(path, **options):
-    return read_outline(path, Options(**options))
-
 
 CSV = {
     "header in mm": ("x_mm,y_mm\n0,0\n30,0\n30,21\n0,21\n", None, 1.0),
@@ -28,13 +22,12 @@ CSV = {
 }
 
 
-@pytest.mark.parametrize("name", CSV)
-def test_csv_outlines(tmp_path, name):
-    text, units, scale = CSV[name]
+@pytest.mark.parametrize(("text", "units", "scale"), CSV.values(), ids=CSV)
+def test_csv_outlines(tmp_path, text, units, scale):
     path = tmp_path / "part.csv"
     path.write_text(text)
     result = read(path, units=units)
-    assert outlines.area(result.outline_mm) == pytest.approx(630 * scale**2)
+    assert area(result) == pytest.approx(630 * scale**2)
     assert result.symmetry == 2
 
 
@@ -50,22 +43,18 @@ BAD_CSV = {
 }
 
 
-@pytest.mark.parametrize("name", BAD_CSV)
-def test_bad_csv_files_are_refused_in_a_sentence(tmp_path, name):
-    data, units, kind, sentence = BAD_CSV[name]
+@pytest.mark.parametrize(("data", "units", "error", "sentence"), BAD_CSV.values(), ids=BAD_CSV)
+def test_bad_csv_files_are_refused_in_a_sentence(tmp_path, data, units, error, sentence):
     path = tmp_path / "part.csv"
     path.write_bytes(data)
-    with pytest.raises(kind, match=sentence) as caught:
-        read(path, units=units)
-    assert "\n" not in str(caught.value)
+    refused(path, sentence, error, units=units)
 
 
 def test_a_file_too_large_is_not_read(tmp_path):
     path = tmp_path / "large.svg"
     with path.open("wb") as file:
         file.truncate(MAX_BYTES + 1)
-    with pytest.raises(InputError, match="larger than"):
-        read(path)
+    refused(path, "larger than")
 
 
 def test_reading_ends_when_its_time_is_over():

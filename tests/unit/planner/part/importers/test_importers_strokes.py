@@ -94,10 +94,10 @@ GAPS = {
 }
 
 
-@pytest.mark.parametrize("name", GAPS)
-def test_narrow_gaps_are_closed(tmp_path, name):
+@pytest.mark.parametrize("strokes", GAPS.values(), ids=GAPS)
+def test_narrow_gaps_are_closed(tmp_path, strokes):
     def draw(space, _):
-        for ends in GAPS[name]:
+        for ends in strokes:
             space.add_line(*ends)
 
     assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2, rel=1e-3)

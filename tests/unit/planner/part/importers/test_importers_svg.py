@@ -2,25 +2,12 @@
 
 import numpy as np
 import pytest
+from drawings import MM, area, notes, read, refused, svg
 
 from planner.part import outline as outlines
-from planner.part.importers.file import read_outline
-from planner.part.importers.pieces import Options
-from runtime.shell.errors import InputError, UsageError
+from runtime.shell.errors import UsageError
 
-NAME = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
-MM = 'width="100mm" height="100mm" viewBox="0 0 100 100"'
 RECT = '<rect x="5" y="5" width="30" height="21"/>'
-
-
-def written(tmp_path, body, size=MM, before=""):
-    path = tmp_path / "part.svg"
-    path.write_text(f"{before}<svg {NAME} {size}>{body}</svg>")
-    return path
-
-
-def read(path, **options):
-    return read_outline(path, Options(**options))
 
 
 def is_rectangle(result, scale=1.0):
@@ -37,10 +24,9 @@ SIZES = {
 }
 
 
-@pytest.mark.parametrize("name", SIZES)
-def test_physical_sizes_are_believed(tmp_path, name):
-    size, scale = SIZES[name]
-    is_rectangle(read(written(tmp_path, RECT, size)), scale)
+@pytest.mark.parametrize(("size", "scale"), SIZES.values(), ids=SIZES)
+def test_physical_sizes_are_believed(tmp_path, size, scale):
+    is_rectangle(read(svg(tmp_path, RECT, size)), scale)
 
 
 UNITLESS = {
@@ -51,24 +37,21 @@ UNITLESS = {
 }
 
 
-@pytest.mark.parametrize("name", UNITLESS)
-def test_what_tells_no_scale_asks_for_units(tmp_path, name):
-    path = written(tmp_path, RECT, UNITLESS[name])
-    with pytest.raises(UsageError, match="--units mm, cm, in or m"):
-        read(path)
+@pytest.mark.parametrize("size", UNITLESS.values(), ids=UNITLESS)
+def test_what_tells_no_scale_asks_for_units(tmp_path, size):
+    path = svg(tmp_path, RECT, size)
+    refused(path, "--units mm, cm, in or m", UsageError)
     is_rectangle(read(path, units="mm"))
 
 
 def test_a_stretched_drawing_is_refused(tmp_path):
     size = 'width="100mm" height="50mm" viewBox="0 0 100 100"'
-    with pytest.raises(InputError, match="two different scales"):
-        read(written(tmp_path, RECT, size))
+    refused(svg(tmp_path, RECT, size), "two different scales")
 
 
 def test_it_is_not_mirrored(tmp_path):
-    result = read(
-        written(tmp_path, '<path d="M0 0 L30 0 L0 21 Z"/>')
-    )  # right angle at the upper left
+    # Its right angle is at the upper left.
+    result = read(svg(tmp_path, '<path d="M0 0 L30 0 L0 21 Z"/>'))
     top = result.outline_mm[:, 1].max()
     assert np.count_nonzero(np.isclose(result.outline_mm[:, 1], top)) == 2
     left = result.outline_mm[:, 0].min()
@@ -87,8 +70,8 @@ def test_it_is_not_mirrored(tmp_path):
     ],
 )
 def test_shapes_transforms_and_copies(tmp_path, body):
-    result = read(written(tmp_path, body))
-    assert outlines.area(result.outline_mm) == pytest.approx(630, rel=1e-5)
+    result = read(svg(tmp_path, body))
+    assert area(result) == pytest.approx(630, rel=1e-5)
     assert outlines.min_width(result.outline_mm) == pytest.approx(21, rel=1e-5)
 
 
@@ -123,12 +106,9 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_hostile_and_wrong_files_are_refused_in_a_sentence(tmp_path, name):
-    before, body, sentence = REFUSED[name]
-    with pytest.raises(InputError, match=sentence) as caught:
-        read(written(tmp_path, body, before=before))
-    assert "\n" not in str(caught.value)
+@pytest.mark.parametrize(("before", "body", "sentence"), REFUSED.values(), ids=REFUSED)
+def test_hostile_and_wrong_files_are_refused_in_a_sentence(tmp_path, before, body, sentence):
+    refused(svg(tmp_path, body, before=before), sentence)
 
 
 @pytest.mark.parametrize(
@@ -137,12 +117,10 @@ def test_hostile_and_wrong_files_are_refused_in_a_sentence(tmp_path, name):
 def test_what_is_no_svg_is_refused(tmp_path, data):
     path = tmp_path / "bad.svg"
     path.write_bytes(data)
-    with pytest.raises(InputError) as caught:
-        read(path)
-    assert "\n" not in str(caught.value)
+    refused(path)
 
 
 def test_units_overrule_the_file_and_say_so(tmp_path):
-    result = read(written(tmp_path, RECT, SIZES["half scale"][0]), units="mm")
+    result = read(svg(tmp_path, RECT, SIZES["half scale"][0]), units="mm")
     is_rectangle(result)
-    assert any("overruled" in note for note in result.notes)
+    assert "overruled" in notes(result)

@@ -4,25 +4,15 @@ import math
 import re
 
 import pytest
+from drawings import MM, area, read, refused, svg
 
-from planner.part import outline as outlines
-from planner.part.importers.file import read_outline
-from planner.part.importers.pieces import Options
-from runtime.shell.errors import ExpectedError, InputError
+from runtime.shell.errors import ExpectedError
 
-NAME = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" xmlns:i="urn:other"'
-MM = 'width="100mm" height="80mm" viewBox="0 0 100 80"'
 L_AREA = 40 * 25 - 25 * 15
 L_PATH = "M5 5 H45 V15 H20 V30 H5 Z"
 JIG = '<rect width="90" height="70"/>'  # around the part: taken for it where it is not left out
 USE = '<use href="#s" width="40" height="20"/>'
 PLATE = '<rect width="400" height="200"/>'
-
-
-def read(tmp_path, body, size=MM, **options):
-    path = tmp_path / "part.svg"
-    path.write_text(f"<svg {NAME} {size}>{body}</svg>")
-    return read_outline(path, Options(**options))
 
 
 def jig(attributes):
@@ -47,7 +37,8 @@ UNSEEN = {
             "filter",
         )
     },
-    "of another vocabulary": '<i:rect width="90" height="70"/><i:g>' + JIG + "</i:g>",
+    "of another vocabulary": '<i:rect xmlns:i="urn:other" width="90" height="70"/>'
+    f'<i:g xmlns:i="urn:other">{JIG}</i:g>',
     "visibility": jig('visibility="hidden"'),
     "visibility inherited": f'<g visibility="hidden"><g>{JIG}</g></g>',
     "display": jig('display="none"'),
@@ -74,10 +65,10 @@ UNSEEN = {
 }
 
 
-@pytest.mark.parametrize("name", UNSEEN)
-def test_what_a_viewer_does_not_show_is_no_outline(tmp_path, name):
-    result = read(tmp_path, UNSEEN[name] + f'<path d="{L_PATH}"/>')
-    assert outlines.area(result.outline_mm) == pytest.approx(L_AREA)
+@pytest.mark.parametrize("body", UNSEEN.values(), ids=UNSEEN)
+def test_what_a_viewer_does_not_show_is_no_outline(tmp_path, body):
+    result = read(svg(tmp_path, f'{body}<path d="{L_PATH}"/>'))
+    assert area(result) == pytest.approx(L_AREA)
 
 
 SEEN = {
@@ -96,10 +87,9 @@ SEEN = {
 }
 
 
-@pytest.mark.parametrize("name", SEEN)
-def test_what_a_viewer_shows_is_the_outline(tmp_path, name):
-    result = read(tmp_path, SEEN[name].format(L_PATH))
-    assert outlines.area(result.outline_mm) == pytest.approx(L_AREA)
+@pytest.mark.parametrize("body", SEEN.values(), ids=SEEN)
+def test_what_a_viewer_shows_is_the_outline(tmp_path, body):
+    assert area(read(svg(tmp_path, body.format(L_PATH)))) == pytest.approx(L_AREA)
 
 
 NOTED = {
@@ -129,11 +119,10 @@ NOTED = {
 }
 
 
-@pytest.mark.parametrize("name", NOTED)
-def test_what_is_left_out_is_named(tmp_path, name):
-    body, sentence = NOTED[name]
-    result = read(tmp_path, body + f'<path d="{L_PATH}"/>', contour=1)
-    assert outlines.area(result.outline_mm) == pytest.approx(L_AREA)
+@pytest.mark.parametrize(("body", "sentence"), NOTED.values(), ids=NOTED)
+def test_what_is_left_out_is_named(tmp_path, body, sentence):
+    result = read(svg(tmp_path, f'{body}<path d="{L_PATH}"/>'), contour=1)
+    assert area(result) == pytest.approx(L_AREA)
     assert any(re.search(sentence, note) for note in result.notes)
 
 
@@ -168,10 +157,9 @@ VIEWED = {  # body, area by hand
 }
 
 
-@pytest.mark.parametrize("name", VIEWED)
-def test_view_boxes_and_transforms_scale_what_they_hold(tmp_path, name):
-    body, area = VIEWED[name]
-    assert outlines.area(read(tmp_path, body).outline_mm) == pytest.approx(area, rel=2e-3)
+@pytest.mark.parametrize(("body", "mm2"), VIEWED.values(), ids=VIEWED)
+def test_view_boxes_and_transforms_scale_what_they_hold(tmp_path, body, mm2):
+    assert area(read(svg(tmp_path, body))) == pytest.approx(mm2, rel=2e-3)
 
 
 UNITS = {
@@ -187,12 +175,11 @@ UNITS = {
 
 
 @pytest.mark.parametrize("size", ['width="100mm" height="80mm"', "", MM, 'viewBox="0 0 400 320"'])
-@pytest.mark.parametrize("name", UNITS)
-def test_a_length_with_a_unit_is_that_long_whatever_the_user_unit(tmp_path, name, size):
-    body, area = UNITS[name]
+@pytest.mark.parametrize(("body", "mm2"), UNITS.values(), ids=UNITS)
+def test_a_length_with_a_unit_is_that_long_whatever_the_user_unit(tmp_path, body, mm2, size):
+    path = svg(tmp_path, body, size)
     for units in ("mm", "in"):
-        result = read(tmp_path, body, size, units=units, tolerance_mm=0.005)
-        assert outlines.area(result.outline_mm) == pytest.approx(area, rel=2e-3)
+        assert area(read(path, units=units, tolerance_mm=0.005)) == pytest.approx(mm2, rel=2e-3)
 
 
 MALFORMED = {
@@ -216,22 +203,20 @@ MALFORMED = {
 }
 
 
-@pytest.mark.parametrize("name", MALFORMED)
-def test_a_malformed_number_is_refused_with_its_element(tmp_path, name):
-    with pytest.raises(InputError, match=r"part\.svg: <\w+>.*correct it in the drawing") as caught:
-        read(tmp_path, MALFORMED[name])
-    assert "\n" not in str(caught.value)
+@pytest.mark.parametrize("body", MALFORMED.values(), ids=MALFORMED)
+def test_a_malformed_number_is_refused_with_its_element(tmp_path, body):
+    refused(svg(tmp_path, body), r"part\.svg: <\w+>.*correct it in the drawing")
 
 
 @pytest.mark.parametrize(
     "size", ['width="1.1.1mm" height="80mm" viewBox="0 0 100 80"', 'width="100x"']
 )
 def test_a_malformed_size_of_the_drawing_is_refused(tmp_path, size):
+    path = svg(tmp_path, f'<path d="{L_PATH}"/>', size)
     for units in (None, "mm"):
-        with pytest.raises(ExpectedError, match=r'<svg>: width="1.*" is no length'):
-            read(tmp_path, f'<path d="{L_PATH}"/>', size, units=units)
+        refused(path, r'<svg>: width="1.*" is no length', ExpectedError, units=units)
 
 
 def test_a_share_of_an_unknown_size_is_refused(tmp_path):
-    with pytest.raises(InputError, match="size that nobody states"):
-        read(tmp_path, '<rect width="50%" height="20"/>', "", units="mm")
+    path = svg(tmp_path, '<rect width="50%" height="20"/>', "")
+    refused(path, "size that nobody states", units="mm")
