@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from counting import width_um
 from fake_cell import Deaf, fake_cell
+from programs import JOB
 from sample_tables import every_field_table, random_table, small_table, with_leaf
 
 from planner.belief.metric import Mode
@@ -42,8 +43,6 @@ from runtime.table import (
     load,
 )
 from runtime.traversal.results import Outcome, PartResult, Step
-
-TREES = Path(__file__).parents[2] / "trees"
 
 
 def thin_table() -> Table:
@@ -97,7 +96,7 @@ class EveryWidth:
 
 def test_the_evaluation_reads_by_the_same_rule() -> None:
     table, world = thin_table(), EveryWidth()
-    result = evaluate(table, job_file.load(TREES / "rectangle" / "job.toml"), world, 300, seed=1)
+    result = evaluate(table, job_file.load(JOB), world, 300, seed=1)
     decided = decision_map(table.nodes[0], table.gripper)
     widths = encoder_of_table(table).width_um(result.steps[:, 0]).tolist()
     for read, width_mm, branch, leaf in zip(
@@ -171,7 +170,7 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
 
 def small_job(path: Path, *changes: tuple[str, str]) -> Path:
     """A job that is planned in seconds."""
-    text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
+    text = JOB.read_text(encoding="utf-8")
     text += "\n[search]\nparticles = 200\nmax_depth = 3\n"
     for old, new in changes:
         assert old in text

@@ -1,10 +1,10 @@
 """The whole planner on the paper's rectangle, and the committed table."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import JOB, TABLE
 
 from planner.belief.observation import MARGIN_MM
 from planner.compile import compile_job
@@ -27,7 +27,6 @@ from runtime.table import (
     wilson_interval,
 )
 
-TREES = Path(__file__).parents[2] / "trees"
 FEW = {"particles": 300, "max_depth": 3}
 CERTAIN = {"doubt": {"chance": 0.0}, "part": {"tolerance_mm": 0.0}}
 GRIPPER = GripperSpec.of(PROFILES["robotiq-2f-85"], 1, 1)
@@ -46,7 +45,7 @@ def meaning(node):
 @pytest.fixture(scope="module")
 def job():
     """The rectangle in a cell that is not doubted."""
-    return job_file.load(TREES / "rectangle" / "job.toml").replaced(**CERTAIN)
+    return job_file.load(JOB).replaced(**CERTAIN)
 
 
 @pytest.fixture(scope="module")
@@ -110,8 +109,8 @@ def test_every_reading_seen_in_planning_leads_to_its_own_branch(plan):
 
 
 def test_committed_table_is_of_its_job_and_locates_the_part(job):
-    table = load(TREES / "rectangle" / "rectangle.msgpack").table
-    assert table.job_digest == job_file.load(TREES / "rectangle" / "job.toml").digest()
+    table = load(TABLE).table
+    assert table.job_digest == job_file.load(JOB).digest()
     evaluation = evaluate(table, job, make(job, seed=11), 4000, seed=12)
     figures = evaluation.summary()
     assert figures["success_rate"] >= 0.985
@@ -140,15 +139,11 @@ L_SHAPE = "outline_mm = [[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]]
 
 def l_job(proposals, **changes):
     """An L without symmetry, searched for with few particles."""
-    text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
+    text = JOB.read_text(encoding="utf-8")
     new = {"outline_mm": L_SHAPE, "proposals": f'proposals = "{proposals}"'}
     lines = [new.get(line.split(" ")[0], line) for line in text.splitlines()]
     text = "\n".join(lines).replace("radius_mm = 12.75", "radius_mm = 10")
-    few = job_file.parse(text).replaced(
-        **CERTAIN,
-        search={"particles": 1000},
-    )
-    return few.replaced(**changes)
+    return job_file.parse(text).replaced(**CERTAIN, search={"particles": 1000}).replaced(**changes)
 
 
 def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
@@ -170,25 +165,14 @@ def test_what_centred_squeezes_leave_open_is_said_and_what_would_tell_it_apart()
 
 def test_prongs_that_the_jaws_pinch_are_distinguished_from_an_empty_hand(job):
     """A connector whose prongs of 1 mm read within a count or two of jaws that met."""
-    prongs = [
-        [7.5, 12.6],
-        [6.5, 12.6],
-        [6.5, 9.7],
-        [-6.5, 9.7],
-        [-6.5, 12.6],
-        [-7.5, 12.6],
-        [-7.5, 0],
-        [7.5, 0],
-    ]
+    half = [[7.5, 0], [7.5, 12.6], [6.5, 12.6], [6.5, 9.7]]
+    prongs = [*half, *([-x, y] for x, y in reversed(half))]
+    centres = [[0, 0], [0, 18], [18, 0]]
     pronged = job.replaced(
         part={"outline_mm": prongs, "symmetry": 1},
         uncertainty={"radius_mm": 2},
         search=FEW | {"max_depth": 2},
-        actions={
-            "angles_deg": [0, 90],
-            "centers_mm": [[0, 0], [0, 18], [18, 0]],
-            "proposals": "none",
-        },
+        actions={"angles_deg": [0, 90], "centers_mm": centres, "proposals": "none"},
         goal={"confidence": 0.9},
     )
     plan = compile_job(pronged, workers=2, trials=1000)
@@ -270,8 +254,8 @@ def test_no_width_farther_than_the_margin_from_what_a_part_read_ends_at_a_leaf(p
 
 def test_confident_wrong_answers_stay_rare_in_every_world_but_that_of_few_degrees_of_freedom():
     """No more than the goal leaves open: two plans of one job differ by 0.9 % with the encoder 1 mm off."""
-    doubting = job_file.load(TREES / "rectangle" / "job.toml")
-    table = load(TREES / "rectangle" / "rectangle.msgpack").table
+    doubting = job_file.load(JOB)
+    table = load(TABLE).table
     cases = [case for case in standard_cases(doubting) if case.name != "10 degrees of freedom"]
     for line in sweep(
         table, doubting, cases, lambda real: ContactWorlds.of_job(real, 21), 2000, 22

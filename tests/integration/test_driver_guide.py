@@ -2,19 +2,18 @@
 
 import os
 import re
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+from programs import ROOT, ended
 
 from drivers import connect
 from drivers.errors import PortError
 from runtime.table import PROFILES, selectable
 from runtime.table.grippers import GROUP
 
-ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "tools" / "docs" / "other-make"
 GUIDE = (ROOT / "tools" / "docs" / "drivers.md").read_text()
 BROKEN = {
@@ -50,16 +49,9 @@ def test_the_example_passes_the_contract_as_an_installed_package(tmp_path: Path)
     install(tmp_path, "other_make", points)
     paths = os.pathsep.join(map(str, (tmp_path, EXAMPLE, ROOT)))
     words = f"-m pytest -q -p no:cacheprovider -c {os.devnull} --rootdir {tmp_path}".split()
-    done = subprocess.run(
-        [sys.executable, *words, str(EXAMPLE / "test_other_make.py")],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": paths},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert re.search(r"^2\d passed in", done.stdout, re.MULTILINE), done.stdout + done.stderr
+    words = [sys.executable, *words, EXAMPLE / "test_other_make.py"]
+    done = ended(words, cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths})
+    assert re.search(r"^2\d passed in", done.out, re.MULTILINE), done
 
 
 def test_the_guide_shows_the_example_s_own_lines() -> None:
@@ -93,10 +85,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("scheme", "message"),
     [
-        (
-            "absent",
-            "driver of absent:// (broken, no_such_module:gripper) cannot be loaded: ModuleNotFound",
-        ),
+        ("absent", "(broken, no_such_module:gripper) cannot be loaded: ModuleNotFound"),
         ("missing", "cannot be loaded: AttributeError"),
         ("faulty", "failed to open faulty://x:1: KeyError: 'in the driver'"),
         ("nothing", "opened no Gripper (drivers/ports.py): object"),

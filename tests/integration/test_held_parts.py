@@ -1,17 +1,15 @@
 """Starts upon what a stop or a crash left behind, and starts that fail: nothing falls, nothing is made up."""
 
 import contextlib
-import io
 import math
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from sample_tables import small_table
+from programs import ROOT, RUNTIME, WAIT_S, Ended, called, started
 
 from drivers import connect
 from drivers.sim.cell import Cell
@@ -20,22 +18,17 @@ from drivers.sim.wire.line import CleanLine
 from runtime.cli import main
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Replay
-from runtime.table import dump
 
-ROOT = Path(__file__).parents[2]
-WAIT_S = 120
 TIME_SCALE = 20.0
 RETREAT_MM, SQUEEZE_MM = 60.0, 10.0
 FORCE_AT = 5  # of rFR in the output block
-Ended = tuple[int, str, str]
 
 
 class Station:
     """A cell in this process, with a rehearsal behind it; runs that are struck are processes of their own."""
 
-    def __init__(self, folder: Path) -> None:
-        self.tree, self.journal = folder / "small.msgpack", folder / "journal.jsonl"
-        dump(small_table(), self.tree)
+    def __init__(self, tree: Path) -> None:
+        self.tree, self.journal = tree, tree.with_name("journal.jsonl")
         self.cell = Cell(load(self.tree, None, REHEARSAL), 0, TIME_SCALE)
         self.gripper, self.table = self.cell.works.gripper, self.cell.works.table
 
@@ -46,16 +39,11 @@ class Station:
         return [*given, "--journal", str(self.journal), *words]
 
     def run(self, *words: str) -> Ended:
-        out, err = io.StringIO(), io.StringIO()
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            code = main(self.words(*words))
-        return code, out.getvalue(), err.getvalue()
+        return called(main, *self.words(*words))
 
     def strike(self, number: signal.Signals, when: Callable[[], bool], *words: str) -> Ended:
         """Start, and send a signal while the gripper waits to answer in the state asked for."""
-        command = [sys.executable, "-m", "runtime.cli", *self.words(*words)]
-        pipe = subprocess.PIPE
-        process = subprocess.Popen(command, cwd=ROOT, stdout=pipe, stderr=pipe, text=True)
+        process = started([*RUNTIME, *self.words(*words)])
         deadline = time.monotonic() + WAIT_S
         while process.poll() is None and time.monotonic() < deadline:
             with self.cell._lock:
@@ -64,7 +52,7 @@ class Station:
                     break
             time.sleep(0.001)
         out, err = process.communicate(timeout=WAIT_S)
-        return process.returncode, out, err
+        return Ended(process.returncode, out, err)
 
     def grips(self) -> bool:
         return self.gripper._gripping
@@ -84,9 +72,9 @@ class Station:
 
 
 @pytest.fixture
-def station(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Station]:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    result = Station(tmp_path)
+def station(tree: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Station]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tree.parent))
+    result = Station(tree)
     with result.cell:
         yield result
 
