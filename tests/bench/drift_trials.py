@@ -10,11 +10,10 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
-from counting import COUNTS
 from drifting import HEALTHY, Drift, parts, squeezed
 
 from planner.arrays import Array
-from planner.evaluation.expectation import readings
+from planner.evaluation.expectation import bins_of, readings
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from runtime.spc.expectation import PRIOR, Expectation
@@ -91,9 +90,9 @@ def bound(gain: Array, unchanged: Evaluation, result: Evaluation) -> dict[str, f
     Pearson 1933), though it is told when the friction changed, and to what.
 
     Args:
-        gain: (nodes, 256) logarithm of how much likelier each reading is after the change.
+        gain: (nodes, bins) logarithm of how much likelier each reading is after the change.
         unchanged: healthy parts, others than those that `gain` is from.
-        found: parts after the change, others too.
+        result: parts after the change, others too.
 
     Returns:
         `at_best`, the share of histories that it flags; `nats_in_50`, its mean statistic after the change.
@@ -105,13 +104,15 @@ def bound(gain: Array, unchanged: Evaluation, result: Evaluation) -> dict[str, f
 
 def _windows(gain: Array, result: Evaluation) -> Array:
     """Log-likelihood ratios of `WITHIN` parts each."""
-    record = np.where(result.path >= 0, gain[result.path, result.counts], 0.0).sum(axis=1)
+    bins = bins_of(result.table, np.maximum(result.steps, 0))
+    record = np.where(result.path >= 0, gain[result.path, bins], 0.0).sum(axis=1)
     return np.asarray(record.reshape(-1, WITHIN).sum(axis=1))
 
 
 def _shares(result: Evaluation, table: Table) -> Array:
     counts = readings(result, table)
-    return np.asarray((counts + PRIOR / COUNTS) / (counts.sum(axis=1, keepdims=True) + PRIOR))
+    bins = table.gripper.bins
+    return np.asarray((counts + PRIOR / bins) / (counts.sum(axis=1, keepdims=True) + PRIOR))
 
 
 def _started(table: Table, job: Job, expected: Expectation, seed: int) -> Monitor:
