@@ -9,12 +9,10 @@ the camera 600 mm under the table; each is measured with the true calibration an
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import platform
 import shlex
-import sys
 import tempfile
 import time
 from dataclasses import replace
@@ -22,27 +20,24 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import harness
 import numpy as np
+from cameras import SIDE_MM, angle_between, part_tag, stain, true_calibration
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+from drivers.camera.calibration import command as calibrate_command
+from drivers.camera.calibration import file as calibration
+from drivers.camera.calibration import measure
+from drivers.camera.vision.plane import View
+from drivers.camera.vision.tags import find
+from drivers.errors import PictureError
+from drivers.planar import compose
+from drivers.sim.camera import album
+from drivers.sim.camera.cards import lying, tag_cells
+from drivers.sim.camera.optics import Array
+from drivers.sim.camera.render import Flaws, render
+from drivers.sim.camera.rig import standard_rig
 
-from cameras import SIDE_MM, angle_between, part_tag, stain, true_calibration  # noqa: E402
-
-from drivers.camera.calibration import command as calibrate_command  # noqa: E402
-from drivers.camera.calibration import file as calibration  # noqa: E402
-from drivers.camera.calibration import measure  # noqa: E402
-from drivers.camera.vision.plane import View  # noqa: E402
-from drivers.camera.vision.tags import find  # noqa: E402
-from drivers.errors import PictureError  # noqa: E402
-from drivers.planar import compose  # noqa: E402
-from drivers.sim.camera import album  # noqa: E402
-from drivers.sim.camera.cards import lying, tag_cells  # noqa: E402
-from drivers.sim.camera.optics import Array  # noqa: E402
-from drivers.sim.camera.render import Flaws, render  # noqa: E402
-from drivers.sim.camera.rig import standard_rig  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "camera.json"
+RESULTS = harness.Kept("camera")
 OPTICS = standard_rig().optics
 CENTRE_MM = 150.0
 LIMITS: dict[str, dict[str, Any]] = {
@@ -168,9 +163,7 @@ def summary(values: Array, name: str) -> dict[str, float]:
 
 def main() -> None:
     """Runs the benchmark."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument("--pictures", type=int, default=500)
     parser.add_argument("--limits", type=int, default=200)
     options = parser.parse_args()
@@ -193,7 +186,7 @@ def main() -> None:
             f"{row.get('true_calibration_deg_mean', np.nan):.4f} deg {row['ms_mean']:.1f} ms",
             flush=True,
         )
-    RESULTS.write_text(json.dumps(record, indent=1) + "\n")
+    RESULTS.write(record)
 
 
 if __name__ == "__main__":

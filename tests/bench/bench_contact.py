@@ -11,7 +11,6 @@ Prints figures and writes `results/contact.json`.
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 import sys
@@ -19,29 +18,27 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import harness
 import numpy as np
 import shapely
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
+from planner.arrays import Array, BoolArray
+from planner.cli import pushes as stated
+from planner.cli import tips
+from planner.identification import identify
+from planner.identification.pushes import Pairs
+from planner.job import model as job_file
+from planner.job.drafts import FINGERS, Answers, draft
+from planner.job.model import Job
+from planner.mechanics import limit_surface
+from planner.mechanics.push import Paths
+from planner.mechanics.simulator import Simulator
+from planner.mechanics.surface import MIDDLE
+from planner.part.importers.file import Imported
+from planner.part.outline import canonical, radius_of_gyration
+from planner.part.pressure import Pressure, support
 
-from planner.arrays import Array, BoolArray  # noqa: E402
-from planner.cli import pushes as stated  # noqa: E402
-from planner.cli import tips  # noqa: E402
-from planner.identification import identify  # noqa: E402
-from planner.identification.pushes import Pairs  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.job.drafts import FINGERS, Answers, draft  # noqa: E402
-from planner.job.model import Job  # noqa: E402
-from planner.mechanics import limit_surface  # noqa: E402
-from planner.mechanics.push import Paths  # noqa: E402
-from planner.mechanics.simulator import Simulator  # noqa: E402
-from planner.mechanics.surface import MIDDLE  # noqa: E402
-from planner.part.importers.file import Imported  # noqa: E402
-from planner.part.outline import canonical, radius_of_gyration  # noqa: E402
-from planner.part.pressure import Pressure, support  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "contact.json"
+RESULTS = harness.Kept("contact")
 FILES = ("outlines.csv", "pushes.csv", "wrench_twist.csv")
 RADIUS_MM = 4.75
 NEAR_MM, NEAR_DEG = 3.0, 5.0
@@ -327,9 +324,7 @@ def measured(folder: Path) -> dict[str, Any]:
 
 def main() -> int:
     """Measures and keeps the figures."""
-    parser = argparse.ArgumentParser(
-        description="Judge predicted pushes by round tips by recorded ones."
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument(
         "--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings"
     )
@@ -345,7 +340,7 @@ def main() -> int:
     for name, group in result["groups"].items():
         print(name, json.dumps(group))
     if not options.no_results:
-        RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        RESULTS.write(result)
     return 0
 
 

@@ -10,7 +10,6 @@ a uniform pressure. Not part of the gate. Prints figures and writes `results/fin
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
@@ -21,28 +20,26 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import harness
 import numpy as np
 from scipy.optimize import least_squares
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
+from planner.arrays import Array
+from planner.cli import tips
+from planner.kernel import inner_kernel
+from planner.mechanics import limit_surface, quartic_fit
+from planner.mechanics.boundary import Drive, directions
+from planner.mechanics.contacts import NX, NY, SIDE, UN, UT, place
+from planner.mechanics.lcp import SOLVED
+from planner.mechanics.push import Paths
+from planner.mechanics.quartic import QuarticSurface
+from planner.mechanics.simulator import Simulator
+from planner.mechanics.stepping import Body, Scratch, find_contacts, scratch_of
+from planner.mechanics.surface_step import solve_surface
+from planner.part.outline import radius_of_gyration
+from planner.part.pressure import Pressure, support
 
-from planner.arrays import Array  # noqa: E402
-from planner.cli import tips  # noqa: E402
-from planner.kernel import inner_kernel  # noqa: E402
-from planner.mechanics import limit_surface, quartic_fit  # noqa: E402
-from planner.mechanics.boundary import Drive, directions  # noqa: E402
-from planner.mechanics.contacts import NX, NY, SIDE, UN, UT, place  # noqa: E402
-from planner.mechanics.lcp import SOLVED  # noqa: E402
-from planner.mechanics.push import Paths  # noqa: E402
-from planner.mechanics.quartic import QuarticSurface  # noqa: E402
-from planner.mechanics.simulator import Simulator  # noqa: E402
-from planner.mechanics.stepping import Body, Scratch, find_contacts, scratch_of  # noqa: E402
-from planner.mechanics.surface_step import solve_surface  # noqa: E402
-from planner.part.outline import radius_of_gyration  # noqa: E402
-from planner.part.pressure import Pressure, support  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "fingers.json"
+RESULTS = harness.Kept("fingers")
 THREE = "three_fingers.csv"
 NEAR_MM, NEAR_DEG = 0.3, 1.0  # of squeezes
 MARGIN_MM = 0.1
@@ -305,7 +302,7 @@ def simulator(outline: Array) -> Simulator:
 
 def main() -> int:
     """Measures and keeps the figures."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument(
         "--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings"
     )
@@ -315,7 +312,7 @@ def main() -> int:
         return 3
     result = {"three": three(options.data), "two": runs(options.data)}
     print(json.dumps(result, indent=1))
-    RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    RESULTS.write(result)
     return 0
 
 

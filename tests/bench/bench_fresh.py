@@ -8,25 +8,21 @@ be lower: z of the mean difference, in standard errors, is within -2 and 2 for t
 Prints figures and writes `results/fresh.json` beside this file.
 """
 
-import argparse
-import json
 import math
 import platform
-import sys
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT)]
+import harness
+from programs import TREES
 
-from planner.compile import compile_job  # noqa: E402
-from planner.evaluation.evaluate import evaluate  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.work.scheduler import Threads  # noqa: E402
-from planner.world import ContactWorlds  # noqa: E402
-from runtime.table import PPM  # noqa: E402
+from planner.compile import compile_job
+from planner.evaluation.evaluate import evaluate
+from planner.job import model as job_file
+from planner.work.scheduler import Threads
+from planner.world import ContactWorlds
+from runtime.table import PPM
 
-RESULTS = Path(__file__).parent / "results" / "fresh.json"
+RESULTS = harness.Kept("fresh")
 PARTS = ("rectangle", "hex-nut", "oval-cover", "ratchet")
 FEW = {"search": {"particles": 2000}}
 TIMES = 3
@@ -35,7 +31,7 @@ OTHER_SEED = 1_000_003
 
 def bench(part: str, seed: int, trials: int, work: Threads) -> dict[str, Any]:
     """One plan: the failures that it reports, and those of fresh trials."""
-    job = job_file.load(ROOT / "trees" / part / "job.toml", {"seed": seed, **FEW})
+    job = job_file.load(TREES / part / "job.toml", {"seed": seed, **FEW})
     table = compile_job(job, work.workers, trials).table
     other = OTHER_SEED + seed
     fresh = evaluate(table, job, ContactWorlds.of_job(job, other), TIMES * trials, other, work)
@@ -70,7 +66,7 @@ def bias(rows: list[dict[str, Any]]) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("--seeds", type=int, default=10, help="of each job (default: %(default)s)")
     parser.add_argument(
         "--trials", type=int, default=4000, help="a plan's own (default: %(default)s)"
@@ -93,7 +89,7 @@ def main() -> None:
         **result,
         "rows": rows,
     }
-    RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    RESULTS.write(record)
 
 
 if __name__ == "__main__":

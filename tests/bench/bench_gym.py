@@ -10,32 +10,26 @@ beside this file. The speed of MuJoCo is measured where `pip install mujoco` has
 
 from __future__ import annotations
 
-import argparse
 import json
 import platform
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
+import gymnasium
+import harness
 import numpy as np
+from programs import TABLE
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+import planner.gym
+from planner.belief.partition import partition
+from planner.compile import compile_job
+from planner.evaluation.trials import Program
+from planner.pomdp import DECLARE, SQUEEZE, Pomdp
+from planner.problem import Problem
+from runtime import table as tables
 
-import gymnasium  # noqa: E402
-
-import planner.gym  # noqa: E402
-from planner.belief.partition import partition  # noqa: E402
-from planner.compile import compile_job  # noqa: E402
-from planner.evaluation.trials import Program  # noqa: E402
-from planner.pomdp import DECLARE, SQUEEZE, Pomdp  # noqa: E402
-from planner.problem import Problem  # noqa: E402
-from runtime import table as tables  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "gym.json"
-TABLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
+RESULTS = harness.Kept("gym")
 BATCH = 4096
 STEPS = 40
 PARTICLES, JUDGES = 1000, 300
@@ -179,9 +173,7 @@ def at_random(model: Pomdp, _belief: np.ndarray, rng: np.random.Generator) -> in
 
 def main() -> None:
     """Run the chosen benches and record them."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument(
         "--parts", type=int, default=300, help="of each policy that carries a filter"
     )
@@ -189,13 +181,13 @@ def main() -> None:
         "--only", nargs="+", choices=["speed", "policies"], default=["speed", "policies"]
     )
     options = parser.parse_args()
-    results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    results = RESULTS.read({})
     if "speed" in options.only:
         results["speed"] = speed()
     if "policies" in options.only:
         results["policies"] = policies(options.parts)
     results["setting"] = {"python": platform.python_version(), "machine": platform.machine()}
-    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+    RESULTS.write(results)
 
 
 if __name__ == "__main__":

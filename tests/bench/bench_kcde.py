@@ -9,31 +9,24 @@ process; medians count. Prints figures and writes `results/kcde.json` beside thi
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import platform
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
+import harness
 import numpy as np
 import scipy
+from kcde_twin import energy_distance
+from problems import OUTLINES, random_poses, simulator
 from scipy.spatial import cKDTree
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+from planner.learned.kcde import BANDWIDTH_MM, NEIGHBOURS, Kcde
+from planner.learned.rollouts import RollOuts, roll_outs
+from planner.mechanics.clearance import TOUCHES, classify_contact
 
-from energy import energy_distance  # noqa: E402
-from problems import OUTLINES, random_poses, simulator  # noqa: E402
-
-from planner.learned.kcde import BANDWIDTH_MM, NEIGHBOURS, Kcde  # noqa: E402
-from planner.learned.rollouts import RollOuts, roll_outs  # noqa: E402
-from planner.mechanics.clearance import TOUCHES, classify_contact  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "kcde.json"
+RESULTS = harness.Kept("kcde")
 POINTS, PARTICLES, RADIUS_MM, ORDER = 10_000, 5000, 12.75, 2
 SHUFFLES = 100
 
@@ -95,9 +88,7 @@ def p_value(ours: np.ndarray, theirs: np.ndarray, rho: float, order: int) -> flo
 
 def main() -> None:
     """Run the bench and record it."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument("--repeat", type=int, default=30)
     options = parser.parse_args()
     model, rows = estimate(POINTS)
@@ -131,8 +122,7 @@ def main() -> None:
         "{ratio:.1f} times; {particles_per_second:.0f} particles/s; same distribution: p = "
         "{same_distribution_p:.2f}".format(**row)
     )
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps(row, indent=1) + "\n")
+    RESULTS.write(row)
 
 
 if __name__ == "__main__":

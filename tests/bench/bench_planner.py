@@ -13,7 +13,6 @@ file; what is kept is not planned again.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -23,9 +22,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import fmean
 
-ROOT = Path(__file__).parents[2]
-RESULTS = Path(__file__).parent / "results" / "planner.json"
-JOBS = {path.parent.name: path for path in sorted((ROOT / "trees").glob("*/job.toml"))}
+import harness
+from programs import ROOT, TREES
+
+RESULTS = harness.Kept("planner")
+JOBS = {path.parent.name: path for path in sorted(TREES.glob("*/job.toml"))}
 SEEDS = range(1, 11)
 
 
@@ -115,7 +116,7 @@ def report(plans: list[Plan]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("--only", nargs="+", choices=JOBS, default=list(JOBS), help="these parts")
     parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS))
     parser.add_argument(

@@ -15,7 +15,6 @@ coverage of 90 % intervals. The pushes with two fingers are only judged. Prints 
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 import math
@@ -23,20 +22,19 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import harness
 import numpy as np
+from programs import ROOT
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
+from planner.arrays import Array, BoolArray
+from planner.cli import pushes
+from planner.identification import pushes as push_log
+from planner.job import model as job_file
+from planner.mechanics.push import STUCK, Paths
+from planner.mechanics.simulator import STUCK_DEG, STUCK_MM, Simulator, commanded
+from planner.part.outline import radius_of_gyration
 
-from planner.arrays import Array, BoolArray  # noqa: E402
-from planner.cli import pushes  # noqa: E402
-from planner.identification import pushes as push_log  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.mechanics.push import STUCK, Paths  # noqa: E402
-from planner.mechanics.simulator import STUCK_DEG, STUCK_MM, Simulator, commanded  # noqa: E402
-from planner.part.outline import radius_of_gyration  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "pushes.json"
+RESULTS = harness.Kept("pushes")
 DATA = ROOT.parent / "shared" / "data" / "pushes"
 LOGS = {"hardboard_3pts3.txt": "3pts3", "plywood_3pts1.txt": "3pts1"}
 TWO_FINGERS = "two_fingers.csv"
@@ -274,7 +272,7 @@ def runs_of(
 
 def main() -> int:
     """Fits to the logs, judges the pushes with two fingers."""
-    parser = argparse.ArgumentParser(description="Judge predicted pushes by real ones.")
+    parser = harness.parser(__doc__)
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the pushes")
     parser.add_argument("--no-results", action="store_true", help="print only")
     options = parser.parse_args()
@@ -323,7 +321,7 @@ def main() -> int:
             f"{row['run']}: {row['predicted']:.2f} of {row['pushes']}, {row['median_mm']:.1f} mm{named}"
         )
     if not options.no_results:
-        RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        RESULTS.write(result)
     return 0
 
 

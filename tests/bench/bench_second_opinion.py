@@ -9,30 +9,24 @@ figures and writes `results/second_opinion.json` beside this file, part by part:
 
 from __future__ import annotations
 
-import argparse
 import json
 import platform
-import sys
 import time
-from pathlib import Path
 from typing import Any
 
+import harness
 import numpy as np
+from tree_tables import NAMES, TREES, table_of
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.leaves import worst
+from planner.evaluation.mujoco import RigidWorld
+from planner.job import model as job_file
+from planner.job.model import Job
+from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
+from planner.work.scheduler import Threads
 
-from tree_tables import NAMES, TREES, table_of  # noqa: E402
-
-from planner.evaluation.evaluate import evaluate  # noqa: E402
-from planner.evaluation.leaves import worst  # noqa: E402
-from planner.evaluation.mujoco import RigidWorld  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.job.model import Job  # noqa: E402
-from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator  # noqa: E402
-from planner.work.scheduler import Threads  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "second_opinion.json"
+RESULTS = harness.Kept("second_opinion")
 SEED = 99
 DRAWS = 20
 NEAR_MM, NEAR_WIDTH_MM = 1.0, 0.5
@@ -109,7 +103,7 @@ def bench(part: str, trials: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("--parts", nargs="+", choices=NAMES, default=NAMES, metavar="PART")
     parser.add_argument(
         "--trials", type=int, default=300, help="parts of each (default: %(default)s)"
@@ -122,7 +116,7 @@ def main() -> None:
             [old for old in rows if old["part"] != part] + [row], key=lambda row: row["part"]
         )
         record = {"machine": platform.platform(), "rows": rows}
-        RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        RESULTS.write(record)
 
 
 if __name__ == "__main__":

@@ -13,20 +13,15 @@ import json
 import math
 import os
 import platform
-import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
+import harness
 import numpy as np
-
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
-
-from problems import (  # noqa: E402
+from problems import (
     JAWS,
     LONG_JAWS,
     OUTLINES,
@@ -35,13 +30,14 @@ from problems import (  # noqa: E402
     random_poses,
     simulator,
 )
-from twin import Part, squeeze  # noqa: E402
+from programs import JOB, ROOT, ended
+from twin import Part, squeeze
 
-from planner.job import model as job_file  # noqa: E402
-from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES  # noqa: E402
-from planner.part.outline import width as outline_width  # noqa: E402
+from planner.job import model as job_file
+from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES
+from planner.part.outline import width as outline_width
 
-RESULTS = Path(__file__).parent / "results" / "squeeze.json"
+RESULTS = harness.Kept("squeeze")
 RADII_MM = (12.75, 38.25)
 FINER = 20
 CLOSE_MM, CLOSE_DEG = 0.3, 1.0
@@ -182,9 +178,7 @@ def _others(part: Any, poses: np.ndarray, ours: float) -> Row:
         )
         return row
     drawn = {"outline_mm": part.outline.tolist(), "symmetry": 1}
-    world = RigidWorld(
-        job_file.load(ROOT / "trees" / "rectangle" / "job.toml").replaced(part=drawn), 0
-    )
+    world = RigidWorld(job_file.load(JOB).replaced(part=drawn), 0)
     clock = time.perf_counter()
     results = [(world.close(tuple(pose), 0.5), world.pose()) for pose in poses.tolist()]
     mujoco = len(poses) / (time.perf_counter() - clock)
@@ -210,14 +204,8 @@ def first_call() -> Row:
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | {"SQUEEZETREE_CACHE_DIR": folder, "PYTHONPATH": str(ROOT)}
         for _ in range(2):
-            done = subprocess.run(
-                [sys.executable, "-c", FIRST_CALL],
-                env=environment,
-                capture_output=True,
-                text=True,
-                check=True,
-            )
-            seconds.append(float(done.stdout.split()[0]))
+            done = ended([sys.executable, "-c", FIRST_CALL], env=environment, timeout=None)
+            seconds.append(float(done.out.split()[0]))
     row: Row = {"empty_cache_s": seconds[0], "filled_cache_s": seconds[1]}
     print(
         "first squeeze: {empty_cache_s:.1f} s compiling, {filled_cache_s:.2f} s from the cache".format(
@@ -229,9 +217,7 @@ def first_call() -> Row:
 
 def main() -> None:
     """Run the chosen benches and record them."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument("--poses", type=int, default=2000, help="for each part and disc")
     benches: dict[str, Callable[[argparse.Namespace], Any]] = {
         "compile": lambda _: first_call(),
@@ -241,7 +227,7 @@ def main() -> None:
     }
     parser.add_argument("--only", nargs="+", choices=list(benches), default=list(benches))
     options = parser.parse_args()
-    results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    results = RESULTS.read({})
     for name in options.only:
         results[name] = benches[name](options)
     results["setting"] = {
@@ -250,8 +236,7 @@ def main() -> None:
         "python": platform.python_version(),
         "machine": platform.machine(),
     }
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+    RESULTS.write(results)
 
 
 if __name__ == "__main__":

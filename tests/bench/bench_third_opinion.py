@@ -11,28 +11,22 @@ Prints figures and writes `results/third_opinion.json` beside this file, part by
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
-import sys
 from itertools import product
-from pathlib import Path
 from typing import Any
 
+import bench_second_opinion as second
 import dartpy
+import harness
 import numpy as np
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
-
-import bench_second_opinion as second  # noqa: E402
-
-from planner.arrays import Array  # noqa: E402
-from planner.evaluation import mujoco  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.job.model import Job  # noqa: E402
-from planner.mechanics.simulator import Simulator  # noqa: E402
-from planner.part.outline import area, radius_of_gyration, simplified  # noqa: E402
+from planner.arrays import Array
+from planner.evaluation import mujoco
+from planner.job import model as job_file
+from planner.job.model import Job
+from planner.mechanics.simulator import Simulator
+from planner.part.outline import area, radius_of_gyration, simplified
 
 RESULTS = second.RESULTS.with_name("third_opinion.json")
 PARTS = ("kite", "ratchet", "hook-jaw")
@@ -219,7 +213,7 @@ def bench(part: str, squeezes: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("--parts", nargs="+", default=PARTS, metavar="PART")
     parser.add_argument("--squeezes", type=int, default=60, help="of each part")
     options = parser.parse_args()

@@ -6,13 +6,14 @@ Beside it what the model of time says of the same squeezes. The measures are swi
 Of several tables it shows a row each: with all of the measures, and with none of them.
 """
 
-import argparse
 import statistics
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
+
+import harness
 
 from drivers.abb.codec import Reply
 from drivers.ports import TURN_RADIUS_MM
@@ -144,9 +145,7 @@ def _branch(table: Table, node: int, target: int | None) -> int:
 
 def main() -> None:
     """Print a row a table, or a row a measure."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument("trees", type=Path, nargs="+", metavar="TREE.msgpack")
     parser.add_argument("--parts", type=int, default=100)
     given = parser.parse_args()
