@@ -3,7 +3,6 @@
 import csv
 import os
 import stat
-import subprocess
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from programs import JOB, REHEARSAL, VIRTUAL, called, ended
 from sample_tables import small_table
 from written_journals import write_run
 
@@ -19,8 +19,6 @@ from runtime.devices.lock import PortLock
 from runtime.journal.chain import verify
 from runtime.table import dump
 
-ROOT = Path(__file__).parents[2]
-JOB = ROOT / "trees" / "rectangle" / "job.toml"
 SURFACE = (
     "format = 1\nkind = 'ellipsoid'\nrho_mm = 75.0\n"
     "ellipsoid = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]\n"
@@ -122,19 +120,15 @@ class Desk:
 
     def run(self, command: Command, out: Path) -> int:
         """Run a command on the files; returns its exit code."""
-        names = {
-            "json": out.with_suffix(".json"),
-            "svg": out.with_suffix(".svg"),
-            "folder": out.parent,
-        }
-        words = [word.format(out=out, **names, **self.files) for word in command.words.split()]
+        names = {kind: out.with_suffix(f".{kind}") for kind in ("json", "svg")}
+        names |= {"out": out, "folder": out.parent, **self.files}
+        words = [word.format(**names) for word in command.words.split()]
         return int(import_module(command.module).main(words))
 
     def start(self, journal: Path) -> int:
         """Run a part in a simulated cell; returns the exit code."""
-        words = ["--tree", str(self.files["tree"]), "--port", "sim", "--journal", str(journal)]
-        world = "runtime.devices.rehearsal:make"
-        return cli.main([*words, "--world", world, "--time-scale", "max"])
+        words = ["--tree", str(self.files["tree"]), "--journal", str(journal)]
+        return cli.main([*words, *VIRTUAL, *REHEARSAL])
 
     def seen(self) -> dict[str, object]:
         """Kind, device number, target or content of all that lies in the folder."""
@@ -173,14 +167,8 @@ def refuses(desk: Desk, capfd: pytest.CaptureFixture[str]) -> Callable[[Command,
 
 def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
     """Things that no output may be, each in a folder of its own; a device only where root asks for it."""
-    kinds = [
-        "pipe",
-        "folder",
-        "link",
-        "dangling link",
-        "socket",
-        *(["device"] if os.geteuid() == 0 else []),
-    ]
+    kinds = ["pipe", "folder", "link", "dangling link", "socket"]
+    kinds += ["device"] if os.geteuid() == 0 else []
     record = {kind: folder / kind / f"seed=1{suffix}" for kind in kinds}
     for path in record.values():
         path.parent.mkdir()
@@ -248,7 +236,6 @@ def test_a_file_that_the_job_names_is_an_input(
 def test_what_is_no_journal_is_not_written_to(
     desk: Desk, capfd: pytest.CaptureFixture[str], kind: str
 ) -> None:
-    path = desk.folder / kind
     contents = {
         "text": b"a note\nand one more, without an end",
         "json": b'{"host": "cell"}',
@@ -256,11 +243,11 @@ def test_what_is_no_journal_is_not_written_to(
         "journal of another kind": b'{"seq":0,"time":"now","kind":"header"}\n{"seq":1,"time":"now"',
         "no end": b"x" * 100,
     }
-    paths = [path]
     if kind == "odd":
         paths = list(odd_files(desk.folder, ".jsonl").values())
     else:
-        path.write_bytes(contents[kind])
+        paths = [desk.folder / kind]
+        paths[0].write_bytes(contents[kind])
     for path in paths:
         before = desk.seen()
         assert desk.start(path) == 24
@@ -284,15 +271,12 @@ def test_a_torn_journal_is_gone_on_with(desk: Desk) -> None:
     assert verify(path).runs == 2
 
 
-def test_gripper_calibration_is_refused_before_the_gripper_is_opened(
-    desk: Desk, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_gripper_calibration_is_refused_before_the_gripper_is_opened(desk: Desk) -> None:
     for path in odd_files(desk.folder, ".json").values():
         before = desk.seen()
-        assert (
-            cli.calibrate(["width", "--port", "/dev/none", "--gripper", "S", "-o", str(path)]) == 2
-        )
-        err = capfd.readouterr().err
+        words = ("width", "--port", "/dev/none", "--gripper", "S", "-o", path)
+        code, _, err = called(cli.calibrate, *words)
+        assert code == 2
         assert "cannot be written: " in err
         assert desk.seen() == before
 
@@ -307,17 +291,13 @@ def test_gripper_calibration_is_refused_before_the_gripper_is_opened(
 def test_rows_on_standard_output_are_nothing_but_rows(desk: Desk, program: str, words: str) -> None:
     """As a process, and by the name of a link, which is not replaced."""
     before = what_is(Path("/dev/stdout"))
-    command = [
-        Path(sys.executable).with_name(program),
-        *(word.format(**desk.files) for word in words.split()),
-    ]
-    done = subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, timeout=250, check=True
-    )
-    rows = list(csv.reader(done.stdout.splitlines()))
+    command = [Path(sys.executable).with_name(program), *words.format(**desk.files).split()]
+    code, out, err = ended(command, timeout=250)
+    assert code == 0, err
+    rows = list(csv.reader(out.splitlines()))
     assert len(rows) > 1
     assert {len(row) for row in rows} == {len(rows[0])}
-    assert done.stderr.count("\n") == 1
+    assert err.count("\n") == 1
     assert what_is(Path("/dev/stdout")) == before
 
 

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from sample_tables import small_table
 from soaking import small_setting
 
 from drivers.sim.cell import Cell
@@ -12,16 +11,14 @@ from runtime import cli
 from runtime.commands.journal import main as grasp_journal
 from runtime.errors import JournalError
 from runtime.journal.chain import MOST_INCIDENTS, Incidents, Journal, records, verify
-from runtime.table import dump
 
 SCALE = 20.0  # the runtime takes the cell for a real one, which is just fast
 
 
 def test_retries_are_journalled_with_the_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tree: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    dump(small_table(), tmp_path / "small.msgpack")
     faults = Listed(
         [Fault("reply_lost", 0, 0), Fault("request_lost", 0, 30), Fault("noise", 0, 40, value=9)]
     )

@@ -6,14 +6,13 @@ fingers that meet elsewhere leave parts elsewhere, however alike all their squee
 
 import json
 import math
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import pytest
-from counting import PROFILE, width_um
+from calibrations import linear
 from fake_cell import FakeJournal
-from running_cells import ROOT, WAIT_S, RunningCell
+from programs import JOB, ended
+from running_cells import CALIBRATE, RunningCell
 
 from drivers.sim.physics.scene import load as load_scene
 from drivers.sim.virtual.cell import VirtualCell
@@ -21,7 +20,6 @@ from planner.compile import compile_job
 from planner.job import model as job_file
 from runtime.commands import arguments, options
 from runtime.execution import calibration, session
-from runtime.execution.calibration import Gauge
 from runtime.execution.delivery import from_text
 from runtime.execution.executor import PLAIN, Cell, RunOptions
 from runtime.table import dump, load
@@ -42,7 +40,7 @@ CERTAIN = {
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory):
     """A table of the rectangle that doubts nothing, for a goal of less than the fingers are off."""
-    job = job_file.load(ROOT / "trees" / "rectangle" / "job.toml", CERTAIN)
+    job = job_file.load(JOB, CERTAIN)
     path = tmp_path_factory.mktemp("middle") / "tree.msgpack"
     dump(compile_job(job, workers=1, trials=500).table, path)
     return path
@@ -51,28 +49,14 @@ def tree(tmp_path_factory):
 @pytest.fixture(scope="module")
 def measured(tree):
     """A calibration file with the middle, as the commands write it."""
-    widths, result = tree.with_name("gripper.json"), tree.with_name("gripper2.json")
-    counts = (230, 200, 150, 100, 50, 3)
-    gauges = [Gauge((230 - count) * 85.0 / 227.0, (width_um(count),)) for count in counts]
-    calibration.save(calibration.fit(gauges, PROFILE, "S/N-1", "2026-01-01T00:00:00Z"), widths)
+    widths, result = linear(tree.with_name("gripper.json")), tree.with_name("gripper2.json")
     with RunningCell(tree, "--middle", f"{OFF_MM}", "--block", "30,4,-2", time_scale=100) as cell:
         words = ["middle", "--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
-        words += ["--tree", str(tree), "--calibration", str(widths), "--block", "30"]
-        words += ["--at", "5,-1"]
-        words += ["-o", str(result), "--activate", "--tips", "straight", "--json"]
-        code = "import sys, runtime.cli as cli; sys.exit(cli.calibrate())"
-        command = [sys.executable, "-c", code, *words]
-        done = subprocess.run(
-            command,
-            input="\n",
-            capture_output=True,
-            text=True,
-            cwd=ROOT,
-            timeout=WAIT_S,
-            check=False,
-        )
-    assert done.returncode == 0, done.stderr
-    return result, json.loads(done.stdout)
+        words += ["--tree", tree, "--calibration", widths, "--block", "30", "--at", "5,-1"]
+        words += ["-o", result, "--activate", "--tips", "straight", "--json"]
+        code, out, err = ended([*CALIBRATE, *words], input="\n")
+    assert code == 0, err
+    return result, json.loads(out)
 
 
 def run_parts(tree, handling, delivery=None):
@@ -97,19 +81,9 @@ def run_parts(tree, handling, delivery=None):
 
 
 def handling_of(tree, path):
-    words = [
-        "--tree",
-        str(tree),
-        "--port",
-        "x",
-        "--arm",
-        "y",
-        "--tips",
-        "straight",
-        "--calibration",
-        str(path),
-    ]
-    return options.run_options(arguments.parser().parse_args(words), load(tree).table).handling
+    words = f"--tree {tree} --port x --arm y --tips straight --calibration {path}"
+    given = arguments.parser().parse_args(words.split())
+    return options.run_options(given, load(tree).table).handling
 
 
 def test_the_command_measures_what_is_off_and_says_what_is_left_to_doubt(measured):

@@ -1,17 +1,15 @@
 """Where only the cell's part is installed, commands that need more name the extra."""
 
-import subprocess
 import sys
-from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from programs import TABLE, ended
+
 PLANNER = "compile_job simulate evaluate expect identify report init studio try_part"
-TREE = str(ROOT / "trees" / "rectangle" / "rectangle.msgpack")
 CALLS = [
     *(("numpy", f"planner.commands:{command}", "", "planner") for command in PLANNER.split()),
     ("cv2", "drivers.camera.commands:audit", "['judge']", "audit"),
     ("cv2", "drivers.camera.commands:calibrate", "['camera']", "audit"),
-    ("cv2", "drivers.sim.cli:main", f"['--tree', {TREE!r}, '--camera']", "audit"),
+    ("cv2", "drivers.sim.cli:main", f"['--tree', {str(TABLE)!r}, '--camera']", "audit"),
     ("shtab", "runtime.commands.squeezetree:main", "['--print-completion', 'bash']", "completion"),
 ]
 EACH = """
@@ -35,18 +33,14 @@ for word in ("report", "study"):
 """
 
 
-def ran(code: str) -> "subprocess.CompletedProcess[str]":
-    words = [sys.executable, "-c", code]
-    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
-
-
 def test_without_its_library_each_command_names_the_extra_in_one_line():
     """Report and study of audits need neither numpy nor OpenCV."""
-    done = ran(f"CALLS = {CALLS!r}\n{EACH}")
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.count("none.jsonl") == 2
+    code, _, err = ended([sys.executable, "-c", f"CALLS = {CALLS!r}\n{EACH}"])
+    assert code == 0, err
+    assert err.count("none.jsonl") == 2
 
 
 def test_without_gymnasium_the_environment_names_its_extra():
-    done = ran("import sys; sys.modules['gymnasium'] = None; import planner.gym")
-    assert "pip install 'squeezetree[gym]'" in done.stderr.splitlines()[-1]
+    code = "import sys; sys.modules['gymnasium'] = None; import planner.gym"
+    _, _, err = ended([sys.executable, "-c", code])
+    assert "pip install 'squeezetree[gym]'" in err.splitlines()[-1]

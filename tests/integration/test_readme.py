@@ -4,7 +4,8 @@ import re
 import shutil
 
 import pytest
-from documents import DOCS, ROOT, blocks, matches, run
+from documents import DOCS, blocks, matches, run
+from programs import ROOT, TREES
 
 from planner.kernel import CACHE_VARIABLE, cache_folder
 
@@ -28,7 +29,7 @@ def test_the_readme_runs_as_written(work, environment):
     (work / "out").mkdir()
     (work / ".venv" / "bin").mkdir(parents=True)  # made by tools/demo
     (work / ".venv" / "bin" / "activate").touch()
-    shutil.copytree(ROOT / "trees" / "rectangle", work / "trees" / "rectangle")
+    shutil.copytree(TREES / "rectangle", work / "trees" / "rectangle")
     (work / "tools" / "docs").mkdir(parents=True)
     shutil.copy(DOCS / "lever.dxf", work / "tools" / "docs")
     home = {"HOME": str(work), CACHE_VARIABLE: str(cache_folder())}  # completion writes into it

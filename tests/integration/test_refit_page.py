@@ -6,7 +6,8 @@ import shutil
 import tomllib
 
 import pytest
-from documents import DOCS, ROOT, Block, blocks, changed, run, stated
+from documents import DOCS, Block, blocks, changed, run, stated
+from programs import ROOT
 
 # What a page says of hundreds of parts, as a test tries it.
 REJECT, ALARM = 10, 11  # exit codes of runs and reports that the page shows

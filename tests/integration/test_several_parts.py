@@ -1,15 +1,13 @@
 """From a job with several parts to a run: two squares are sorted by their size, wherever they lie."""
 
-import io
 import json
 import re
 import sys
-from contextlib import redirect_stdout
-from pathlib import Path
 
 import numpy as np
 import pytest
 from html_pages import Page
+from programs import VIRTUAL, called
 
 from drivers.camera.audit.subject import from_table
 from drivers.camera.vision.tag_file import PartTag
@@ -28,7 +26,6 @@ from runtime.journal.export import rows
 from runtime.shell.errors import InputError
 from runtime.table import dump, dumps, loads
 
-ROOT = Path(__file__).parents[2]
 COUNT_MM = 0.38
 SQUARE = """
 [[hypothesis]]
@@ -133,12 +130,14 @@ def test_foreign_parts_are_counted_by_what_becomes_of_them(plan):
     assert [(len(other.lines()), other.answers) for other in others] == [(1, ()), (1, ())]
 
 
-def test_foreign_parts_may_be_generated(plan, tmp_path, capsys):
+def test_foreign_parts_may_be_generated(plan, tmp_path):
     """Squares of 20 and 34 mm: of each a smaller and a larger one, a disc, and a rectangle."""
     tree = tmp_path / "squares.msgpack"
     dump(plan.table, tree)
-    assert evaluate_command.main([str(tree), "--foreign-parts", "--trials", "200", "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)["foreign_parts"]
+    words = (tree, "--foreign-parts", "--trials", "200", "--json")
+    code, out, _ = called(evaluate_command.main, *words)
+    assert code == 0
+    record = json.loads(out)["foreign_parts"]
     names = [f"small {kind}" for kind in ("x 0.9", "x 1.1", "its disc", "its rectangle")]
     assert [each["name"] for each in record][:4] == names
     assert len(record) == 8
@@ -173,12 +172,11 @@ def test_a_foreign_part_that_differs_where_no_squeeze_measures_is_explained_by_t
 
 def simulated(table, folder, *more):
     """Parts of a run in virtual time, as `--json` prints them, and its journal."""
-    tree, journal, output = folder / "t.msgpack", folder / "journal", io.StringIO()
+    tree, journal = folder / "t.msgpack", folder / "journal"
     dump(table, tree)
-    words = ["--tree", str(tree), "--port", "sim", "--time-scale", "max", "--seed", "5", "--json"]
-    with redirect_stdout(output):
-        code = cli.main([*words, "--journal", str(journal), *more])
-    return code, [json.loads(line) for line in output.getvalue().splitlines()], journal
+    words = ("--tree", tree, *VIRTUAL, "--seed", "5", "--json", "--journal", journal)
+    code, out, _ = called(cli.main, *words, *more)
+    return code, [json.loads(line) for line in out.splitlines()], journal
 
 
 @pytest.fixture(scope="module")
@@ -210,15 +208,13 @@ def test_a_run_names_the_part_and_its_truth(ran):
         (evaluate_command, "TREE --foreign-parts --sweep", "leave out --ppm and --sweep"),
     ],
 )
-def test_what_is_for_one_part_is_refused_in_one_line(
-    program, words, message, plan, tmp_path, capsys
-):
+def test_what_is_for_one_part_is_refused_in_one_line(program, words, message, plan, tmp_path):
     dump(plan.table, tmp_path / "TREE")
-    places = {"TREE": str(tmp_path / "TREE"), "page.html": str(tmp_path / "page.html")}
-    assert program.main([places.get(word, word) for word in words.split()]) != 0
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
+    places = {"TREE": tmp_path / "TREE", "page.html": tmp_path / "page.html"}
+    refused = called(program.main, *(places.get(word, word) for word in words.split()))
+    assert refused.code != 0
+    assert refused.one_line
+    assert message in refused.err
 
 
 EVIL = "large <i>&"

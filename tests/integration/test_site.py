@@ -4,18 +4,15 @@ import importlib.util
 import json
 import os
 import re
-import subprocess
 import sys
-import tomllib
 from html import unescape
-from pathlib import Path
 
 import pytest
+from documents import COMMANDS, DOCS
+from launch import RESULTS
+from programs import ROOT, ended
 
-ROOT = Path(__file__).parents[2]
-SITE = ROOT / "tools" / "docs" / "site"
-RESULTS = ROOT / "tests" / "bench" / "results"
-COMMANDS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+SITE = DOCS / "site"
 
 
 def module(name):
@@ -45,16 +42,10 @@ BUILD = (
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     output = tmp_path_factory.mktemp("site") / "built"
-    done = subprocess.run(
-        [sys.executable, "-c", BUILD, "-o", str(output)],
-        env={**os.environ, "PYTHONPATH": str(SITE)},
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "not fetched" in done.stdout
+    words = [sys.executable, "-c", BUILD, "-o", output]
+    code, out, err = ended(words, env={**os.environ, "PYTHONPATH": str(SITE)}, timeout=240)
+    assert (code, err) == (0, "")
+    assert "not fetched" in out
     return output
 
 
@@ -163,15 +154,8 @@ def test_tables_are_filled_in_where_the_page_says(kept, monkeypatch, tmp_path):
     monkeypatch.setattr(kept, "RESULTS", tmp_path)
     page = "a\n\n<!-- table push_actions -->\nold\n<!-- end -->\n\nb\n"
     assert kept.filled(page) == page.replace("old", "\nNot measured in this version.\n")
-    row = {
-        "squeezes": 2.5,
-        "success": 0.99,
-        "crashes": 3,
-        "parts": 100,
-        "pushes": 0.0,
-        "seconds": 5.0,
-        "cpu_s": 9.0,
-    }
+    row = {"squeezes": 2.5, "success": 0.99, "crashes": 3, "parts": 100, "pushes": 0.0}
+    row |= {"seconds": 5.0, "cpu_s": 9.0}
     other = {**row, "squeezes": 2.1, "crashes": 6}
     figures = {"plate": {"squeezes": [row, other], "pushes": [{"no_plan": "none", "cpu_s": 1.0}]}}
     (tmp_path / "push_actions.json").write_text(json.dumps(figures))

@@ -1,20 +1,17 @@
 """The studio as a user meets it: from a drawing over HTTP to a table and simulated parts, through a kill."""
 
 import json
-import signal
-import subprocess
 import sys
-from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import pytest
 from html_pages import Page
+from programs import started
 from waiting import until
 
 from runtime.table import load
 
-ROOT = Path(__file__).parents[2]
 CODE = "import sys; from planner.cli.studio import main; sys.exit(main(sys.argv[1:]))"
 QUICK = {"radius": "2", "turn": "8", "budget": "2", "units": "mm"}
 
@@ -23,8 +20,8 @@ class Studio:
     """A running studio."""
 
     def __init__(self, folder):
-        words = [sys.executable, "-c", CODE, str(folder), "--port", "0", "--no-browser", "--json"]
-        self.process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        words = [sys.executable, "-c", CODE, folder, "--port", "0", "--no-browser", "--json"]
+        self.process = started(words, stderr=None)
         self.address = json.loads(self.process.stdout.readline())["address"].rstrip("/")
 
     def ask(self, path, body=None):
@@ -33,7 +30,7 @@ class Studio:
             return response.read()
 
     def kill(self):
-        self.process.send_signal(signal.SIGKILL)
+        self.process.kill()
         self.process.wait()
         self.process.stdout.close()
 

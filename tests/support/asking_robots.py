@@ -7,9 +7,9 @@ from pathlib import Path
 from types import ModuleType
 
 from counting import count_of
-from served import ROOT, ServedRun
+from programs import ROOT, WAIT_S
+from served import ServedRun
 from structured_text import FunctionBlock
-from waiting import WAIT_S
 
 from drivers.ports import ObjectState
 from drivers.sim.physics.scene import Setting

@@ -1,11 +1,12 @@
 """How a part may end after each class of faults, as drivers/sim/FAULTS.md says."""
 
 import re
-from pathlib import Path
+
+from programs import ROOT
 
 from runtime.traversal.results import PartResult
 
-TABLE = (Path(__file__).parents[2] / "drivers" / "sim" / "FAULTS.md").read_text()
+TABLE = (ROOT / "drivers" / "sim" / "FAULTS.md").read_text()
 ROWS = {
     name: [cell.strip() for cell in rest.split("|")]
     for name, rest in re.findall(r"^\| `(\w+)` \|(.+)\|$", TABLE, re.MULTILINE)

@@ -1,10 +1,11 @@
 """What is done to sound files to make them almost right: text, bytes, values of JSON, records of journals."""
 
 import contextlib
-import hashlib
 import json
 import re
 from random import Random
+
+from run_logs import chained
 
 from runtime.shell import strict_json
 
@@ -165,43 +166,24 @@ def journal(data: bytes, random: Random) -> bytes:
         else:
             changed = odd(entries[at], random)
             entries[at] = changed if isinstance(changed, dict) else entries[at]
-    return chained(entries)
-
-
-def chained(entries: list[dict]) -> bytes:
-    """Records as lines, each with its number, the digest of the line before and its own."""
-    lines, head = [], "0" * 64
-    for number, entry in enumerate(entries):
-        fields = {
-            name: value
-            for name, value in entry.items()
-            if name not in ("digest", "previous", "seq")
-        }
-        seq = number if type(entry.get("seq")) is int else entry.get("seq")
-        body = json.dumps({"seq": seq, **fields, "previous": head}, separators=(",", ":")).encode()
-        head = hashlib.sha256(body).hexdigest()
-        lines.append(body[:-1] + f',"digest":"{head}"}}\n'.encode())
-    return b"".join(lines)
+    return chained(entries, None)
 
 
 def sealed(data: bytes, random: Random) -> bytes:
     """A JSON document changed, with the digest that it then has; or damaged as text."""
     if random.random() < 0.3:
         return text(data, random)
-    result = odd(
-        {name: value for name, value in json.loads(data).items() if name != "sha256"}, random
-    )
+    document = json.loads(data)
+    del document["sha256"]
+    document = odd(document, random)
     with contextlib.suppress(ValueError, UnicodeEncodeError):  # a digest of no text
-        result = (
-            {**result, "sha256": strict_json.digest(result)} if isinstance(result, dict) else result
-        )
-    return json.dumps(result).encode()
+        if isinstance(document, dict):
+            document["sha256"] = strict_json.digest(document)
+    return json.dumps(document).encode()
 
 
 def values(data: bytes, random: Random) -> bytes:
     """A JSON document with something odd in it, or damaged as text."""
-    return (
-        text(data, random)
-        if random.random() < 0.3
-        else json.dumps(odd(json.loads(data), random)).encode()
-    )
+    if random.random() < 0.3:
+        return text(data, random)
+    return json.dumps(odd(json.loads(data), random)).encode()

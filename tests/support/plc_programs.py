@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 from ctypes.util import find_library
 from pathlib import Path
 
+from programs import ROOT, WAIT_S
 from pymodbus.client import ModbusTcpClient
-from served import ROOT, ServedRun
+from served import ServedRun
 from structured_text import FunctionBlock
-from waiting import WAIT_S, until
+from waiting import until
 
 from runtime.plc.handshake import Error
 from runtime.plc.registers import MAP, READ, READ_AT, WRITTEN_AT, Register, as_json

@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from waiting import WAIT_S
+
 ROOT = Path(__file__).parents[2]
 TREES = ROOT / "trees"
 JOB, TABLE = (TREES / "rectangle" / name for name in ("job.toml", "rectangle.msgpack"))
 RUNTIME, CELL = ((sys.executable, "-m", name) for name in ("runtime.cli", "drivers.sim.cli"))
 REHEARSAL = ("--world", "runtime.devices.rehearsal:make")
 VIRTUAL = ("--port", "sim", "--time-scale", "max")  # a simulated cell in virtual time
-WAIT_S = 120.0  # generous: the machine may have other work
 
 
 class Ended(NamedTuple):

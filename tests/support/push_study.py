@@ -5,17 +5,16 @@ Each variant pushes the same parts with the same mechanics along the same way, c
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import shapely
 from problems import JAWS, bar, place, rectangle, right_triangle, simulator
+from programs import TREES
 
 from planner.job import model as job_file
 from planner.mechanics.simulator import Simulator
 from planner.part.outline import reach
 
-TREES = Path(__file__).parents[2] / "trees"
 WAY_MM, FIRST_MM = 40.0, 25.0
 CLOSE_MM, CLOSE_RAD = 0.5, 0.02
 ALLOWED, STEPS_ALLOWED, OVERLAP_MM2 = 0.001, 0.005, 0.1

@@ -9,7 +9,8 @@ from sample_tables import small_table
 from runtime.devices.clock import SystemClock
 from runtime.execution import session
 from runtime.execution.executor import Cell, RunOptions
-from runtime.journal.chain import SEGMENT_BYTES, Journal
+from runtime.journal.chain import SEGMENT_BYTES, Journal, records, verify
+from runtime.journal.replay import Replay
 from runtime.monitoring.console import Objects
 from runtime.table import Calibration, dumps
 from runtime.traversal.decision import Policy
@@ -43,6 +44,12 @@ def write_run(
             table, cell, None, Quiet(), count=4, activate=False, options=RunOptions(policy)
         )
     return path
+
+
+def assert_sound(journal: Path) -> None:
+    """A journal verifies, has its last record, and its decisions are derived again."""
+    assert verify(journal).closed
+    assert list(Replay().follow(records(journal))) == []
 
 
 class Quiet(Objects):
