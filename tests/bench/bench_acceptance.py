@@ -9,8 +9,6 @@ Some parts are stopped by the operator, and of some the audit tells nothing. The
 the contact simulation, each with a friction and an error of the encoder that all its parts meet.
 """
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from typing import Any

@@ -12,8 +12,6 @@ drift: parts run in the contact world through the table, watched by all charts o
 the readings expected by `plan-expect`; from part 300 on something is wrong (`drift_trials.py`).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shlex

@@ -7,8 +7,6 @@ Compiles each job of `trees/`, or takes the table there or the one that an earli
 `results/bound.json` beside this file; rows of jobs that are not measured again stay.
 """
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

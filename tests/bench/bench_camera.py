@@ -7,8 +7,6 @@ the camera 600 mm under the table; each is measured with the true calibration an
 `grasp-calibrate camera` makes of rendered board views. One core.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import platform

@@ -9,8 +9,6 @@ poses. Judged are the pushes of the set `held20`, which neither model was fitted
 Prints figures and writes `results/contact.json`.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import sys

@@ -12,8 +12,6 @@ one's, each as the mean CPU time of `--repeat` calls. Prints the figures beside 
 limit is not kept.
 """
 
-from __future__ import annotations
-
 import hashlib
 import platform
 import sys

@@ -8,8 +8,6 @@ pressure, is not recorded: it is identified from one squeeze in six and judged b
 a uniform pressure. Not part of the gate. Prints figures and writes `results/fingers.json`.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys

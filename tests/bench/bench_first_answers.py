@@ -10,8 +10,6 @@ and figures, no outlines. Needs the packages that the outlines come from; withou
 them.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import platform

@@ -8,8 +8,6 @@ mode is largest on average (greedy), one anywhere (random). Prints figures and w
 beside this file. The speed of MuJoCo is measured where `pip install mujoco` has been done.
 """
 
-from __future__ import annotations
-
 import json
 import platform
 import time

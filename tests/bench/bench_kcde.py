@@ -7,8 +7,6 @@ h1 = h2 = 0.5 mm and the nearest 400 points, by our kernel and by scipy's cKDTre
 process; medians count. Prints figures and writes `results/kcde.json` beside this file.
 """
 
-from __future__ import annotations
-
 import math
 import platform
 import time

@@ -11,8 +11,6 @@ are processor seconds of the whole process. Plans are kept one by one in `result
 file; what is kept is not planned again.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

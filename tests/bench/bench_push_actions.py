@@ -7,8 +7,6 @@ way. Prints squeezes, seconds and success of the cell, crashes of an open finger
 and writes `results/push_actions.json` beside this file: cases that are not named stay as they are there.
 """
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

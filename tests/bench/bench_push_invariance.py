@@ -8,8 +8,6 @@ order, with more of them on the edges, and with 1e-9 mm of start. Prints which s
 `results/push_invariance.json`.
 """
 
-from __future__ import annotations
-
 import json
 import time
 

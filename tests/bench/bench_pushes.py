@@ -13,14 +13,12 @@ coverage of 90 % intervals. The pushes with two fingers are only judged. Prints 
 `results/pushes.json`.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import math
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import harness
 import numpy as np
@@ -77,9 +75,9 @@ class Recorded(NamedTuple):
     paths: Paths
     moved: Array  # (n, 3) [mm, mm, rad]
 
-    def take(self, rows: Any) -> Recorded:
+    def take(self, rows: Any) -> Self:
         """Some of the pushes."""
-        return Recorded(Paths(*(values[rows] for values in self.paths)), self.moved[rows])
+        return type(self)(Paths(*(values[rows] for values in self.paths)), self.moved[rows])
 
 
 def simulator(support: str, friction: tuple[float, float], dof: int) -> Simulator:

@@ -13,8 +13,6 @@ of many, which is what the code costs. Garbage collection has no part in it: a d
 With `--realtime` (as root) no other program comes between, as on a controller that has nothing else to do.
 """
 
-from __future__ import annotations
-
 import compileall
 import gc
 import os

@@ -7,8 +7,6 @@ squeezes of the trials are made again in the contact world: nominally, and 20 ti
 figures and writes `results/second_opinion.json` beside this file, part by part: what is there is kept.
 """
 
-from __future__ import annotations
-
 import json
 import platform
 import time

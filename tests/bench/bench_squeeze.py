@@ -6,8 +6,6 @@ Prints tables and writes `results/squeeze.json` beside this file. The speed of M
 the extra `mujoco` is installed.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -9,8 +9,6 @@ problem, with no compliance. All worlds squeeze the same random poses with the m
 Prints figures and writes `results/third_opinion.json` beside this file, part by part.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from itertools import product

@@ -7,8 +7,6 @@ leaves that are surer. Both plans go through the standard set of worlds of `plan
 same parts. Prints figures and writes `results/worlds.json` beside this file.
 """
 
-from __future__ import annotations
-
 import platform
 import time
 from typing import Any

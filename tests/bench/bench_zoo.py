@@ -7,8 +7,6 @@ and writes `results/zoo500.json` beside this file: names and figures, no outline
 from what tools/zoo500 has done.
 """
 
-from __future__ import annotations
-
 import json
 import platform
 import subprocess

@@ -3,8 +3,6 @@
 Limits were chosen with other seeds (0 to 99, 500 to 519, from 700 000 on); those here are for nothing else.
 """
 
-from __future__ import annotations
-
 import copy
 from collections import Counter
 from typing import Any

@@ -9,12 +9,13 @@ import argparse
 import importlib
 import re
 import shlex
-import subprocess
 import sys
 import tomllib
 
 import pytest
-from documents import COMMANDS, DOCS, PAGES, ROOT, blocks
+from command_parsers import subcommands
+from documents import COMMANDS, DOCS, PAGES, blocks
+from programs import ROOT, ended
 
 RUN = {
     ROOT / "README.md",
@@ -41,9 +42,8 @@ SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 FILE = re.compile(r"(?<![\w/.-])(?:planner|runtime|drivers|tests|tools|trees)/[\w./*@-]*[\w*]/?")
 MODULE = re.compile(r"`((?:planner|runtime|drivers)(?:\.\w+)+)[`:]")
-KEPT = re.compile(
-    r"^<!-- table .*?^<!-- end -->$", re.MULTILINE | re.DOTALL
-)  # with names of its day
+# With names of its day.
+KEPT = re.compile(r"^<!-- table .*?^<!-- end -->$", re.MULTILINE | re.DOTALL)
 REMOVED = re.compile(r"^### Removed$.*?^### ", re.MULTILINE | re.DOTALL)  # of a changelog
 EXTRAS = set(
     tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
@@ -68,9 +68,8 @@ def understand(words, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(argparse.ArgumentParser, "parse_args", parse_args)
         patched.setattr(sys, "argv", list(words))
-        patched.setattr(
-            "planner.commands.missing_input", lambda _: None
-        )  # examples name files of a reader
+        # Examples name files of a reader.
+        patched.setattr("planner.commands.missing_input", lambda _: None)
         try:
             getattr(importlib.import_module(module), function)()
         except Parsed:
@@ -80,27 +79,9 @@ def understand(words, monkeypatch):
     raise AssertionError(f"{words[0]} parses no arguments")
 
 
-def family(parser):
-    """A parser and those of its subcommands."""
-    result = [parser]
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for inner in action.choices.values():
-                result += family(inner)
-    return result
-
-
 def options_of(parser):
-    return {option for each in family(parser) for option in each._option_string_actions}
-
-
-def subcommands_of(parser):
-    return {
-        name
-        for action in parser._actions
-        if isinstance(action, argparse._SubParsersAction)
-        for name in action.choices
-    }
+    """Its options and those of its subcommands."""
+    return set(parser._option_string_actions).union(*map(options_of, subcommands(parser).values()))
 
 
 def typed(line):
@@ -162,8 +143,8 @@ def check_sentence(text, monkeypatch):
         [words[0].split("|")[0]] if words and words[0][:1].islower() and "." not in words[0] else []
     )
     parser, _ = understand([command, *first], monkeypatch)
-    if first and subcommands_of(parser):
-        assert set(words[0].split("|")) <= subcommands_of(parser), text
+    if first and subcommands(parser):
+        assert set(words[0].split("|")) <= subcommands(parser).keys(), text
     for word in words:
         assert not word.startswith("--") or word in options_of(parser), (
             f"{command} has no {word}: {text}"
@@ -182,10 +163,9 @@ def test_commands_in_sentences_have_these_options(page, monkeypatch, capsys):
 def known_options():
     """Every option of every command and tool."""
     with pytest.MonkeyPatch.context() as monkeypatch:
-        lines = [[name] for name in COMMANDS] + [
-            *(["grasp-calibrate", name] for name in ("camera", "tag", "pictures")),
-            *(["grasp-audit", name] for name in ("judge", "report", "study")),
-        ]
+        inner = {"grasp-calibrate": "camera tag pictures", "grasp-audit": "judge report study"}
+        lines = [[name] for name in COMMANDS]
+        lines += [[name, word] for name in inner for word in inner[name].split()]
         result = set().union(*(options_of(understand(words, monkeypatch)[0]) for words in lines))
     tools = [path for path in (ROOT / "tools").iterdir() if path.is_file()]
     for path in [*tools, *(ROOT / "tests" / "bench").glob("*.py"), *(DOCS / "site").glob("*.py")]:
@@ -263,23 +243,15 @@ def test_help_of_a_script_runs_nothing(script, tmp_path):
     (tmp_path / "tools").mkdir()
     for name in (script, "environment"):
         (tmp_path / "tools" / name).write_text((ROOT / "tools" / name).read_text())
-    done = subprocess.run(
-        ["bash", f"tools/{script}", "--help"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert f"    tools/{script}\n" in done.stdout or f"    tools/{script} " in done.stdout
-    assert "set -euo" not in done.stdout
+    code, out, err = ended(["bash", f"tools/{script}", "--help"], cwd=tmp_path)
+    assert (code, err) == (0, "")
+    assert f"    tools/{script}\n" in out or f"    tools/{script} " in out
+    assert "set -euo" not in out
 
 
 def test_the_demo_refuses_what_it_does_not_take():
-    done = subprocess.run(
-        [ROOT / "tools" / "demo", "--fast"], capture_output=True, text=True, timeout=60
-    )
-    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    done = ended([ROOT / "tools" / "demo", "--fast"])
+    assert (done.code, done.out, done.one_line) == (2, "", True)
 
 
 def test_the_checks_see_mistakes(monkeypatch, capsys):

@@ -3,8 +3,6 @@
 `lcp` poses a `ContactProblem` as eqs 1-5 of the paper, `rows` as the kernels' arrays.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

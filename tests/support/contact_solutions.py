@@ -1,7 +1,5 @@
 """One step's solution laid open: contacts, forces, motion, and how well they fulfil eqs 3-5."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

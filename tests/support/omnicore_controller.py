@@ -89,35 +89,29 @@ class OmniCore:
         place = {"x": flange.x_mm, "y": flange.y_mm, "z": flange.z_mm}
         place |= dict(zip(("q1", "q2", "q3", "q4"), flange.rotation, strict=True))
         module, routine = self.pointer
-        resources: dict[str, list[dict[str, Any]]] = {
-            "/rw/panel/opmode": [{"_type": "pnl-opmode", "opmode": self.mode}],
-            "/rw/panel/ctrl-state": [{"_type": "pnl-ctrlstate", "ctrlstate": self.motors}],
-            "/rw/rapid/execution": [
-                {
-                    "_type": "rap-execution",
-                    "ctrlexecstate": "running" if self.running else "stopped",
-                }
-            ],
-            POINTER: [
-                {
-                    "_type": "pcp-info",
-                    "_title": "progpointer",
-                    "modulemame": module,
-                    "routinename": routine,
-                },
-                {"_type": "pcp-info", "_title": "motionpointer"},
-            ],
-            f"/rw/motionsystem/mechunits/{UNIT}/jointtarget": [{"_type": "ms-jointtarget", **axes}],
-            f"/rw/motionsystem/mechunits/{UNIT}/cartesian": [
-                {
-                    "_type": "ms-mechunit-cartesian",
-                    **{name: f"{value:.6f}" for name, value in place.items()},
-                }
-            ],
-        }
-        if path in resources:
-            return resources[path]
-        return [{"_type": "rap-data", "value": self.symbols[self._name(path)]}]
+        unit = f"/rw/motionsystem/mechunits/{UNIT}"
+        match path:
+            case "/rw/panel/opmode":
+                kind, fields = "pnl-opmode", {"opmode": self.mode}
+            case "/rw/panel/ctrl-state":
+                kind, fields = "pnl-ctrlstate", {"ctrlstate": self.motors}
+            case "/rw/rapid/execution":
+                state = "running" if self.running else "stopped"
+                kind, fields = "rap-execution", {"ctrlexecstate": state}
+            case _ if path == POINTER:
+                at = {"_title": "progpointer", "modulemame": module, "routinename": routine}
+                return [
+                    {"_type": "pcp-info", **at},
+                    {"_type": "pcp-info", "_title": "motionpointer"},
+                ]
+            case _ if path == f"{unit}/jointtarget":
+                kind, fields = "ms-jointtarget", axes
+            case _ if path == f"{unit}/cartesian":
+                kind = "ms-mechunit-cartesian"
+                fields = {name: f"{value:.6f}" for name, value in place.items()}
+            case _:
+                kind, fields = "rap-data", {"value": self.symbols[self._name(path)]}
+        return [{"_type": kind, **fields}]
 
     def write(self, path: str, form: dict[str, str], now_s: float, *, implicit: bool) -> None:
         """A change; RefusedError where it is not allowed."""
@@ -253,9 +247,8 @@ def _handler(
                 return
             parts = urlsplit(self.path)
             query = {name: words[-1] for name, words in parse_qs(parts.query).items()}
-            form = {
-                name: words[-1] for name, words in parse_qs(body, keep_blank_values=True).items()
-            }
+            given = parse_qs(body, keep_blank_values=True).items()
+            form = {name: words[-1] for name, words in given}
             try:
                 with lock:
                     if not changes:
@@ -289,10 +282,8 @@ def _handler(
         ) -> None:
             data = b"" if document is None else json.dumps(document).encode()
             self.send_response(status)
-            for name, value in {
-                "Set-Cookie": "-http-session-=7; path=/",
-                **(headers or {}),
-            }.items():
+            headers = {"Set-Cookie": "-http-session-=7; path=/", **(headers or {})}
+            for name, value in headers.items():
                 self.send_header(name, value)
             self.send_header("Content-Type", ACCEPT)
             if status != HTTPStatus.NO_CONTENT:

@@ -3,8 +3,6 @@
 Outlines are counter-clockwise, in mm, with their area centroid at the origin.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -141,14 +141,14 @@ def with_leaf(table: Table, index: int, leaf: Leaf) -> Table:
 
 
 def random_table(seed: int, nodes: int) -> Table:
-    """A table of so many nodes, numbered breadth first, with two to four branches each."""
+    """A table of so many nodes, numbered breadth first, with one to four branches each, which may overlap."""
     random = Random(seed)
     records: list[Node] = []
     leaves: list[Leaf] = []
     result = 1
     for index in range(nodes):
         targets = []
-        for number in range(random.randint(2, 4)):
+        for number in range(random.randint(1, 4)):
             if result < nodes and (random.random() < 0.5 or (result == index + 1 and number == 0)):
                 targets.append(result)
                 result += 1
@@ -172,27 +172,6 @@ def random_table(seed: int, nodes: int) -> Table:
     )
 
 
-def breadth_first(table: Table) -> Table:
-    """The same tree, its nodes and leaves numbered as a table's are."""
-    nodes, leaves = [0], list[int]()
-    for index in nodes:  # grows while it is walked
-        for branch in table.nodes[index].branches:
-            (nodes if branch.target >= 0 else leaves).append(branch.target)
-    numbers = {old: new for new, old in enumerate(nodes)} | {
-        old: ~new for new, old in enumerate(leaves)
-    }
-
-    def moved(node: Node) -> Node:
-        branches = (branch._replace(target=numbers[branch.target]) for branch in node.branches)
-        return node._replace(branches=tuple(branches))
-
-    return replace(
-        table,
-        nodes=tuple(moved(table.nodes[old]) for old in nodes),
-        leaves=tuple(table.leaves[~old] for old in leaves),
-    )
-
-
 def _random_squeeze(random: Random) -> Squeeze:
     angle = random.choice([0, 785_398, 1_570_796, 2_356_194])
     x, y = (random.choice([0, 10_000, -10_000]) for _ in range(2))
@@ -204,8 +183,8 @@ def _random_branches(random: Random, targets: list[int]) -> tuple[Branch, ...]:
     shares = [high - low for low, high in zip([0, *cuts], [*cuts, 1_000_000], strict=True)]
     branches, reached = [], random.randint(10_000, 20_000)
     for target, share in zip(targets, shares, strict=True):
-        low = reached + random.randint(0, 4_000)
-        expected = low + random.randint(400, 1_200)
+        low = reached + random.randint(-300, 4_000)
+        expected = max(low, reached) + random.randint(400, 1_200)
         reached = expected + random.randint(400, 1_200)
         branches.append(Branch(low, expected, reached, share, target))
     return tuple(branches)
