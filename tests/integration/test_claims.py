@@ -1,7 +1,7 @@
 """No word without ground: one rule for readings, nothing untried claimed, heights that meet the part."""
 
 import base64
-import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from counting import width_um
 from fake_cell import Deaf, fake_cell
-from programs import JOB
+from programs import JOB, called, document
 from sample_tables import every_field_table, random_table, small_table, with_leaf
 
 from planner.belief.metric import Mode
@@ -76,10 +76,8 @@ def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table
             assert result.steps[0].target == (
                 None if branch == REJECT else root.branches[branch].target
             )
-            record = (
-                {"seq": n + 1, "kind": kind, **row}
-                for n, (kind, row) in enumerate(rig.journal.kept)
-            )
+            kept = enumerate(rig.journal.kept, 1)
+            record = ({"seq": seq, "kind": kind, **row} for seq, (kind, row) in kept)
             assert list(Replay().follow([header, *record])) == []
 
 
@@ -145,12 +143,8 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
         old, new, planned = waiting.pop()
         before, after = table.nodes[old], pruned.nodes[new]
         assert after.squeeze == before.squeeze
-        assert (
-            len(planned.children)
-            == len(planned.squeeze.clusters.mean)
-            == len(after.branches)
-            == len(kept[old])
-        )
+        clusters = planned.squeeze.clusters.mean
+        assert len(planned.children) == len(clusters) == len(after.branches) == len(kept[old])
         maps = [decision_map(node, table.gripper) for node in (before, after)]
         read = [
             tuple(decide(decided, width, felt) for decided in maps)
@@ -179,11 +173,10 @@ def small_job(path: Path, *changes: tuple[str, str]) -> Path:
     return path
 
 
-def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path, capsys) -> None:
+def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path) -> None:
     job, output = small_job(tmp_path / "job.toml"), tmp_path / "t.msgpack"
-    code = compile_.main([str(job), "-o", str(output), "--trials", "40", "--no-advice", "--json"])
-    assert code == 0
-    figures, table = json.loads(capsys.readouterr().out), load(output).table
+    words = (job, "-o", output, "--trials", "40", "--no-advice", "--json")
+    figures, table = document(compile_.main, *words), load(output).table
     assert figures["untried_branches"] > 0
     assert all(leaf.trials > 0 for leaf in table.leaves)
     # 40 trials choose what stays, others say how good that is: 4000 more find the same.
@@ -217,42 +210,32 @@ def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
         ("1.0", "", "height_mm"),
     ],
 )
-def test_tips_that_would_miss_the_part_are_refused(
-    tmp_path, capsys, height, squeeze, message
-) -> None:
+def test_tips_that_would_miss_the_part_are_refused(tmp_path, height, squeeze, message) -> None:
     job = small_job(tmp_path / "job.toml", ("height_mm = 16.0", f"height_mm = {height}"))
     job.write_text(f"{job.read_text()}[cell]\n{squeeze}\n", encoding="utf-8")
-    code = compile_.main([str(job), "-o", str(tmp_path / "t.msgpack")])
-    assert code == InputError.exit_code
-    err = capsys.readouterr().err
-    assert message in err
-    assert err.count("\n") == 1
+    refused = called(compile_.main, job, "-o", tmp_path / "t.msgpack")
+    assert (refused.code, refused.one_line) == (InputError.exit_code, True)
+    assert message in refused.err
     assert not (tmp_path / "t.msgpack").exists()
 
 
-def test_a_job_without_a_height_is_compiled_and_says_what_its_tips_presuppose(
-    tmp_path, capsys
-) -> None:
-    text = (
-        "height_mm = 16.0  # from the table to its top: "
-        "the prototype is cut from 16 mm plate; measure yours"
-    )
+def test_a_job_without_a_height_is_compiled_and_says_what_its_tips_presuppose(tmp_path) -> None:
+    (text,) = re.findall(r"^height_mm = .*$", JOB.read_text(), re.MULTILINE)
     job = small_job(tmp_path / "job.toml", (text, ""))
-    assert (
-        compile_.main([str(job), "-o", str(tmp_path / "t"), "--trials", "20", "--no-advice"]) == 0
-    )
-    (line,) = (line for line in capsys.readouterr().out.splitlines() if "height_mm" in line)
+    words = (job, "-o", tmp_path / "t", "--trials", "20", "--no-advice")
+    code, out, _ = called(compile_.main, *words)
+    assert code == 0
+    (line,) = (line for line in out.splitlines() if "height_mm" in line)
     assert "tips at squeeze_height_mm = 8 meet a part of 9 mm or more" in line
 
 
-def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(capsys, tmp_path) -> None:
+def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(tmp_path) -> None:
     record = {}
     for kind in ("pose", "orientation"):
-        job = small_job(
-            tmp_path / f"{kind}.toml", ("[goal]", f'[goal]\nkind = "{kind}"\ntolerance_deg = 5.0')
-        )
-        compile_.main([str(job), "--baseline", "sensorless", "--trials", "400", "--json"])
-        record[kind] = json.loads(capsys.readouterr().out)["real"]
+        goal = f'[goal]\nkind = "{kind}"\ntolerance_deg = 5.0'
+        job = small_job(tmp_path / f"{kind}.toml", ("[goal]", goal))
+        words = (job, "--baseline", "sensorless", "--trials", "400", "--json")
+        record[kind] = document(compile_.main, *words)["real"]
     # Whoever asks for the angle alone gets what is oriented; where the part lies along the jaws stays open.
     assert record["orientation"]["located"] >= record["orientation"]["oriented"] - 0.02
     assert record["orientation"]["located"] > record["pose"]["located"] + 0.2

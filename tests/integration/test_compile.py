@@ -176,12 +176,8 @@ def test_prongs_that_the_jaws_pinch_are_distinguished_from_an_empty_hand(job):
         goal={"confidence": 0.9},
     )
     plan = compile_job(pronged, workers=2, trials=1000)
-    thin = [
-        b
-        for node in plan.table.nodes
-        for b in node.branches
-        if b.low_um > 0 and b.expected_um < HELD_UM
-    ]
+    every = [branch for node in plan.table.nodes for branch in node.branches]
+    thin = [each for each in every if each.low_um > 0 and each.expected_um < HELD_UM]
     assert sum(branch.probability_ppm for branch in thin) > 10_000
     assert plan.evaluation.rejected.mean() < 0.05, plan.evaluation.summary()
 
@@ -218,12 +214,8 @@ def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, toleran
 
 
 def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
-    near_edge = {
-        "cell": {"work_area_mm": [[-30, -30], [30, 30]]},
-        "actions": {"centers_mm": [[6, 0]]},
-        "search": {"particles": 1000, "max_depth": 4},
-    }
-    narrow = job.replaced(**near_edge)
+    area, few = {"work_area_mm": [[-30, -30], [30, 30]]}, {"particles": 1000, "max_depth": 4}
+    narrow = job.replaced(cell=area, actions={"centers_mm": [[6, 0]]}, search=few)
     table = compile_job(narrow, workers=2, trials=1000).table
     assert {node.release for node in table.nodes} >= {(0, 0)}
     worlds = ContactWorlds.of_job(narrow, 3)

@@ -17,24 +17,18 @@ from command_parsers import subcommands
 from documents import COMMANDS, DOCS, PAGES, blocks
 from programs import ROOT, ended
 
-RUN = {
-    ROOT / "README.md",
-    DOCS / "tutorial.md",
-    DOCS / "from-a-solid.md",
-    DOCS / "commissioning.md",
-}
+RUN = {ROOT / "README.md"}
+RUN |= {DOCS / name for name in ("tutorial.md", "from-a-solid.md", "commissioning.md")}
 PARSED = {
     ROOT / "drivers" / "camera" / "README.md": "pictures are rendered for minutes",
     ROOT / "drivers" / "dh" / "README.md": "they need a gripper, or serve until they are stopped",
     ROOT / "drivers" / "schunk" / "README.md": "they need a gripper",
     DOCS / "python.md": "they install; tests/integration/test_python_page.py runs its Python",
-    DOCS
-    / "drivers.md": "tests/integration/test_driver_guide.py runs its example, which is installed otherwise",
+    DOCS / "drivers.md": "tests/integration/test_driver_guide.py runs its example otherwise",
     DOCS / "acceptance.md": "tests/unit/runtime/spc/study/test_study_command.py runs it",
     DOCS / "evidence.md": "tests/integration/test_evidence.py runs it",
     DOCS / "refit.md": "tests/integration/test_refit_page.py runs it with fewer parts",
-    DOCS
-    / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py runs such a command",
+    DOCS / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py does so",
     DOCS / "studio.md": "it serves until it is stopped; tests/integration/test_studio.py runs it",
     DOCS / "results.md": "each command measures for minutes, some need MuJoCo",
 }
@@ -139,16 +133,13 @@ def check_sentence(text, monkeypatch):
     """That the options and subcommands of a command exist that leaves the rest out."""
     command, *words = shlex.split(text.replace("\\|", "|").replace("[", "").replace("]", ""))
     assert command in COMMANDS, text
-    first = (
-        [words[0].split("|")[0]] if words and words[0][:1].islower() and "." not in words[0] else []
-    )
+    inner = words and words[0][:1].islower() and "." not in words[0]
+    first = [words[0].split("|")[0]] if inner else []
     parser, _ = understand([command, *first], monkeypatch)
     if first and subcommands(parser):
         assert set(words[0].split("|")) <= subcommands(parser).keys(), text
     for word in words:
-        assert not word.startswith("--") or word in options_of(parser), (
-            f"{command} has no {word}: {text}"
-        )
+        assert not word.startswith("--") or word in options_of(parser), f"{text}: no {word}"
         if word.partition(" ")[0] in COMMANDS:
             check_sentence(word, monkeypatch)
 
@@ -184,9 +175,8 @@ def test_options_and_commands_that_are_named_exist(page, known_options):
 def test_the_examples_in_help_are_understood(command, monkeypatch, capsys):
     parser, _ = understand([command], monkeypatch)
     text = (parser.epilog or "").replace("\\\n", " ")
-    examples = [
-        line.strip() for line in text.splitlines() if line.strip().startswith(f"{command} ")
-    ]
+    lines = map(str.strip, text.splitlines())
+    examples = [line for line in lines if line.startswith(f"{command} ")]
     assert examples, "its --help shows no example"
     for line in examples:
         for words in typed(line.partition("  #")[0]):
@@ -208,25 +198,19 @@ def test_files_and_modules_that_are_named_exist(page):
 
 def _exists(name):
     """Whether it is a file or folder of the repository, or a name that one of its modules has."""
-    results = [*ROOT.glob(name), *ROOT.glob(f"{name}.py")]
     module, _, attribute = name.rpartition("/")
-    above = [
+    above = (
         path for path in (ROOT / f"{module}.py", ROOT / module / "__init__.py") if path.exists()
-    ]
-    return bool(results) or any(
-        re.search(rf"\b{re.escape(attribute)}\b", path.read_text()) for path in above
     )
+    known = (re.search(rf"\b{re.escape(attribute)}\b", path.read_text()) for path in above)
+    return any((*ROOT.glob(name), *ROOT.glob(f"{name}.py"))) or any(known)
 
 
 def test_the_readme_shows_what_the_demo_runs():
     demo = (ROOT / "tools" / "demo").read_text()
     values = dict(re.findall(r"^(\w+)=(\S+)$", demo, re.MULTILINE))
-    shown = [
-        re.sub(r"\$(\w+)|\"\$(\w+)\"", lambda m: values[m[1] or m[2]], line)
-        .split(" |")[0]
-        .replace('"', "")
-        for line in re.findall(r"^show (.+)$", demo, re.MULTILINE)
-    ]
+    lines = re.findall(r"^show (.+?)(?: \|.*)?$", demo, re.MULTILINE)
+    shown = [re.sub(r"\$(\w+)", lambda m: values[m[1]], line.replace('"', "")) for line in lines]
     first = blocks(ROOT / "README.md")[0].commands
     assert "/bin/activate" in demo.rstrip().splitlines()[-1]
     assert first == ["tools/demo", ". .venv/bin/activate", *shown]

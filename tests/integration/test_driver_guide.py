@@ -4,6 +4,7 @@ import os
 import re
 import sys
 import tomllib
+from configparser import ConfigParser
 from pathlib import Path
 
 import pytest
@@ -16,13 +17,9 @@ from runtime.table.grippers import GROUP
 
 EXAMPLE = ROOT / "tools" / "docs" / "other-make"
 GUIDE = (ROOT / "tools" / "docs" / "drivers.md").read_text()
-BROKEN = {
-    "absent": "no_such_module:gripper",
-    "faulty": "faulty_driver:gripper",
-    "nothing": "faulty_driver:nothing",
-    "missing": "faulty_driver:missing",
-    "twice": "faulty_driver:nothing",
-}
+BROKEN = {"absent": "no_such_module:gripper", "faulty": "faulty_driver:gripper"}
+BROKEN |= dict.fromkeys(("nothing", "twice"), "faulty_driver:nothing")
+BROKEN["missing"] = "faulty_driver:missing"
 FAULTY = """
 def gripper(port, pace, report, *, read_only, profile):
     raise KeyError("in the driver")
@@ -36,11 +33,10 @@ def install(folder: Path, name: str, points: dict[str, dict[str, str]]) -> None:
     path = folder / f"{name}-1.0.dist-info"
     path.mkdir(parents=True)
     (path / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    sections = (
-        "".join([f"[{group}]\n", *(f"{scheme} = {target}\n" for scheme, target in listed.items())])
-        for group, listed in points.items()
-    )
-    (path / "entry_points.txt").write_text("\n".join(sections))
+    metadata = ConfigParser()
+    metadata.read_dict(points)
+    with (path / "entry_points.txt").open("w") as file:
+        metadata.write(file)
 
 
 def test_the_example_passes_the_contract_as_an_installed_package(tmp_path: Path) -> None:

@@ -31,12 +31,8 @@ from runtime.table import dump
 
 GUIDE = (ROOT / "tools" / "docs" / "controllers.md").read_text()
 COMMITTED = committed()
-TABLES = {
-    **COMMITTED,
-    "every field": every_field_table(),
-    "sixty nodes": random_table(3, 60),
-    "wide": wide_table(),
-}
+TABLES = {**COMMITTED, "every field": every_field_table(), "wide": wide_table()}
+TABLES["sixty nodes"] = random_table(3, 60)
 FUZZED = 20_000
 MOST_CODE_BYTES = 4096
 WILD = (-(2**31), -257, -2, -1, 256, 257, 4096, 2**31 - 1)
@@ -155,10 +151,8 @@ def test_the_guide_s_program_follows_the_tree(folder):
     program = re.findall(r"```c\n(.*?)```", GUIDE, re.DOTALL)
     assert len(program) == 1
     (out / "guide.c").write_text(program[0] + PLAYED)
-    root, second = (
-        "0 0 0 85000 60000 40000 0 0 0",
-        "1000 -2000 1570796 85000 60000 40000 1000 -2000 1570796",
-    )
+    root = "0 0 0 85000 60000 40000 0 0 0"
+    second = "1000 -2000 1570796 85000 60000 40000 1000 -2000 1570796"
     for compiler in compilers():
         path = out / f"guide-{compiler}"
         said("-I", out, out / "guide.c", "-o", path, *STRICT, *SANITIZERS, program=compiler)

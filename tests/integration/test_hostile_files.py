@@ -43,63 +43,48 @@ class Command(NamedTuple):
 
     Attributes:
         module: of its `main`.
+        suffix: of {out}.
         words: its arguments; those of `READ` in braces are files that it reads, {out} is what it writes,
             {json} and {svg} are the same with another suffix, {folder} is its folder.
-        suffix: of {out}.
     """
 
     module: str
-    words: str
     suffix: str
+    words: str
 
 
 CAMERA = "camera --name S --board charuco:12x9:14:10.5 --views . --table {view} --touched {touched}"
 TAG = "tag --part p --number 7 --side 9 --calibration {expected} --poses {touched}"
-SIMULATE = "{job} --poses {poses} -o t.csv"
-CALIBRATE = "drivers.camera.calibration.command"
-COMMANDS = {
-    "plan-compile": Command("planner.cli.compile", "{job} -o {out}", ".msgpack"),
-    "plan-compile --vary": Command(
-        "planner.cli.compile", "{job} -o {folder} --vary seed=1", ".msgpack"
-    ),
-    "plan-simulate": Command("planner.cli.simulate", "{job} --poses {poses} -o {out}", ".csv"),
-    "plan-simulate --push": Command(
-        "planner.cli.simulate", "{job} --push {pushes} -o {out}", ".csv"
-    ),
-    "plan-simulate --figure": Command(
-        "planner.cli.simulate", f"{SIMULATE} --figure {{out}}", ".png"
-    ),
-    "plan-simulate --html": Command("planner.cli.simulate", f"{SIMULATE} --html {{out}}", ".html"),
-    "plan-export": Command("planner.cli.export", "{tree} --to json -o {folder}", ".msgpack"),
-    "plan-expect": Command("planner.cli.expect", "{tree} --job {job} -o {out}", ".json"),
-    "plan-identify": Command("planner.cli.identify", "{log} -o {out}", ".toml"),
-    "plan-identify --figure": Command("planner.cli.identify", "{log} --figure {out}", ".svg"),
-    "plan-init": Command("planner.cli.init", "{outline} --force -o {out}", ".csv"),
-    "plan-try": Command("planner.cli.first_look", "{outline} --units mm -o {out}", ".csv"),
-    "plan-refit": Command("planner.cli.refit", "{job} --journal {journal} -o {out}", ".toml"),
-    "plan-report": Command(
-        "planner.cli.report", "{tree} --job {job} --journal {journal} -o {out}", ".html"
-    ),
-    "grasp-journal export": Command(
-        "runtime.commands.journal", "export {journal} -o {out}", ".csv"
-    ),
-    "grasp-evidence pack": Command("runtime.commands.evidence", "pack {tree} -o {out}", ".zip"),
-    "grasp-audit report": Command(
-        "runtime.spc.command", "{journal} --expected {expected} -o {out}", ".html"
-    ),
-    "grasp-audit report --export": Command(
-        "runtime.spc.command", "{journal} --export {out}", ".csv"
-    ),
-    "grasp-calibrate tag": Command(CALIBRATE, f"{TAG} -o {{out}}", ".json"),
-    "grasp-calibrate camera": Command(CALIBRATE, f"{CAMERA} -o {{out}}", ".json"),
-    "grasp-calibrate camera, picture": Command(CALIBRATE, f"{CAMERA} -o {{json}}", ".svg"),
-}
-CLASHES = [
-    (name, read)
-    for name, command in COMMANDS.items()
-    for read in READ
-    if f"{{{read}}}" in command.words
-]
+LISTED = f"""
+planner.cli.compile                 .msgpack  {{job}} -o {{out}}
+planner.cli.compile                 .msgpack  {{job}} -o {{folder}} --vary seed=1
+planner.cli.simulate                .csv      {{job}} --poses {{poses}} -o {{out}}
+planner.cli.simulate                .csv      {{job}} --push {{pushes}} -o {{out}}
+planner.cli.simulate                .png      {{job}} --poses {{poses}} -o t.csv --figure {{out}}
+planner.cli.simulate                .html     {{job}} --poses {{poses}} -o t.csv --html {{out}}
+planner.cli.export                  .msgpack  {{tree}} --to json -o {{folder}}
+planner.cli.expect                  .json     {{tree}} --job {{job}} -o {{out}}
+planner.cli.identify                .toml     {{log}} -o {{out}}
+planner.cli.identify                .svg      {{log}} --figure {{out}}
+planner.cli.init                    .csv      {{outline}} --force -o {{out}}
+planner.cli.first_look              .csv      {{outline}} --units mm -o {{out}}
+planner.cli.refit                   .toml     {{job}} --journal {{journal}} -o {{out}}
+planner.cli.report                  .html     {{tree}} --job {{job}} --journal {{journal}} -o {{out}}
+runtime.commands.journal            .csv      export {{journal}} -o {{out}}
+runtime.commands.evidence           .zip      pack {{tree}} -o {{out}}
+runtime.spc.command                 .html     {{journal}} --expected {{expected}} -o {{out}}
+runtime.spc.command                 .csv      {{journal}} --export {{out}}
+drivers.camera.calibration.command  .json     {TAG} -o {{out}}
+drivers.camera.calibration.command  .json     {CAMERA} -o {{out}}
+drivers.camera.calibration.command  .svg      {CAMERA} -o {{json}}
+"""
+COMMANDS = [Command(*line.split(None, 2)) for line in LISTED.strip().splitlines()]
+CLASHES = [(each, read) for each in COMMANDS for read in READ if f"{{{read}}}" in each.words]
+
+
+def named(value: object) -> str:
+    """The name of a test's argument."""
+    return str(value) if isinstance(value, str) else f"{value.module} {value.words}"
 
 
 class Desk:
@@ -183,13 +168,10 @@ def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
     return record
 
 
-@pytest.mark.parametrize(
-    ("name", "read"), CLASHES, ids=[f"{name}: {read}" for name, read in CLASHES]
-)
+@pytest.mark.parametrize(("command", "read"), CLASHES, ids=named)
 def test_an_input_is_never_an_output(
-    desk: Desk, refuses: Callable[[Command, Path], int], name: str, read: str
+    desk: Desk, refuses: Callable[[Command, Path], int], command: Command, read: str
 ) -> None:
-    command = COMMANDS[name]
     out = desk.files[read].rename(desk.folder / f"seed=1{command.suffix}")
     desk.files[read] = out
     other = desk.folder / "other" / out.name
@@ -203,12 +185,12 @@ def test_an_input_is_never_an_output(
     assert codes == {2}
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("command", COMMANDS, ids=named)
 def test_only_a_regular_file_is_an_output(
-    desk: Desk, refuses: Callable[[Command, Path], int], name: str
+    desk: Desk, refuses: Callable[[Command, Path], int], command: Command
 ) -> None:
-    odd = odd_files(desk.folder, COMMANDS[name].suffix)
-    codes = {refuses(COMMANDS[name], path) for path in odd.values()}
+    odd = odd_files(desk.folder, command.suffix)
+    codes = {refuses(command, path) for path in odd.values()}
     assert codes == {2}
     if "device" not in odd:
         pytest.skip("all but the device, which only root can make")
@@ -225,8 +207,8 @@ def test_a_file_that_the_job_names_is_an_input(
     assert stated in text
     stated_by = 'kind = "identified"\nsurface_file = "surface.msgpack"'
     desk.files["job"].write_text(text.replace(stated, stated_by))
-    refuses(COMMANDS["plan-compile"], surface)
-    twice = Command("planner.cli.simulate", "{job} --poses {poses} -o {out} --figure {out}", ".svg")
+    refuses(COMMANDS[0], surface)
+    twice = Command("planner.cli.simulate", ".svg", "{job} --poses {poses} -o {out} --figure {out}")
     refuses(twice, desk.folder / "s.svg")
 
 

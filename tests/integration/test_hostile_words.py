@@ -1,7 +1,6 @@
 """A wrong word: answers that are lost, arguments and files that are odd: no traceback, no false 0."""
 
 import hashlib
-import json
 import os
 import sys
 from collections.abc import Callable
@@ -11,6 +10,7 @@ from pathlib import Path
 import pytest
 from command_parsers import parsers, subcommands
 from programs import REHEARSAL, ROOT, TABLE, Ended, called, ended
+from run_logs import chained
 from sample_tables import every_field_table, small_table, with_job
 from written_journals import write_run
 
@@ -37,18 +37,9 @@ def tell(tmp_path: Path, monkeypatch) -> Tell:
         module, function = entry
         if shell:
             call = f"import sys; from {module} import {function}; sys.exit({function}())"
-            line = [
-                "bash",
-                "-o",
-                "pipefail",
-                "-c",
-                f'"$@" {shell}',
-                "bash",
-                sys.executable,
-                "-c",
-                call,
-            ]
+            line = ["bash", "-o", "pipefail", "-c", f'"$@" {shell}', "bash"]
             environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+            words = (sys.executable, "-c", call, *words)
             seen = ended([*line, *words], cwd=tmp_path, env=environment)
         else:
             seen = called(getattr(import_module(module), function), *words)
@@ -176,23 +167,16 @@ def test_an_odd_job_under_a_valid_digest_is_a_refused_table(
 def test_an_odd_delivery_is_refused(tell: Tell, tmp_path: Path, data: bytes) -> None:
     (tmp_path / "d.toml").write_bytes(data)
     _, _, err = tell(RUNTIME, *simulated(tmp_path, "--deliver", "d.toml"), code=3)
-    assert (
-        err.splitlines()[-1].startswith("grasp-runtime: --deliver d.toml")
-        or "d.toml: drop_mm" in err
-    )
+    begins = err.splitlines()[-1].startswith("grasp-runtime: --deliver d.toml")
+    assert begins or "d.toml: drop_mm" in err
     assert not (tmp_path / "squeezetree-journal.jsonl").exists()
 
 
 def sealed(fields: dict[str, object], text: str = "") -> bytes:
     """A journal line whose digest is right, whatever stands in it."""
-    frame = {
-        "seq": 0,
-        "time": "2026-01-01T00:00:00",
-        "kind": "part",
-        "previous": "0" * 64,
-        **fields,
-    }
-    body = (text or json.dumps(frame, separators=(",", ":"))).encode()
+    if not text:
+        return chained([{"kind": "part", **fields}])
+    body = text.encode()
     return body[:-1] + b',"digest":"' + hashlib.sha256(body).hexdigest().encode() + b'"}\n'
 
 

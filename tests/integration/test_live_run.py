@@ -52,11 +52,8 @@ def test_the_page_follows_the_run(words: list[str]) -> None:
     process = started([*RUNTIME, *words], stdout=subprocess.DEVNULL)
     assert process.stderr is not None
     with process, process.stderr as output:
-        url = next(
-            matches[0]
-            for line in output
-            if (matches := re.findall(r"http://127\.0\.0\.1:\d+/", line))
-        )
+        addresses = (re.findall(r"http://127\.0\.0\.1:\d+/", line) for line in output)
+        url = next(each[0] for each in addresses if each)
         seen: list[dict[str, object]] = []
         with contextlib.suppress(OSError):
             while not seen or seen[-1]["part"] < 3:  # type: ignore[operator]

@@ -68,15 +68,12 @@ def run_parts(tree, handling, delivery=None):
         **vars(DRY), part=lambda result, seen: ended.append((result, seen, virtual.scene.truth()))
     )
     cell = Cell(virtual.gripper(), virtual.arm(), virtual.clock, FakeJournal())
-    session.run_journalled(
-        load(tree).table,
-        cell,
-        virtual.scene,
-        console,
-        count=PARTS,
-        activate=True,
-        options=RunOptions(handling=handling, delivery=delivery),
-    )
+    run = {
+        "count": PARTS,
+        "activate": True,
+        "options": RunOptions(handling=handling, delivery=delivery),
+    }
+    session.run_journalled(load(tree).table, cell, virtual.scene, console, **run)
     return ended
 
 

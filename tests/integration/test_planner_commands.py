@@ -66,12 +66,8 @@ def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
         record = json.loads(out)
         assert code == 0
         assert record["parts"] == 10_000
-        assert (
-            record["wrong_ppm"]["low"]
-            <= record["wrong_ppm"]["rate"]
-            <= record["wrong_ppm"]["high"]
-            < 5000
-        )
+        low, rate, high = (record["wrong_ppm"][name] for name in ("low", "rate", "high"))
+        assert low <= rate <= high < 5000
         assert len(record["leaves"]) == len(load(TABLE).table.leaves)
     before = kept.read_bytes()
     refused = called(evaluate.main, TABLE, "--ppm", "--seed", 5, "--resume", kept)
@@ -96,7 +92,7 @@ def test_compile_says_what_limits_the_plan_and_how_near_the_best_it_is(quick, tm
     assert set(bound["terms"]) == {"leaves", "overall"}
 
 
-def test_the_baseline_without_sensors_is_worse_than_any_plan(tmp_path):
+def test_the_baseline_without_sensors_is_worse_than_any_plan():
     code, out, _ = called(
         compile_.main, JOB, "--baseline", "sensorless", "--trials", 2000, "--json"
     )
@@ -105,11 +101,6 @@ def test_the_baseline_without_sensors_is_worse_than_any_plan(tmp_path):
     assert len(figures["angles_deg"]) == figures["squeezes"] <= figures["most_squeezes"]
     assert figures["ideal"]["oriented"] > 0.98
     assert figures["real"]["located"] < 0.7  # the paper, footnote 2
-    assert (
-        called(compile_.main, JOB, "--baseline", "sensorless", "-o", tmp_path / "out.msgpack")[0]
-        == 2
-    )
-    assert called(compile_.main, JOB)[0] == 2
 
 
 def write_poses(path, rows):

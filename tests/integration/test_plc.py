@@ -32,6 +32,7 @@ from runtime.plc import station
 from runtime.plc.registers import READ, READ_AT, WRITTEN, WRITTEN_AT
 
 PARTS = 10
+OUTCOMES = ("leaf", "reject", "unresolved", "fault")
 LADDER = SOURCE.with_name("plc.ladder.txt")
 
 
@@ -59,10 +60,7 @@ def test_parts_by_a_plc_have_the_results_that_are_printed_and_journalled(
     assert len(lines) == len(parts) == PARTS
     assert code == max(part["exit_code"] for part in parts)
     for answer, part in zip(lines, parts, strict=True):
-        assert (
-            answer["outcome"]
-            == ["leaf", "reject", "unresolved", "fault"].index(part["outcome"]) + 1
-        )
+        assert answer["outcome"] == OUTCOMES.index(part["outcome"]) + 1
         pose = part["predicted_pose"] if part["outcome"] == "leaf" else None
         expected = (0, 0, 0)
         if pose is not None:

@@ -107,10 +107,7 @@ def test_a_resumed_run_may_be_killed_again(table: Table, tmp_path: Path) -> None
     moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
     for first, second in itertools.product(range(3, moments, 97), range(2, moments, 89)):
         path = tmp_path / f"{first}-{second}.jsonl"
-        assert survive(table, PLAIN, path, (first, second), "resume") == ("leaf", 1), (
-            first,
-            second,
-        )
+        assert survive(table, PLAIN, path, (first, second), "resume") == ("leaf", 1), path
 
 
 @pytest.mark.parametrize("table", [small_table(), pushing_table()], ids=["plain", "pushing"])

@@ -59,10 +59,8 @@ particles = 400
 
 def squares(small: float, large: float) -> str:
     """The two parts."""
-    return "".join(
-        SQUARE.format(name=name, share=share, side=side)
-        for name, share, side in (("small", 0.3, small), ("large", 0.7, large))
-    )
+    one = SQUARE.format(name="small", share=0.3, side=small)
+    return one + SQUARE.format(name="large", share=0.7, side=large)
 
 
 @pytest.fixture(scope="module")
@@ -97,13 +95,8 @@ def test_a_part_taken_for_the_other_is_a_wrong_answer(plan):
 
 
 def test_foreign_parts_are_counted_by_what_becomes_of_them(plan):
-    entries = [
-        SQUARE.format(name=side, share=1, side=side)
-        .replace("share = 1\n", "")
-        .replace("hypothesis", "stranger")
-        for side in (20.2, 50, 57)
-    ]
-    job = job_file.parse(COMMON + squares(20, 34) + "".join(entries))
+    entries = "".join(rectangle("stranger", side, side, side) for side in (20.2, 50, 57))
+    job = job_file.parse(COMMON + squares(20, 34) + entries)
 
     def evaluated(part: job_file.Job) -> Evaluation:
         return evaluate(plan.table, part, ContactWorlds.of_job(part, 5), 400, 5, Threads(2))

@@ -90,9 +90,8 @@ def test_every_link_leads_somewhere_and_nothing_is_loaded_from_elsewhere(site, l
 def test_formulas_are_drawn(site):
     page = (site / "tools/docs/how-it-works.html").read_text()
     drawn = re.findall(r'<svg role="img" aria-label="([^"]*)"', page)
-    written = re.findall(
-        r"\$\$.*?\$\$|\$[^$\n]+\$", (ROOT / "tools/docs/how-it-works.md").read_text(), re.DOTALL
-    )
+    text = (DOCS / "how-it-works.md").read_text()
+    written = re.findall(r"\$\$.*?\$\$|\$[^$\n]+\$", text, re.DOTALL)
     assert len(drawn) == len(written) >= 30
     heights = [float(em) for em in re.findall(r'<svg role="img"[^>]* height="([\d.]+)em"', page)]
     assert len(heights) == len(drawn)
@@ -107,9 +106,8 @@ def test_what_scrolls_is_reached_by_key_and_what_is_there_has_a_name(site):
             assert 'tabindex="0"' in tag, f"{page.name}: {tag}"
         assert all("aria-level" in tag for tag in re.findall(r'<[^>]*role="heading"[^>]*>', text))
         assert all("alt=" in tag for tag in re.findall(r"<img[^>]*>", text))
-        assert all(
-            "aria-label" in tag for tag in re.findall(r"<input[^>]*task-list-item[^>]*>", text)
-        )
+        boxes = re.findall(r"<input[^>]*task-list-item[^>]*>", text)
+        assert all("aria-label" in tag for tag in boxes)
 
 
 def test_every_command_is_in_the_reference(site):
@@ -174,12 +172,9 @@ def test_figures_over_seeds_are_reported_as_mean_least_and_most(kept, monkeypatc
     before = plans[0] | {"planner": "before"}
     (tmp_path / "planner.json").write_text(json.dumps([*plans, before]))
     result = kept.table_of("planner")
-    assert (
-        "| rectangle-25 | now | 4 | 2.95 (2.80 to 3.10) | 99.15 % | 0.10 % | 3.80 | 30 |" in result
-    )
-    assert (
-        "| rectangle-25 | before | 1 | 2.80 (2.80 to 2.80) | 99.00 % | 0.10 % | 3.80 | 30 |"
-        in result
-    )
+    row = "| rectangle-25 | now | 4 | 2.95 (2.80 to 3.10) | 99.15 % | 0.10 % | 3.80 | 30 |"
+    assert row in result
+    row = "| rectangle-25 | before | 1 | 2.80 (2.80 to 2.80) | 99.00 % | 0.10 % | 3.80 | 30 |"
+    assert row in result
     shown = "| rectangle-25 | 4 | 99.15 (99.00 to 99.30) % | 2.95 (2.80 to 3.10) |"
     assert shown in kept.table_of("planner-readme")

@@ -58,18 +58,14 @@ def test_from_a_drawing_to_a_table_and_parts_though_the_studio_is_killed(tmp_pat
         plan = until(lambda: (each := plan_of(studio)) and not each["running"] and each)
         assert plan["log"]["exit"] == 0, plan["log"]["lines"]
         assert [line.split()[1] for line in plan["log"]["commands"]] == ["try", "report", "run"]
-        assert [number["what"] for number in plan["log"]["answer"]["numbers"]] == [
-            "located",
-            "seconds",
-            "error",
-        ]
+        numbers = plan["log"]["answer"]["numbers"]
+        assert [each["what"] for each in numbers] == ["located", "seconds", "error"]
         assert len(plan["log"]["parts"]) == 20
         assert {"job", "table", "picture", "report", "journal", "log"} == plan["files"].keys()
         film = json.loads(studio.ask("/film.json?plan=plate&part=1"))
         widths = [round(squeeze["width_mm"]) for squeeze in film["squeezes"]]
-        assert widths == [
-            round(float(each)) for each in plan["log"]["parts"][0]["widths"].split(",")
-        ]
+        said = plan["log"]["parts"][0]["widths"].split(",")
+        assert widths == [round(float(each)) for each in said]
         table = studio.ask(f"/files/{plan['files']['table']}")
         assert table == (tmp_path / "plate.msgpack").read_bytes()
         assert load(tmp_path / "plate.msgpack").table.nodes

@@ -62,10 +62,8 @@ def true_calibration(
 
 def part_tag(**values: object) -> PartTag:
     """The tag as `rig` glues it on."""
-    return PartTag(
-        **{"part": "block", "number": NUMBER, "side_mm": SIDE_MM, "on_part": (2.0, -1.0, 0.3)}
-        | values
-    )
+    usual = {"part": "block", "number": NUMBER, "side_mm": SIDE_MM, "on_part": (2.0, -1.0, 0.3)}
+    return PartTag(**{**usual, **values})
 
 
 def angle_between(a: float, b: float) -> float:

@@ -166,7 +166,7 @@ class Bench:
 
     def close(self) -> None:
         self._closing.close()
-        self.cell.__exit__()
+        self.cell.close()
 
     def _cell_of(self, case: Case) -> RunningCell:
         return self._seen_cell if case.device == "camera" else self.cell

@@ -113,7 +113,7 @@ class Bench:
         """End the cell."""
         self.gripper.close()
         self.scene.close()
-        self.cell.__exit__()
+        self.cell.close()
 
     def prepare(self, *, active: bool) -> None:
         """Open the jaws, and reset the gripper if it is not to be active; feed a part."""
@@ -340,10 +340,8 @@ def campaign(count: int, seed: int, first: int = 0) -> int:
                     wrong = [f"the case itself failed: {error!r}"]
                 if wrong:
                     failed.append(number)
-                    print(
-                        f"signals, seed {seed}, case {number}: {case}: {'; '.join(wrong)}",
-                        flush=True,
-                    )
+                    said = f"{case}: {'; '.join(wrong)}"
+                    print(f"signals, seed {seed}, case {number}: {said}", flush=True)
 
     with (
         tempfile.TemporaryDirectory() as folder,

@@ -2,11 +2,12 @@
 
 import contextlib
 import io
+import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from waiting import WAIT_S
 
@@ -16,6 +17,19 @@ JOB, TABLE = (TREES / "rectangle" / name for name in ("job.toml", "rectangle.msg
 RUNTIME, CELL = ((sys.executable, "-m", name) for name in ("runtime.cli", "drivers.sim.cli"))
 REHEARSAL = ("--world", "runtime.devices.rehearsal:make")
 VIRTUAL = ("--port", "sim", "--time-scale", "max")  # a simulated cell in virtual time
+
+
+class Closing:
+    """What is closed at the end of a `with`."""
+
+    def close(self) -> None:
+        """Free what is held."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 class Ended(NamedTuple):
@@ -40,6 +54,13 @@ def called(main: Callable[[list[str]], Any], *words: object) -> Ended:
         except SystemExit as end:
             code = end.code
     return Ended(code, out.getvalue(), err.getvalue())
+
+
+def document(main: Callable[[list[str]], Any], *words: object) -> Any:
+    """What a program prints as JSON; it ends with 0."""
+    ended = called(main, *words)
+    assert ended.code == 0, ended
+    return json.loads(ended.out)
 
 
 def started(words: Iterable[object], **options: Any) -> "subprocess.Popen[str]":

@@ -8,12 +8,12 @@ import sys
 import time
 from pathlib import Path
 
-from programs import CELL, REHEARSAL, RUNTIME, WAIT_S, started
+from programs import CELL, REHEARSAL, RUNTIME, WAIT_S, Closing, started
 
 CALIBRATE = (sys.executable, "-c", "import sys, runtime.cli as cli; sys.exit(cli.calibrate())")
 
 
-class RunningCell:
+class RunningCell(Closing):
     """`grasp-cell` as a process of its own, faster than life, with a rehearsal behind it.
 
     With seed 0 the first part takes both squeezes of the small table.
@@ -29,10 +29,7 @@ class RunningCell:
         assert self.process.stdout is not None
         self.endpoints = json.loads(self.process.stdout.readline())
 
-    def __enter__(self) -> "RunningCell":
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         with self.process as process:
             assert process.stdin is not None
             process.stdin.close()

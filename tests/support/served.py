@@ -2,12 +2,11 @@
 
 import json
 from pathlib import Path
-from typing import Self
 
-from programs import RUNTIME, WAIT_S, started
+from programs import RUNTIME, WAIT_S, Closing, started
 
 
-class ServedRun:
+class ServedRun(Closing):
     """A run that serves; `port` is where it answers, and its journal is in the folder.
 
     Args:
@@ -36,10 +35,7 @@ class ServedRun:
         parts = [json.loads(line) for line in self._output.read_text().splitlines()]
         return self.process.returncode, parts, err
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         if self.process.poll() is None:
             self.process.kill()
             self.process.communicate()

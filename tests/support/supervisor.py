@@ -6,7 +6,7 @@ from collections.abc import Coroutine
 from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from asyncua import Client, Node, ua
 from asyncua.crypto.cert_gen import (
@@ -18,6 +18,7 @@ from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtendedKeyUsageOID
+from programs import Closing
 from waiting import WAIT_S, until
 
 from runtime.plc.address_space import NAMESPACE, SYSTEM
@@ -47,7 +48,7 @@ def passport(folder: Path, name: str) -> Passport:
     return files
 
 
-class Supervisor:
+class Supervisor(Closing):
     """A client that is connected; with a passport over the encrypted endpoint."""
 
     def __init__(
@@ -163,10 +164,7 @@ class Supervisor:
         self._loop.call_soon_threadsafe(self.client.uaclient.protocol.transport.abort)
         self._end_loop()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         if self._loop.is_closed():
             return
         with suppress(Exception):  # of a server that is gone

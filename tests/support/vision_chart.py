@@ -48,16 +48,8 @@ def line() -> Iterator[Line]:
 
 
 def _key(seen: Glance) -> tuple[object, ...]:
-    job = seen.order is not None
-    return (
-        seen.state,
-        job,
-        seen.answer.outcome,
-        seen.enabled,
-        seen.ended,
-        bool(seen.error_id),
-        seen.table,
-    )
+    flags = seen.order is not None, seen.enabled, seen.ended, bool(seen.error_id)
+    return (seen.state, seen.answer.outcome, seen.table, *flags)
 
 
 def explored() -> Iterator[tuple[Glance, str, Glance]]:
