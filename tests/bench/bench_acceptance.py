@@ -9,7 +9,6 @@ Some parts are stopped by the operator, and of some the audit tells nothing. The
 the contact simulation, each with a friction and an error of the encoder that all its parts meet.
 """
 
-import json
 from collections import Counter
 from typing import Any
 
@@ -79,10 +78,8 @@ def measure_contact(limits: tuple[float, ...], cells: int) -> list[dict[str, Any
         parts = [GOOD if located else FAILED[0] for located in good]
         for limit, count in counted.items():
             count[judged(parts, 1.0 - float(good.mean()), limit).value] += 1
-    return [
-        summary(CONTACT, limit, 0.0, cells, CONTACT_PARTS, count)
-        for limit, count in counted.items()
-    ]
+    parts = CONTACT_PARTS
+    return [summary(CONTACT, limit, 0.0, cells, parts, count) for limit, count in counted.items()]
 
 
 def main() -> None:
@@ -97,9 +94,9 @@ def main() -> None:
             for unseen in (0.0, 0.02):
                 row = measure(kind, limit, unseen, arguments.cells, arguments.parts)
                 rows.append(row)
-                print(json.dumps(row), flush=True)
+                harness.show(row)
     rows += measure_contact((0.05, 0.01), arguments.cells)
-    print(*map(json.dumps, rows[-2:]), sep="\n")
+    harness.show(rows[-2:])
     counts = {str(limit): planned(limit, limit / 5.0)._asdict() for limit in (0.05, 0.01, 0.001)}
     kept = {"error_allowed": ERROR, "rows": rows, "parts_where_a_fifth_of_the_limit_fails": counts}
     RESULTS.write(kept)

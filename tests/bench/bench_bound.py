@@ -28,12 +28,7 @@ def bench(name: str, parts: int, dense: bool) -> dict[str, Any]:
     result = certify(job, table, parts, dense)
     row = {"job": name, "mean_squeezes": result.mean, **result.figures()}
     row["cpu_seconds"] = round(time.process_time() - start, 1)
-    print(
-        f"{name:14} {row['mean_squeezes']:.3f} squeezes, bound {row['squeezes']:.3f} "
-        f"(leaves {result.leaves.squeezes:.3f}, overall {result.overall.squeezes:.3f}), "
-        f"{row['above_bound']:+.1%}, {row['cpu_seconds']} s of processor time",
-        flush=True,
-    )
+    harness.show(row)
     return row
 
 

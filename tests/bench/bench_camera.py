@@ -8,7 +8,6 @@ the camera 600 mm under the table; each is measured with the true calibration an
 """
 
 import contextlib
-import json
 import platform
 import shlex
 import tempfile
@@ -86,10 +85,8 @@ def shot(
 ) -> Any:
     """A picture of one tag."""
     values = {"blur_px": rng.uniform(0.6, 1.0), "gain": rng.uniform(0.7, 1.0), **flaws}
-    heading, speed = (
-        rng.uniform(0.0, 2 * np.pi),
-        values.pop("motion_px", 0.0) * 600.0 / OPTICS.focal,
-    )
+    heading, motion_px = rng.uniform(0.0, 2 * np.pi), values.pop("motion_px", 0.0)
+    speed = motion_px * 600.0 / OPTICS.focal
     card = lying(tag_cells(number), SIDE_MM / 8, pose, face_down=True)
     card = replace(card, speed_mm=speed * np.array([np.cos(heading), np.sin(heading), 0.0]))
     cards, size = [card], values.pop("stain_mm", 0.0)
@@ -174,16 +171,11 @@ def main() -> None:
         }
         fitted = calibration.load(Path(folder) / "camera.json")
     record["work_area"] = measured(options.pictures, 2, {}, fitted)
-    print(json.dumps(record, indent=1), flush=True)
+    harness.show(record)
     record["limits"] = {}
     for seed, (name, flaws) in enumerate(LIMITS.items()):
         row = record["limits"][name] = measured(options.limits, 10 + seed, flaws, None)
-        print(
-            f"{name:34} detection {row['detection']:.4f} wrong {row['wrong_ids']} "
-            f"{row.get('true_calibration_mm_mean', np.nan):.4f} mm "
-            f"{row.get('true_calibration_deg_mean', np.nan):.4f} deg {row['ms_mean']:.1f} ms",
-            flush=True,
-        )
+        harness.show({"limits": name, **row})
     RESULTS.write(record)
 
 

@@ -10,7 +10,6 @@ Prints figures and writes `results/contact.json`.
 """
 
 import csv
-import json
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -23,6 +22,7 @@ import shapely
 from planner.arrays import Array, BoolArray
 from planner.cli import pushes as stated
 from planner.cli import tips
+from planner.frames import wrap
 from planner.identification import identify
 from planner.identification.pushes import Pairs
 from planner.job import model as job_file
@@ -43,13 +43,8 @@ NEAR_MM, NEAR_DEG = 3.0, 5.0
 FRICTIONS = (0.15, 0.175, 0.2, 0.225, 0.25, 0.3)
 SURFACES = ("abs", "plywood")
 DRAWS, EVERY = 200, 5  # of every so many pushes, for intervals
-MODELS = (
-    "uniform, friction .25",
-    "authors' ellipsoid",
-    "authors' quartic",
-    "new job",
-    "from own pairs",
-)
+MODELS = ("uniform, friction .25", "authors' ellipsoid", "authors' quartic")
+MODELS += ("new job", "from own pairs")
 SQUARE = np.array([[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]])  # passes the jaws
 UNIFORM = {"kind": "uniform", "limit_surface": "ellipsoid"}
 
@@ -115,7 +110,7 @@ def _recorded(
         return turned(1e3 * column(x, y) - start, -angle)
 
     def displacement(x: str, y: str, theta: str) -> Array:
-        turn = wrapped(column(theta)[:, 0] - angle)
+        turn = wrap(column(theta)[:, 0] - angle)
         return about(np.column_stack([in_part(x, y), turn]), centroid)
 
     first, last = in_part("tip_x0", "tip_y0") - centroid, in_part("tip_x1", "tip_y1") - centroid
@@ -146,11 +141,6 @@ def start_mm(sets: list[Recorded]) -> float:
     )
 
 
-def wrapped(angle: Array) -> Array:
-    """Angles between -pi and pi."""
-    return np.asarray(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
-
-
 def turned(points: Array, angle: Array) -> Array:
     """Points (n, 2), each turned by its angle (n,)."""
     c, s = np.cos(angle), np.sin(angle)
@@ -168,7 +158,7 @@ def about(moved: Array, place: Array) -> Array:
 def errors(moved: Array, pushes: Recorded) -> Errors:
     """Errors of predicted displacements (n, 3) of the centroid."""
     off = about(moved, pushes.origin) - about(pushes.moved, pushes.origin)
-    return Errors(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(wrapped(off[:, 2]))))
+    return Errors(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(wrap(off[:, 2]))))
 
 
 def new_job(pushes: Recorded) -> Job:
@@ -227,10 +217,8 @@ def turning(folder: Path, pushes: Recorded) -> dict[str, float]:
     rng = np.random.default_rng(0)
     surfaces = {name: limit_surface.fit_ellipsoid(*load, rho) for name, load in loads.items()}
     surfaces["pairs"] = identify.fit(data, rho, "ellipsoid", rng).surface  # type: ignore[assignment]
-    return {
-        name: round(float(2.0 * surface.A[2, 2] / (surface.A[0, 0] + surface.A[1, 1])), 3)
-        for name, surface in surfaces.items()
-    }
+    A = {name: surface.A for name, surface in surfaces.items()}
+    return {name: round(float(2 * a[2, 2] / (a[0, 0] + a[1, 1])), 3) for name, a in A.items()}
 
 
 def leave_one_out(result: dict[tuple[str, str], dict[float, Errors]], shape: str) -> float:
@@ -323,20 +311,16 @@ def measured(folder: Path) -> dict[str, Any]:
 def main() -> int:
     """Measures and keeps the figures."""
     parser = harness.parser(__doc__)
-    parser.add_argument(
-        "--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings"
-    )
+    parser.add_argument("--data", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--no-results", action="store_true", help="print only")
     options = parser.parse_args()
     if missing := [name for name in FILES if not (options.data / name).is_file()]:
-        print(
-            f"bench_contact: {options.data} has no {', '.join(missing)}; see --help",
-            file=sys.stderr,
-        )
+        said = f"{options.data} has no {', '.join(missing)}; see --help"
+        print(f"bench_contact: {said}", file=sys.stderr)
         return 3
     result = measured(options.data)
     for name, group in result["groups"].items():
-        print(name, json.dumps(group))
+        harness.show({name: group})
     if not options.no_results:
         RESULTS.write(result)
     return 0

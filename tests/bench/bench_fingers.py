@@ -8,7 +8,6 @@ pressure, is not recorded: it is identified from one squeeze in six and judged b
 a uniform pressure. Not part of the gate. Prints figures and writes `results/fingers.json`.
 """
 
-import json
 import math
 import sys
 from collections import defaultdict
@@ -24,6 +23,7 @@ from scipy.optimize import least_squares
 
 from planner.arrays import Array
 from planner.cli import tips
+from planner.frames import wrap
 from planner.kernel import inner_kernel
 from planner.mechanics import limit_surface, quartic_fit
 from planner.mechanics.boundary import Drive, directions
@@ -49,12 +49,8 @@ TRIANGLE_A = [
     [-0.16074, -0.01284, 4.58574],
 ]
 FIT_EVERY = 6  # squeezes are one to fit to
-SCALE_MM, MOST_MM, FIRST_STEP, LOOKS = (
-    0.1,
-    3.0,
-    0.02,
-    14,
-)  # of the fit: its loss, its differences, its length
+# Of the fit: its loss, its differences, its length.
+SCALE_MM, MOST_MM, FIRST_STEP, LOOKS = 0.1, 3.0, 0.02, 14
 
 UNIFORM = Pressure("uniform", 20)
 
@@ -136,7 +132,7 @@ def squeezed(part: Part, tips: Tips, poses: Array) -> Array:
 def off(ends: Array, measured: Array) -> tuple[Array, Array]:
     """How far (n,) poses (n, 3) lie from others [mm], and are turned [degrees]."""
     apart = ends - measured
-    turn = np.abs(np.remainder(apart[:, 2] + np.pi, 2.0 * np.pi) - np.pi)
+    turn = np.abs(wrap(apart[:, 2]))
     return np.hypot(apart[:, 0], apart[:, 1]), np.degrees(turn)
 
 
@@ -192,21 +188,14 @@ def identified(
     def residuals(unknown: Array) -> Array:
         ends = squeezed(part._replace(surface=surface(unknown).hessian_table()), tips, start)
         apart = ends - end
-        apart[:, 2] = part.rho_mm * (np.remainder(apart[:, 2] + np.pi, 2.0 * np.pi) - np.pi)
+        apart[:, 2] = part.rho_mm * wrap(apart[:, 2])
         # The scale of all coefficients changes nothing.
         return np.append(np.clip(apart, -MOST_MM, MOST_MM).ravel(), 0.01 * (unknown - 1.0))
 
     # As in `planner.identification.motions`, unknowns are shifted by 1.
-    return surface(
-        least_squares(
-            residuals,
-            np.ones(15),
-            diff_step=FIRST_STEP,
-            loss="soft_l1",
-            f_scale=SCALE_MM,
-            max_nfev=LOOKS,
-        ).x
-    )
+    robust = {"loss": "soft_l1", "f_scale": SCALE_MM}
+    steps = {"diff_step": FIRST_STEP, "max_nfev": LOOKS}
+    return surface(least_squares(residuals, np.ones(15), **robust, **steps).x)
 
 
 def pushes(folder: Path) -> Iterator[Push]:
@@ -301,15 +290,13 @@ def simulator(outline: Array) -> Simulator:
 def main() -> int:
     """Measures and keeps the figures."""
     parser = harness.parser(__doc__)
-    parser.add_argument(
-        "--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings"
-    )
+    parser.add_argument("--data", type=Path, required=True, metavar="FOLDER")
     options = parser.parse_args()
     if not (options.data / THREE).is_file():
         print(f"bench_fingers: {options.data} has no {THREE}; see --help", file=sys.stderr)
         return 3
     result = {"three": three(options.data), "two": runs(options.data)}
-    print(json.dumps(result, indent=1))
+    harness.show(result)
     RESULTS.write(result)
     return 0
 

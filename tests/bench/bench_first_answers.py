@@ -58,18 +58,11 @@ def main() -> int:
             done[name] = answered(name, outlines[name], options)
             with options.results.open("a") as file:
                 file.write(json.dumps(done[name]) + "\n")
-            print(json.dumps(done[name]), flush=True)
+            harness.show(done[name])
     rows = [done[name] for name in names if name in done]
-    figures = {
-        "machine": platform.platform(),
-        "budget_s": options.budget,
-        "turn_deg": options.turn,
-        "seed": options.seed,
-        "drawn": len(names),
-        "of": len(outlines),
-        "rows": rows,
-    }
-    RESULTS.write(figures)
+    figures = {"machine": platform.platform(), "budget_s": options.budget}
+    figures |= {"turn_deg": options.turn, "seed": options.seed}
+    RESULTS.write({**figures, "drawn": len(names), "of": len(outlines), "rows": rows})
     wrong = [row["name"] for row in rows if row["faults"]]
     print(
         f"{len(rows)} of {len(names)} tried, {len(wrong)} with a fault: {', '.join(wrong) or 'none'}"

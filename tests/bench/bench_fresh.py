@@ -43,9 +43,7 @@ def bench(part: str, seed: int, trials: int, work: Threads) -> dict[str, Any]:
         "fresh": int((~fresh.success).sum()),
         "fresh_trials": TIMES * trials,
     }
-    print(
-        "{part}, seed {seed}: {reported} of {trials}, fresh {fresh} of {fresh_trials}".format(**row)
-    )
+    harness.show(row)
     return row
 
 
@@ -78,18 +76,9 @@ def main() -> None:
         bench(part, seed, options.trials, work) for seed in range(options.seeds) for part in PARTS
     ]
     result = bias(rows)
-    print(
-        "{plans} plans: failures reported {reported:.5f}, fresh {fresh:.5f}, z = {z:.2f}".format(
-            **result
-        )
-    )
-    record = {
-        "machine": platform.platform(),
-        "python": platform.python_version(),
-        **result,
-        "rows": rows,
-    }
-    RESULTS.write(record)
+    harness.show(result)
+    machine = {"machine": platform.platform(), "python": platform.python_version()}
+    RESULTS.write({**machine, **result, "rows": rows})
 
 
 if __name__ == "__main__":

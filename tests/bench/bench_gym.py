@@ -38,21 +38,21 @@ Choice = Callable[[Pomdp, np.ndarray, np.random.Generator], int]
 def speed() -> list[Row]:
     """Squeezes a second of processor time: three on every fresh part, then a pose is declared."""
     rng = np.random.default_rng(0)
-    rows = [
-        _stepped(
-            "vector, 4096 parts", gymnasium.make_vec(planner.gym.NAME, num_envs=BATCH), rng, STEPS
-        )
-    ]
-    rows.append(_stepped("one part", gymnasium.make(planner.gym.NAME), rng, 4000))
+    many, one = (
+        gymnasium.make_vec(planner.gym.NAME, num_envs=BATCH),
+        gymnasium.make(planner.gym.NAME),
+    )
+    rows = [_stepped("vector, 4096 parts", many, rng, STEPS), _stepped("one part", one, rng, 4000)]
     try:
-        import mujoco_squeeze
+        from planner.evaluation.mujoco import RigidWorld
     except ImportError:
         print("MuJoCo is not installed: its speed is not measured (pip install mujoco)")
         return rows
     model = planner.gym.problem_of(None)
     poses = model.initial(20, rng)[:, :3]
-    clock = time.process_time()
-    mujoco_squeeze.squeeze(model.simulator.outline, 0.5, poses)
+    world, clock = RigidWorld(model.job, 0), time.process_time()
+    for pose in poses.tolist():
+        world.close(tuple(pose), 0.5)
     return [*rows, {"what": "MuJoCo", "per_second": len(poses) / (time.process_time() - clock)}]
 
 
@@ -64,11 +64,8 @@ def _stepped(what: str, env: Any, rng: np.random.Generator, steps: int) -> Row:
     squeezes, clock = 0, time.process_time()
     for step in range(steps):
         declares = step % 4 == 3
-        action = (
-            rng.integers(placements, placements + 1, size)
-            if declares
-            else rng.integers(placements, size=size)
-        )
+        first, last = (placements, placements + 1) if declares else (0, placements)
+        action = rng.integers(first, last, size)
         _, reward, ended, _, _ = env.step(action)
         squeezes += int(np.sum(np.less(reward, 0.0)))
         if not size and ended:
@@ -76,7 +73,7 @@ def _stepped(what: str, env: Any, rng: np.random.Generator, steps: int) -> Row:
         elif declares:
             env.step(action)  # the step that lays new parts down
     row = {"what": what, "per_second": squeezes / (time.process_time() - clock)}
-    print(json.dumps(row), flush=True)
+    harness.show(row)
     return row
 
 
@@ -85,13 +82,10 @@ def policies(parts: int) -> list[Row]:
     model = planner.gym.problem_of(None)
     kept = tables.load(TABLE).table
     trusting = model.job.replaced(doubt={"chance": 0.0}, friction={"doubt": 0.0})
+    alone = compile_job(trusting).table
     rows = [
         _figures("the plan in trees/rectangle", *planned(model, kept, 20_000), model),
-        _figures(
-            "a plan for this world alone",
-            *planned(model, compile_job(trusting).table, 20_000),
-            model,
-        ),
+        _figures("a plan for this world alone", *planned(model, alone, 20_000), model),
     ]
     for name, choice in (("greedy, one squeeze ahead", greedy), ("random", at_random)):
         rng = np.random.default_rng(1)

@@ -95,10 +95,7 @@ def main() -> None:
     poses = random_poses(rng, PARTICLES, RADIUS_MM)
     touched = poses[classify_contact(model.outline, model.jaws, poses) == TOUCHES]
     first, second = model.sample(touched[:2000], rng).poses, draw(touched[:2000], rng)
-    calls = [
-        lambda: model.sample(poses, rng),
-        lambda: draw(poses, rng),
-    ]
+    calls = [lambda: model.sample(poses, rng), lambda: draw(poses, rng)]
     ours_s, scipy_s = seconds(calls, options.repeat)
     row = {
         "points": POINTS,
@@ -115,11 +112,7 @@ def main() -> None:
             "cores_used": 1,
         },
     }
-    print(
-        "{particles} particles from {points} points on one core: {ours_ms:.2f} ms, scipy {scipy_ms:.0f} ms, "
-        "{ratio:.1f} times; {particles_per_second:.0f} particles/s; same distribution: p = "
-        "{same_distribution_p:.2f}".format(**row)
-    )
+    harness.show(row)
     RESULTS.write(row)
 
 

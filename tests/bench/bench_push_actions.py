@@ -44,15 +44,14 @@ def planned(name: str, changes: dict[str, Any], seed: int) -> dict[str, Any]:
     except NoPlanError as error:
         return {"no_plan": str(error), "cpu_s": time.process_time() - begun}
     result, pushes = plan.evaluation, np.array([len(node.pushes) for node in plan.table.nodes])
+    made = pushes[np.maximum(result.path, 0)]
     return {
         "success": float(result.success.mean()),
         "squeezes": float(result.squeezes.mean()),
         "seconds": float(result.seconds.mean()),
         "crashes": int(result.crashes),
         "parts": len(result.leaf),
-        "pushes": float(
-            pushes[np.maximum(result.path, 0)].sum(axis=1, where=result.path >= 0).mean()
-        ),
+        "pushes": float(made.sum(axis=1, where=result.path >= 0).mean()),
         "cpu_s": time.process_time() - begun,
     }
 
@@ -72,10 +71,10 @@ def main() -> None:
             kept.setdefault(case, {})[way] = rows
             plans = [row for row in rows if "no_plan" not in row]
             keys = ("squeezes", "seconds", "success", "crashes", "pushes", "cpu_s")
-            means = {
-                key: round(float(np.mean([row[key] for row in plans])), 4) for key in keys if plans
-            }
-            print(case, way, f"{len(plans)} of {len(rows)} plans", means, flush=True)
+            means = {key: float(np.mean([row[key] for row in plans])) for key in keys if plans}
+            harness.show(
+                {"case": case, "way": way, "plans": f"{len(plans)} of {len(rows)}", **means}
+            )
             RESULTS.write(kept)
 
 

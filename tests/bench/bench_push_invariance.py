@@ -8,7 +8,6 @@ order, with more of them on the edges, and with 1e-9 mm of start. Prints which s
 `results/push_invariance.json`.
 """
 
-import json
 import time
 
 import harness
@@ -35,14 +34,9 @@ def main() -> None:
     rows = {}
     for name, shape in SHAPES.items():
         outline = shape()
-        rows[name] = studied(outline, options.pushes, 1) | {
-            "push_us": microseconds(outline, options.pushes)
-        }
-        print(
-            name,
-            json.dumps({key: round(value, 5) for key, value in rows[name].items()}),
-            flush=True,
-        )
+        rows[name] = studied(outline, options.pushes, 1)
+        rows[name]["push_us"] = microseconds(outline, options.pushes)
+        harness.show({"shape": name, **rows[name]})
     RESULTS.write({"pushes": options.pushes, "shapes": rows})
 
 

@@ -14,7 +14,6 @@ coverage of 90 % intervals. The pushes with two fingers are only judged. Prints 
 """
 
 import csv
-import json
 import math
 import sys
 from pathlib import Path
@@ -59,9 +58,8 @@ wishart_dof = {dof}
 {support}
 """
 FRICTIONS = np.arange(0.05, 1.01, 0.05)
-NEARLY_AS_GOOD = (
-    1.05  # The interval of friction: whose mean error on the logs is within 5 % of the least
-)
+# The interval of friction: whose mean error on the logs is within 5 % of the least.
+NEARLY_AS_GOOD = 1.05
 DOFS = (5, 7, 10, 15, 20, 30, 50, 100, 200)
 SAMPLES = 400
 NOISE = np.array([0.7, 0.7, math.radians(0.6)])
@@ -224,12 +222,11 @@ def judged_more(
     """Figures of further pushes with two fingers, by support."""
     recorded, lines = read_two_fingers(path)
     supports = np.array([line["support"] for line in lines])
-    return {
-        support: judged(
-            recorded.take(supports == support), simulator(support, interval, dof), mu, seed
-        )[0]
-        for seed, support in enumerate(SUPPORTS, 1)
-    }
+    result = {}
+    for seed, support in enumerate(SUPPORTS, 1):
+        mine, block = recorded.take(supports == support), simulator(support, interval, dof)
+        result[support], _, _ = judged(mine, block, mu, seed)
+    return result
 
 
 def too_far(recorded: Recorded) -> BoolArray:
@@ -256,15 +253,8 @@ def runs_of(
             + (", recorded as farther than the fingers went" if beyond[k] else "")
             for k in far
         ]
-        rows.append(
-            {
-                "run": str(run),
-                "pushes": int(mine.sum()),
-                "predicted": float(right[mine].mean()),
-                "median_mm": float(np.median(distance[mine])),
-                "far_off": named,
-            }
-        )
+        row = {"run": str(run), "pushes": int(mine.sum()), "predicted": float(right[mine].mean())}
+        rows.append({**row, "median_mm": float(np.median(distance[mine])), "far_off": named})
     return rows
 
 
@@ -275,9 +265,8 @@ def main() -> int:
     parser.add_argument("--no-results", action="store_true", help="print only")
     options = parser.parse_args()
     if missing := [name for name in (*LOGS, TWO_FINGERS) if not (options.data / name).is_file()]:
-        print(
-            f"bench_pushes: {options.data} has no {', '.join(missing)}: {SOURCE}", file=sys.stderr
-        )
+        said = f"{options.data} has no {', '.join(missing)}"
+        print(f"bench_pushes: {said}: {SOURCE}", file=sys.stderr)
         return 3
     logs = {support: read_log(options.data / name) for name, support in LOGS.items()}
     mu, interval, alone = fit_friction(logs)
@@ -286,13 +275,8 @@ def main() -> int:
         f"from the logs: friction {mu} in {interval} (alone: {alone}), {dof} degrees of freedom ({share:.3f})"
     )
     recorded, lines = read_two_fingers(options.data / TWO_FINGERS)
-    result: dict[str, Any] = {
-        "friction": mu,
-        "interval": interval,
-        "alone": alone,
-        "dof": dof,
-        "supports": {},
-    }
+    result: dict[str, Any] = {"friction": mu, "interval": interval, "alone": alone, "dof": dof}
+    result["supports"] = {}
     off, right = np.zeros((len(lines), 3)), np.zeros(len(lines), bool)
     supports = np.array([line["support"] for line in lines])
     for seed, support in enumerate(SUPPORTS, 1):
@@ -301,23 +285,17 @@ def main() -> int:
             recorded.take(mine), simulator(support, interval, dof), mu, seed
         )
         result["supports"][support] = figures
-        print(support, json.dumps({name: round(value, 3) for name, value in figures.items()}))
+        harness.show({"support": support, **figures})
     if (options.data / MORE).is_file():
         result["more"] = judged_more(options.data / MORE, interval, dof, mu)
         for support, figures in result["more"].items():
-            print(
-                f"more, {support}",
-                json.dumps({name: round(value, 3) for name, value in figures.items()}),
-            )
+            harness.show({"more": support, **figures})
     slid, distance = ~is_stuck(recorded), np.hypot(off[:, 0], off[:, 1])
     result["median_mm_slid"] = float(np.median(distance[slid]))
     result["runs"] = runs_of(lines, recorded, off, right)
     print(f"median error of pushes that did not stick: {result['median_mm_slid']:.2f} mm")
     for row in result["runs"]:
-        named = f"; far off: {'; '.join(row['far_off'])}" if row["far_off"] else ""
-        print(
-            f"{row['run']}: {row['predicted']:.2f} of {row['pushes']}, {row['median_mm']:.1f} mm{named}"
-        )
+        harness.show(row)
     if not options.no_results:
         RESULTS.write(result)
     return 0

@@ -8,14 +8,12 @@ smaller, longer or thinner than the job's, or another; of these also the share w
 """
 
 import argparse
-import json
 from pathlib import Path
 
 import harness
 import numpy as np
 
 from planner.cli.shell import loaded
-from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.trials import DISMISSED, Program
 from planner.work.scheduler import Threads
@@ -73,27 +71,16 @@ def main():
         }
         for name, outline in others(job):
             try:
-                other = job.replaced(
-                    part={"outline_mm": outline.tolist(), "symmetry": 1, "picks": None}
-                )
+                part = {"outline_mm": outline.tolist(), "symmetry": 1, "picks": None}
+                other = job.replaced(part=part)
             except InputError as error:
                 record[name] = str(error)
                 continue
-            run = evaluate(
-                result.table,
-                other,
-                ContactWorlds.of_job(other, 2),
-                options.parts,
-                2,
-                Threads(1),
-                NONE,
-            )
+            worlds = ContactWorlds.of_job(other, 2)
+            run = evaluate(result.table, other, worlds, options.parts, 2, Threads(1))
             answered = (run.leaf >= 0) & run.resolved
-            record[name] = [
-                round(float(np.mean(answered)), 4),
-                round(float(np.mean(answered & ~run.within)), 4),
-            ]
-        print(json.dumps({"tree": tree.stem, **record}), flush=True)
+            record[name] = [float(np.mean(each)) for each in (answered, answered & ~run.within)]
+        harness.show({"tree": tree.stem, **record})
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ other, and writes `results/resolution.json` beside this file after each: names a
 is there is not planned again. The zoo's packages are those of tools/zoo500.
 """
 
-import json
 import random
 import sys
 import time
@@ -27,12 +26,11 @@ from planner.work.limit import Limit
 from runtime.shell.command import seconds
 
 RESULTS = harness.Kept("resolution")
-GRIPPERS: dict[str, dict[str, float]] = {
-    "2F-85": {},
-    "0.01 mm": {"resolution_mm": 0.01, "noise_mm": 0.02},
-}
+GRIPPERS: dict[str, dict[str, float]]
+GRIPPERS = {"2F-85": {}, "0.01 mm": {"resolution_mm": 0.01, "noise_mm": 0.02}}
 PARTS, SEEDS = ("rectangle", "gusset", "egg-cam"), (1, 2, 3)
 SHOWN = ("mean_squeezes", "seconds_mean", "error_mm")
+KEPT = ("kind", "cut", "success_rate", "wrong_rate", *SHOWN)
 
 
 def zoo(sample: int, budget_s: float) -> Iterator[tuple[str, str, Any]]:
@@ -74,16 +72,12 @@ def main() -> int:
         if (name, gripper) in done or time.process_time() > given.cpu:
             continue
         row = judged()
-        figures = {
-            key: row[key]
-            for key in ("kind", "cut", "success_rate", "wrong_rate", *SHOWN)
-            if key in row
-        }
+        figures = {key: row[key] for key in KEPT if key in row}
         if figures.get("error_mm"):
             figures["error_mm"] = round(figures["error_mm"]["median"], 4)
         rows.append({"name": name, "gripper": gripper, **figures})
         RESULTS.write_rows(rows)
-        print(json.dumps(rows[-1]), flush=True)
+        harness.show(rows[-1])
     for title, chosen in (("zoo", None), *((part, part) for part in PARTS)):
         print(title, compared([row for row in rows if part_of(row["name"]) == chosen]))
     return 0
@@ -107,11 +101,8 @@ def compared(rows: list[dict[str, Any]]) -> dict[str, Any]:
         gripper: {key: round(mean(by_name[name][key] for name in both), 3) for key in SHOWN if both}
         for gripper, by_name in by_gripper.items()
     }
-    return {
-        "compared": len(both),
-        "located": {key: len(by_name) for key, by_name in by_gripper.items()},
-        **means,
-    }
+    located_by = {key: len(by_name) for key, by_name in by_gripper.items()}
+    return {"compared": len(both), "located": located_by, **means}
 
 
 if __name__ == "__main__":

@@ -137,14 +137,11 @@ def decision_us(tree: Path) -> dict[str, float]:
         for summand in range(ARITHMETIC):
             index += summand
         control[number] = clock() - start
-    return {
-        **percentiles(spent, ""),
-        **percentiles(control, "control_"),
-        **percentiles(least, "least_"),
-    }
+    figures = percentiles(spent, "") | percentiles(control, "control_")
+    return figures | percentiles(least, "least_")
 
 
-def percentiles(durations: array[int], prefix: str) -> dict[str, float]:
+def percentiles(durations: "array[int]", prefix: str) -> dict[str, float]:
     """Some percentiles of durations in ns, in us."""
     spent = sorted(durations)
     at = {
@@ -172,14 +169,10 @@ def main() -> None:
         starts = [first_frame_s(arguments.tree, folder) for _ in range(arguments.starts)]
         seen = watched_run(arguments.tree, folder, arguments.minutes)
         parts = sum(b'"kind":"outcome"' in line for line in (folder / "bench.jsonl").open("rb"))
-    memory = {
-        "peak_mib": seen[-1]["peak_mib"],
-        "rise_mib": rise(seen, "rss_mib"),
-        "descriptors": seen[-1]["descriptors"],
-        "descriptors_rise": rise(seen, "descriptors"),
-        "minutes": arguments.minutes,
-        "parts": parts,
-    }
+    memory = {"peak_mib": seen[-1]["peak_mib"], "rise_mib": rise(seen, "rss_mib")}
+    memory["descriptors"] = seen[-1]["descriptors"]
+    memory["descriptors_rise"] = rise(seen, "descriptors")
+    memory |= {"minutes": arguments.minutes, "parts": parts}
     if arguments.realtime:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     decision = decision_us(arguments.tree)
@@ -191,31 +184,7 @@ def main() -> None:
         "python": platform.python_version(),
         "cores": os.cpu_count(),
     }
-    result = (
-        (
-            "first frame",
-            max(starts),
-            LIMITS["first_frame_s"],
-            f"s at worst of {len(starts)} starts",
-        ),
-        ("memory", memory["peak_mib"], LIMITS["rss_mib"], "MiB at most"),
-        ("rise", memory["rise_mib"], 1.0, f"MiB over {arguments.minutes:g} minutes, {parts} parts"),
-        ("decision", decision["p9999_us"], LIMITS["decision_p9999_us"], "us p99.99 by the wall"),
-        (
-            "",
-            decision["control_p9999_us"],
-            LIMITS["decision_p9999_us"],
-            "us p99.99 of arithmetic instead",
-        ),
-        (
-            "",
-            decision["least_max_us"],
-            LIMITS["decision_p9999_us"],
-            "us the slowest input, undisturbed",
-        ),
-    )
-    for name, value, limit, unit in result:
-        print(f"{name:<12} {value:9.3f} {unit} (limit {limit:g})")
+    harness.show(record)
     RESULTS.write(record)
 
 

@@ -19,6 +19,7 @@ from tree_tables import NAMES, TREES, table_of
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import worst
 from planner.evaluation.mujoco import RigidWorld
+from planner.frames import wrap
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
@@ -27,6 +28,8 @@ from planner.work.scheduler import Threads
 RESULTS = harness.Kept("second_opinion")
 SEED = 99
 DRAWS = 20
+KEPT = ("trials", "success_rate", "wrong_rate", "reject_rate", "unresolved_rate", "crashes")
+KEPT += ("mean_squeezes",)
 NEAR_MM, NEAR_WIDTH_MM = 1.0, 0.5
 
 
@@ -49,10 +52,8 @@ def near(ends: np.ndarray, rolled: RollOut) -> np.ndarray:
     """Which squeezes end alike in both worlds: place, angle by what it moves the rim by, and width."""
     off = ends[:, :3] - rolled.poses
     place = np.hypot(off[:, 0], off[:, 1])
-    turn = np.abs(np.remainder(off[:, 2] + np.pi, 2 * np.pi) - np.pi)
-    return (
-        (place < NEAR_MM) & (turn < 0.05) & (np.abs(ends[:, 3] - rolled.width_mm) < NEAR_WIDTH_MM)
-    )
+    wide = np.abs(ends[:, 3] - rolled.width_mm)
+    return (place < NEAR_MM) & (np.abs(wrap(off[:, 2])) < 0.05) & (wide < NEAR_WIDTH_MM)
 
 
 def bench(part: str, trials: int) -> dict[str, Any]:
@@ -70,18 +71,9 @@ def bench(part: str, trials: int) -> dict[str, Any]:
     for _ in range(DRAWS):
         predicted |= near(ends, ours.roll_out(poses, ours.sample(len(poses), rng)))
     figures = evaluation.summary()
-    kept = (
-        "trials",
-        "success_rate",
-        "wrong_rate",
-        "reject_rate",
-        "unresolved_rate",
-        "crashes",
-        "mean_squeezes",
-    )
     row: dict[str, Any] = {
         "part": part,
-        **{key: figures[key] for key in kept},
+        **{key: figures[key] for key in KEPT},
         "planned": table.predicted.success_ppm / 1e6,
         "squeezes": len(poses),
         "as_nominal": float(near(ends, nominal).mean()),
@@ -91,12 +83,7 @@ def bench(part: str, trials: int) -> dict[str, Any]:
         "per_second": len(poses) / seconds,
         "wrong": [row.figures() for row in worst(table, evaluation, int(evaluation.wrong.sum()))],
     }
-    print(
-        "{part}: {success_rate:.2%} of {trials}, {wrong_rate:.2%} wrong; {squeezes} squeezes, "
-        "{as_nominal:.1%} as the nominal one, {predicted:.1%} as one of 20; "
-        "{per_second:.0f} a second".format(**row),
-        flush=True,
-    )
+    harness.show(row)
     return row
 
 

@@ -57,10 +57,8 @@ def main() -> int:
                     module.locate(timed, robot)
             _, parts, _ = served.ended()
         findings = list(Replay().follow(records(folder / "journal.jsonl")))
-    same = sum(
-        {name: part[name] for name in wanted} == wanted
-        for part, wanted in zip(parts, expected, strict=True)
-    )
+    pairs = zip(parts, expected, strict=True)
+    same = sum({name: part[name] for name in wanted} == wanted for part, wanted in pairs)
     late = quantiles(timed.spent_ms, n=100)[98]
     print(f"{same} of {given.parts} parts as driven, {len(findings)} findings of the replay")
     print(

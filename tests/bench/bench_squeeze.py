@@ -7,7 +7,6 @@ the extra `mujoco` is installed.
 """
 
 import argparse
-import json
 import math
 import os
 import platform
@@ -63,11 +62,7 @@ def convergence(poses: int) -> list[Row]:
         for radius in RADII_MM:
             row: Row = {"part": name, "disc_mm": radius} | _converged(outline, radius, poses)
             table.append(row)
-            print(
-                "{part:15} {disc_mm:6} {close_percent:7.2f} % {deepest_mm:8.4f} mm {given_up:4} "
-                "{given_up_fine:4}  {per_second:8.0f}/s  {statuses}".format(**row),
-                flush=True,
-            )
+            harness.show(row)
     return table
 
 
@@ -93,15 +88,14 @@ def _converged(outline: np.ndarray, radius: float, poses: int) -> Row:
         for before, after, width in zip(start, result.poses, result.width_mm, strict=True)
         if deepest_overlap(outline, before, JAWS[0]) == 0.0
     ]
+    counts = np.bincount(result.status, minlength=4).tolist()
     return {
         "close_percent": 100 * float(close.mean()),
         "deepest_mm": max(depths),
         "given_up": int(result.given_up.sum()),
         "given_up_fine": int(exact.given_up.sum()),
         "per_second": poses / seconds,
-        "statuses": dict(
-            zip(STATUS_NAMES, np.bincount(result.status, minlength=4).tolist(), strict=True)
-        ),
+        "statuses": dict(zip(STATUS_NAMES, counts, strict=True)),
         "first_given_up": start[np.flatnonzero(result.given_up)[:3]].tolist(),
         "first_off": start[np.flatnonzero(~close)[:3]].tolist(),
     }
@@ -122,16 +116,9 @@ def goldberg(polygons: int = 200, poses: int = 10) -> Row:
                 outline_width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201)
             )
             ended += abs(floor - width) < 0.02
-    row: Row = {
-        "polygons": polygons,
-        "squeezes": polygons * poses,
-        "in_a_valley": int(ended),
-        "grasped": held,
-    }
-    print(
-        "Goldberg: {in_a_valley} of {squeezes} in a valley of the width function, "
-        "{grasped} of them grasped".format(**row)
-    )
+    row: Row = {"polygons": polygons, "squeezes": polygons * poses}
+    row |= {"in_a_valley": int(ended), "grasped": held}
+    harness.show(row)
     return row
 
 
@@ -146,11 +133,9 @@ def speed() -> list[Row]:
         parameters = part.sample(count, rng)
         part.roll_out(poses[:10], part.nominal(10, 0.5))
         ours = count / min(_timed(lambda: part.roll_out(poses, parameters)) for _ in range(3))  # noqa: B023
-        table.append(
-            {"part": name, "vertices": len(outline), "per_second": ours}
-            | _others(part, poses[:20], ours)
-        )
-        print(json.dumps(table[-1]), flush=True)
+        row = {"part": name, "vertices": len(outline), "per_second": ours}
+        table.append(row | _others(part, poses[:20], ours))
+        harness.show(table[-1])
     return table
 
 
@@ -161,13 +146,9 @@ def _others(part: Any, poses: np.ndarray, ours: float) -> Row:
     clock = time.perf_counter()
     few = [squeeze(model, pose) for pose in poses[:5]]
     twin = 5 / (time.perf_counter() - clock)
-    row: Row = {
-        "twin_per_second": twin,
-        "times_twin": ours / twin,
-        "twin_width_error_mm": float(
-            np.abs([r.width_mm for r in few] - nominal.width_mm[:5]).max()
-        ),
-    }
+    off_mm = np.abs([r.width_mm for r in few] - nominal.width_mm[:5]).max()
+    row: Row = {"twin_per_second": twin, "times_twin": ours / twin}
+    row["twin_width_error_mm"] = float(off_mm)
     try:
         from planner.evaluation.mujoco import RigidWorld
     except ImportError:
@@ -205,11 +186,7 @@ def first_call() -> Row:
             done = ended([sys.executable, "-c", FIRST_CALL], env=environment, timeout=None)
             seconds.append(float(done.out.split()[0]))
     row: Row = {"empty_cache_s": seconds[0], "filled_cache_s": seconds[1]}
-    print(
-        "first squeeze: {empty_cache_s:.1f} s compiling, {filled_cache_s:.2f} s from the cache".format(
-            **row
-        )
-    )
+    harness.show(row)
     return row
 
 
@@ -228,12 +205,8 @@ def main() -> None:
     results = RESULTS.read({})
     for name in options.only:
         results[name] = benches[name](options)
-    results["setting"] = {
-        "step_mm": DEFAULT_STEP_MM,
-        "poses": options.poses,
-        "python": platform.python_version(),
-        "machine": platform.machine(),
-    }
+    results["setting"] = {"step_mm": DEFAULT_STEP_MM, "poses": options.poses}
+    results["setting"] |= {"python": platform.python_version(), "machine": platform.machine()}
     RESULTS.write(results)
 
 

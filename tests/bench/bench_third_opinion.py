@@ -218,7 +218,7 @@ def main() -> None:
     rows = []
     for part in options.parts:
         rows.append(bench(part, options.squeezes))
-        print(json.dumps(rows[-1]), flush=True)
+        harness.show(rows[-1])
         RESULTS.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 

@@ -37,6 +37,7 @@ PLANS: dict[str, dict[str, Any]] = {
     "with [doubt]": DOUBTS,
     "confidence 0.995": {**DOUBTS, "goal": {"confidence": 0.995}},
 }
+KEPT = ("success_rate", "wrong_rate", "wrong_ci95", "mean_squeezes")
 SEED = 99
 """Of the parts and the worlds; no plan is made with it."""
 
@@ -54,23 +55,11 @@ def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
     record = {}
     for line in sweep(table, job, standard_cases(job), worlds, trials, SEED, Threads(2)):
         figures = line.evaluation.summary()
-        record[line.case.name] = {
-            key: figures[key]
-            for key in ("success_rate", "wrong_rate", "wrong_ci95", "mean_squeezes")
-        }
+        record[line.case.name] = {key: figures[key] for key in KEPT}
     worst = max(record, key=lambda name: record[name]["wrong_rate"])
-    print(
-        f"{part}, {plan}: {record['as planned']['mean_squeezes']:.2f} squeezes, planned in {seconds:.1f} s, "
-        f"worst {record[worst]['wrong_rate']:.2%} wrong with {worst}",
-        flush=True,
-    )
-    return {
-        "part": part,
-        "plan": plan,
-        "seconds": seconds,
-        "nodes": len(table.nodes),
-        "worlds": record,
-    }
+    row = {"part": part, "plan": plan, "seconds": seconds, "nodes": len(table.nodes)}
+    harness.show({**row, "worst": worst, **record[worst]})
+    return {**row, "worlds": record}
 
 
 def main() -> None:

@@ -23,19 +23,11 @@ BEFORE, WITHIN = 300, 50
 FRESH = 10_000  # seeds of this module begin here
 RARE = 1e4  # parts to a false alarm that a drift must be told apart at
 POOL = 40_000  # parts that the shares of a drift are counted in; for the planned ones five times as many
+FRICTIONS = ((0.05, 0.15), (0.2, 0.3), (0.28, 0.42), (0.34, 0.51), (0.46, 0.69), (0.5, 0.75))
+FRICTIONS += ((0.6, 0.8), (0.7, 0.9), (0.8, 1.0))
 DRIFTS = {
-    "encoder +1 mm": Drift(width_mm=1.0),
-    "encoder -1 mm": Drift(width_mm=-1.0),
-    "encoder +0.5 mm": Drift(width_mm=0.5),
-    "friction 0.05 to 0.15": Drift((0.05, 0.15)),
-    "friction 0.2 to 0.3": Drift((0.2, 0.3)),
-    "friction 0.28 to 0.42": Drift((0.28, 0.42)),
-    "friction 0.34 to 0.51": Drift((0.34, 0.51)),
-    "friction 0.46 to 0.69": Drift((0.46, 0.69)),
-    "friction 0.5 to 0.75": Drift((0.5, 0.75)),
-    "friction 0.6 to 0.8": Drift((0.6, 0.8)),
-    "friction 0.7 to 0.9": Drift((0.7, 0.9)),
-    "friction 0.8 to 1.0": Drift((0.8, 1.0)),
+    **{f"encoder {mm:+g} mm": Drift(width_mm=mm) for mm in (1.0, -1.0, 0.5)},
+    **{f"friction {low} to {high}": Drift((low, high)) for low, high in FRICTIONS},
     "camera 0.45 mm in x": Drift(seen_off=(0.45, 0.0, 0.0)),
     "camera 1 mm in y": Drift(seen_off=(0.0, 1.0, 0.0)),
     "camera turned by 2 deg": Drift(seen_off=(0.0, 0.0, 0.035)),
@@ -50,11 +42,8 @@ def healthy(table: Table, job: Job, expected: Expectation, blocks: int) -> dict[
         for part in parts(table, squeezed(table, job, 10_000, seed), seed):
             alarms.update(chart for chart, _ in monitor.add(part))
         print(f"healthy block {block}: {alarms.total()} alarms so far", flush=True)
-    return {
-        "parts": 10_000 * blocks,
-        "alarms": dict(alarms),
-        "alarms_in_10000": alarms.total() / blocks,
-    }
+    rate = alarms.total() / blocks
+    return {"parts": 10_000 * blocks, "alarms": dict(alarms), "alarms_in_10000": rate}
 
 
 def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[str, Any]:
@@ -68,10 +57,8 @@ def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[s
         ours = seed + 1000 * (number + 1)
         result = squeezed(table, job, runs * WITHIN, ours, drift)
         stretch = list(parts(table, result, ours, drift))
-        rows = [
-            _first(start, stretch[run * WITHIN : (run + 1) * WITHIN])
-            for run, start in enumerate(starts)
-        ]
+        stretches = (stretch[k : k + WITHIN] for k in range(0, len(stretch), WITHIN))
+        rows = [_first(start, mine) for start, mine in zip(starts, stretches, strict=True)]
         record[name] = _figures(rows)
         if drift.friction is not None:
             shares = _shares(squeezed(table, job, POOL, ours + 1, drift), table)

@@ -17,6 +17,12 @@ def parser(doc: str | None) -> argparse.ArgumentParser:
     return argparse.ArgumentParser(description=doc, formatter_class=shape)
 
 
+def show(row: object) -> None:
+    """Print figures, with four digits each, in a line."""
+    digits = json.loads(json.dumps(row), parse_float=lambda text: float(f"{float(text):.4g}"))
+    print(json.dumps(digits), flush=True)
+
+
 class Kept:
     """The file of a benchmark in `results/`."""
 
