@@ -101,9 +101,9 @@ def _converged(outline: np.ndarray, radius: float, poses: int) -> Row:
     }
 
 
-def goldberg(polygons: int = 200, poses: int = 10) -> Row:
+def goldberg() -> Row:
     """Frictionless long jaws on random convex polygons: how many end in a valley of the width function."""
-    ended, held = 0, 0
+    polygons, poses, ended, held = 200, 10, 0, 0
     for seed in range(polygons):
         rng = np.random.default_rng(seed)
         outline = random_convex(rng, int(rng.integers(4, 9)))

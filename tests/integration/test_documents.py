@@ -27,7 +27,7 @@ PARSED = {
     DOCS / "drivers.md": "tests/integration/test_driver_guide.py runs its example otherwise",
     DOCS / "acceptance.md": "tests/unit/runtime/spc/study/test_study_command.py runs it",
     DOCS / "evidence.md": "tests/integration/test_evidence.py runs it",
-    DOCS / "refit.md": "tests/integration/test_refit_page.py runs it with fewer parts",
+    DOCS / "refit.md": "tests/integration/test_pages.py runs it with fewer parts",
     DOCS / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py does so",
     DOCS / "studio.md": "it serves until it is stopped; tests/integration/test_studio.py runs it",
     DOCS / "results.md": "each command measures for minutes, some need MuJoCo",

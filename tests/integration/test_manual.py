@@ -69,9 +69,8 @@ def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(
 @pytest.mark.parametrize("arm", ["manual", "manual+tcp://127.0.0.1:1", "tcp://127.0.0.1:1"])
 @pytest.mark.parametrize("port", ["manual", "/dev/x"])
 def test_person_who_holds_hand_or_jaws_follows_no_arc(arm: str, port: str) -> None:
-    arguments = parser().parse_args(
-        ["--tree", "t", "--port", port, "--arm", arm, "--tips", "57.15,5"]
-    )
+    words = f"--tree t --port {port} --arm {arm} --tips 57.15,5"
+    arguments = parser().parse_args(words.split())
     arc = options.arc_of(arguments, small_table(), None)
     assert (arc is None) == ("manual" in (port, arm.partition("+")[0]))
     arguments.tips = "57.15"

@@ -80,9 +80,7 @@ def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path, po
     journal = tree.with_name("journal.jsonl")
     with RunningCell(tree, time_scale=40) as cell:
         killed(tree, cell, "part", 3, "--count", "5")
-        broken = next(
-            entry["part"] for entry in reversed(list(records(journal))) if "part" in entry
-        )
+        *_, broken = (entry["part"] for entry in records(journal) if "part" in entry)
         code, out, err = run(tree, cell, "--after-crash", policy, "--count", "2")
     assert broken >= 3
     ended = [entry["part"] for entry in records(journal) if entry["kind"] == "outcome"]

@@ -18,17 +18,13 @@ from runtime.journal.chain import records, verify
 
 CASES = {
     "Ctrl-C in a calibration's stroke": Case("calibration", (SIGINT,), 0.7, 0.0, 0.0),
-    "SIGTERM in a calibration's activation": Case(
-        "calibration's activation", (SIGTERM,), 0.3, 0.0, 0.0
-    ),
+    "SIGTERM in its activation": Case("calibration's activation", (SIGTERM,), 0.3, 0.0, 0.0),
     "SIGHUP in a run's activation": Case("activation", (SIGHUP,), 0.3, 0.0, 0.0),
     "SIGHUP in a simulated run": Case("simulated run", (SIGHUP,), 0.5, 0.0, 0.0),
     "Ctrl-C twice within 30 ms": Case("run", (SIGINT, SIGINT), 0.4, 0.03, 0.0),
     "Ctrl-C, then SIGTERM on the way out": Case("run", (SIGINT, SIGTERM), 0.4, 0.1, 0.0),
     "stopped past every deadline of a run": Case("run", (SIGQUIT,), 0.4, 0.0, 2.0),
-    "SIGTERM and SIGHUP in a fault's safe sequence": Case(
-        "fault", (SIGTERM, SIGHUP), 0.01, 0.03, 0.0
-    ),
+    "SIGTERM and SIGHUP in a fault": Case("fault", (SIGTERM, SIGHUP), 0.01, 0.03, 0.0),
 }
 
 

@@ -101,12 +101,10 @@ def random_contacts(rng: np.random.Generator, m: int) -> ContactProblem:
     )
 
 
-def _problem(
-    points: list, normals: list, advance: list, mu: float, gap: float = 0.0
-) -> ContactProblem:
+def _problem(points: list, normals: list, advance: list, mu: float) -> ContactProblem:
     m, arrays = len(points), (np.array(rows, float) for rows in (points, normals, advance))
     A = np.diag([1.05, 1.05, 0.58])
-    return ContactProblem(A, 10.0, *arrays, np.full(m, gap), np.full(m, mu))
+    return ContactProblem(A, 10.0, *arrays, np.zeros(m), np.full(m, mu))
 
 
 UP, DOWN = [0.0, 1.0], [0.0, -1.0]

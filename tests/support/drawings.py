@@ -11,9 +11,9 @@ PLATE = [(0, 0), (40, 0), (40, 20), (0, 20)]
 PLATE_MM2 = 800.0
 
 
-def dxf(folder, draw, units=4, version="R2010"):
+def dxf(folder, draw, units=4):
     """A file in which `draw(model_space, document)` has drawn."""
-    document = ezdxf.new(version)
+    document = ezdxf.new("R2010")
     document.units = units
     draw(document.modelspace(), document)
     path = folder / "part.dxf"

@@ -130,8 +130,8 @@ def code_bytes(compiled: Path) -> int:
     return sum(int(row[1]) for row in rows if row and row[0].startswith(".text"))
 
 
-def said(*words: object, program: str | Path, seconds: float = 280.0) -> str:
+def said(*words: object, program: str | Path) -> str:
     """What a program prints; it must end with 0 and without a word on standard error."""
-    code, out, err = ended([program, *words], timeout=seconds)
+    code, out, err = ended([program, *words], timeout=280)
     assert (code, err) == (0, ""), f"{program} ended with {code}: {err}"
     return out

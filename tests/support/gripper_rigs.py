@@ -56,22 +56,22 @@ class Robotiq(GripperRig):
 
     contact_um = 20969  # count 174
 
-    def __init__(self, bus: str, channel: str = "contract") -> None:
+    def __init__(self, bus: str) -> None:
         self.time = SimulatedTime(SCALE, threading.Event())
         self.now = self.time.now
         self.lock = threading.RLock()
         self.model = GripperModel(random.Random(1), self)
-        self.port, self.name = self._port(bus, channel)
+        self.port, self.name = self._port(bus)
         self.port.start()
 
-    def _port(self, bus: str, channel: str):
+    def _port(self, bus: str):
         if bus == "pty":
             self.slave = RtuSlave(GripperRegisters(self.model, self.now))
             port = PtyPort(self.slave, self.lock, self.time)
             return port, port.path
         if bus == "can":
-            node = CanNode(self.model, self.lock, self.now, CanMap(channel, "virtual"))
-            return node, f"can:{channel}?interface=virtual"
+            node = CanNode(self.model, self.lock, self.now, CanMap("contract", "virtual"))
+            return node, "can:contract?interface=virtual"
         if bus.startswith("urcap"):
             ends = b"" if bus.endswith("bare") else b"\n"
             port = UrcapPort(Urcap(self.model, self.now, ends), self.lock)
@@ -107,13 +107,13 @@ RIGS = {bus: lambda bus=bus: Robotiq(bus) for bus in ("pty", "tcp", "urcap", "ca
 class Dh(GripperRig):
     """A simulated DH gripper on a pseudo-terminal."""
 
-    def __init__(self, model: str = "dh-ag95", scale: float = SCALE, line=None) -> None:
+    def __init__(self, model: str = "dh-ag95", scale: float = SCALE) -> None:
         self.profile, self.scale = profile_of(model), scale
         self.contact_um = self.profile.reading_um(321)
         time = SimulatedTime(scale, threading.Event())
         self.now = time.now
         self.device = DhModel(random.Random(1), self, self.profile)
-        self.slave = RtuSlave(DhRegisters(self.device, time.now), line, dh.UNIT)
+        self.slave = RtuSlave(DhRegisters(self.device, time.now), None, dh.UNIT)
         self.lock = threading.RLock()
         self.port = PtyPort(self.slave, self.lock, time)
         self.name = f"dh://{self.port.path}"

@@ -13,7 +13,6 @@ from runtime.spc.history import History, Part, Squeezed
 from runtime.spc.monitor import Alarm, Monitor, branch_shares, sigmas
 from runtime.table import PPM, Table, decision_map, load
 
-COUNT_UM = 374.0
 SHIFT_UM = 2000.0  # of widths: more than the 1.1 mm that the job doubts, which its branches bear
 LESS = {0: [0.60, 0.34, 0.01, 0.05]}  # shares of the first node's branches where fewer parts jam
 

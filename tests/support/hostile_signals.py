@@ -244,7 +244,7 @@ def _failed(ended: Ended) -> Iterator[str]:
     yield from _journal(ended)
 
 
-def _calibration_stopped(ended: Ended) -> Iterator[str]:
+def _interrupted(ended: Ended) -> Iterator[str]:
     if ended.code != STOPPED or "fingers stopped at" not in ended.err:
         yield "a calibration that was not stopped"
 
@@ -293,10 +293,8 @@ KINDS = {
     "run": Kind(6, True, False, 2.5, _run, _ready, _stopped),
     "simulated run": Kind(2, True, False, 2.5, _simulate, _ready, _stopped),
     "activation": Kind(4, False, False, 0.8, _run, _ready, _stopped),
-    "calibration": Kind(4, True, False, 1.5, _calibrate, _asked, _calibration_stopped),
-    "calibration's activation": Kind(
-        4, False, False, 0.8, _calibrate, _asked, _calibration_stopped
-    ),
+    "calibration": Kind(4, True, False, 1.5, _calibrate, _asked, _interrupted),
+    "calibration's activation": Kind(4, False, False, 0.8, _calibrate, _asked, _interrupted),
     "fault": Kind(4, True, True, REAL_S, _run, _safe, _failed),
 }
 

@@ -38,14 +38,9 @@ class RefusedError(Exception):
 
 
 class OmniCore:
-    """The controller's state; it boots with the program stopped and its pointer in somebody's main.
+    """The controller's state; it boots with the program stopped and its pointer in somebody's main."""
 
-    Args:
-        arm: its mechanics.
-        executed: called after each motion.
-    """
-
-    def __init__(self, arm: ArmModel, executed: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, arm: ArmModel) -> None:
         self.mode, self.motors = "AUTO", "motoron"
         self.running = False
         self.pointer = MAIN
@@ -54,7 +49,7 @@ class OmniCore:
             ("sq_tframe", "sq_oframe", "sq_target"), IDENTITY_TEXT
         )
         self.symbols |= {"sq_version": "1", "sq_fastest": "250", **NUMBERS}
-        self._arm, self._executed = arm, executed
+        self._arm = arm  # its mechanics
         self._ends_s = -1.0  # of the motion under way; negative: none
 
     def advance(self, now_s: float) -> None:
@@ -64,7 +59,6 @@ class OmniCore:
         if 0.0 <= self._ends_s <= now_s:
             self._ends_s = -1.0
             self.symbols["sq_done"] = self.symbols["sq_started"]
-            self._executed()
         if self._ends_s < 0.0 and self.symbols["sq_request"] != self.symbols["sq_done"]:
             self.symbols["sq_started"] = self.symbols["sq_request"]
             speed = min(float(self.symbols["sq_speed"]), float(self.symbols["sq_fastest"]))

@@ -256,11 +256,10 @@ class PlcServed(ServedRun):
         self,
         *trees: Path,
         more: Sequence[str] = (),
-        port: str = "sim",
         count: int | None = None,
         plc: str = "modbus-tcp://127.0.0.1:0",
     ) -> None:
-        words = ["--plc", plc, "--port", port, *more]
+        words = ["--plc", plc, "--port", "sim", *more]
         words += [word for tree in trees for word in ("--tree", str(tree))]
         words += [] if count is None else ["--count", str(count)]
         super().__init__(trees[0].parent, "a PLC may connect at", *words)

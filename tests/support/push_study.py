@@ -50,10 +50,10 @@ def pushed(
     return part.push_by_hand(poses, opening, ways, rng)
 
 
-def divided(outline: np.ndarray, pieces: int = 3) -> np.ndarray:
-    """The same outline with its edges cut into pieces: vertices that change nothing."""
+def divided(outline: np.ndarray) -> np.ndarray:
+    """The same outline with its edges cut into three: vertices that change nothing."""
     edges = np.roll(outline, -1, axis=0) - outline
-    cuts = [outline + k / pieces * edges for k in range(pieces)]
+    cuts = [outline + k / 3 * edges for k in range(3)]
     return np.concatenate(cuts, axis=1).reshape(-1, 2)
 
 

@@ -22,9 +22,9 @@ class RunningCell(Closing):
         endpoints: where its devices are.
     """
 
-    def __init__(self, tree: Path, *more: str, time_scale: float = 12, seed: int = 0) -> None:
+    def __init__(self, tree: Path, *more: str, time_scale: float = 12) -> None:
         words = [*CELL, "--tree", tree, "--json", "--until-stdin-closes", *REHEARSAL]
-        words += ["--time-scale", time_scale, "--seed", seed, *more]
+        words += ["--time-scale", time_scale, "--seed", "0", *more]
         self.process = started(words, stdin=subprocess.PIPE, stderr=None)
         assert self.process.stdout is not None
         self.endpoints = json.loads(self.process.stdout.readline())

@@ -43,12 +43,12 @@ class SchunkRig(GripperRig):
 
     contact_um = 21_370
 
-    def __init__(self, model="schunk-egu", scale=SCALE, silence_s=math.inf):
+    def __init__(self, model="schunk-egu", scale=SCALE):
         self.scale = scale
         self.time = SimulatedTime(scale, threading.Event())
         self.part = Part()
         profile = PROFILES[model]
-        self.model = SchunkModel(random.Random(1), self.part, profile, silence_s)
+        self.model = SchunkModel(random.Random(1), self.part, profile, math.inf)
         self.slave = RtuSlave(SchunkRegisters(self.model, self.time.now), None, UNIT)
         self.port = PtyPort(self.slave, threading.RLock(), self.time)
         self.port.start()
