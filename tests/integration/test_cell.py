@@ -38,12 +38,11 @@ class Running:
 
     @contextlib.contextmanager
     def connected(self, gripper="gripper", arm="arm"):
+        ends, closing = self.endpoints, contextlib.closing
         with (
-            contextlib.closing(
-                connect.gripper(self.endpoints[gripper], time_scale=SCALE)
-            ) as gripper,
-            contextlib.closing(connect.arm(self.endpoints[arm], time_scale=SCALE)) as arm,
-            contextlib.closing(connect.scene(self.endpoints["scene"])) as scene,
+            closing(connect.gripper(ends[gripper], time_scale=SCALE)) as gripper,
+            closing(connect.arm(ends[arm], time_scale=SCALE)) as arm,
+            closing(connect.scene(ends["scene"])) as scene,
         ):
             yield gripper, arm, scene
 

@@ -67,15 +67,13 @@ def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table
             rig = fake_cell([(count, flag)] * table.limits.max_depth)
             result = Executor(table, rig.cell, Deaf()).run_part(1)
             branch = decide(decided, width_um(count), flag == 2)
-            if (
-                result.outcome is Outcome.FAULT
-            ):  # a contradiction in itself, which the map refuses too
+            # A contradiction in itself, which the map refuses too.
+            if result.outcome is Outcome.FAULT:
                 assert (flag, branch, result.steps) == (3, REJECT, ())
                 assert width_um(count) > 5_000
                 continue
-            assert result.steps[0].target == (
-                None if branch == REJECT else root.branches[branch].target
-            )
+            target = None if branch == REJECT else root.branches[branch].target
+            assert result.steps[0].target == target
             kept = enumerate(rig.journal.kept, 1)
             record = ({"seq": seq, "kind": kind, **row} for seq, (kind, row) in kept)
             assert list(Replay().follow([header, *record])) == []
@@ -97,15 +95,13 @@ def test_the_evaluation_reads_by_the_same_rule() -> None:
     result = evaluate(table, job_file.load(JOB), world, 300, seed=1)
     decided = decision_map(table.nodes[0], table.gripper)
     widths = encoder_of_table(table).width_um(result.steps[:, 0]).tolist()
-    for read, width_mm, branch, leaf in zip(
-        widths, world.width_mm, result.branch[:, 0], result.leaf, strict=True
-    ):
+    seen = zip(widths, world.width_mm, result.branch[:, 0], result.leaf, strict=True)
+    for read, width_mm, branch, leaf in seen:
         assert branch == decide(decided, read, width_mm > 0)
         assert leaf == (REJECTED if branch == REJECT else branch)
     assert set(result.leaf) == {REJECTED, 0, 1, 2, 3}
-    assert np.all(
-        result.leaf[1:10] == REJECTED
-    )  # something between the fingers, where nothing was planned
+    # Something between the fingers, where nothing was planned.
+    assert np.all(result.leaf[1:10] == REJECTED)
 
 
 def tree_of(table: Table, target: int = 0) -> plans.Node:
@@ -130,14 +126,12 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
         for node in table.nodes
     ]
     rows = [(index, number) for index, numbers in enumerate(taken) for number in numbers]
-    run = SimpleNamespace(
-        path=np.array([[index] for index, _ in rows]), branch=np.array([[n] for _, n in rows])
-    )
+    path, branch = (np.array([[row[k]] for row in rows]) for k in (0, 1))
+    run = SimpleNamespace(path=path, branch=branch)
     kept = tried(table, run)
     pruned, root = without_untried(table, kept), plans.pruned(tree_of(table), kept)
-    dumps(
-        replace(pruned, predicted=Prediction(0, 0, 0))
-    )  # validates it; the figures were those of all leaves
+    # Validates it; the figures were those of all leaves.
+    dumps(replace(pruned, predicted=Prediction(0, 0, 0)))
     waiting = [(0, 0, root)]
     while waiting:
         old, new, planned = waiting.pop()
@@ -151,9 +145,8 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
             for width in range(0, 86_000, 157)
             for felt in (False, True)
         ]
-        assert all(
-            now == (kept[old].index(was) if was in kept[old] else REJECT) for was, now in read
-        )
+        for was, now in read:
+            assert now == (kept[old].index(was) if was in kept[old] else REJECT)
         for number, branch, child in zip(kept[old], after.branches, planned.children, strict=True):
             target = before.branches[number].target
             if branch.target >= 0:
@@ -190,9 +183,8 @@ def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path) -> None:
 def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
     table = small_table()
     untried = with_leaf(table, 0, table.leaves[0]._replace(success_ppm=1_000_000, trials=0))
-    result = PartResult.of(
-        1, Outcome.LEAF, [Step(1, 0, table.nodes[0].squeeze, 174, 20_969, ~0, None)], None
-    )
+    step = Step(1, 0, table.nodes[0].squeeze, 174, 20_969, ~0, None)
+    result = PartResult.of(1, Outcome.LEAF, [step], None)
     Lines(untried).part(result, None)
     printed = capsys.readouterr().out
     assert "success never tried" in printed

@@ -141,9 +141,8 @@ def test_a_killed_worker_costs_its_item_only(machines, tmp_path):
     text = log.read_text()
     by_killed = f"by {machines.workers[0].pid}"
     assert by_killed in text
-    assert (
-        ITEMS <= text.count("begun") <= ITEMS + 2 * AHEAD
-    )  # no more than what was handed out at that moment
+    # No more than what was handed out at that moment.
+    assert ITEMS <= text.count("begun") <= ITEMS + 2 * AHEAD
     assert text.count("begun") - text.count("done") <= 1
 
 

@@ -26,9 +26,8 @@ def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
     cell = [*CELL, "--until-stdin-closes", "--json", "--tree", TABLE, "--time-scale", "100"]
     with started(cell, stdin=subprocess.PIPE, stderr=None, env=environment) as simulated:
         ends = json.loads(simulated.stdout.readline())
-        here = names._replace(
-            commands=[f"port={ends['gripper']}; arm={ends['arm']}; tree=rectangle.msgpack"]
-        )
+        named = f"port={ends['gripper']}; arm={ends['arm']}; tree=rectangle.msgpack"
+        here = names._replace(commands=[named])
         printed = run([here, look, *others], work, environment)
         simulated.stdin.close()
     for block, lines in zip([look, *others], printed[1:], strict=False):
@@ -44,9 +43,8 @@ def test_rehearsal_in_the_air_is_a_job_that_is_accepted(part):
     """
     job = TREES / part / "job.toml"
     assert 0.96 < wilson_interval(100, 100)[0] < 0.97
-    step = re.search(
-        r"\*\*In the air\.\*\*(.*?)\n\d\. ", (DOCS / "commissioning.md").read_text(), re.DOTALL
-    )[1]
+    text = (DOCS / "commissioning.md").read_text()
+    step = re.search(r"\*\*In the air\.\*\*(.*?)\n\d\. ", text, re.DOTALL)[1]
     (more_mm,) = map(float, re.findall(r"by (\d+) mm", step))
     keys = set(re.findall(r"`(\w+_mm)`", step))
     assert "squeeze_height_mm" in keys
@@ -55,9 +53,7 @@ def test_rehearsal_in_the_air_is_a_job_that_is_accepted(part):
     for section in ("part", "cell"):
         of_section = getattr(sound, section)
         stated = {key: getattr(of_section, key) for key in keys if hasattr(of_section, key)}
-        raised[section] = {
-            key: height + more_mm for key, height in stated.items() if height is not None
-        }
+        raised[section] = {key: mm + more_mm for key, mm in stated.items() if mm is not None}
     assert raised["cell"].keys() == {"squeeze_height_mm", "retreat_height_mm"}
     air = job_file.load(job, raised)
     assert air.cell.squeeze_height_mm == sound.cell.squeeze_height_mm + more_mm

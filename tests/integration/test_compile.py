@@ -1,6 +1,7 @@
 """The whole planner on the paper's rectangle, and the committed table."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -24,15 +25,15 @@ from runtime.table import (
     dumps,
     load,
     loads,
+    predicted_pose,
     wilson_interval,
 )
 
 FEW = {"particles": 300, "max_depth": 3}
 CERTAIN = {"doubt": {"chance": 0.0}, "part": {"tolerance_mm": 0.0}}
 GRIPPER = GripperSpec.of(PROFILES["robotiq-2f-85"], 1, 1)
-WIDTHS_UM = np.array(
-    [GRIPPER.profile.reading_um(GRIPPER.steps - k) for k in range(GRIPPER.steps + 1)]
-)
+OPENING = range(GRIPPER.steps, -1, -1)
+WIDTHS_UM = np.array([GRIPPER.profile.reading_um(step) for step in OPENING])
 """At each reading, in steps of closing."""
 
 
@@ -76,9 +77,8 @@ def test_beliefs_are_conserved_down_the_tree_and_every_leaf_was_tried(plan):
         if node.children:
             assert sum(child.share for child in node.children) <= node.share + 1e-9
     leaves = [node for node in breadth_first(plan.root) if not node.children]
-    untried = (
-        2.0 * plan.untried / plan.table.predicted.trials
-    )  # branches that no trial took are cut off
+    # Branches that no trial took are cut off.
+    untried = 2.0 * plan.untried / plan.table.predicted.trials
     assert sum(leaf.share for leaf in leaves) == pytest.approx(1.0, abs=1e-3 + untried)
     assert all(leaf.trials > 0 for leaf in plan.table.leaves)
     assert plan.untried < 0.5 * sum(len(node.branches) for node in plan.table.nodes)
@@ -155,10 +155,9 @@ def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
 
 
 def test_what_centred_squeezes_leave_open_is_said_and_what_would_tell_it_apart():
+    job = l_job("none", search={"max_depth": 2}, friction={"doubt": 0})
     with pytest.raises(NoPlanError, match=r"the part lies at .* or .* would read") as caught:
-        compile_job(
-            l_job("none", search={"max_depth": 2}, friction={"doubt": 0}), workers=2, trials=1000
-        )
+        compile_job(job, workers=2, trials=1000)
     assert 0.3 <= caught.value.success <= 0.7
     assert "\n" not in str(caught.value)
 
@@ -202,10 +201,8 @@ def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, toleran
     assert (plan.table.goal.kind, plan.table.goal.tolerance) == (kind, tolerance)
     assert plan.evaluation.summary()["success_rate"] >= 0.98
     known = plan.evaluation.resolved
-    poses = [
-        (leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6) for leaf in plan.table.leaves
-    ]
-    offset = plan.evaluation.poses[known] - np.array(poses)[plan.evaluation.leaf[known]]
+    poses = np.array([predicted_pose(leaf) for leaf in plan.table.leaves])
+    offset = plan.evaluation.poses[known] - poses[plan.evaluation.leaf[known]]
     offset[:, 2] = wrap(offset[:, 2], job.part.symmetry)
     kept = np.abs(offset[:, 2]) < np.radians(5.0)
     if kind == "tolerances":
@@ -220,9 +217,8 @@ def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
     assert {node.release for node in table.nodes} >= {(0, 0)}
     worlds = ContactWorlds.of_job(narrow, 3)
     assert evaluate(table, narrow, worlds, 1000, 4).success.mean() >= 0.98
-    left = dataclasses.replace(
-        table, nodes=tuple(node._replace(release=None) for node in table.nodes)
-    )
+    undragged = tuple(node._replace(release=None) for node in table.nodes)
+    left = dataclasses.replace(table, nodes=undragged)
     assert evaluate(left, narrow, worlds, 1000, 4).success.mean() < 0.9
 
 
@@ -249,8 +245,7 @@ def test_confident_wrong_answers_stay_rare_in_every_world_but_that_of_few_degree
     doubting = job_file.load(JOB)
     table = load(TABLE).table
     cases = [case for case in standard_cases(doubting) if case.name != "10 degrees of freedom"]
-    for line in sweep(
-        table, doubting, cases, lambda real: ContactWorlds.of_job(real, 21), 2000, 22
-    ):
+    worlds = partial(ContactWorlds.of_job, seed=21)
+    for line in sweep(table, doubting, cases, worlds, 2000, 22):
         low, _ = wilson_interval(int(line.evaluation.wrong.sum()), 2000)
         assert low <= 1.0 - doubting.goal.confidence, line.case.name

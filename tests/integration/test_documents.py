@@ -39,9 +39,8 @@ MODULE = re.compile(r"`((?:planner|runtime|drivers)(?:\.\w+)+)[`:]")
 # With names of its day.
 KEPT = re.compile(r"^<!-- table .*?^<!-- end -->$", re.MULTILINE | re.DOTALL)
 REMOVED = re.compile(r"^### Removed$.*?^### ", re.MULTILINE | re.DOTALL)  # of a changelog
-EXTRAS = set(
-    tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-)
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS = set(PROJECT["optional-dependencies"])
 
 
 class Parsed(BaseException):
@@ -199,9 +198,8 @@ def test_files_and_modules_that_are_named_exist(page):
 def _exists(name):
     """Whether it is a file or folder of the repository, or a name that one of its modules has."""
     module, _, attribute = name.rpartition("/")
-    above = (
-        path for path in (ROOT / f"{module}.py", ROOT / module / "__init__.py") if path.exists()
-    )
+    files = (ROOT / f"{module}.py", ROOT / module / "__init__.py")
+    above = (path for path in files if path.exists())
     known = (re.search(rf"\b{re.escape(attribute)}\b", path.read_text()) for path in above)
     return any((*ROOT.glob(name), *ROOT.glob(f"{name}.py"))) or any(known)
 

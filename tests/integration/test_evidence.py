@@ -134,9 +134,8 @@ def test_a_run_that_requires_a_signature_refuses_what_has_none(desk):
 
 def test_runs_leave_a_log_of_what_was_installed_by_whom(desk):
     def code_of(*more):
-        return cli.main(
-            ["--tree", "t.msgpack", "--journal", "j.jsonl", *VIRTUAL, *REHEARSAL, *more]
-        )
+        words = ("--tree", "t.msgpack", "--journal", "j.jsonl", *VIRTUAL, *REHEARSAL)
+        return cli.main([*words, *more])
 
     assert code_of("--require-signed", "k.pem.pub") in (0, 10)
     assert code_of("--require-signed", "k.pem.pub") in (0, 10)

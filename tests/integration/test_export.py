@@ -135,9 +135,8 @@ def test_the_check_of_vectors_sees_one_wrong_number(folder):
 @pytest.mark.slow
 def test_the_executor_is_small_and_needs_no_library(folder):
     out = folder("sixty nodes", "c99")
-    assert re.findall(r"#include .*", (out / "squeezetree_table.h").read_text()) == [
-        "#include <stdint.h>"
-    ]
+    header = (out / "squeezetree_table.h").read_text()
+    assert re.findall(r"#include .*", header) == ["#include <stdint.h>"]
     for compiler in compilers():
         executable = executor(compiler, out)
         assert 0 < code_bytes(executable) < MOST_CODE_BYTES

@@ -135,9 +135,8 @@ def test_a_gripper_that_lost_its_power_with_a_part_in_it_is_not_activated(statio
 def test_jaws_stopped_on_their_way_may_hold_something(station) -> None:
     def on_their_way() -> bool:
         gripper = station.gripper
-        return (
-            "placed" in station.kinds() and gripper._ends_s < math.inf and gripper._stroke.rate > 0
-        )
+        closes = gripper._ends_s < math.inf and gripper._stroke.rate > 0
+        return closes and "placed" in station.kinds()
 
     assert station.strike(signal.SIGINT, on_their_way, "--activate")[0] == 40
     if station.grips():
@@ -184,9 +183,8 @@ class LosesForces(CleanLine):
         if frame[1] != 16:
             return True
         block, before, self._before = frame[7:13], self._before, frame[7:13]
-        if (
-            block[3] != 255 and before[3:4] == b"\xff"
-        ):  # what it gripped with, as the jaws are told to open
+        # What it gripped with, as the jaws are told to open.
+        if block[3] != 255 and before[3:4] == b"\xff":
             self.forces.append(self._station.gripper.read_output()[FORCE_AT])
         if block[:5] != before[:5] or block == before:
             return True

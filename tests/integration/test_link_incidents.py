@@ -19,9 +19,8 @@ def test_retries_are_journalled_with_the_run(
     tree: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    faults = Listed(
-        [Fault("reply_lost", 0, 0), Fault("request_lost", 0, 30), Fault("noise", 0, 40, value=9)]
-    )
+    lost = [Fault("reply_lost", 0, 0), Fault("request_lost", 0, 30)]
+    faults = Listed([*lost, Fault("noise", 0, 40, value=9)])
     with Cell(small_setting(), 2, SCALE, faults) as cell:
         ports = ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
         words = ["--tree", "small.msgpack", *ports, "--activate", "--tips", "straight"]
@@ -46,9 +45,8 @@ def test_what_is_reported_before_there_is_a_journal_is_kept_and_not_without_end(
         journal.header(b"table", {})
         incidents.hand_over(journal)
         incidents.record("link", {"number": -1})
-    numbers = [
-        entry["number"] for entry in records(tmp_path / "j.jsonl") if entry["kind"] == "link"
-    ]
+    kept = records(tmp_path / "j.jsonl")
+    numbers = [entry["number"] for entry in kept if entry["kind"] == "link"]
     assert numbers == [*range(MOST_INCIDENTS), -1]
     with pytest.raises((JournalError, OSError)):
         incidents.record("link", {"number": 0})

@@ -42,9 +42,8 @@ def test_a_person_with_calipers_locates_a_part(words: list[object], tmp_path: Pa
         *("Open", "Put", "Close", "Open", "Lift"),
         *("Put", "Close", "'wide'", "'-3'", "Open", "Lift"),
     ]
-    assert asked[1].startswith(
-        "Put the hand at (0.00, 0.00) mm, 0.0 deg, the tips 10.0 mm above the table"
-    )
+    where = "at (0.00, 0.00) mm, 0.0 deg, the tips 10.0 mm above the table"
+    assert asked[1].startswith(f"Put the hand {where}")
     assert asked[5].startswith("Put the hand at (1.00, -2.00) mm, 90.0 deg")
     assert_sound(tmp_path / "j.jsonl")
 
@@ -126,14 +125,8 @@ def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     person, arm = Behind(monkeypatch), connect.arm("manual")
-    for x, y, z, angle in (
-        (0, 0, 60, 0),
-        (3, 4, 60, 2),
-        (3, 4, 10, 2),
-        (5, 4, 10, 2),
-        (5, 4, 60, 2),
-    ):
-        target = (x, y, z, float(angle))
+    places = ((3, 4, 60), (3, 4, 10), (5, 4, 10), (5, 4, 60))
+    for target in ((0, 0, 60, 0.0), *((*place, 2.0) for place in places)):
         arm.move_linear(*target, 100.0)
         assert arm.pose() == target
     assert [sentence.split()[0] for sentence in person.heard] == ["Put", "Go", "Lift"]

@@ -6,11 +6,10 @@ fingers that meet elsewhere leave parts elsewhere, however alike all their squee
 
 import json
 import math
-from types import SimpleNamespace
 
 import pytest
 from calibrations import linear
-from fake_cell import FakeJournal
+from fake_cell import Deaf, FakeJournal
 from programs import JOB, ended
 from running_cells import CALIBRATE, RunningCell
 
@@ -25,9 +24,6 @@ from runtime.execution.executor import PLAIN, Cell, RunOptions
 from runtime.table import dump, load
 
 OFF_MM, PARTS, SEED = 1.5, 8, 4
-DRY = SimpleNamespace(
-    note=lambda said: None, step=lambda part, step: None, phase=lambda part, phase, node: None
-)
 CERTAIN = {
     "goal": {"distance_mm": 1.4},
     "friction": {"doubt": 0.0},
@@ -64,9 +60,8 @@ def run_parts(tree, handling, delivery=None):
     ended = []
     setting = load_scene(tree, None, None)._replace(middle_mm=OFF_MM)
     virtual = VirtualCell(setting, SEED)
-    console = SimpleNamespace(
-        **vars(DRY), part=lambda result, seen: ended.append((result, seen, virtual.scene.truth()))
-    )
+    console = Deaf()
+    console.part = lambda result, seen: ended.append((result, seen, virtual.scene.truth()))
     cell = Cell(virtual.gripper(), virtual.arm(), virtual.clock, FakeJournal())
     run = {
         "count": PARTS,
@@ -96,9 +91,8 @@ def test_the_command_measures_what_is_off_and_says_what_is_left_to_doubt(measure
 def test_fingers_that_meet_elsewhere_are_wrong_where_a_camera_looks_and_right_once_they_are_measured(
     tree, measured
 ):
-    before = [
-        seen.within for _, seen, _ in run_parts(tree, PLAIN.handling) if seen.within is not None
-    ]
+    within = (seen.within for _, seen, _ in run_parts(tree, PLAIN.handling))
+    before = [each for each in within if each is not None]
     after = [seen.within for _, seen, _ in run_parts(tree, handling_of(tree, measured[0]))]
     assert len(before) > PARTS // 2
     assert sum(before) <= len(before) // 4

@@ -86,9 +86,8 @@ def test_parts_by_a_supervisor_have_the_results_that_are_printed_and_journalled(
         shown = [result[name] for name in ("X_mm", "Y_mm", "Angle_deg")]
         assert shown == pytest.approx(expected, abs=5.1e-4)
     outcomes = [result["Outcome"] for result in program.results]
-    assert program.counted == {
-        name.capitalize(): outcomes.count(name) for name in OUTCOMES.values()
-    }
+    counts = {name.capitalize(): outcomes.count(name) for name in OUTCOMES.values()}
+    assert program.counted == counts
     assert program.events[:2] == ["PreoperationalToInitialized", "InitializedToReady"]
     assert program.events.count("ReadyToSingleExecution") == PARTS
     assert program.events.count("SingleExecutionToReady") == PARTS - 1

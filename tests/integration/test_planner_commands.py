@@ -2,11 +2,10 @@
 
 import csv
 import errno
-import json
 import os
 
 import pytest
-from programs import JOB, TABLE, called
+from programs import JOB, TABLE, called, document
 
 from planner.cli import compile as compile_
 from planner.cli import evaluate, report, simulate
@@ -26,31 +25,24 @@ def test_evaluate_prints_the_promised_keys_of_the_world_asked_for():
     slippery = ("--world-set", "friction.finger_part_min=0.15")
     slippery += ("--world-set", "friction.finger_part_max=0.25")
     words = (TABLE, "--trials", 1000, "--encoder-offset-mm", 2.5)
-    code, out, _ = called(evaluate.main, *words, "--json", "--worst", 2, *slippery)
-    figures = json.loads(out)
-    assert code == 0
+    figures = document(evaluate.main, *words, "--json", "--worst", 2, *slippery)
     assert figures["trials"] == 1000
     names = {"success_rate", "success_ci95", "mean_squeezes", "max_squeezes", "reject_rate"}
     assert names <= set(figures)
     assert figures["reject_rate"] > 0.005
     assert len(figures["worst"]) <= 2
     assert sum(row["trials"] for row in figures["confusions"]) >= 1000 * figures["wrong_rate"] - 0.5
-    reliability = json.loads(called(evaluate.main, TABLE, "--trials", 4000, "--json")[1])[
-        "reliability"
-    ]
+    reliability = document(evaluate.main, TABLE, "--trials", 4000, "--json")["reliability"]
     assert reliability["leaves"] == len(reliability["table"]) > 1
-    code, out, _ = called(
-        evaluate.main, TABLE, "--trials", 300, *slippery, "--placement-error-mm", 0.5
-    )
+    words = (TABLE, "--trials", 300, *slippery, "--placement-error-mm", 0.5)
+    code, out, _ = called(evaluate.main, *words)
     assert code == 0
     assert "friction.finger_part_min=0.15" in out
     assert "placement_mm 0.5" in out
 
 
 def test_evaluate_sweeps_a_standard_set_of_worlds():
-    code, out, _ = called(evaluate.main, TABLE, "--trials", 200, "--sweep", "--json")
-    worlds = json.loads(out)["worlds"]
-    assert code == 0
+    worlds = document(evaluate.main, TABLE, "--trials", 200, "--sweep", "--json")["worlds"]
     assert worlds[0]["world"] == "as planned"
     assert worlds[0]["set"] == {}
     assert len({world["world"] for world in worlds}) == len(worlds) >= 14
@@ -60,11 +52,8 @@ def test_evaluate_sweeps_a_standard_set_of_worlds():
 def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
     kept = tmp_path / "study.json"
     for _ in range(2):  # the second has nothing left to do
-        code, out, _ = called(
-            evaluate.main, TABLE, "--ppm", "--trials", 10_000, "--json", "--resume", kept
-        )
-        record = json.loads(out)
-        assert code == 0
+        words = (TABLE, "--ppm", "--trials", 10_000, "--json", "--resume", kept)
+        record = document(evaluate.main, *words)
         assert record["parts"] == 10_000
         low, rate, high = (record["wrong_ppm"][name] for name in ("low", "rate", "high"))
         assert low <= rate <= high < 5000
@@ -77,11 +66,8 @@ def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
 
 def test_compile_says_what_limits_the_plan_and_how_near_the_best_it_is(quick, tmp_path):
     path = tmp_path / "out.msgpack"
-    code, out, _ = called(
-        compile_.main, quick, "-o", path, "--trials", 1000, "--bound", 2000, "--json"
-    )
-    figures = json.loads(out)
-    assert code == 0
+    words = (quick, "-o", path, "--trials", 1000, "--bound", 2000, "--json")
+    figures = document(compile_.main, *words)
     advice, bound = figures["advice"], figures["bound"]
     assert {gain["source"] for gain in advice["gains"]} >= {"pressure", "friction", "encoder noise"}
     assert advice["failing"] == pytest.approx(1.0 - figures["success_rate"])
@@ -93,11 +79,8 @@ def test_compile_says_what_limits_the_plan_and_how_near_the_best_it_is(quick, tm
 
 
 def test_the_baseline_without_sensors_is_worse_than_any_plan():
-    code, out, _ = called(
-        compile_.main, JOB, "--baseline", "sensorless", "--trials", 2000, "--json"
-    )
-    figures = json.loads(out)
-    assert code == 0
+    words = (JOB, "--baseline", "sensorless", "--trials", 2000, "--json")
+    figures = document(compile_.main, *words)
     assert len(figures["angles_deg"]) == figures["squeezes"] <= figures["most_squeezes"]
     assert figures["ideal"]["oriented"] > 0.98
     assert figures["real"]["located"] < 0.7  # the paper, footnote 2

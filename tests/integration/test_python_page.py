@@ -63,9 +63,8 @@ def test_the_examples_print_what_the_page_says(tmp_path, monkeypatch):
 
 
 def test_the_names_and_their_arguments_stay():
-    assert sorted(planner.api.__all__) == sorted(
-        {name.partition(".")[0] for name in CALLS} | {"Plan"}
-    )
+    names = {name.partition(".")[0] for name in CALLS} | {"Plan"}
+    assert sorted(planner.api.__all__) == sorted(names)
     for name, arguments in CALLS.items():
         result = planner.api
         for step in name.split("."):
@@ -98,10 +97,9 @@ def test_a_report_may_end_the_work_with_what_there_is_or_with_nothing():
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebooks_are_stored_without_output(notebook):
-    cells = [
-        cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"
-    ]
-    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
+    for cell in json.loads(notebook.read_text())["cells"]:
+        if cell["cell_type"] == "code":
+            assert (cell["outputs"], cell["execution_count"]) == ([], None)
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
@@ -161,9 +159,8 @@ def test_documented_worlds_run_in_a_simulated_cell(name, tmp_path, monkeypatch):
     assert worn[1] == pytest.approx(sound[1] + 0.5)
     doubting = setting.subject.replaced(doubt={"finger_share": [0.0, 0.1]})
     if name == "without_traits":
-        with pytest.raises(
-            UsageError, match=r"worn_without_traits:Worn: squeeze\(\) failed: TypeError"
-        ):
+        said = r"worn_without_traits:Worn: squeeze\(\) failed: TypeError"
+        with pytest.raises(UsageError, match=said):
             scene.warm_up(setting._replace(subject=doubting), 3)
     else:
         scene.warm_up(setting._replace(subject=doubting), 3)

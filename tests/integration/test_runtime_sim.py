@@ -80,9 +80,8 @@ def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: P
         expected = None if branch == REJECT else table.nodes[entry["node"]].branches[branch].target
         assert entry["target"] == expected
         assert entry["target_um"] == -1
-    assert [entry["node"] for entry in squeezes] == [
-        node for part in parts for node in part["path"]
-    ]
+    passed = [node for part in parts for node in part["path"]]
+    assert [entry["node"] for entry in squeezes] == passed
     wait_until_no_cell(tree)
     virtual = words(tree, *more, "max")
     document, printed = (called(main, *virtual, *form) for form in (["--json"], []))

@@ -108,9 +108,8 @@ def test_foreign_parts_are_counted_by_what_becomes_of_them(plan):
     assert (answer.part, answer.share) == ("small", alike.answered)
     assert 20.0 < answer.widths_mm[0] < 20.2 * 2**0.5 + 0.4  # from side to diagonal
     assert answer.apart_mm == pytest.approx(abs(answer.widths_mm[0] - answer.ours_mm[0]), abs=0.006)
-    assert (
-        answer.apart_mm < 0.2 * 2**0.5 + COUNT_MM
-    )  # no more than the parts differ, and a reading's rounding
+    # No more than the parts differ, and a reading's rounding.
+    assert answer.apart_mm < 0.2 * 2**0.5 + COUNT_MM
     assert alike.lines()[1:] == [answer.line()]
     assert "as small" in answer.line()
     assert "mm of ours at every squeeze" in answer.line()
@@ -186,9 +185,8 @@ def test_a_run_names_the_part_and_its_truth(ran):
     assert all(part["within_goal"] for part in result)
     recorded = [json.loads(line) for line in journal.read_text().splitlines()]
     names = [part["hypothesis"] for part in result]
-    assert [row["hypothesis"] for row in recorded if row["kind"] in ("outcome", "truth")] == [
-        name for name in names for _ in range(2)
-    ]
+    ends = [row["hypothesis"] for row in recorded if row["kind"] in ("outcome", "truth")]
+    assert ends == [name for name in names for _ in range(2)]
     assert [row["hypothesis"] for row in rows(recorded)] == names  # one squeeze each
 
 
@@ -223,9 +221,7 @@ for line in sys.stdin:
 @pytest.fixture(scope="module")
 def posed():
     entries = squares(20, 34).replace('"large"', f'"{EVIL}"')
-    goal = COMMON.replace('kind = "identity"\n', "").replace(
-        "distance_mm = 3.0", "distance_mm = 6.0"
-    )
+    goal = COMMON.replace('kind = "identity"\ndistance_mm = 3.0', "distance_mm = 6.0")
     return compile_job(job_file.parse(goal + entries), workers=2, trials=500)
 
 
@@ -242,13 +238,11 @@ def test_an_auditor_is_asked_which_part_it_is_said_to_be(posed, tmp_path):
 
 def test_the_camera_judges_each_part_by_its_own_goal_and_tag(posed, tmp_path):
     dump(posed.table, tmp_path / "t.msgpack")
-    small, large = from_table(
-        tmp_path / "t.msgpack", [PartTag("small", 7, 22.0), PartTag(EVIL, 8, 22.0)]
-    )
+    tags = [PartTag("small", 7, 22.0), PartTag(EVIL, 8, 22.0)]
+    small, large = from_table(tmp_path / "t.msgpack", tags)
     assert [np.ptp(each.outline_mm[:, 0]) for each in (small, large)] == pytest.approx([20.0, 34.0])
-    assert [each.goal.rho_um for each in (small, large)] == [
-        item.rho_um for item in posed.table.hypotheses
-    ]
+    rho_um = [item.rho_um for item in posed.table.hypotheses]
+    assert [each.goal.rho_um for each in (small, large)] == rho_um
     with pytest.raises(InputError, match="for no part of"):
         from_table(tmp_path / "t.msgpack", [PartTag("other", 7, 22.0)])
 
@@ -282,9 +276,8 @@ def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
     assert data["parts"] is None  # no journal
     counted = np.array(named_in(text))
     assert counted.shape == (2, 3)
-    trials = (
-        posed.table.predicted.trials
-    )  # the figures of a report are those of the table's evaluation
+    # The figures of a report are those of the table's evaluation.
+    trials = posed.table.predicted.trials
     assert counted.sum() == trials
     assert counted[0].sum() / trials == pytest.approx(0.3, abs=0.12)
     assert np.trace(counted) >= 0.97 * counted[:, :2].sum()

@@ -105,10 +105,8 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(
     assert (job.uncertainty.radius_mm, job.gripper.model) == (2.0, "robotiq-2f-85")
     quick = job.replaced(search=first_plan.QUICK)
     assert load(Path(record["table"])).table.job_digest == quick.digest()
-    shares = [
-        record[name] for name in ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")
-    ]
-    assert sum(shares) + record["crashes"] / record["trials"] == pytest.approx(1.0)
+    rates = [record[f"{how}_rate"] for how in ("success", "wrong", "unresolved", "reject")]
+    assert sum(rates) + record["crashes"] / record["trials"] == pytest.approx(1.0)
     assert record["notes"] == []
     # Another job of the same name is not overwritten, the same one is.
     # No picture, advice or sweep costs the answer.
@@ -116,12 +114,9 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(
     def fail(*_: object, **__: object) -> None:
         raise ValueError("no path of 1, 2, 3 squeezes")
 
-    for place, name in (
-        (first_look.paper_figures, "sequence"),
-        (first_look, "tried"),
-        (first_look, "advise"),
-    ):
-        monkeypatch.setattr(place, name, fail)
+    monkeypatch.setattr(first_look.paper_figures, "sequence", fail)
+    for name in ("tried", "advise"):
+        monkeypatch.setattr(first_look, name, fail)
     code, out, err = called(first_look.main, plate, *QUICK, "--fingers", "steel")
     assert code == 0
     assert "Can it be located by squeezing? Yes" in out

@@ -69,9 +69,8 @@ def test_from_a_drawing_to_a_table_and_parts_though_the_studio_is_killed(tmp_pat
         table = studio.ask(f"/files/{plan['files']['table']}")
         assert table == (tmp_path / "plate.msgpack").read_bytes()
         assert load(tmp_path / "plate.msgpack").table.nodes
-        assert {path.name[0] for path in tmp_path.iterdir()} == {
-            "p"
-        }  # nothing hidden, no draft left
+        # Nothing hidden, no draft left.
+        assert {path.name[0] for path in tmp_path.iterdir()} == {"p"}
     finally:
         studio.kill()
         (tmp_path / "plate.stop").touch()

@@ -33,9 +33,8 @@ def test_each_table_is_the_one_its_job_alone_compiles_to(job, tmp_path):
     assert compiled(job, tmp_path / "all", "--vary", RADII, "--vary", "seed=3").code == 0
     for radius in ("4", "6"):
         text = job.read_text(encoding="utf-8")
-        edited = text.replace("radius_mm = 12.75", f"radius_mm = {radius}").replace(
-            "seed = 1", "seed = 3"
-        )
+        edited = text.replace("radius_mm = 12.75", f"radius_mm = {radius}")
+        edited = edited.replace("seed = 1", "seed = 3")
         alone = tmp_path / f"{radius}.toml"
         alone.write_text(edited, encoding="utf-8")
         assert compiled(alone, tmp_path / "alone.msgpack").code == 0
@@ -111,9 +110,9 @@ def test_a_sweep_that_makes_no_sense_is_refused_in_one_line(job, tmp_path, sweep
 
 def test_combinations_come_in_the_order_of_the_command_line(job):
     orders = orders_of(job, ["seed=1,2", "goal.distance_mm=3,4,3"])
-    assert [order.label for order in orders] == [
-        f"seed={seed}, goal.distance_mm={distance}" for seed in (1, 2) for distance in (3, 4)
-    ]
+    pairs = ((1, 3), (1, 4), (2, 3), (2, 4))
+    labels = [f"seed={seed}, goal.distance_mm={distance}" for seed, distance in pairs]
+    assert [order.label for order in orders] == labels
 
 
 def order(**values):
@@ -129,9 +128,8 @@ def test_files_are_named_after_the_values_and_stay_in_their_folder():
 
 def test_long_values_make_short_names_that_still_differ():
     outline = "[" + ", ".join(f"[{x}, 0]" for x in range(100))
-    paths = sweep_cli.paths_of(
-        [order(a=outline + "]"), order(a=outline + ", [0, 9]]")], Path("out")
-    )
+    orders = [order(a=outline + end) for end in ("]", ", [0, 9]]")]
+    paths = sweep_cli.paths_of(orders, Path("out"))
     assert len(set(paths)) == 2
     assert max(len(path.name) for path in paths) < 140
 
@@ -139,11 +137,8 @@ def test_long_values_make_short_names_that_still_differ():
 def test_files_that_cannot_be_read_or_written_are_one_error(job, tmp_path):
     path = tmp_path / "file.toml"
     path.write_text("seed = ")
-    for source, output, code in (
-        (tmp_path / "none.toml", tmp_path / "out", 3),
-        (path, tmp_path / "out", 3),
-        (job, path, 2),
-    ):
+    none, out = tmp_path / "none.toml", tmp_path / "out"
+    for source, output, code in ((none, out, 3), (path, out, 3), (job, path, 2)):
         refused = compiled(source, output, "--vary", RADII)
         assert (refused.code, refused.one_line) == (code, True)
 
