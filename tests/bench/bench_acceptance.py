@@ -34,9 +34,8 @@ def measure(kind: str, limit: float, unseen: float, cells: int, parts: int) -> d
     """Verdicts on so many cells of a kind."""
     counted: Counter[str] = Counter()
     for cell in range(cells):
-        rng = np.random.default_rng(
-            [SEED, round(1e6 * limit), round(1e6 * unseen), cell, kind == AT_LIMIT]
-        )
+        seeds = [round(1e6 * limit), round(1e6 * unseen), cell, kind == AT_LIMIT]
+        rng = np.random.default_rng([SEED, *seeds])
         rate = limit if kind == AT_LIMIT else float(limit * 4.0 ** rng.uniform(-1.0, 1.0))
         counted[tried(rng, rate, limit, parts, unseen).value] += 1
     return summary(kind, limit, unseen, cells, parts, counted)

@@ -43,9 +43,8 @@ def main() -> None:
     kept = RESULTS.read([])
     rows = {(row["job"], row["dense"]): row for row in kept}
     for name in options.only:
-        rows[name, options.dense] = bench(name, options.parts, options.dense) | {
-            "dense": options.dense
-        }
+        row = bench(name, options.parts, options.dense)
+        rows[name, options.dense] = row | {"dense": options.dense}
         lines = [rows[key] for key in sorted(rows)]
         RESULTS.write(lines)
 

@@ -12,6 +12,7 @@ Prints figures and writes `results/contact.json`.
 import csv
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -136,9 +137,8 @@ def overlap(tip: Array, outline: Array) -> Array:
 
 def start_mm(sets: list[Recorded]) -> float:
     """How far off recorded starts are across the edge, where all tips touch: as a standard deviation."""
-    return round(
-        float(np.quantile(np.abs(np.concatenate([each.overlap_mm for each in sets])), 0.683)), 3
-    )
+    off_mm = np.abs(np.concatenate([each.overlap_mm for each in sets]))
+    return round(float(np.quantile(off_mm, 0.683)), 3)
 
 
 def turned(points: Array, angle: Array) -> Array:
@@ -199,9 +199,7 @@ def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
     rho = radius_of_gyration(pushes.outline)
     data = pairs_of(folder, pushes, rho)
     surface = identify.fit(data, rho, "quartic", np.random.default_rng(0)).surface
-    return Simulator(
-        part.outline, surface, part.jaws, part.friction, part.wishart_dof, workers=part.workers
-    )
+    return replace(part, surface=surface)
 
 
 def turning(folder: Path, pushes: Recorded) -> dict[str, float]:

@@ -91,9 +91,8 @@ def bench(name: str, calls: int, repeat: int) -> dict[str, Any]:
         write(result, "c99", folder / "c99")
         c99 = [measured(compiler, folder / "c99", calls, repeat) for compiler in compilers()]
     assert {row["vectors"] for row in c99} == {vectors} == {512 * len(result.table.nodes)}
-    print(
-        f"{name}: {len(result.table.nodes)} nodes, {vectors} vectors equal in C and in structured text"
-    )
+    nodes = len(result.table.nodes)
+    print(f"{name}: {nodes} nodes, {vectors} vectors equal in C and in structured text")
     for row in c99:
         print(
             f"  {row['compiler']}: code {row['code_bytes']} bytes of at most {MOST_CODE_BYTES}, "
@@ -123,10 +122,8 @@ def main() -> int:
         record = {"machine": platform.machine(), "tables": [rows[key] for key in sorted(rows)]}
         RESULTS.write(record)
     figures = [figure for row in rows.values() for figure in row["c99"]]
-    kept = all(
-        row["code_bytes"] < MOST_CODE_BYTES and row["slowest_ns"] < MOST_NS for row in figures
-    )
-    return 0 if kept else 1
+    small = all(row["code_bytes"] < MOST_CODE_BYTES for row in figures)
+    return 0 if small and all(row["slowest_ns"] < MOST_NS for row in figures) else 1
 
 
 if __name__ == "__main__":

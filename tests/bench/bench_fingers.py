@@ -210,11 +210,9 @@ def pushes(folder: Path) -> Iterator[Push]:
             if len(hand) < LEAST_READINGS or not seen.any():
                 continue
             still = seen & (np.hypot(*(hand[:, :2] - hand[0, :2]).T) < STILL_MM)
-            start = np.median(
-                part[still if still.any() else np.argmax(seen)].reshape(-1, 3), axis=0
-            )
-            start_of_run = path.name.split("__")[1]
-            name, hand[:, 2] = f"{start_of_run} {number}", np.unwrap(hand[:, 2])
+            begins = part[still if still.any() else np.argmax(seen)].reshape(-1, 3)
+            start = np.median(begins, axis=0)
+            name, hand[:, 2] = f"{path.name.split('__')[1]} {number}", np.unwrap(hand[:, 2])
             yield Push(name, name.partition("_")[0], hand, start, part[seen][-1])
 
 
@@ -257,10 +255,9 @@ def runs(folder: Path) -> dict[str, Any]:
             measured = np.array([push.end for push in group])
             mm, deg = off(ends, measured)
             near = (mm < RUN_MM) & (deg < RUN_DEG)
-            spread_mm, spread_deg = (
-                column.max() for column in off(measured, measured.mean(axis=0, keepdims=True))
-            )
-            mm_off, deg_off = off(ends, measured.mean(axis=0, keepdims=True))
+            middle = measured.mean(axis=0, keepdims=True)
+            spread_mm, spread_deg = (column.max() for column in off(measured, middle))
+            mm_off, deg_off = off(ends, middle)
             inside = near | ((mm_off <= spread_mm) & (deg_off <= spread_deg))
             rows.append(
                 {

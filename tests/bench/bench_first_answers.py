@@ -38,10 +38,10 @@ KEPT = (*SHARES, "crashes", "mean_squeezes", "verdict")
 def main() -> int:
     parser = harness.parser(__doc__)
     add = parser.add_argument
-    add("--sample", type=int, default=60, metavar="N", help="outlines (default: %(default)s)")
-    add("--seed", type=int, default=50, help="of the draw (default: %(default)s)")
+    add("--sample", type=int, default=60, metavar="N", help="outlines")
+    add("--seed", type=int, default=50, help="of the draw")
     add("--budget", type=seconds, default=60.0, metavar="60s", help="of each search (default: 60s)")
-    add("--turn", default="20", metavar="DEG", help="passed on (default: %(default)s)")
+    add("--turn", default="20", metavar="DEG", help="passed on")
     add("--most", type=int, default=None, metavar="N", help="end after so many of them")
     add("--results", type=Path, default=ROOT / "out" / "first_answers.jsonl", help="what is done")
     options = parser.parse_args()

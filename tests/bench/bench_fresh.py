@@ -10,6 +10,7 @@ Prints figures and writes `results/fresh.json` beside this file.
 
 import math
 import platform
+from itertools import product
 from typing import Any
 
 import harness
@@ -51,13 +52,10 @@ def bias(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Mean failure rates, and the mean difference in standard errors."""
     reported = [row["reported"] / row["trials"] for row in rows]
     fresh = [row["fresh"] / row["fresh_trials"] for row in rows]
-    pooled = [
-        (row["reported"] + row["fresh"]) / (row["trials"] + row["fresh_trials"]) for row in rows
-    ]
-    variance = sum(
-        rate * (1.0 - rate) * (1.0 / row["trials"] + 1.0 / row["fresh_trials"])
-        for rate, row in zip(pooled, rows, strict=True)
-    )
+    variance = 0.0
+    for row in rows:
+        rate = (row["reported"] + row["fresh"]) / (row["trials"] + row["fresh_trials"])
+        variance += rate * (1.0 - rate) * (1.0 / row["trials"] + 1.0 / row["fresh_trials"])
     mean_reported, mean_fresh = sum(reported) / len(rows), sum(fresh) / len(rows)
     z = (sum(reported) - sum(fresh)) / math.sqrt(variance)
     return {"reported": mean_reported, "fresh": mean_fresh, "plans": len(rows), "z": z}
@@ -65,16 +63,13 @@ def bias(rows: list[dict[str, Any]]) -> dict[str, float]:
 
 def main() -> None:
     parser = harness.parser(__doc__)
-    parser.add_argument("--seeds", type=int, default=10, help="of each job (default: %(default)s)")
-    parser.add_argument(
-        "--trials", type=int, default=4000, help="a plan's own (default: %(default)s)"
-    )
+    parser.add_argument("--seeds", type=int, default=10, help="of each job")
+    parser.add_argument("--trials", type=int, default=4000, help="a plan's own")
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     work = Threads(options.workers)
-    rows = [
-        bench(part, seed, options.trials, work) for seed in range(options.seeds) for part in PARTS
-    ]
+    every = product(range(options.seeds), PARTS)
+    rows = [bench(part, seed, options.trials, work) for seed, part in every]
     result = bias(rows)
     harness.show(result)
     machine = {"machine": platform.platform(), "python": platform.python_version()}

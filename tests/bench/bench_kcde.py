@@ -54,9 +54,8 @@ def with_scipy(
 
     def draw(poses: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         distance, near = tree.query(points(poses), NEIGHBOURS, workers=1)
-        weight = np.cumsum(
-            np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2) / BANDWIDTH_MM**2), axis=1
-        )
+        farther = (distance**2 - distance[:, :1] ** 2) / BANDWIDTH_MM**2
+        weight = np.cumsum(np.exp(-0.5 * farther), axis=1)
         picked = (rng.random((len(poses), 1)) * weight[:, -1:] > weight).sum(axis=1)
         source = near[np.arange(len(poses)), picked]
         return rows.final[source] + BANDWIDTH_MM * rng.standard_normal(poses.shape) / scale

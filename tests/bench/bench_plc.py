@@ -116,9 +116,8 @@ def over_modbus(parts: int, client: Callable[[int, int], list[dict[str, int]]]) 
         printed = run.ended()[1]
     outcomes = Counter(OUTCOMES[result["outcome"]] for result in results)
     print(f"{client.__name__}: {parts} parts over Modbus in {took_s:.1f} s: {dict(outcomes)}")
-    return [(result["outcome"], result["x"]) for result in results] == [
-        (answer.outcome, answer.x) for answer in map(registers_of, printed)
-    ]
+    expected = [(answer.outcome, answer.x) for answer in map(registers_of, printed)]
+    return [(result["outcome"], result["x"]) for result in results] == expected
 
 
 def registers_of(part: dict[str, Any]) -> Answer:

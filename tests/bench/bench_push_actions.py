@@ -59,22 +59,20 @@ def planned(name: str, changes: dict[str, Any], seed: int) -> dict[str, Any]:
 def main() -> None:
     parser = harness.parser(__doc__)
     parser.add_argument("cases", nargs="*", metavar="CASE", help="default: all")
-    parser.add_argument("--seeds", type=int, default=3, help="plans each way; default: %(default)s")
+    parser.add_argument("--seeds", type=int, default=3, help="plans each way")
     options = parser.parse_args()
     kept = RESULTS.read({})
     for case in options.cases or CASES:
         name, changes = CASES[case]
         for way, more in WAYS.items():
-            rows = [
-                planned(name, {**changes, **more}, seed) for seed in range(1, options.seeds + 1)
-            ]
+            seeds = range(1, options.seeds + 1)
+            rows = [planned(name, {**changes, **more}, seed) for seed in seeds]
             kept.setdefault(case, {})[way] = rows
             plans = [row for row in rows if "no_plan" not in row]
             keys = ("squeezes", "seconds", "success", "crashes", "pushes", "cpu_s")
             means = {key: float(np.mean([row[key] for row in plans])) for key in keys if plans}
-            harness.show(
-                {"case": case, "way": way, "plans": f"{len(plans)} of {len(rows)}", **means}
-            )
+            counted = f"{len(plans)} of {len(rows)}"
+            harness.show({"case": case, "way": way, "plans": counted, **means})
             RESULTS.write(kept)
 
 

@@ -95,9 +95,8 @@ def read_log(path: Path) -> Recorded:
         start, stop = (tips - [x, y]) @ _turn(before)
         starts.append([start])
         shifts.append(stop - start)
-        moved.append(
-            [*((np.array(end) - [x, y]) @ _turn(before)), math.remainder(after - before, math.tau)]
-        )
+        turned = math.remainder(after - before, math.tau)
+        moved.append([*((np.array(end) - [x, y]) @ _turn(before)), turned])
     n = len(log)
     return Recorded(
         Paths(np.array(starts), np.zeros((n, 2)), np.zeros(n), np.array(shifts)), np.array(moved)
@@ -138,9 +137,8 @@ def fit_friction(logs: dict[str, Recorded]) -> tuple[float, tuple[float, float],
 
 def pose_error(off: Array, block: Simulator) -> Array:
     """Distance of poses (n, 3) as in the success metric [mm]."""
-    return np.asarray(
-        np.hypot(off[:, 0], off[:, 1]) + radius_of_gyration(block.outline) * np.abs(off[:, 2])
-    )
+    rho_mm = radius_of_gyration(block.outline)
+    return np.asarray(np.hypot(off[:, 0], off[:, 1]) + rho_mm * np.abs(off[:, 2]))
 
 
 def draws(recorded: Recorded, block: Simulator, seed: int) -> tuple[BoolArray, Array]:
@@ -162,9 +160,8 @@ def fit_dof(logs: dict[str, Recorded], friction: tuple[float, float]) -> tuple[i
     shares = {}
     for dof in DOFS:
         blocks = {support: simulator(support, friction, dof) for support in logs}
-        shares[dof] = float(
-            np.mean([draws(log, blocks[s], 0)[0].mean() for s, log in logs.items()])
-        )
+        covered = [draws(log, blocks[support], 0)[0].mean() for support, log in logs.items()]
+        shares[dof] = float(np.mean(covered))
     best = min(DOFS, key=lambda dof: abs(shares[dof] - 0.9))
     return best, shares[best]
 
@@ -233,9 +230,8 @@ def too_far(recorded: Recorded) -> BoolArray:
     """Pushes after which the block lies farther from its start than any finger went: not by pushing."""
     paths = recorded.paths
     arms = np.linalg.norm(paths.points - paths.centres[:, None], axis=2).max(axis=1)
-    return np.asarray(
-        np.hypot(recorded.moved[:, 0], recorded.moved[:, 1]) > 1.2 * arms * np.abs(paths.angles)
-    )
+    gone_mm = np.hypot(recorded.moved[:, 0], recorded.moved[:, 1])
+    return np.asarray(gone_mm > 1.2 * arms * np.abs(paths.angles))
 
 
 def runs_of(
@@ -281,9 +277,8 @@ def main() -> int:
     supports = np.array([line["support"] for line in lines])
     for seed, support in enumerate(SUPPORTS, 1):
         mine = supports == support
-        figures, off[mine], right[mine] = judged(
-            recorded.take(mine), simulator(support, interval, dof), mu, seed
-        )
+        block = simulator(support, interval, dof)
+        figures, off[mine], right[mine] = judged(recorded.take(mine), block, mu, seed)
         result["supports"][support] = figures
         harness.show({"support": support, **figures})
     if (options.data / MORE).is_file():

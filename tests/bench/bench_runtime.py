@@ -86,9 +86,8 @@ def watched_run(tree: Path, folder: Path, minutes: float) -> list[dict[str, floa
 def rise(seen: list[dict[str, float]], name: str) -> float:
     """How much the highest of the last quarter is above the highest of the second."""
     quarter = max(len(seen) // 4, 1)
-    return max(s[name] for s in seen[-quarter:]) - max(
-        s[name] for s in seen[quarter : 2 * quarter] or seen
-    )
+    second = seen[quarter : 2 * quarter] or seen
+    return max(s[name] for s in seen[-quarter:]) - max(s[name] for s in second)
 
 
 def memory_of(pid: int) -> dict[str, float]:

@@ -90,16 +90,13 @@ def bench(part: str, trials: int) -> dict[str, Any]:
 def main() -> None:
     parser = harness.parser(__doc__)
     parser.add_argument("--parts", nargs="+", choices=NAMES, default=NAMES, metavar="PART")
-    parser.add_argument(
-        "--trials", type=int, default=300, help="parts of each (default: %(default)s)"
-    )
+    parser.add_argument("--trials", type=int, default=300, help="parts of each")
     options = parser.parse_args()
     for part in options.parts:
         row = bench(part, options.trials)
         rows = json.loads(RESULTS.read_text())["rows"] if RESULTS.exists() else []
-        rows = sorted(
-            [old for old in rows if old["part"] != part] + [row], key=lambda row: row["part"]
-        )
+        others = [old for old in rows if old["part"] != part]
+        rows = sorted([*others, row], key=lambda row: row["part"])
         record = {"machine": platform.platform(), "rows": rows}
         RESULTS.write(record)
 

@@ -112,9 +112,8 @@ def goldberg() -> Row:
         held += int((np.array(STATUS_NAMES)[result.status] == "grasped").sum())
         for pose, width in zip(result.poses, result.width_mm, strict=True):
             axis = math.pi / 2 - pose[2]
-            floor = min(
-                outline_width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201)
-            )
+            near = axis + np.radians(np.linspace(-1.0, 1.0, 201))
+            floor = min(outline_width(outline, angle) for angle in near)
             ended += abs(floor - width) < 0.02
     row: Row = {"polygons": polygons, "squeezes": polygons * poses}
     row |= {"in_a_valley": int(ended), "grasped": held}

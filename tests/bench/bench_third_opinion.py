@@ -34,9 +34,8 @@ REACH = np.array([20.0, 8.0, math.pi])  # of the poses [mm, mm, rad]: at the fin
 HIGH_MM, ROUND_MM, PLATE_MM = 5.0, 0.02, 0.2  # half the height; corners; faces, as in MuJoCo
 LEAD_MM, CLOSED_MM = 0.5, 0.05
 WINDOW = 160  # steps between two looks at the jaws
-STALLED = (
-    0.05  # share of their way below which jaws stand still: DART's friction creeps at 1 to 2 %
-)
+# Share of their way below which jaws stand still: DART's friction creeps at 1 to 2 %.
+STALLED = 0.05
 SLOWEST_S = 5.0
 
 
@@ -65,9 +64,8 @@ class DartWorld:
         corners.setInertia(inertia)
         _, faces = self.part.createWeldJointAndBodyNodePair(corners)
         faces.setInertia(dartpy.dynamics.Inertia(1e-9, [0.0] * 3, 1e-9 * np.eye(3)))
-        for before, at, after in zip(
-            np.roll(outline, 1, axis=0), outline, np.roll(outline, -1, axis=0), strict=True
-        ):
+        sides = (np.roll(outline, shift, axis=0) for shift in (1, 0, -1))
+        for before, at, after in zip(*sides, strict=True):
             back, ahead = unit(at - before), unit(after - at)
             sharp = back[0] * ahead[1] - back[1] * ahead[0]
             if sharp > 0.0:  # others are notches

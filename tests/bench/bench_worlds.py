@@ -65,9 +65,7 @@ def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
 def main() -> None:
     parser = harness.parser(__doc__)
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
-    parser.add_argument(
-        "--trials", type=int, default=20_000, help="parts in each world (default: %(default)s)"
-    )
+    parser.add_argument("--trials", type=int, default=20_000, help="parts in each world")
     options = parser.parse_args()
     rows = [bench(part, plan, options.trials) for part in options.parts for plan in PLANS]
     record = {"machine": platform.platform(), "trials": options.trials, "rows": rows}

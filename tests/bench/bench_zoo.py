@@ -23,10 +23,8 @@ DONE = ROOT / "out" / "zoo500.jsonl"
 
 def main() -> int:
     parser = harness.parser(__doc__)
-    parser.add_argument(
-        "--sample", default="20", metavar="N", help="how many outlines (default: %(default)s)"
-    )
-    parser.add_argument("--budget", default="120s", help="of planning each (default: %(default)s)")
+    parser.add_argument("--sample", default="20", metavar="N", help="how many outlines")
+    parser.add_argument("--budget", default="120s", help="of planning each")
     parser.add_argument("--done", action="store_true", help="go on from what tools/zoo500 has done")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

@@ -11,10 +11,13 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(ROOT / "tools")]
 sys.path.append(str(ROOT / "tools" / "docs" / "site"))
 
 
+class Shape(argparse.RawDescriptionHelpFormatter, argparse.ArgumentDefaultsHelpFormatter):
+    """The docstring as it is, and each option with its default."""
+
+
 def parser(doc: str | None) -> argparse.ArgumentParser:
     """A parser with the script's docstring as its help."""
-    shape = argparse.RawDescriptionHelpFormatter
-    return argparse.ArgumentParser(description=doc, formatter_class=shape)
+    return argparse.ArgumentParser(description=doc, formatter_class=Shape)
 
 
 def show(row: object) -> None:

@@ -95,9 +95,8 @@ def seconds(table: Table, tree: Path, parts: int, without: set[str]) -> list[tup
         gripper = cell.gripper()
         gripper.activate()
         options = RunOptions(handling=Handling(regulated=True))
-        executor = Executor(
-            table, Cell(gripper, cell.arm(), cell.clock, Nowhere()), Console(), options
-        )
+        devices = Cell(gripper, cell.arm(), cell.clock, Nowhere())
+        executor = Executor(table, devices, Console(), options)
         hand = executor._hand
         if REGRASP in without:
             hand.timing = replace(hand.timing, regrasp_mm=hand.timing.retreat_mm)

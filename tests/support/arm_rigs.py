@@ -112,11 +112,10 @@ class OmniCoreRig(ArmRig):
         self.arm = ArmModel(BASE)
         self.model = OmniCore(self.arm)
         self.now = SimulatedTime(SCALE, threading.Event()).now
-        self.server = RwsServer(
-            self.model, threading.RLock(), self.now, certificate(), digest=digest
-        )
+        lock, pem = threading.RLock(), certificate()
+        self.server = RwsServer(self.model, lock, self.now, pem, digest=digest)
         self.server.start()
-        os.environ[rws.CERTIFICATE] = certificate()
+        os.environ[rws.CERTIFICATE] = pem
 
     @property
     def url(self):

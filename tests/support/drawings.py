@@ -43,9 +43,8 @@ def lines(space, corners=PLATE, layer="0", close=True):
 def box(space, low, high, **attributes):
     """A closed polyline."""
     (x0, y0), (x1, y1) = low, high
-    return space.add_lwpolyline(
-        [(x0, y0), (x1, y0), (x1, y1), (x0, y1)], close=True, dxfattribs=attributes
-    )
+    corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    return space.add_lwpolyline(corners, close=True, dxfattribs=attributes)
 
 
 def arc(centre, radius, first, last, count):

@@ -62,9 +62,8 @@ def run(seed: int, numbers: range, report: Callable[[Tally], None] | None = None
                 verdict = judge(depth, data)
         except Exception as error:
             verdict = "failed"
-            tally.failures.append(
-                f"--seed {seed} --first {number}: {type(error).__name__}: {error}"
-            )
+            said = f"{type(error).__name__}: {error}"
+            tally.failures.append(f"--seed {seed} --first {number}: {said}")
         taken = time.process_time() - start
         if taken > tally.slowest_s:
             tally.slowest_s, tally.slowest = taken, number
@@ -99,9 +98,7 @@ def mutant(seed: int, number: int) -> tuple[str, bytes]:
     if depth == "file":
         return depth, _damaged(data, random)
     magic, version, _, payload = msgpack.unpackb(data)
-    payload = (
-        _damaged(payload, random) if depth == "payload" else _with_other_values(payload, random)
-    )
+    payload = (_damaged if depth == "payload" else _with_other_values)(payload, random)
     return depth, bytes(msgpack.packb([magic, version, hashlib.sha256(payload).digest(), payload]))
 
 
@@ -132,9 +129,8 @@ def _with_other_values(payload: bytes, random: Random) -> bytes:
     sections = msgpack.unpackb(payload)
     for _ in range(random.choice((1, 1, 2, 3))):
         if random.random() < 0.05:
-            sections.insert(
-                random.randrange(len(sections)), sections.pop(random.randrange(len(sections)))
-            )
+            moved = sections.pop(random.randrange(len(sections)))
+            sections.insert(random.randrange(len(sections) + 1), moved)
         section = random.choice(sections)
         at = random.randrange(len(section))
         section[at] = _other(section[at], random)

@@ -36,9 +36,8 @@ class GripperRig(Surroundings):
         return self.contact_um / 1000 if self.holds else None
 
     def open(self, **options):
-        return contextlib.closing(
-            connect.gripper(self.name, self.profile, time_scale=self.scale, **options)
-        )
+        opened = connect.gripper(self.name, self.profile, time_scale=self.scale, **options)
+        return contextlib.closing(opened)
 
     def put_part(self):
         self.holds = True

@@ -46,9 +46,8 @@ def drawn(
         first: number of the first part.
     """
     maps = [decision_map(node, tree.gripper).either for node in tree.nodes]
-    odds = [
-        np.cumsum(row) for row in (dict(enumerate(branch_shares(tree))) | (shares or {})).values()
-    ]
+    rows = dict(enumerate(branch_shares(tree))) | (shares or {})
+    odds = map(np.cumsum, rows.values())
     predicted = [row / row[-1] for row in odds]
     scatter = [0.6 * np.array(sigmas(tree, leaf)) for leaf in tree.leaves]
     rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate

@@ -40,9 +40,8 @@ def text(data: bytes, random: Random) -> bytes:
             at, to = random.randrange(len(lines)), random.randrange(len(lines))
             line = lines.pop(at)
             if action == 7:
-                lines[to:to] = [line] * min(
-                    random.choice((1, 2, 500)), 1 + LONGEST // (1 + len(line))
-                )
+                times = min(random.choice((1, 2, 500)), 1 + LONGEST // (1 + len(line)))
+                lines[to:to] = [line] * times
             data = b"".join(lines)
         else:
             data = damaged(data, random)

@@ -46,9 +46,8 @@ STILL_S = 0.06
 REAL_S = 0.15  # from the fault's stop to the arm's retreat, at this scale
 PARTS = 2000
 # In every second part, some way into it; the other parts are for us to clear the jaws in.
-FAULTS = "".join(
-    f'[[fault]]\nkind = "gflt_0e"\npart = {part}\nat = 90\n' for part in range(2, PARTS, 2)
-)
+FAULT_AT = '[[fault]]\nkind = "gflt_0e"\nat = 90\npart = '
+FAULTS = "".join(f"{FAULT_AT}{part}\n" for part in range(2, PARTS, 2))
 
 
 class Case(NamedTuple):
@@ -83,9 +82,8 @@ def drawn(random_: random.Random) -> Case:
     kind = random_.choices(list(KINDS), [row.weight for row in KINDS.values()])[0]
     numbers = tuple(random_.choices(SIGNALS, k=random_.choice((1, 1, 2))))
     pause_s = random_.uniform(0.6, 1.6) if kind != "fault" and random_.random() < 0.12 else 0.0
-    return Case(
-        kind, numbers, random_.uniform(0.0, KINDS[kind].lasts_s), random_.uniform(0.0, 0.1), pause_s
-    )
+    delay_s, gap_s = random_.uniform(0.0, KINDS[kind].lasts_s), random_.uniform(0.0, 0.1)
+    return Case(kind, numbers, delay_s, gap_s, pause_s)
 
 
 class Bench:

@@ -45,10 +45,8 @@ class OmniCore:
         self.running = False
         self.pointer = MAIN
         self.master = False  # whether a client holds mastership over edits
-        self.symbols: dict[str, str] = dict.fromkeys(
-            ("sq_tframe", "sq_oframe", "sq_target"), IDENTITY_TEXT
-        )
-        self.symbols |= {"sq_version": "1", "sq_fastest": "250", **NUMBERS}
+        poses = dict.fromkeys(("sq_tframe", "sq_oframe", "sq_target"), IDENTITY_TEXT)
+        self.symbols = {**poses, "sq_version": "1", "sq_fastest": "250", **NUMBERS}
         self._arm = arm  # its mechanics
         self._ends_s = -1.0  # of the motion under way; negative: none
 
@@ -193,9 +191,8 @@ class RwsServer(LibraryServer):
         context.load_cert_chain(certificate)
         http = _Http(("127.0.0.1", 0), _handler(self, model, lock, now, digest=digest))
         # The handshake is the handler's: a client that only connects must not keep others waiting.
-        http.socket = context.wrap_socket(
-            http.socket, server_side=True, do_handshake_on_connect=False
-        )
+        late = {"do_handshake_on_connect": False}
+        http.socket = context.wrap_socket(http.socket, server_side=True, **late)
         super().__init__("rws", threading.Event(), http)
         self.port: int = http.server_address[1]
         self.url = f"omnicore://127.0.0.1:{self.port}"
@@ -250,9 +247,8 @@ def _handler(
                         self._send(HTTPStatus.OK, {"state": model.read(parts.path, now())})
                         return
                     self._expect("Content-Type", FORM, HTTPStatus.UNSUPPORTED_MEDIA_TYPE)
-                    model.write(
-                        parts.path, form, now(), implicit=query.get("mastership") == "implicit"
-                    )
+                    implicit = query.get("mastership") == "implicit"
+                    model.write(parts.path, form, now(), implicit=implicit)
                 self._send(HTTPStatus.NO_CONTENT, None)
             except RefusedError as error:
                 self._send(error.status, {"status": {"code": -1, "msg": str(error)}})

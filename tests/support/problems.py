@@ -112,9 +112,8 @@ def random_convex(rng: np.random.Generator, vertices: int) -> np.ndarray:
 def random_poses(rng: np.random.Generator, n: int, radius: float) -> np.ndarray:
     """Poses (n, 3): centres uniform in a disc about the hand, orientations uniform."""
     r, angle = radius * np.sqrt(rng.random(n)), rng.uniform(0, math.tau, n)
-    return np.column_stack(
-        [r * np.cos(angle), r * np.sin(angle), rng.uniform(-math.pi, math.pi, n)]
-    )
+    turned = rng.uniform(-math.pi, math.pi, n)
+    return np.column_stack([r * np.cos(angle), r * np.sin(angle), turned])
 
 
 def boundary_surface(outline: np.ndarray) -> LimitSurface:

@@ -41,10 +41,8 @@ def push(
         advance = shift + angle * np.column_stack([middle[1] - py, px - middle[0]])
         return rate(part, q, np.array(places).T, advance, gap / CLOSING)
 
-    result = solve_ivp(
-        velocity, (0.0, 1.0), np.zeros(3), max_step=CLOSING / 2, rtol=1e-3, atol=1e-3, method="RK23"
-    )
-    return result.y[:, -1]
+    steps = {"max_step": CLOSING / 2, "rtol": 1e-3, "atol": 1e-3, "method": "RK23"}
+    return solve_ivp(velocity, (0.0, 1.0), np.zeros(3), **steps).y[:, -1]
 
 
 def _contact(part: shapely.Polygon, point: np.ndarray, radius: float) -> tuple[float, ...] | None:

@@ -21,10 +21,8 @@ ARC = TipArc()
 def run(
     rig: FakeCell, options: RunOptions, table: Table | None = None, phases: list | None = None
 ) -> PartResult:
-    console = Deaf()
-    console.phase = lambda part, phase, node: (
-        None if phases is None else phases.append((phase, node))
-    )
+    console, seen = Deaf(), [] if phases is None else phases
+    console.phase = lambda part, phase, node: seen.append((phase, node))
     return Executor(table or small_table(), rig.cell, console, options).run_part(1)
 
 

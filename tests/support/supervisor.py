@@ -38,9 +38,8 @@ def passport(folder: Path, name: str) -> Passport:
     """A new self-signed certificate."""
     key = generate_private_key()
     names = [x509.UniformResourceIdentifier(URI), x509.DNSName("localhost")]
-    certificate = generate_self_signed_app_certificate(
-        key, name, {}, names, [ExtendedKeyUsageOID.CLIENT_AUTH]
-    )
+    use = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    certificate = generate_self_signed_app_certificate(key, name, {}, names, use)
     files = Passport(folder / name / "client.der", folder / f"{name}.pem")
     files.certificate.parent.mkdir()
     files.certificate.write_bytes(certificate.public_bytes(Encoding.DER))
@@ -143,9 +142,8 @@ class Supervisor(Closing):
         return dict(zip(names, self.call(f"{RESULTS}/GetResultById", job), strict=True))
 
     async def _outputs(self) -> Any:
-        parent = await self.client.nodes.objects.get_child(
-            [f"{self._index}:{name}" for name in (SYSTEM, RESULTS, "GetResultById")]
-        )
+        steps = [f"{self._index}:{name}" for name in (SYSTEM, RESULTS, "GetResultById")]
+        parent = await self.client.nodes.objects.get_child(steps)
         return await (await parent.get_child("0:OutputArguments")).read_value()
 
     def release(self, handle: int) -> None:

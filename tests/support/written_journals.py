@@ -31,18 +31,14 @@ def write_run(
     on_reject, on_unresolved = policy.texts()
     table = small_table()
     with Journal(path, SystemClock().stamp, SystemClock().uptime, segment_bytes) as journal:
-        fields: dict[str, object] = {
-            "port": "memory",
-            "on_reject": on_reject,
-            "on_unresolved": on_unresolved,
-        }
+        fields: dict[str, object] = {"on_reject": on_reject, "on_unresolved": on_unresolved}
+        fields["port"] = "memory"
         if calibration is not None:
             fields["calibration_um"] = list(calibration.points_um)
         journal.header(dumps(table), fields)
         cell = Cell(rig.gripper, rig.arm, rig.cell.clock, journal)
-        session.run_journalled(
-            table, cell, None, Quiet(), count=4, activate=False, options=RunOptions(policy)
-        )
+        run = {"count": 4, "activate": False, "options": RunOptions(policy)}
+        session.run_journalled(table, cell, None, Quiet(), **run)
     return path
 
 
