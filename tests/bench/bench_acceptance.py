@@ -9,29 +9,22 @@ Some parts are stopped by the operator, and of some the audit tells nothing. The
 the contact simulation, each with a friction and an error of the encoder that all its parts meet.
 """
 
-from __future__ import annotations
-
-import argparse
-import json
-import sys
 from collections import Counter
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+import harness
+import numpy as np
+from acceptance_cells import FAILED, GOOD, judged, tried
+from programs import JOB, TABLE
 
-import numpy as np  # noqa: E402
-from acceptance_cells import FAILED, GOOD, judged, tried  # noqa: E402
+from planner.evaluation.disturbance import Disturbance
+from planner.evaluation.evaluate import evaluate
+from planner.job.model import load as load_job
+from planner.world import ContactWorlds
+from runtime.spc.study.acceptance import ERROR, planned
+from runtime.table import load, wilson_interval
 
-from planner.evaluation.disturbance import Disturbance  # noqa: E402
-from planner.evaluation.evaluate import evaluate  # noqa: E402
-from planner.job.model import load as load_job  # noqa: E402
-from planner.world import ContactWorlds  # noqa: E402
-from runtime.spc.study.acceptance import ERROR, planned  # noqa: E402
-from runtime.table import load, wilson_interval  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "acceptance.json"
+RESULTS = harness.Kept("acceptance")
 SEED = 0x41434345
 SPREAD, AT_LIMIT = "a quarter to four times the limit", "at the limit"
 CONTACT, CONTACT_PARTS, OFFSET_MM = "rectangles squeezed by cells that are off", 20_000, 0.6
@@ -41,9 +34,8 @@ def measure(kind: str, limit: float, unseen: float, cells: int, parts: int) -> d
     """Verdicts on so many cells of a kind."""
     counted: Counter[str] = Counter()
     for cell in range(cells):
-        rng = np.random.default_rng(
-            [SEED, round(1e6 * limit), round(1e6 * unseen), cell, kind == AT_LIMIT]
-        )
+        seeds = [round(1e6 * limit), round(1e6 * unseen), cell, kind == AT_LIMIT]
+        rng = np.random.default_rng([SEED, *seeds])
         rate = limit if kind == AT_LIMIT else float(limit * 4.0 ** rng.uniform(-1.0, 1.0))
         counted[tried(rng, rate, limit, parts, unseen).value] += 1
     return summary(kind, limit, unseen, cells, parts, counted)
@@ -71,8 +63,8 @@ def measure_contact(limits: tuple[float, ...], cells: int) -> list[dict[str, Any
 
     A cell's true share is that of 20 000 parts; parts are looked at in their order.
     """
-    table = load(ROOT / "trees" / "rectangle" / "rectangle.msgpack").table
-    job = load_job(ROOT / "trees" / "rectangle" / "job.toml")
+    table = load(TABLE).table
+    job = load_job(JOB)
     counted: dict[float, Counter[str]] = {limit: Counter() for limit in limits}
     for cell in range(cells):
         rng = np.random.default_rng([SEED, cell])
@@ -85,15 +77,13 @@ def measure_contact(limits: tuple[float, ...], cells: int) -> list[dict[str, Any
         parts = [GOOD if located else FAILED[0] for located in good]
         for limit, count in counted.items():
             count[judged(parts, 1.0 - float(good.mean()), limit).value] += 1
-    return [
-        summary(CONTACT, limit, 0.0, cells, CONTACT_PARTS, count)
-        for limit, count in counted.items()
-    ]
+    parts = CONTACT_PARTS
+    return [summary(CONTACT, limit, 0.0, cells, parts, count) for limit, count in counted.items()]
 
 
 def main() -> None:
     """Measure all kinds, print them and keep them."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("--cells", type=int, default=1000)
     parser.add_argument("--parts", type=int, default=4000)
     arguments = parser.parse_args()
@@ -103,12 +93,12 @@ def main() -> None:
             for unseen in (0.0, 0.02):
                 row = measure(kind, limit, unseen, arguments.cells, arguments.parts)
                 rows.append(row)
-                print(json.dumps(row), flush=True)
+                harness.show(row)
     rows += measure_contact((0.05, 0.01), arguments.cells)
-    print(*map(json.dumps, rows[-2:]), sep="\n")
+    harness.show(rows[-2:])
     counts = {str(limit): planned(limit, limit / 5.0)._asdict() for limit in (0.05, 0.01, 0.001)}
     kept = {"error_allowed": ERROR, "rows": rows, "parts_where_a_fifth_of_the_limit_fails": counts}
-    RESULTS.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    RESULTS.write(kept)
 
 
 if __name__ == "__main__":

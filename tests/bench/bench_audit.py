@@ -12,36 +12,31 @@ drift: parts run in the contact world through the table, watched by all charts o
 the readings expected by `plan-expect`; from part 300 on something is wrong (`drift_trials.py`).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shlex
-import subprocess
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+import harness
+from audit_loops import agreement, mixed
+from audit_loops import loop as run_loop
+from drift_trials import drifting, healthy
+from programs import CELL, TABLE, called, ended
 
-import audit_loops  # noqa: E402
-import drift_trials  # noqa: E402
+from drivers.camera.calibration import file as calibration
+from drivers.camera.vision import tag_file
+from drivers.sim.camera.rig import standard_rig
+from planner.cli import expect
+from planner.job import model as job_file
+from runtime.cli import calibrate
+from runtime.spc import expectation
+from runtime.table import dump, load
 
-from drivers.camera.calibration import file as calibration  # noqa: E402
-from drivers.camera.vision import tag_file  # noqa: E402
-from drivers.sim.camera.rig import standard_rig  # noqa: E402
-from planner.cli import expect  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from runtime.spc import expectation  # noqa: E402
-from runtime.table import dump, load  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "audit.json"
-TREE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
-CALIBRATE = "import sys; from runtime.cli import calibrate; sys.exit(calibrate())"
+RESULTS = harness.Kept("audit")
 WHAT = ("loop", "healthy", "drift")
 
 
@@ -50,31 +45,21 @@ def loop(parts: int, time_scale: float) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         fitted = calibrated(folder)
-        dump(audit_loops.mixed(load(TREE).table), folder / "mixed.msgpack")
+        dump(mixed(load(TABLE).table), folder / "mixed.msgpack")
         tree = folder / "mixed.msgpack"
-        result = audit_loops.loop(tree, folder, parts=parts, seed=100, time_scale=time_scale)
+        result = run_loop(tree, folder, parts=parts, seed=100, time_scale=time_scale)
     # On a busy machine deadlines fail at many times life's speed; whose, the first word says.
     faults = Counter(reason.partition(" ")[0] for reason in result.faults)
     record = {"outcomes": dict(result.outcomes), "faults": dict(faults), "time_scale": time_scale}
-    return audit_loops.agreement(result.parts) | record | {"calibration": fitted}
+    return agreement(result.parts) | record | {"calibration": fitted}
 
 
 def calibrated(folder: Path) -> dict[str, float]:
     """Calibrates the cell's camera and its part's tag by our own commands; how far off they are."""
-    cell = [
-        sys.executable,
-        "-m",
-        "drivers.sim.cli",
-        "--tree",
-        str(TREE),
-        "--camera-views",
-        str(folder),
-    ]
-    printed = subprocess.run(cell, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout
-    for line in printed.splitlines():
-        subprocess.run(
-            [sys.executable, "-c", CALIBRATE, *shlex.split(line)[1:]], cwd=ROOT, check=True
-        )
+    cell = ended([*CELL, "--tree", TABLE, "--camera-views", folder], timeout=None)
+    for line in cell.out.splitlines():
+        if called(calibrate, *shlex.split(line)[1:]).code:
+            raise SystemExit(f"{line} failed")
     known, rig = calibration.load(folder / "camera.json"), standard_rig()
     tag = tag_file.load(folder / "tag.json").on_part
     return {
@@ -88,27 +73,23 @@ def calibrated(folder: Path) -> dict[str, float]:
 
 def drift(options: argparse.Namespace) -> Iterator[tuple[str, Any]]:
     """False alarms of a healthy cell, and how soon each drift is flagged."""
-    table = load(TREE).table
+    table = load(TABLE).table
     job = job_file.from_canonical(str(table.job))
     with tempfile.TemporaryDirectory() as name:
         path = options.expected or Path(name) / "expected.json"
-        if not path.exists() and expect.main([str(TREE), "-o", str(path)]):
+        if not path.exists() and expect.main([str(TABLE), "-o", str(path)]):
             raise SystemExit("plan-expect failed")
         expected = expectation.load(path)
     if "healthy" in options.only:
-        yield "healthy", drift_trials.healthy(table, job, expected, options.blocks)
+        yield "healthy", healthy(table, job, expected, options.blocks)
     if "drift" in options.only:
-        yield (
-            "drift",
-            drift_trials.drifting(table, job, expected, options.runs) | {"runs": options.runs},
-        )
+        figures = drifting(table, job, expected, options.runs)
+        yield "drift", figures | {"runs": options.runs}
 
 
 def main() -> None:
     """Runs the benchmark."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument("--parts", type=int, default=200)
     parser.add_argument("--time-scale", type=float, default=5.0)
     parser.add_argument("--blocks", type=int, default=40, help="of 10 000 healthy parts")
@@ -122,8 +103,7 @@ def main() -> None:
         print(json.dumps(record["loop"], indent=1), flush=True)
     if {"healthy", "drift"} & set(options.only):
         record |= dict(drift(options))
-    before = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    RESULTS.write_text(json.dumps(before | record, indent=1) + "\n")
+    RESULTS.write(RESULTS.read({}) | record)
 
 
 if __name__ == "__main__":

@@ -7,24 +7,16 @@ Compiles each job of `trees/`, or takes the table there or the one that an earli
 `results/bound.json` beside this file; rows of jobs that are not measured again stay.
 """
 
-from __future__ import annotations
-
-import argparse
-import json
-import sys
 import time
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+import harness
+from tree_tables import NAMES, TREES, table_of
 
-from tree_tables import NAMES, TREES, table_of  # noqa: E402
+from planner.bound.certificate import PARTS, certify
+from planner.job import model as job_file
 
-from planner.bound.certificate import PARTS, certify  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "bound.json"
+RESULTS = harness.Kept("bound")
 TABLE1 = ("butterfly-10", "butterfly-15", "rectangle", "rectangle-25")
 
 
@@ -36,31 +28,25 @@ def bench(name: str, parts: int, dense: bool) -> dict[str, Any]:
     result = certify(job, table, parts, dense)
     row = {"job": name, "mean_squeezes": result.mean, **result.figures()}
     row["cpu_seconds"] = round(time.process_time() - start, 1)
-    print(
-        f"{name:14} {row['mean_squeezes']:.3f} squeezes, bound {row['squeezes']:.3f} "
-        f"(leaves {result.leaves.squeezes:.3f}, overall {result.overall.squeezes:.3f}), "
-        f"{row['above_bound']:+.1%}, {row['cpu_seconds']} s of processor time",
-        flush=True,
-    )
+    harness.show(row)
     return row
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument(
         "--only", nargs="+", choices=NAMES, default=[*TABLE1, *sorted({*NAMES} - {*TABLE1})]
     )
     parser.add_argument("--parts", type=int, default=PARTS)
     parser.add_argument("--dense", action="store_true")
     options = parser.parse_args()
-    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else []
+    kept = RESULTS.read([])
     rows = {(row["job"], row["dense"]): row for row in kept}
     for name in options.only:
-        rows[name, options.dense] = bench(name, options.parts, options.dense) | {
-            "dense": options.dense
-        }
+        row = bench(name, options.parts, options.dense)
+        rows[name, options.dense] = row | {"dense": options.dense}
         lines = [rows[key] for key in sorted(rows)]
-        RESULTS.write_text(json.dumps(lines, indent=1) + "\n", encoding="utf-8")
+        RESULTS.write(lines)
 
 
 if __name__ == "__main__":

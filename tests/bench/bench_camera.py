@@ -7,14 +7,9 @@ the camera 600 mm under the table; each is measured with the true calibration an
 `grasp-calibrate camera` makes of rendered board views. One core.
 """
 
-from __future__ import annotations
-
-import argparse
 import contextlib
-import json
 import platform
 import shlex
-import sys
 import tempfile
 import time
 from dataclasses import replace
@@ -22,27 +17,24 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import harness
 import numpy as np
+from cameras import SIDE_MM, angle_between, part_tag, stain, true_calibration
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+from drivers.camera.calibration import command as calibrate_command
+from drivers.camera.calibration import file as calibration
+from drivers.camera.calibration import measure
+from drivers.camera.vision.plane import View
+from drivers.camera.vision.tags import find
+from drivers.errors import PictureError
+from drivers.planar import compose
+from drivers.sim.camera import album
+from drivers.sim.camera.cards import lying, tag_cells
+from drivers.sim.camera.optics import Array
+from drivers.sim.camera.render import Flaws, render
+from drivers.sim.camera.rig import standard_rig
 
-from cameras import SIDE_MM, angle_between, part_tag, stain, true_calibration  # noqa: E402
-
-from drivers.camera.calibration import command as calibrate_command  # noqa: E402
-from drivers.camera.calibration import file as calibration  # noqa: E402
-from drivers.camera.calibration import measure  # noqa: E402
-from drivers.camera.vision.plane import View  # noqa: E402
-from drivers.camera.vision.tags import find  # noqa: E402
-from drivers.errors import PictureError  # noqa: E402
-from drivers.planar import compose  # noqa: E402
-from drivers.sim.camera import album  # noqa: E402
-from drivers.sim.camera.cards import lying, tag_cells  # noqa: E402
-from drivers.sim.camera.optics import Array  # noqa: E402
-from drivers.sim.camera.render import Flaws, render  # noqa: E402
-from drivers.sim.camera.rig import standard_rig  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "camera.json"
+RESULTS = harness.Kept("camera")
 OPTICS = standard_rig().optics
 CENTRE_MM = 150.0
 LIMITS: dict[str, dict[str, Any]] = {
@@ -93,10 +85,8 @@ def shot(
 ) -> Any:
     """A picture of one tag."""
     values = {"blur_px": rng.uniform(0.6, 1.0), "gain": rng.uniform(0.7, 1.0), **flaws}
-    heading, speed = (
-        rng.uniform(0.0, 2 * np.pi),
-        values.pop("motion_px", 0.0) * 600.0 / OPTICS.focal,
-    )
+    heading, motion_px = rng.uniform(0.0, 2 * np.pi), values.pop("motion_px", 0.0)
+    speed = motion_px * 600.0 / OPTICS.focal
     card = lying(tag_cells(number), SIDE_MM / 8, pose, face_down=True)
     card = replace(card, speed_mm=speed * np.array([np.cos(heading), np.sin(heading), 0.0]))
     cards, size = [card], values.pop("stain_mm", 0.0)
@@ -168,9 +158,7 @@ def summary(values: Array, name: str) -> dict[str, float]:
 
 def main() -> None:
     """Runs the benchmark."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument("--pictures", type=int, default=500)
     parser.add_argument("--limits", type=int, default=200)
     options = parser.parse_args()
@@ -183,17 +171,12 @@ def main() -> None:
         }
         fitted = calibration.load(Path(folder) / "camera.json")
     record["work_area"] = measured(options.pictures, 2, {}, fitted)
-    print(json.dumps(record, indent=1), flush=True)
+    harness.show(record)
     record["limits"] = {}
     for seed, (name, flaws) in enumerate(LIMITS.items()):
         row = record["limits"][name] = measured(options.limits, 10 + seed, flaws, None)
-        print(
-            f"{name:34} detection {row['detection']:.4f} wrong {row['wrong_ids']} "
-            f"{row.get('true_calibration_mm_mean', np.nan):.4f} mm "
-            f"{row.get('true_calibration_deg_mean', np.nan):.4f} deg {row['ms_mean']:.1f} ms",
-            flush=True,
-        )
-    RESULTS.write_text(json.dumps(record, indent=1) + "\n")
+        harness.show({"limits": name, **row})
+    RESULTS.write(record)
 
 
 if __name__ == "__main__":

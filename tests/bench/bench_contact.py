@@ -9,52 +9,43 @@ poses. Judged are the pushes of the set `held20`, which neither model was fitted
 Prints figures and writes `results/contact.json`.
 """
 
-from __future__ import annotations
-
-import argparse
 import csv
-import json
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import harness
 import numpy as np
 import shapely
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
+from planner.arrays import Array, BoolArray
+from planner.cli import pushes as stated
+from planner.cli import tips
+from planner.frames import wrap
+from planner.identification import identify
+from planner.identification.pushes import Pairs
+from planner.job import model as job_file
+from planner.job.drafts import FINGERS, Answers, draft
+from planner.job.model import Job
+from planner.mechanics import limit_surface
+from planner.mechanics.push import Paths
+from planner.mechanics.simulator import Simulator
+from planner.mechanics.surface import MIDDLE
+from planner.part.importers.file import Imported
+from planner.part.outline import canonical, radius_of_gyration
+from planner.part.pressure import Pressure, support
 
-from planner.arrays import Array, BoolArray  # noqa: E402
-from planner.cli import pushes as stated  # noqa: E402
-from planner.cli import tips  # noqa: E402
-from planner.identification import identify  # noqa: E402
-from planner.identification.pushes import Pairs  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.job.drafts import FINGERS, Answers, draft  # noqa: E402
-from planner.job.model import Job  # noqa: E402
-from planner.mechanics import limit_surface  # noqa: E402
-from planner.mechanics.push import Paths  # noqa: E402
-from planner.mechanics.simulator import Simulator  # noqa: E402
-from planner.mechanics.surface import MIDDLE  # noqa: E402
-from planner.part.importers.file import Imported  # noqa: E402
-from planner.part.outline import canonical, radius_of_gyration  # noqa: E402
-from planner.part.pressure import Pressure, support  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "contact.json"
+RESULTS = harness.Kept("contact")
 FILES = ("outlines.csv", "pushes.csv", "wrench_twist.csv")
 RADIUS_MM = 4.75
 NEAR_MM, NEAR_DEG = 3.0, 5.0
 FRICTIONS = (0.15, 0.175, 0.2, 0.225, 0.25, 0.3)
 SURFACES = ("abs", "plywood")
 DRAWS, EVERY = 200, 5  # of every so many pushes, for intervals
-MODELS = (
-    "uniform, friction .25",
-    "authors' ellipsoid",
-    "authors' quartic",
-    "new job",
-    "from own pairs",
-)
+MODELS = ("uniform, friction .25", "authors' ellipsoid", "authors' quartic")
+MODELS += ("new job", "from own pairs")
 SQUARE = np.array([[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]])  # passes the jaws
 UNIFORM = {"kind": "uniform", "limit_surface": "ellipsoid"}
 
@@ -120,7 +111,7 @@ def _recorded(
         return turned(1e3 * column(x, y) - start, -angle)
 
     def displacement(x: str, y: str, theta: str) -> Array:
-        turn = wrapped(column(theta)[:, 0] - angle)
+        turn = wrap(column(theta)[:, 0] - angle)
         return about(np.column_stack([in_part(x, y), turn]), centroid)
 
     first, last = in_part("tip_x0", "tip_y0") - centroid, in_part("tip_x1", "tip_y1") - centroid
@@ -146,14 +137,8 @@ def overlap(tip: Array, outline: Array) -> Array:
 
 def start_mm(sets: list[Recorded]) -> float:
     """How far off recorded starts are across the edge, where all tips touch: as a standard deviation."""
-    return round(
-        float(np.quantile(np.abs(np.concatenate([each.overlap_mm for each in sets])), 0.683)), 3
-    )
-
-
-def wrapped(angle: Array) -> Array:
-    """Angles between -pi and pi."""
-    return np.asarray(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
+    off_mm = np.abs(np.concatenate([each.overlap_mm for each in sets]))
+    return round(float(np.quantile(off_mm, 0.683)), 3)
 
 
 def turned(points: Array, angle: Array) -> Array:
@@ -173,7 +158,7 @@ def about(moved: Array, place: Array) -> Array:
 def errors(moved: Array, pushes: Recorded) -> Errors:
     """Errors of predicted displacements (n, 3) of the centroid."""
     off = about(moved, pushes.origin) - about(pushes.moved, pushes.origin)
-    return Errors(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(wrapped(off[:, 2]))))
+    return Errors(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(wrap(off[:, 2]))))
 
 
 def new_job(pushes: Recorded) -> Job:
@@ -214,9 +199,7 @@ def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
     rho = radius_of_gyration(pushes.outline)
     data = pairs_of(folder, pushes, rho)
     surface = identify.fit(data, rho, "quartic", np.random.default_rng(0)).surface
-    return Simulator(
-        part.outline, surface, part.jaws, part.friction, part.wishart_dof, workers=part.workers
-    )
+    return replace(part, surface=surface)
 
 
 def turning(folder: Path, pushes: Recorded) -> dict[str, float]:
@@ -232,10 +215,8 @@ def turning(folder: Path, pushes: Recorded) -> dict[str, float]:
     rng = np.random.default_rng(0)
     surfaces = {name: limit_surface.fit_ellipsoid(*load, rho) for name, load in loads.items()}
     surfaces["pairs"] = identify.fit(data, rho, "ellipsoid", rng).surface  # type: ignore[assignment]
-    return {
-        name: round(float(2.0 * surface.A[2, 2] / (surface.A[0, 0] + surface.A[1, 1])), 3)
-        for name, surface in surfaces.items()
-    }
+    A = {name: surface.A for name, surface in surfaces.items()}
+    return {name: round(float(2 * a[2, 2] / (a[0, 0] + a[1, 1])), 3) for name, a in A.items()}
 
 
 def leave_one_out(result: dict[tuple[str, str], dict[float, Errors]], shape: str) -> float:
@@ -327,25 +308,19 @@ def measured(folder: Path) -> dict[str, Any]:
 
 def main() -> int:
     """Measures and keeps the figures."""
-    parser = argparse.ArgumentParser(
-        description="Judge predicted pushes by round tips by recorded ones."
-    )
-    parser.add_argument(
-        "--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings"
-    )
+    parser = harness.parser(__doc__)
+    parser.add_argument("--data", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--no-results", action="store_true", help="print only")
     options = parser.parse_args()
     if missing := [name for name in FILES if not (options.data / name).is_file()]:
-        print(
-            f"bench_contact: {options.data} has no {', '.join(missing)}; see --help",
-            file=sys.stderr,
-        )
+        said = f"{options.data} has no {', '.join(missing)}; see --help"
+        print(f"bench_contact: {said}", file=sys.stderr)
         return 3
     result = measured(options.data)
     for name, group in result["groups"].items():
-        print(name, json.dumps(group))
+        harness.show({name: group})
     if not options.no_results:
-        RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        RESULTS.write(result)
     return 0
 
 

@@ -8,10 +8,6 @@ pressure, is not recorded: it is identified from one squeeze in six and judged b
 a uniform pressure. Not part of the gate. Prints figures and writes `results/fingers.json`.
 """
 
-from __future__ import annotations
-
-import argparse
-import json
 import math
 import sys
 from collections import defaultdict
@@ -21,28 +17,27 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import harness
 import numpy as np
 from scipy.optimize import least_squares
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
+from planner.arrays import Array
+from planner.cli import tips
+from planner.frames import wrap
+from planner.kernel import inner_kernel
+from planner.mechanics import limit_surface, quartic_fit
+from planner.mechanics.boundary import Drive, directions
+from planner.mechanics.contacts import NX, NY, SIDE, UN, UT, place
+from planner.mechanics.lcp import SOLVED
+from planner.mechanics.push import Paths
+from planner.mechanics.quartic import QuarticSurface
+from planner.mechanics.simulator import Simulator
+from planner.mechanics.stepping import Body, Scratch, find_contacts, scratch_of
+from planner.mechanics.surface_step import solve_surface
+from planner.part.outline import radius_of_gyration
+from planner.part.pressure import Pressure, support
 
-from planner.arrays import Array  # noqa: E402
-from planner.cli import tips  # noqa: E402
-from planner.kernel import inner_kernel  # noqa: E402
-from planner.mechanics import limit_surface, quartic_fit  # noqa: E402
-from planner.mechanics.boundary import Drive, directions  # noqa: E402
-from planner.mechanics.contacts import NX, NY, SIDE, UN, UT, place  # noqa: E402
-from planner.mechanics.lcp import SOLVED  # noqa: E402
-from planner.mechanics.push import Paths  # noqa: E402
-from planner.mechanics.quartic import QuarticSurface  # noqa: E402
-from planner.mechanics.simulator import Simulator  # noqa: E402
-from planner.mechanics.stepping import Body, Scratch, find_contacts, scratch_of  # noqa: E402
-from planner.mechanics.surface_step import solve_surface  # noqa: E402
-from planner.part.outline import radius_of_gyration  # noqa: E402
-from planner.part.pressure import Pressure, support  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "fingers.json"
+RESULTS = harness.Kept("fingers")
 THREE = "three_fingers.csv"
 NEAR_MM, NEAR_DEG = 0.3, 1.0  # of squeezes
 MARGIN_MM = 0.1
@@ -54,12 +49,8 @@ TRIANGLE_A = [
     [-0.16074, -0.01284, 4.58574],
 ]
 FIT_EVERY = 6  # squeezes are one to fit to
-SCALE_MM, MOST_MM, FIRST_STEP, LOOKS = (
-    0.1,
-    3.0,
-    0.02,
-    14,
-)  # of the fit: its loss, its differences, its length
+# Of the fit: its loss, its differences, its length.
+SCALE_MM, MOST_MM, FIRST_STEP, LOOKS = 0.1, 3.0, 0.02, 14
 
 UNIFORM = Pressure("uniform", 20)
 
@@ -141,7 +132,7 @@ def squeezed(part: Part, tips: Tips, poses: Array) -> Array:
 def off(ends: Array, measured: Array) -> tuple[Array, Array]:
     """How far (n,) poses (n, 3) lie from others [mm], and are turned [degrees]."""
     apart = ends - measured
-    turn = np.abs(np.remainder(apart[:, 2] + np.pi, 2.0 * np.pi) - np.pi)
+    turn = np.abs(wrap(apart[:, 2]))
     return np.hypot(apart[:, 0], apart[:, 1]), np.degrees(turn)
 
 
@@ -197,21 +188,14 @@ def identified(
     def residuals(unknown: Array) -> Array:
         ends = squeezed(part._replace(surface=surface(unknown).hessian_table()), tips, start)
         apart = ends - end
-        apart[:, 2] = part.rho_mm * (np.remainder(apart[:, 2] + np.pi, 2.0 * np.pi) - np.pi)
+        apart[:, 2] = part.rho_mm * wrap(apart[:, 2])
         # The scale of all coefficients changes nothing.
         return np.append(np.clip(apart, -MOST_MM, MOST_MM).ravel(), 0.01 * (unknown - 1.0))
 
     # As in `planner.identification.motions`, unknowns are shifted by 1.
-    return surface(
-        least_squares(
-            residuals,
-            np.ones(15),
-            diff_step=FIRST_STEP,
-            loss="soft_l1",
-            f_scale=SCALE_MM,
-            max_nfev=LOOKS,
-        ).x
-    )
+    robust = {"loss": "soft_l1", "f_scale": SCALE_MM}
+    steps = {"diff_step": FIRST_STEP, "max_nfev": LOOKS}
+    return surface(least_squares(residuals, np.ones(15), **robust, **steps).x)
 
 
 def pushes(folder: Path) -> Iterator[Push]:
@@ -226,11 +210,9 @@ def pushes(folder: Path) -> Iterator[Push]:
             if len(hand) < LEAST_READINGS or not seen.any():
                 continue
             still = seen & (np.hypot(*(hand[:, :2] - hand[0, :2]).T) < STILL_MM)
-            start = np.median(
-                part[still if still.any() else np.argmax(seen)].reshape(-1, 3), axis=0
-            )
-            start_of_run = path.name.split("__")[1]
-            name, hand[:, 2] = f"{start_of_run} {number}", np.unwrap(hand[:, 2])
+            begins = part[still if still.any() else np.argmax(seen)].reshape(-1, 3)
+            start = np.median(begins, axis=0)
+            name, hand[:, 2] = f"{path.name.split('__')[1]} {number}", np.unwrap(hand[:, 2])
             yield Push(name, name.partition("_")[0], hand, start, part[seen][-1])
 
 
@@ -273,10 +255,9 @@ def runs(folder: Path) -> dict[str, Any]:
             measured = np.array([push.end for push in group])
             mm, deg = off(ends, measured)
             near = (mm < RUN_MM) & (deg < RUN_DEG)
-            spread_mm, spread_deg = (
-                column.max() for column in off(measured, measured.mean(axis=0, keepdims=True))
-            )
-            mm_off, deg_off = off(ends, measured.mean(axis=0, keepdims=True))
+            middle = measured.mean(axis=0, keepdims=True)
+            spread_mm, spread_deg = (column.max() for column in off(measured, middle))
+            mm_off, deg_off = off(ends, middle)
             inside = near | ((mm_off <= spread_mm) & (deg_off <= spread_deg))
             rows.append(
                 {
@@ -305,17 +286,15 @@ def simulator(outline: Array) -> Simulator:
 
 def main() -> int:
     """Measures and keeps the figures."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument(
-        "--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings"
-    )
+    parser = harness.parser(__doc__)
+    parser.add_argument("--data", type=Path, required=True, metavar="FOLDER")
     options = parser.parse_args()
     if not (options.data / THREE).is_file():
         print(f"bench_fingers: {options.data} has no {THREE}; see --help", file=sys.stderr)
         return 3
     result = {"three": three(options.data), "two": runs(options.data)}
-    print(json.dumps(result, indent=1))
-    RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    harness.show(result)
+    RESULTS.write(result)
     return 0
 
 

@@ -10,42 +10,38 @@ and figures, no outlines. Needs the packages that the outlines come from; withou
 them.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import platform
 import random
 import resource
-import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "tools"))
+import harness
+import zoo_sources
+from programs import ROOT, ended
 
-import zoo_sources  # noqa: E402
+from planner.report.verdict import GOOD_WRONG
+from runtime.shell.command import seconds
 
-from planner.report.verdict import GOOD_WRONG  # noqa: E402
-from runtime.shell.command import seconds  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "first_answers.json"
-SPARE_S = (
-    60.0  # for imports, kernels, other worlds and the picture, on a machine that others use, too
-)
+RESULTS = harness.Kept("first_answers")
+# For imports, kernels, other worlds and the picture, on a machine that others use, too.
+SPARE_S = 60.0
 SHARES = ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")
+KEPT = (*SHARES, "crashes", "mean_squeezes", "verdict")
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     add = parser.add_argument
-    add("--sample", type=int, default=60, metavar="N", help="outlines (default: %(default)s)")
-    add("--seed", type=int, default=50, help="of the draw (default: %(default)s)")
+    add("--sample", type=int, default=60, metavar="N", help="outlines")
+    add("--seed", type=int, default=50, help="of the draw")
     add("--budget", type=seconds, default=60.0, metavar="60s", help="of each search (default: 60s)")
-    add("--turn", default="20", metavar="DEG", help="passed on (default: %(default)s)")
+    add("--turn", default="20", metavar="DEG", help="passed on")
     add("--most", type=int, default=None, metavar="N", help="end after so many of them")
     add("--results", type=Path, default=ROOT / "out" / "first_answers.jsonl", help="what is done")
     options = parser.parse_args()
@@ -62,18 +58,11 @@ def main() -> int:
             done[name] = answered(name, outlines[name], options)
             with options.results.open("a") as file:
                 file.write(json.dumps(done[name]) + "\n")
-            print(json.dumps(done[name]), flush=True)
+            harness.show(done[name])
     rows = [done[name] for name in names if name in done]
-    figures = {
-        "machine": platform.platform(),
-        "budget_s": options.budget,
-        "turn_deg": options.turn,
-        "seed": options.seed,
-        "drawn": len(names),
-        "of": len(outlines),
-        "rows": rows,
-    }
-    RESULTS.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    figures = {"machine": platform.platform(), "budget_s": options.budget}
+    figures |= {"turn_deg": options.turn, "seed": options.seed}
+    RESULTS.write({**figures, "drawn": len(names), "of": len(outlines), "rows": rows})
     wrong = [row["name"] for row in rows if row["faults"]]
     print(
         f"{len(rows)} of {len(names)} tried, {len(wrong)} with a fault: {', '.join(wrong) or 'none'}"
@@ -86,41 +75,19 @@ def answered(name: str, outline: Any, options: argparse.Namespace) -> dict[str, 
     with tempfile.TemporaryDirectory() as folder:
         drawing = Path(folder) / "part.csv"
         drawing.write_text("x_mm,y_mm\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in outline))
-        words = [
-            "squeezetree",
-            "try",
-            "part.csv",
-            "--units",
-            "mm",
-            "--json",
-            "--turn",
-            options.turn,
-        ]
-        words += ["--budget", f"{options.budget:g}s"]
+        words = [Path(sys.executable).with_name("squeezetree"), "try", "part.csv", "--units", "mm"]
+        words += ["--json", "--turn", options.turn, "--budget", f"{options.budget:g}s"]
         began, used = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = subprocess.run(
-            [str(Path(sys.executable).with_name(words[0])), *words[1:]],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = ended(words, cwd=folder, timeout=None)
         wall_s, after = time.monotonic() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu_s = after.ru_utime + after.ru_stime - used.ru_utime - used.ru_stime
     row: dict[str, Any] = {"name": name, "seconds": round(wall_s, 1), "cpu_s": round(cpu_s, 1)}
-    if done.returncode:
-        return row | {"faults": [f"exit code {done.returncode}: {done.stderr.strip()[-300:]}"]}
-    answer = json.loads(done.stdout)
-    figures = {
-        key: answer[key]
-        for key in (*SHARES, "crashes", "mean_squeezes", "verdict")
-        if key in answer
-    }
-    return (
-        row
-        | figures
-        | {"reason": answer.get("reason"), "faults": faults(answer, wall_s, options.budget)}
-    )
+    if done.code:
+        return row | {"faults": [f"exit code {done.code}: {done.err.strip()[-300:]}"]}
+    answer = json.loads(done.out)
+    row |= {key: answer[key] for key in KEPT if key in answer}
+    row |= {"reason": answer.get("reason"), "faults": faults(answer, wall_s, options.budget)}
+    return row
 
 
 def faults(answer: dict[str, Any], wall_s: float, budget_s: float) -> list[str]:

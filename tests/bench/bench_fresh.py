@@ -8,25 +8,22 @@ be lower: z of the mean difference, in standard errors, is within -2 and 2 for t
 Prints figures and writes `results/fresh.json` beside this file.
 """
 
-import argparse
-import json
 import math
 import platform
-import sys
-from pathlib import Path
+from itertools import product
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT)]
+import harness
+from programs import TREES
 
-from planner.compile import compile_job  # noqa: E402
-from planner.evaluation.evaluate import evaluate  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.work.scheduler import Threads  # noqa: E402
-from planner.world import ContactWorlds  # noqa: E402
-from runtime.table import PPM  # noqa: E402
+from planner.compile import compile_job
+from planner.evaluation.evaluate import evaluate
+from planner.job import model as job_file
+from planner.work.scheduler import Threads
+from planner.world import ContactWorlds
+from runtime.table import PPM
 
-RESULTS = Path(__file__).parent / "results" / "fresh.json"
+RESULTS = harness.Kept("fresh")
 PARTS = ("rectangle", "hex-nut", "oval-cover", "ratchet")
 FEW = {"search": {"particles": 2000}}
 TIMES = 3
@@ -35,7 +32,7 @@ OTHER_SEED = 1_000_003
 
 def bench(part: str, seed: int, trials: int, work: Threads) -> dict[str, Any]:
     """One plan: the failures that it reports, and those of fresh trials."""
-    job = job_file.load(ROOT / "trees" / part / "job.toml", {"seed": seed, **FEW})
+    job = job_file.load(TREES / part / "job.toml", {"seed": seed, **FEW})
     table = compile_job(job, work.workers, trials).table
     other = OTHER_SEED + seed
     fresh = evaluate(table, job, ContactWorlds.of_job(job, other), TIMES * trials, other, work)
@@ -47,9 +44,7 @@ def bench(part: str, seed: int, trials: int, work: Threads) -> dict[str, Any]:
         "fresh": int((~fresh.success).sum()),
         "fresh_trials": TIMES * trials,
     }
-    print(
-        "{part}, seed {seed}: {reported} of {trials}, fresh {fresh} of {fresh_trials}".format(**row)
-    )
+    harness.show(row)
     return row
 
 
@@ -57,43 +52,28 @@ def bias(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Mean failure rates, and the mean difference in standard errors."""
     reported = [row["reported"] / row["trials"] for row in rows]
     fresh = [row["fresh"] / row["fresh_trials"] for row in rows]
-    pooled = [
-        (row["reported"] + row["fresh"]) / (row["trials"] + row["fresh_trials"]) for row in rows
-    ]
-    variance = sum(
-        rate * (1.0 - rate) * (1.0 / row["trials"] + 1.0 / row["fresh_trials"])
-        for rate, row in zip(pooled, rows, strict=True)
-    )
+    variance = 0.0
+    for row in rows:
+        rate = (row["reported"] + row["fresh"]) / (row["trials"] + row["fresh_trials"])
+        variance += rate * (1.0 - rate) * (1.0 / row["trials"] + 1.0 / row["fresh_trials"])
     mean_reported, mean_fresh = sum(reported) / len(rows), sum(fresh) / len(rows)
     z = (sum(reported) - sum(fresh)) / math.sqrt(variance)
     return {"reported": mean_reported, "fresh": mean_fresh, "plans": len(rows), "z": z}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--seeds", type=int, default=10, help="of each job (default: %(default)s)")
-    parser.add_argument(
-        "--trials", type=int, default=4000, help="a plan's own (default: %(default)s)"
-    )
+    parser = harness.parser(__doc__)
+    parser.add_argument("--seeds", type=int, default=10, help="of each job")
+    parser.add_argument("--trials", type=int, default=4000, help="a plan's own")
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     work = Threads(options.workers)
-    rows = [
-        bench(part, seed, options.trials, work) for seed in range(options.seeds) for part in PARTS
-    ]
+    every = product(range(options.seeds), PARTS)
+    rows = [bench(part, seed, options.trials, work) for seed, part in every]
     result = bias(rows)
-    print(
-        "{plans} plans: failures reported {reported:.5f}, fresh {fresh:.5f}, z = {z:.2f}".format(
-            **result
-        )
-    )
-    record = {
-        "machine": platform.platform(),
-        "python": platform.python_version(),
-        **result,
-        "rows": rows,
-    }
-    RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    harness.show(result)
+    machine = {"machine": platform.platform(), "python": platform.python_version()}
+    RESULTS.write({**machine, **result, "rows": rows})
 
 
 if __name__ == "__main__":

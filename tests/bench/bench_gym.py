@@ -8,34 +8,26 @@ mode is largest on average (greedy), one anywhere (random). Prints figures and w
 beside this file. The speed of MuJoCo is measured where `pip install mujoco` has been done.
 """
 
-from __future__ import annotations
-
-import argparse
 import json
 import platform
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
+import gymnasium
+import harness
 import numpy as np
+from programs import TABLE
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+import planner.gym
+from planner.belief.partition import partition
+from planner.compile import compile_job
+from planner.evaluation.trials import Program
+from planner.pomdp import DECLARE, SQUEEZE, Pomdp
+from planner.problem import Problem
+from runtime import table as tables
 
-import gymnasium  # noqa: E402
-
-import planner.gym  # noqa: E402
-from planner.belief.partition import partition  # noqa: E402
-from planner.compile import compile_job  # noqa: E402
-from planner.evaluation.trials import Program  # noqa: E402
-from planner.pomdp import DECLARE, SQUEEZE, Pomdp  # noqa: E402
-from planner.problem import Problem  # noqa: E402
-from runtime import table as tables  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "gym.json"
-TABLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
+RESULTS = harness.Kept("gym")
 BATCH = 4096
 STEPS = 40
 PARTICLES, JUDGES = 1000, 300
@@ -46,21 +38,21 @@ Choice = Callable[[Pomdp, np.ndarray, np.random.Generator], int]
 def speed() -> list[Row]:
     """Squeezes a second of processor time: three on every fresh part, then a pose is declared."""
     rng = np.random.default_rng(0)
-    rows = [
-        _stepped(
-            "vector, 4096 parts", gymnasium.make_vec(planner.gym.NAME, num_envs=BATCH), rng, STEPS
-        )
-    ]
-    rows.append(_stepped("one part", gymnasium.make(planner.gym.NAME), rng, 4000))
+    many, one = (
+        gymnasium.make_vec(planner.gym.NAME, num_envs=BATCH),
+        gymnasium.make(planner.gym.NAME),
+    )
+    rows = [_stepped("vector, 4096 parts", many, rng, STEPS), _stepped("one part", one, rng, 4000)]
     try:
-        import mujoco_squeeze
+        from planner.evaluation.mujoco import RigidWorld
     except ImportError:
         print("MuJoCo is not installed: its speed is not measured (pip install mujoco)")
         return rows
     model = planner.gym.problem_of(None)
     poses = model.initial(20, rng)[:, :3]
-    clock = time.process_time()
-    mujoco_squeeze.squeeze(model.simulator.outline, 0.5, poses)
+    world, clock = RigidWorld(model.job, 0), time.process_time()
+    for pose in poses.tolist():
+        world.close(tuple(pose), 0.5)
     return [*rows, {"what": "MuJoCo", "per_second": len(poses) / (time.process_time() - clock)}]
 
 
@@ -72,11 +64,8 @@ def _stepped(what: str, env: Any, rng: np.random.Generator, steps: int) -> Row:
     squeezes, clock = 0, time.process_time()
     for step in range(steps):
         declares = step % 4 == 3
-        action = (
-            rng.integers(placements, placements + 1, size)
-            if declares
-            else rng.integers(placements, size=size)
-        )
+        first, last = (placements, placements + 1) if declares else (0, placements)
+        action = rng.integers(first, last, size)
         _, reward, ended, _, _ = env.step(action)
         squeezes += int(np.sum(np.less(reward, 0.0)))
         if not size and ended:
@@ -84,7 +73,7 @@ def _stepped(what: str, env: Any, rng: np.random.Generator, steps: int) -> Row:
         elif declares:
             env.step(action)  # the step that lays new parts down
     row = {"what": what, "per_second": squeezes / (time.process_time() - clock)}
-    print(json.dumps(row), flush=True)
+    harness.show(row)
     return row
 
 
@@ -93,13 +82,10 @@ def policies(parts: int) -> list[Row]:
     model = planner.gym.problem_of(None)
     kept = tables.load(TABLE).table
     trusting = model.job.replaced(doubt={"chance": 0.0}, friction={"doubt": 0.0})
+    alone = compile_job(trusting).table
     rows = [
         _figures("the plan in trees/rectangle", *planned(model, kept, 20_000), model),
-        _figures(
-            "a plan for this world alone",
-            *planned(model, compile_job(trusting).table, 20_000),
-            model,
-        ),
+        _figures("a plan for this world alone", *planned(model, alone, 20_000), model),
     ]
     for name, choice in (("greedy, one squeeze ahead", greedy), ("random", at_random)):
         rng = np.random.default_rng(1)
@@ -179,9 +165,7 @@ def at_random(model: Pomdp, _belief: np.ndarray, rng: np.random.Generator) -> in
 
 def main() -> None:
     """Run the chosen benches and record them."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument(
         "--parts", type=int, default=300, help="of each policy that carries a filter"
     )
@@ -189,13 +173,13 @@ def main() -> None:
         "--only", nargs="+", choices=["speed", "policies"], default=["speed", "policies"]
     )
     options = parser.parse_args()
-    results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    results = RESULTS.read({})
     if "speed" in options.only:
         results["speed"] = speed()
     if "policies" in options.only:
         results["policies"] = policies(options.parts)
     results["setting"] = {"python": platform.python_version(), "machine": platform.machine()}
-    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+    RESULTS.write(results)
 
 
 if __name__ == "__main__":

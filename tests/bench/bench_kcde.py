@@ -7,33 +7,24 @@ h1 = h2 = 0.5 mm and the nearest 400 points, by our kernel and by scipy's cKDTre
 process; medians count. Prints figures and writes `results/kcde.json` beside this file.
 """
 
-from __future__ import annotations
-
-import argparse
-import json
 import math
 import platform
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
+import harness
 import numpy as np
 import scipy
+from kcde_twin import energy_distance
+from problems import OUTLINES, random_poses, simulator
 from scipy.spatial import cKDTree
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+from planner.learned.kcde import BANDWIDTH_MM, NEIGHBOURS, Kcde
+from planner.learned.rollouts import RollOuts, roll_outs
+from planner.mechanics.clearance import TOUCHES, classify_contact
 
-from energy import energy_distance  # noqa: E402
-from problems import OUTLINES, random_poses, simulator  # noqa: E402
-
-from planner.learned.kcde import BANDWIDTH_MM, NEIGHBOURS, Kcde  # noqa: E402
-from planner.learned.rollouts import RollOuts, roll_outs  # noqa: E402
-from planner.mechanics.clearance import TOUCHES, classify_contact  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "kcde.json"
+RESULTS = harness.Kept("kcde")
 POINTS, PARTICLES, RADIUS_MM, ORDER = 10_000, 5000, 12.75, 2
 SHUFFLES = 100
 
@@ -63,9 +54,8 @@ def with_scipy(
 
     def draw(poses: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         distance, near = tree.query(points(poses), NEIGHBOURS, workers=1)
-        weight = np.cumsum(
-            np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2) / BANDWIDTH_MM**2), axis=1
-        )
+        farther = (distance**2 - distance[:, :1] ** 2) / BANDWIDTH_MM**2
+        weight = np.cumsum(np.exp(-0.5 * farther), axis=1)
         picked = (rng.random((len(poses), 1)) * weight[:, -1:] > weight).sum(axis=1)
         source = near[np.arange(len(poses)), picked]
         return rows.final[source] + BANDWIDTH_MM * rng.standard_normal(poses.shape) / scale
@@ -95,9 +85,7 @@ def p_value(ours: np.ndarray, theirs: np.ndarray, rho: float, order: int) -> flo
 
 def main() -> None:
     """Run the bench and record it."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument("--repeat", type=int, default=30)
     options = parser.parse_args()
     model, rows = estimate(POINTS)
@@ -106,10 +94,7 @@ def main() -> None:
     poses = random_poses(rng, PARTICLES, RADIUS_MM)
     touched = poses[classify_contact(model.outline, model.jaws, poses) == TOUCHES]
     first, second = model.sample(touched[:2000], rng).poses, draw(touched[:2000], rng)
-    calls = [
-        lambda: model.sample(poses, rng),
-        lambda: draw(poses, rng),
-    ]
+    calls = [lambda: model.sample(poses, rng), lambda: draw(poses, rng)]
     ours_s, scipy_s = seconds(calls, options.repeat)
     row = {
         "points": POINTS,
@@ -126,13 +111,8 @@ def main() -> None:
             "cores_used": 1,
         },
     }
-    print(
-        "{particles} particles from {points} points on one core: {ours_ms:.2f} ms, scipy {scipy_ms:.0f} ms, "
-        "{ratio:.1f} times; {particles_per_second:.0f} particles/s; same distribution: p = "
-        "{same_distribution_p:.2f}".format(**row)
-    )
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps(row, indent=1) + "\n")
+    harness.show(row)
+    RESULTS.write(row)
 
 
 if __name__ == "__main__":

@@ -7,31 +7,26 @@ outcomes, crashes, incidents on the line, simulated seconds a part. Ends with 1 
 ended in a fault. Without a table the small one of the tests is rehearsed.
 """
 
-import argparse
 import json
-import subprocess
 import sys
 import tempfile
 from collections import Counter
 from pathlib import Path
 from statistics import mean
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+import harness
+from gripper_tables import table_for
+from programs import REHEARSAL, RUNTIME, VIRTUAL, ended
 
-from gripper_tables import table_for  # noqa: E402
-
-from drivers.sim.grippers import SIMULATORS  # noqa: E402
-from runtime.table import dump, load  # noqa: E402
+from drivers.sim.grippers import SIMULATORS
+from runtime.table import dump, load
 
 
 def run(tree: Path, parts: int, *arguments: str) -> list[dict]:
     """The parts of a run."""
-    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim", "--json"]
-    command += ["--journal", str(tree.with_suffix(".jsonl")), "--count", str(parts)]
-    command += ["--time-scale", "max", *arguments]
-    out = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True).stdout
-    return [json.loads(line) for line in out.splitlines()]
+    words = ["--journal", tree.with_suffix(".jsonl"), "--count", parts, "--json", *arguments]
+    done = ended([*RUNTIME, "--tree", tree, *VIRTUAL, *words], timeout=None)
+    return [json.loads(line) for line in done.out.splitlines()]
 
 
 def figures(model: str, parts: list[dict], journal: Path) -> dict:
@@ -50,7 +45,7 @@ def figures(model: str, parts: list[dict], journal: Path) -> dict:
 
 def main() -> int:
     """Run each gripper."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("--parts", type=int, default=1000)
     parser.add_argument("--tree", type=Path, help="its gripper alone, in the planner's world")
     parser.add_argument("models", nargs="*", default=list(SIMULATORS))
@@ -62,7 +57,7 @@ def main() -> int:
         for model in models:
             if given.tree is None:
                 dump(table_for(model), tree)
-                world = ("--world", "runtime.devices.rehearsal:make")
+                world = REHEARSAL
             else:
                 tree.write_bytes(given.tree.read_bytes())
                 world = ()

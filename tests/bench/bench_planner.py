@@ -11,9 +11,6 @@ are processor seconds of the whole process. Plans are kept one by one in `result
 file; what is kept is not planned again.
 """
 
-from __future__ import annotations
-
-import argparse
 import json
 import os
 import subprocess
@@ -23,9 +20,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import fmean
 
-ROOT = Path(__file__).parents[2]
-RESULTS = Path(__file__).parent / "results" / "planner.json"
-JOBS = {path.parent.name: path for path in sorted((ROOT / "trees").glob("*/job.toml"))}
+import harness
+from programs import ROOT, TREES
+
+RESULTS = harness.Kept("planner")
+JOBS = {path.parent.name: path for path in sorted(TREES.glob("*/job.toml"))}
 SEEDS = range(1, 11)
 
 
@@ -51,13 +50,17 @@ class Plan:
 def planned(planner: str, checkout: Path, part: str, seed: int) -> Plan:
     """Plans one job in a process of its own."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [
-            checkout / ".venv" / "bin" / "plan-compile",
-            JOBS[part],
+        command = [checkout / ".venv" / "bin" / "plan-compile", JOBS[part]]
+        command += [
             "-o",
             f"{folder}/t.msgpack",
+            "--seed",
+            str(seed),
+            "--workers",
+            "1",
+            "--no-advice",
+            "--json",
         ]
-        command += ["--seed", str(seed), "--workers", "1", "--no-advice", "--json"]
         with Path(folder, "json").open("wb") as output:
             process = subprocess.Popen(
                 command, stdout=output, stderr=subprocess.DEVNULL, cwd=checkout
@@ -69,27 +72,19 @@ def planned(planner: str, checkout: Path, part: str, seed: int) -> Plan:
                 f"{planner}, {part}, seed {seed}: plan-compile ended with {process.returncode}"
             )
         figures = json.loads(Path(folder, "json").read_text())
-    return Plan(
-        planner=planner,
-        part=part,
-        seed=seed,
-        squeezes=figures["mean_squeezes"],
-        success=figures["success_rate"],
-        wrong=figures["wrong_rate"],
-        nodes=figures["nodes"],
-        cpu_s=round(usage.ru_utime + usage.ru_stime, 2),
-    )
+    rates = (figures[name] for name in ("mean_squeezes", "success_rate", "wrong_rate", "nodes"))
+    return Plan(planner, part, seed, *rates, round(usage.ru_utime + usage.ru_stime, 2))
 
 
 def kept() -> list[Plan]:
     """The plans of former runs."""
-    return [Plan(**row) for row in json.loads(RESULTS.read_text())] if RESULTS.exists() else []
+    return [Plan(**row) for row in RESULTS.read([])]
 
 
 def keep(plans: Iterable[Plan]) -> None:
     """Writes all plans, one a line."""
     rows = sorted(plans, key=lambda plan: (plan.planner, plan.part, plan.seed))
-    RESULTS.write_text("[\n" + ",\n".join(json.dumps(asdict(row)) for row in rows) + "\n]\n")
+    RESULTS.write_rows([asdict(row) for row in rows])
 
 
 def report(plans: list[Plan]) -> None:
@@ -115,15 +110,11 @@ def report(plans: list[Plan]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("--only", nargs="+", choices=JOBS, default=list(JOBS), help="these parts")
     parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS))
-    parser.add_argument(
-        "--planner",
-        action="append",
-        metavar="NAME=CHECKOUT",
-        help="a planner (default: now=this checkout)",
-    )
+    said = "a planner (default: now=this checkout)"
+    parser.add_argument("--planner", action="append", metavar="NAME=CHECKOUT", help=said)
     parser.add_argument("--report", action="store_true", help="plan nothing, print what is kept")
     arguments = parser.parse_args()
     planners = dict(text.split("=", 1) for text in arguments.planner or [f"now={ROOT}"])

@@ -12,7 +12,6 @@ client, with an encrypted channel to the command, or by node-opcua's where its f
 state was not seen.
 """
 
-import argparse
 import json
 import os
 import subprocess
@@ -27,11 +26,10 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
-
+import harness
 from plc_programs import PlcServed, by_libmodbus, by_pymodbus, in_structured_text
 from plc_study import Study
-from served import ROOT
+from programs import REHEARSAL, TABLE
 from supervisor import Supervisor, passport
 from waiting import until
 
@@ -43,16 +41,8 @@ from runtime.plc.vision import VisionState
 from runtime.traversal.results import Outcome
 
 MODBUS, OPC_UA = "modbus-tcp://127.0.0.1:0", "opc.tcp://127.0.0.1:0"
-EXCHANGES = (
-    "dropped",
-    "doubled",
-    "late",
-    "discarded",
-    "broken",
-    "stands_still",
-    "power",
-    "double_trigger",
-)
+EXCHANGES = ("dropped", "doubled", "late", "discarded", "broken", "stands_still", "power")
+EXCHANGES += ("double_trigger", "lazy")
 
 
 def studied(seed: int, parts: int) -> tuple[int, Counter[str], str]:
@@ -126,9 +116,8 @@ def over_modbus(parts: int, client: Callable[[int, int], list[dict[str, int]]]) 
         printed = run.ended()[1]
     outcomes = Counter(OUTCOMES[result["outcome"]] for result in results)
     print(f"{client.__name__}: {parts} parts over Modbus in {took_s:.1f} s: {dict(outcomes)}")
-    return [(result["outcome"], result["x"]) for result in results] == [
-        (answer.outcome, answer.x) for answer in map(registers_of, printed)
-    ]
+    expected = [(answer.outcome, answer.x) for answer in map(registers_of, printed)]
+    return [(result["outcome"], result["x"]) for result in results] == expected
 
 
 def registers_of(part: dict[str, Any]) -> Answer:
@@ -143,13 +132,12 @@ def served(folder: Path, time_scale: str, count: int, plc: str) -> PlcServed:
     """A run of the simulated cell that waits for a PLC or a supervisor."""
     folder.mkdir()
     tree = folder / "rectangle.msgpack"
-    tree.write_bytes((ROOT / "trees" / "rectangle" / "rectangle.msgpack").read_bytes())
-    words = ("--time-scale", time_scale, "--world", "runtime.devices.rehearsal:make")
-    return PlcServed(tree, more=words, count=count, plc=plc)
+    tree.write_bytes(TABLE.read_bytes())
+    return PlcServed(tree, more=("--time-scale", time_scale, *REHEARSAL), count=count, plc=plc)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = harness.parser(__doc__)
     parser.add_argument("--parts", type=int, default=1_000_000)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--workers", type=int, default=2)
@@ -177,7 +165,7 @@ def main() -> int:
     report = {
         "results_taken": results,
         "lost_doubled_or_mixed_up": len(wrong),
-        **{name: counts[name] for name in (*EXCHANGES, "lazy")},
+        **{name: counts[name] for name in EXCHANGES},
         "cycles_with_error": {
             error.name: counts[f"error {error.value}"] for error in Error if error
         },

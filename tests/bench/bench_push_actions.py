@@ -7,25 +7,18 @@ way. Prints squeezes, seconds and success of the cell, crashes of an open finger
 and writes `results/push_actions.json` beside this file: cases that are not named stay as they are there.
 """
 
-from __future__ import annotations
-
-import argparse
-import json
-import sys
 import time
-from pathlib import Path
 from typing import Any
 
+import harness
 import numpy as np
+from programs import TREES
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT)]
+from planner.compile import compile_job
+from planner.errors import NoPlanError
+from planner.job import model as job_file
 
-from planner.compile import compile_job  # noqa: E402
-from planner.errors import NoPlanError  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "push_actions.json"
+RESULTS = harness.Kept("push_actions")
 WAYS: dict[str, dict[str, Any]] = {
     "squeezes": {"actions": {"proposals": "belief", "pushes": "none"}},
     "pushes": {"actions": {"proposals": "belief", "pushes": "belief"}},
@@ -44,46 +37,43 @@ CASES |= {name: (name, {}) for name in AS_THEY_ARE}
 
 def planned(name: str, changes: dict[str, Any], seed: int) -> dict[str, Any]:
     """The figures of one plan; none of them where there is none."""
-    job = job_file.load(ROOT / "trees" / name / "job.toml", {**changes, "seed": seed})
+    job = job_file.load(TREES / name / "job.toml", {**changes, "seed": seed})
     begun = time.process_time()
     try:
         plan = compile_job(job)
     except NoPlanError as error:
         return {"no_plan": str(error), "cpu_s": time.process_time() - begun}
     result, pushes = plan.evaluation, np.array([len(node.pushes) for node in plan.table.nodes])
+    made = pushes[np.maximum(result.path, 0)]
     return {
         "success": float(result.success.mean()),
         "squeezes": float(result.squeezes.mean()),
         "seconds": float(result.seconds.mean()),
         "crashes": int(result.crashes),
         "parts": len(result.leaf),
-        "pushes": float(
-            pushes[np.maximum(result.path, 0)].sum(axis=1, where=result.path >= 0).mean()
-        ),
+        "pushes": float(made.sum(axis=1, where=result.path >= 0).mean()),
         "cpu_s": time.process_time() - begun,
     }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("cases", nargs="*", metavar="CASE", help="default: all")
-    parser.add_argument("--seeds", type=int, default=3, help="plans each way; default: %(default)s")
+    parser.add_argument("--seeds", type=int, default=3, help="plans each way")
     options = parser.parse_args()
-    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    kept = RESULTS.read({})
     for case in options.cases or CASES:
         name, changes = CASES[case]
         for way, more in WAYS.items():
-            rows = [
-                planned(name, {**changes, **more}, seed) for seed in range(1, options.seeds + 1)
-            ]
+            seeds = range(1, options.seeds + 1)
+            rows = [planned(name, {**changes, **more}, seed) for seed in seeds]
             kept.setdefault(case, {})[way] = rows
             plans = [row for row in rows if "no_plan" not in row]
             keys = ("squeezes", "seconds", "success", "crashes", "pushes", "cpu_s")
-            means = {
-                key: round(float(np.mean([row[key] for row in plans])), 4) for key in keys if plans
-            }
-            print(case, way, f"{len(plans)} of {len(rows)} plans", means, flush=True)
-            RESULTS.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+            means = {key: float(np.mean([row[key] for row in plans])) for key in keys if plans}
+            counted = f"{len(plans)} of {len(rows)}"
+            harness.show({"case": case, "way": way, "plans": counted, **means})
+            RESULTS.write(kept)
 
 
 if __name__ == "__main__":

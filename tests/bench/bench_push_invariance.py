@@ -8,23 +8,14 @@ order, with more of them on the edges, and with 1e-9 mm of start. Prints which s
 `results/push_invariance.json`.
 """
 
-from __future__ import annotations
-
-import argparse
-import json
-import sys
 import time
-from pathlib import Path
 
+import harness
 import numpy as np
+from problems import simulator
+from push_study import SHAPES, WAY_MM, pushed, scattered, studied
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
-
-from problems import simulator  # noqa: E402
-from push_study import SHAPES, WAY_MM, pushed, scattered, studied  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "push_invariance.json"
+RESULTS = harness.Kept("push_invariance")
 
 
 def microseconds(outline: np.ndarray, n: int) -> float:
@@ -37,23 +28,16 @@ def microseconds(outline: np.ndarray, n: int) -> float:
 
 def main() -> None:
     """Study each shape."""
-    parser = argparse.ArgumentParser(description="Do pushes by hand hang on how they are computed?")
+    parser = harness.parser(__doc__)
     parser.add_argument("--pushes", type=int, default=3000, help="of each shape")
     options = parser.parse_args()
     rows = {}
     for name, shape in SHAPES.items():
         outline = shape()
-        rows[name] = studied(outline, options.pushes, 1) | {
-            "push_us": microseconds(outline, options.pushes)
-        }
-        print(
-            name,
-            json.dumps({key: round(value, 5) for key, value in rows[name].items()}),
-            flush=True,
-        )
-    RESULTS.write_text(
-        json.dumps({"pushes": options.pushes, "shapes": rows}, indent=1) + "\n", encoding="utf-8"
-    )
+        rows[name] = studied(outline, options.pushes, 1)
+        rows[name]["push_us"] = microseconds(outline, options.pushes)
+        harness.show({"shape": name, **rows[name]})
+    RESULTS.write({"pushes": options.pushes, "shapes": rows})
 
 
 if __name__ == "__main__":

@@ -13,30 +13,25 @@ coverage of 90 % intervals. The pushes with two fingers are only judged. Prints 
 `results/pushes.json`.
 """
 
-from __future__ import annotations
-
-import argparse
 import csv
-import json
 import math
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
+import harness
 import numpy as np
+from programs import ROOT
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
+from planner.arrays import Array, BoolArray
+from planner.cli import pushes
+from planner.identification import pushes as push_log
+from planner.job import model as job_file
+from planner.mechanics.push import STUCK, Paths
+from planner.mechanics.simulator import STUCK_DEG, STUCK_MM, Simulator, commanded
+from planner.part.outline import radius_of_gyration
 
-from planner.arrays import Array, BoolArray  # noqa: E402
-from planner.cli import pushes  # noqa: E402
-from planner.identification import pushes as push_log  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.mechanics.push import STUCK, Paths  # noqa: E402
-from planner.mechanics.simulator import STUCK_DEG, STUCK_MM, Simulator, commanded  # noqa: E402
-from planner.part.outline import radius_of_gyration  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "pushes.json"
+RESULTS = harness.Kept("pushes")
 DATA = ROOT.parent / "shared" / "data" / "pushes"
 LOGS = {"hardboard_3pts3.txt": "3pts3", "plywood_3pts1.txt": "3pts1"}
 TWO_FINGERS = "two_fingers.csv"
@@ -63,9 +58,8 @@ wishart_dof = {dof}
 {support}
 """
 FRICTIONS = np.arange(0.05, 1.01, 0.05)
-NEARLY_AS_GOOD = (
-    1.05  # The interval of friction: whose mean error on the logs is within 5 % of the least
-)
+# The interval of friction: whose mean error on the logs is within 5 % of the least.
+NEARLY_AS_GOOD = 1.05
 DOFS = (5, 7, 10, 15, 20, 30, 50, 100, 200)
 SAMPLES = 400
 NOISE = np.array([0.7, 0.7, math.radians(0.6)])
@@ -79,9 +73,9 @@ class Recorded(NamedTuple):
     paths: Paths
     moved: Array  # (n, 3) [mm, mm, rad]
 
-    def take(self, rows: Any) -> Recorded:
+    def take(self, rows: Any) -> Self:
         """Some of the pushes."""
-        return Recorded(Paths(*(values[rows] for values in self.paths)), self.moved[rows])
+        return type(self)(Paths(*(values[rows] for values in self.paths)), self.moved[rows])
 
 
 def simulator(support: str, friction: tuple[float, float], dof: int) -> Simulator:
@@ -101,9 +95,8 @@ def read_log(path: Path) -> Recorded:
         start, stop = (tips - [x, y]) @ _turn(before)
         starts.append([start])
         shifts.append(stop - start)
-        moved.append(
-            [*((np.array(end) - [x, y]) @ _turn(before)), math.remainder(after - before, math.tau)]
-        )
+        turned = math.remainder(after - before, math.tau)
+        moved.append([*((np.array(end) - [x, y]) @ _turn(before)), turned])
     n = len(log)
     return Recorded(
         Paths(np.array(starts), np.zeros((n, 2)), np.zeros(n), np.array(shifts)), np.array(moved)
@@ -144,9 +137,8 @@ def fit_friction(logs: dict[str, Recorded]) -> tuple[float, tuple[float, float],
 
 def pose_error(off: Array, block: Simulator) -> Array:
     """Distance of poses (n, 3) as in the success metric [mm]."""
-    return np.asarray(
-        np.hypot(off[:, 0], off[:, 1]) + radius_of_gyration(block.outline) * np.abs(off[:, 2])
-    )
+    rho_mm = radius_of_gyration(block.outline)
+    return np.asarray(np.hypot(off[:, 0], off[:, 1]) + rho_mm * np.abs(off[:, 2]))
 
 
 def draws(recorded: Recorded, block: Simulator, seed: int) -> tuple[BoolArray, Array]:
@@ -168,9 +160,8 @@ def fit_dof(logs: dict[str, Recorded], friction: tuple[float, float]) -> tuple[i
     shares = {}
     for dof in DOFS:
         blocks = {support: simulator(support, friction, dof) for support in logs}
-        shares[dof] = float(
-            np.mean([draws(log, blocks[s], 0)[0].mean() for s, log in logs.items()])
-        )
+        covered = [draws(log, blocks[support], 0)[0].mean() for support, log in logs.items()]
+        shares[dof] = float(np.mean(covered))
     best = min(DOFS, key=lambda dof: abs(shares[dof] - 0.9))
     return best, shares[best]
 
@@ -228,21 +219,19 @@ def judged_more(
     """Figures of further pushes with two fingers, by support."""
     recorded, lines = read_two_fingers(path)
     supports = np.array([line["support"] for line in lines])
-    return {
-        support: judged(
-            recorded.take(supports == support), simulator(support, interval, dof), mu, seed
-        )[0]
-        for seed, support in enumerate(SUPPORTS, 1)
-    }
+    result = {}
+    for seed, support in enumerate(SUPPORTS, 1):
+        mine, block = recorded.take(supports == support), simulator(support, interval, dof)
+        result[support], _, _ = judged(mine, block, mu, seed)
+    return result
 
 
 def too_far(recorded: Recorded) -> BoolArray:
     """Pushes after which the block lies farther from its start than any finger went: not by pushing."""
     paths = recorded.paths
     arms = np.linalg.norm(paths.points - paths.centres[:, None], axis=2).max(axis=1)
-    return np.asarray(
-        np.hypot(recorded.moved[:, 0], recorded.moved[:, 1]) > 1.2 * arms * np.abs(paths.angles)
-    )
+    gone_mm = np.hypot(recorded.moved[:, 0], recorded.moved[:, 1])
+    return np.asarray(gone_mm > 1.2 * arms * np.abs(paths.angles))
 
 
 def runs_of(
@@ -260,28 +249,20 @@ def runs_of(
             + (", recorded as farther than the fingers went" if beyond[k] else "")
             for k in far
         ]
-        rows.append(
-            {
-                "run": str(run),
-                "pushes": int(mine.sum()),
-                "predicted": float(right[mine].mean()),
-                "median_mm": float(np.median(distance[mine])),
-                "far_off": named,
-            }
-        )
+        row = {"run": str(run), "pushes": int(mine.sum()), "predicted": float(right[mine].mean())}
+        rows.append({**row, "median_mm": float(np.median(distance[mine])), "far_off": named})
     return rows
 
 
 def main() -> int:
     """Fits to the logs, judges the pushes with two fingers."""
-    parser = argparse.ArgumentParser(description="Judge predicted pushes by real ones.")
+    parser = harness.parser(__doc__)
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the pushes")
     parser.add_argument("--no-results", action="store_true", help="print only")
     options = parser.parse_args()
     if missing := [name for name in (*LOGS, TWO_FINGERS) if not (options.data / name).is_file()]:
-        print(
-            f"bench_pushes: {options.data} has no {', '.join(missing)}: {SOURCE}", file=sys.stderr
-        )
+        said = f"{options.data} has no {', '.join(missing)}"
+        print(f"bench_pushes: {said}: {SOURCE}", file=sys.stderr)
         return 3
     logs = {support: read_log(options.data / name) for name, support in LOGS.items()}
     mu, interval, alone = fit_friction(logs)
@@ -290,40 +271,28 @@ def main() -> int:
         f"from the logs: friction {mu} in {interval} (alone: {alone}), {dof} degrees of freedom ({share:.3f})"
     )
     recorded, lines = read_two_fingers(options.data / TWO_FINGERS)
-    result: dict[str, Any] = {
-        "friction": mu,
-        "interval": interval,
-        "alone": alone,
-        "dof": dof,
-        "supports": {},
-    }
+    result: dict[str, Any] = {"friction": mu, "interval": interval, "alone": alone, "dof": dof}
+    result["supports"] = {}
     off, right = np.zeros((len(lines), 3)), np.zeros(len(lines), bool)
     supports = np.array([line["support"] for line in lines])
     for seed, support in enumerate(SUPPORTS, 1):
         mine = supports == support
-        figures, off[mine], right[mine] = judged(
-            recorded.take(mine), simulator(support, interval, dof), mu, seed
-        )
+        block = simulator(support, interval, dof)
+        figures, off[mine], right[mine] = judged(recorded.take(mine), block, mu, seed)
         result["supports"][support] = figures
-        print(support, json.dumps({name: round(value, 3) for name, value in figures.items()}))
+        harness.show({"support": support, **figures})
     if (options.data / MORE).is_file():
         result["more"] = judged_more(options.data / MORE, interval, dof, mu)
         for support, figures in result["more"].items():
-            print(
-                f"more, {support}",
-                json.dumps({name: round(value, 3) for name, value in figures.items()}),
-            )
+            harness.show({"more": support, **figures})
     slid, distance = ~is_stuck(recorded), np.hypot(off[:, 0], off[:, 1])
     result["median_mm_slid"] = float(np.median(distance[slid]))
     result["runs"] = runs_of(lines, recorded, off, right)
     print(f"median error of pushes that did not stick: {result['median_mm_slid']:.2f} mm")
     for row in result["runs"]:
-        named = f"; far off: {'; '.join(row['far_off'])}" if row["far_off"] else ""
-        print(
-            f"{row['run']}: {row['predicted']:.2f} of {row['pushes']}, {row['median_mm']:.1f} mm{named}"
-        )
+        harness.show(row)
     if not options.no_results:
-        RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        RESULTS.write(result)
     return 0
 
 

@@ -6,7 +6,6 @@ the posterior is noted: uniform if the posterior is right. A hidden cell takes a
     python tests/bench/bench_refit.py [TABLE] --keep
 """
 
-import argparse
 import json
 import os
 import time
@@ -14,6 +13,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
+import harness
 import numpy as np
 from scipy.stats import chisquare
 
@@ -25,12 +25,12 @@ from planner.refit.posterior import Effort, posterior
 from planner.work.scheduler import Threads
 
 TREE = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"
-KEPT = Path(__file__).parent / "results" / "refit.json"
+RESULTS = harness.Kept("refit")
 BINS, LEAST_P, COVERED = 10, 0.01, (0.85, 0.95)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = harness.parser(__doc__)
     parser.add_argument("tree", type=Path, nargs="?", default=TREE)
     parser.add_argument("--job", default=None)
     parser.add_argument("--hidden", type=int, default=200)
@@ -58,7 +58,7 @@ def main() -> int:
     kept, bad = judge(keys, np.array(ranks), np.array(errors))
     if options.keep:
         line = {"hidden": options.hidden, "parts": options.parts, **kept}
-        KEPT.write_text(json.dumps(line, indent=1) + "\n", encoding="utf-8")
+        RESULTS.write(line)
     return bad
 
 

@@ -8,15 +8,14 @@ smaller, longer or thinner than the job's, or another; of these also the share w
 """
 
 import argparse
-import json
 from pathlib import Path
 
+import harness
 import numpy as np
 
 from planner.cli.shell import loaded
-from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.trials import Program
+from planner.evaluation.trials import DISMISSED, Program
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
 from runtime.shell.errors import InputError
@@ -32,14 +31,14 @@ def random_widths(program, rng, first_by_plan):
     table, gripper = program.table, program.table.gripper
     node, answered = np.zeros(RUNS, np.int64), 0
     for depth in range(table.limits.max_depth):
-        counts = rng.integers(gripper.count_open, gripper.count_closed, len(node))
-        target = program.target[node, 256 + counts]
+        steps = rng.integers(0, gripper.steps, len(node))
+        target = program.target[program.segment(node, 2 * steps + 1)]
         if depth == 0 and first_by_plan:
             shares = np.array([branch.probability_ppm for branch in table.nodes[0].branches], float)
             taken = rng.choice(len(shares), len(node), p=shares / shares.sum())
             target = np.array([branch.target for branch in table.nodes[0].branches])[taken]
             target = target[target >= 0]
-        leaves = ~target[(target < 0) & (target > np.iinfo(np.int64).min)]
+        leaves = ~target[(target < 0) & (target != DISMISSED)]
         answered += sum(table.leaves[leaf].resolved for leaf in leaves)
         node = target[target >= 0]
     return answered / RUNS
@@ -57,7 +56,7 @@ def others(job):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = harness.parser(__doc__)
     parser.add_argument("trees", type=Path, nargs="*", default=[RECTANGLE])
     parser.add_argument("--job", default=None)
     parser.add_argument("--parts", type=int, default=2000)
@@ -72,27 +71,16 @@ def main():
         }
         for name, outline in others(job):
             try:
-                other = job.replaced(
-                    part={"outline_mm": outline.tolist(), "symmetry": 1, "picks": None}
-                )
+                part = {"outline_mm": outline.tolist(), "symmetry": 1, "picks": None}
+                other = job.replaced(part=part)
             except InputError as error:
                 record[name] = str(error)
                 continue
-            run = evaluate(
-                result.table,
-                other,
-                ContactWorlds.of_job(other, 2),
-                options.parts,
-                2,
-                Threads(1),
-                NONE,
-            )
+            worlds = ContactWorlds.of_job(other, 2)
+            run = evaluate(result.table, other, worlds, options.parts, 2, Threads(1))
             answered = (run.leaf >= 0) & run.resolved
-            record[name] = [
-                round(float(np.mean(answered)), 4),
-                round(float(np.mean(answered & ~run.within)), 4),
-            ]
-        print(json.dumps({"tree": tree.stem, **record}), flush=True)
+            record[name] = [float(np.mean(each)) for each in (answered, answered & ~run.within)]
+        harness.show({"tree": tree.stem, **record})
 
 
 if __name__ == "__main__":

@@ -7,42 +7,37 @@ other, and writes `results/resolution.json` beside this file after each: names a
 is there is not planned again. The zoo's packages are those of tools/zoo500.
 """
 
-import argparse
-import json
 import random
 import sys
 import time
 from collections.abc import Iterator
 from itertools import product
-from pathlib import Path
 from statistics import mean
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
+import harness
+import zoo_sources
+from programs import TREES
 
-import zoo_sources  # noqa: E402
+from planner.compile import compile_job
+from planner.job import model as job_file
+from planner.report.zoo import Item, judge
+from planner.work.limit import Limit
+from runtime.shell.command import seconds
 
-from planner.compile import compile_job  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.report.zoo import Item, judge  # noqa: E402
-from planner.work.limit import Limit  # noqa: E402
-from runtime.shell.command import seconds  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "resolution.json"
-GRIPPERS: dict[str, dict[str, float]] = {
-    "2F-85": {},
-    "0.01 mm": {"resolution_mm": 0.01, "noise_mm": 0.02},
-}
+RESULTS = harness.Kept("resolution")
+GRIPPERS: dict[str, dict[str, float]]
+GRIPPERS = {"2F-85": {}, "0.01 mm": {"resolution_mm": 0.01, "noise_mm": 0.02}}
 PARTS, SEEDS = ("rectangle", "gusset", "egg-cam"), (1, 2, 3)
 SHOWN = ("mean_squeezes", "seconds_mean", "error_mm")
+KEPT = ("kind", "cut", "success_rate", "wrong_rate", *SHOWN)
 
 
 def zoo(sample: int, budget_s: float) -> Iterator[tuple[str, str, Any]]:
     """Name, gripper and how to judge it, of outlines drawn at random."""
     known = zoo_sources.outlines()
     names = sorted(name for name in known if not zoo_sources.kept_aside(name))
-    base = job_file.load(ROOT / "trees" / "ratchet" / "job.toml")
+    base = job_file.load(TREES / "ratchet" / "job.toml")
     for name in random.Random(1).sample(names, min(sample, len(names))):
         for gripper, reading in GRIPPERS.items():
             job = base.replaced(search={"method": "closed-loop"}, gripper=reading)
@@ -53,7 +48,7 @@ def zoo(sample: int, budget_s: float) -> Iterator[tuple[str, str, Any]]:
 def parts(budget_s: float) -> Iterator[tuple[str, str, Any]]:
     """The same of the three parts, each with some seeds."""
     for seed, name, gripper in product(SEEDS, PARTS, GRIPPERS):
-        job = job_file.load(ROOT / "trees" / name / "job.toml")
+        job = job_file.load(TREES / name / "job.toml")
         job = job.replaced(seed=seed, gripper=GRIPPERS[gripper])
 
         def judged(job: job_file.Job = job) -> dict[str, Any]:
@@ -66,27 +61,23 @@ def parts(budget_s: float) -> Iterator[tuple[str, str, Any]]:
 
 def main() -> int:
     """Plan what is not there yet, and print the means."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("--sample", type=int, default=24, metavar="N")
     parser.add_argument("--budget", type=seconds, default=90.0, help="of planning each")
     parser.add_argument("--cpu", type=seconds, default=2400.0, help="then nothing more is begun")
     given = parser.parse_args()
-    rows = json.loads(RESULTS.read_text()) if RESULTS.exists() else []
+    rows = RESULTS.read([])
     done = {(row["name"], row["gripper"]) for row in rows}
     for name, gripper, judged in (*zoo(given.sample, given.budget), *parts(given.budget)):
         if (name, gripper) in done or time.process_time() > given.cpu:
             continue
         row = judged()
-        figures = {
-            key: row[key]
-            for key in ("kind", "cut", "success_rate", "wrong_rate", *SHOWN)
-            if key in row
-        }
+        figures = {key: row[key] for key in KEPT if key in row}
         if figures.get("error_mm"):
             figures["error_mm"] = round(figures["error_mm"]["median"], 4)
         rows.append({"name": name, "gripper": gripper, **figures})
-        RESULTS.write_text("[\n" + ",\n".join(map(json.dumps, rows)) + "\n]\n", encoding="utf-8")
-        print(json.dumps(rows[-1]), flush=True)
+        RESULTS.write_rows(rows)
+        harness.show(rows[-1])
     for title, chosen in (("zoo", None), *((part, part) for part in PARTS)):
         print(title, compared([row for row in rows if part_of(row["name"]) == chosen]))
     return 0
@@ -110,11 +101,8 @@ def compared(rows: list[dict[str, Any]]) -> dict[str, Any]:
         gripper: {key: round(mean(by_name[name][key] for name in both), 3) for key in SHOWN if both}
         for gripper, by_name in by_gripper.items()
     }
-    return {
-        "compared": len(both),
-        "located": {key: len(by_name) for key, by_name in by_gripper.items()},
-        **means,
-    }
+    located_by = {key: len(by_name) for key, by_name in by_gripper.items()}
+    return {"compared": len(both), "located": located_by, **means}
 
 
 if __name__ == "__main__":

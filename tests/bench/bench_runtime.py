@@ -13,38 +13,33 @@ of many, which is what the code costs. Garbage collection has no part in it: a d
 With `--realtime` (as root) no other program comes between, as on a controller that has nothing else to do.
 """
 
-from __future__ import annotations
-
-import argparse
 import compileall
 import gc
-import json
 import os
 import platform
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 from array import array
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+import harness
+from programs import ROOT, RUNTIME, TABLE, started
+from running_cells import RunningCell, runtime_command
+from tapped_devices import TappedArm, TappedGripper
 
-from tapped_devices import TappedArm, TappedGripper  # noqa: E402
+from drivers.ports import ObjectState
+from runtime.table import REJECT, decision_map, load
+from runtime.traversal.decision import Policy, TraversalState, advance, decide
 
-from drivers.ports import ObjectState  # noqa: E402
-from runtime.table import REJECT, decision_map, load  # noqa: E402
-from runtime.traversal.decision import Policy, TraversalState, advance, decide  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "runtime.json"
+RESULTS = harness.Kept("runtime")
 LIMITS = {"rss_mib": 30.0, "first_frame_s": 0.5, "decision_p9999_us": 50.0}
 WIDTHS = 256  # of each node
 DECISIONS = 1_000_000
 ARITHMETIC = 100  # additions that take about as long as a decision
-CELL_SPEED = "10"
+CELL_SPEED = 10.0
 STOPPED, PARTS_ENDS = 40, (10,)
 
 
@@ -61,36 +56,19 @@ class TimedGripper(TappedGripper):
 def first_frame_s(tree: Path, folder: Path) -> float:
     """From the start of the process to the first frame at the gripper."""
     with TimedGripper() as gripper, TappedArm() as arm:
-        command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", gripper.path]
-        command += ["--arm", arm.url, "--dry-run", "--journal", str(folder / "none.jsonl")]
+        words = [*RUNTIME, "--tree", str(tree), "--port", gripper.path, "--arm", arm.url]
+        words += ["--dry-run", "--journal", str(folder / "none.jsonl")]
         start = time.perf_counter()
-        subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
+        subprocess.run(words, cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
         return gripper.first_s - start
 
 
 def watched_run(tree: Path, folder: Path, minutes: float) -> list[dict[str, float]]:
     """Memory and descriptors, time after time, of a process that squeezes parts with the serial driver."""
-    cell = [
-        sys.executable,
-        "-m",
-        "drivers.sim.cli",
-        "--tree",
-        str(tree),
-        "--json",
-        "--until-stdin-closes",
-    ]
-    cell += ["--world", "runtime.devices.rehearsal:make", "--time-scale", CELL_SPEED]
-    with subprocess.Popen(
-        cell, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as simulated:
-        assert simulated.stdout is not None
-        assert simulated.stdin is not None
-        ends = json.loads(simulated.stdout.readline())
-        command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--activate"]
-        command += ["--count", "1000000" if minutes else "6"]
-        command += ["--port", ends["gripper"], "--arm", ends["arm"], "--tips", "straight"]
-        command += ["--http", "127.0.0.1:0", "--journal", str(folder / "bench.jsonl")]
-        run = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
+    with RunningCell(tree, time_scale=CELL_SPEED) as cell:
+        more = ("--count", "1000000" if minutes else "6", "--http", "127.0.0.1:0")
+        words = runtime_command(tree, cell, folder / "bench.jsonl", *more)
+        run = started(words, stdout=subprocess.DEVNULL, stderr=None)
         until = time.monotonic() + 60.0 * minutes
         seen: list[dict[str, float]] = []
         while run.poll() is None:
@@ -102,16 +80,14 @@ def watched_run(tree: Path, folder: Path, minutes: float) -> list[dict[str, floa
             time.sleep(1.0 if minutes else 0.02)
         if run.returncode not in (0, STOPPED, *PARTS_ENDS):
             raise SystemExit(f"the run ended with exit code {run.returncode}")
-        simulated.stdin.close()
     return seen
 
 
 def rise(seen: list[dict[str, float]], name: str) -> float:
     """How much the highest of the last quarter is above the highest of the second."""
     quarter = max(len(seen) // 4, 1)
-    return max(s[name] for s in seen[-quarter:]) - max(
-        s[name] for s in seen[quarter : 2 * quarter] or seen
-    )
+    second = seen[quarter : 2 * quarter] or seen
+    return max(s[name] for s in seen[-quarter:]) - max(s[name] for s in second)
 
 
 def memory_of(pid: int) -> dict[str, float]:
@@ -160,14 +136,11 @@ def decision_us(tree: Path) -> dict[str, float]:
         for summand in range(ARITHMETIC):
             index += summand
         control[number] = clock() - start
-    return {
-        **percentiles(spent, ""),
-        **percentiles(control, "control_"),
-        **percentiles(least, "least_"),
-    }
+    figures = percentiles(spent, "") | percentiles(control, "control_")
+    return figures | percentiles(least, "least_")
 
 
-def percentiles(durations: array[int], prefix: str) -> dict[str, float]:
+def percentiles(durations: "array[int]", prefix: str) -> dict[str, float]:
     """Some percentiles of durations in ns, in us."""
     spent = sorted(durations)
     at = {
@@ -181,12 +154,8 @@ PERCENTILES = {"p50_us": 0.5, "p99_us": 0.99, "p9999_us": 0.9999}
 
 def main() -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "--tree", type=Path, default=ROOT / "trees" / "rectangle" / "rectangle.msgpack"
-    )
+    parser = harness.parser(__doc__)
+    parser.add_argument("--tree", type=Path, default=TABLE)
     parser.add_argument("--starts", type=int, default=10)
     parser.add_argument("--minutes", type=float, default=0.0)
     parser.add_argument("--realtime", action="store_true")
@@ -199,14 +168,10 @@ def main() -> None:
         starts = [first_frame_s(arguments.tree, folder) for _ in range(arguments.starts)]
         seen = watched_run(arguments.tree, folder, arguments.minutes)
         parts = sum(b'"kind":"outcome"' in line for line in (folder / "bench.jsonl").open("rb"))
-    memory = {
-        "peak_mib": seen[-1]["peak_mib"],
-        "rise_mib": rise(seen, "rss_mib"),
-        "descriptors": seen[-1]["descriptors"],
-        "descriptors_rise": rise(seen, "descriptors"),
-        "minutes": arguments.minutes,
-        "parts": parts,
-    }
+    memory = {"peak_mib": seen[-1]["peak_mib"], "rise_mib": rise(seen, "rss_mib")}
+    memory["descriptors"] = seen[-1]["descriptors"]
+    memory["descriptors_rise"] = rise(seen, "descriptors")
+    memory |= {"minutes": arguments.minutes, "parts": parts}
     if arguments.realtime:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     decision = decision_us(arguments.tree)
@@ -218,32 +183,8 @@ def main() -> None:
         "python": platform.python_version(),
         "cores": os.cpu_count(),
     }
-    result = (
-        (
-            "first frame",
-            max(starts),
-            LIMITS["first_frame_s"],
-            f"s at worst of {len(starts)} starts",
-        ),
-        ("memory", memory["peak_mib"], LIMITS["rss_mib"], "MiB at most"),
-        ("rise", memory["rise_mib"], 1.0, f"MiB over {arguments.minutes:g} minutes, {parts} parts"),
-        ("decision", decision["p9999_us"], LIMITS["decision_p9999_us"], "us p99.99 by the wall"),
-        (
-            "",
-            decision["control_p9999_us"],
-            LIMITS["decision_p9999_us"],
-            "us p99.99 of arithmetic instead",
-        ),
-        (
-            "",
-            decision["least_max_us"],
-            LIMITS["decision_p9999_us"],
-            "us the slowest input, undisturbed",
-        ),
-    )
-    for name, value, limit, unit in result:
-        print(f"{name:<12} {value:9.3f} {unit} (limit {limit:g})")
-    RESULTS.write_text(json.dumps(record, indent=1) + "\n")
+    harness.show(record)
+    RESULTS.write(record)
 
 
 if __name__ == "__main__":

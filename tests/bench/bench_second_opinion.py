@@ -7,34 +7,29 @@ squeezes of the trials are made again in the contact world: nominally, and 20 ti
 figures and writes `results/second_opinion.json` beside this file, part by part: what is there is kept.
 """
 
-from __future__ import annotations
-
-import argparse
 import json
 import platform
-import sys
 import time
-from pathlib import Path
 from typing import Any
 
+import harness
 import numpy as np
+from tree_tables import NAMES, TREES, table_of
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.leaves import worst
+from planner.evaluation.mujoco import RigidWorld
+from planner.frames import wrap
+from planner.job import model as job_file
+from planner.job.model import Job
+from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
+from planner.work.scheduler import Threads
 
-from tree_tables import NAMES, TREES, table_of  # noqa: E402
-
-from planner.evaluation.evaluate import evaluate  # noqa: E402
-from planner.evaluation.leaves import worst  # noqa: E402
-from planner.evaluation.mujoco import RigidWorld  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.job.model import Job  # noqa: E402
-from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator  # noqa: E402
-from planner.work.scheduler import Threads  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results" / "second_opinion.json"
+RESULTS = harness.Kept("second_opinion")
 SEED = 99
 DRAWS = 20
+KEPT = ("trials", "success_rate", "wrong_rate", "reject_rate", "unresolved_rate", "crashes")
+KEPT += ("mean_squeezes",)
 NEAR_MM, NEAR_WIDTH_MM = 1.0, 0.5
 
 
@@ -57,10 +52,8 @@ def near(ends: np.ndarray, rolled: RollOut) -> np.ndarray:
     """Which squeezes end alike in both worlds: place, angle by what it moves the rim by, and width."""
     off = ends[:, :3] - rolled.poses
     place = np.hypot(off[:, 0], off[:, 1])
-    turn = np.abs(np.remainder(off[:, 2] + np.pi, 2 * np.pi) - np.pi)
-    return (
-        (place < NEAR_MM) & (turn < 0.05) & (np.abs(ends[:, 3] - rolled.width_mm) < NEAR_WIDTH_MM)
-    )
+    wide = np.abs(ends[:, 3] - rolled.width_mm)
+    return (place < NEAR_MM) & (np.abs(wrap(off[:, 2])) < 0.05) & (wide < NEAR_WIDTH_MM)
 
 
 def bench(part: str, trials: int) -> dict[str, Any]:
@@ -78,18 +71,9 @@ def bench(part: str, trials: int) -> dict[str, Any]:
     for _ in range(DRAWS):
         predicted |= near(ends, ours.roll_out(poses, ours.sample(len(poses), rng)))
     figures = evaluation.summary()
-    kept = (
-        "trials",
-        "success_rate",
-        "wrong_rate",
-        "reject_rate",
-        "unresolved_rate",
-        "crashes",
-        "mean_squeezes",
-    )
     row: dict[str, Any] = {
         "part": part,
-        **{key: figures[key] for key in kept},
+        **{key: figures[key] for key in KEPT},
         "planned": table.predicted.success_ppm / 1e6,
         "squeezes": len(poses),
         "as_nominal": float(near(ends, nominal).mean()),
@@ -99,30 +83,22 @@ def bench(part: str, trials: int) -> dict[str, Any]:
         "per_second": len(poses) / seconds,
         "wrong": [row.figures() for row in worst(table, evaluation, int(evaluation.wrong.sum()))],
     }
-    print(
-        "{part}: {success_rate:.2%} of {trials}, {wrong_rate:.2%} wrong; {squeezes} squeezes, "
-        "{as_nominal:.1%} as the nominal one, {predicted:.1%} as one of 20; "
-        "{per_second:.0f} a second".format(**row),
-        flush=True,
-    )
+    harness.show(row)
     return row
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("--parts", nargs="+", choices=NAMES, default=NAMES, metavar="PART")
-    parser.add_argument(
-        "--trials", type=int, default=300, help="parts of each (default: %(default)s)"
-    )
+    parser.add_argument("--trials", type=int, default=300, help="parts of each")
     options = parser.parse_args()
     for part in options.parts:
         row = bench(part, options.trials)
         rows = json.loads(RESULTS.read_text())["rows"] if RESULTS.exists() else []
-        rows = sorted(
-            [old for old in rows if old["part"] != part] + [row], key=lambda row: row["part"]
-        )
+        others = [old for old in rows if old["part"] != part]
+        rows = sorted([*others, row], key=lambda row: row["part"])
         record = {"machine": platform.platform(), "rows": rows}
-        RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        RESULTS.write(record)
 
 
 if __name__ == "__main__":

@@ -8,10 +8,7 @@ parts scatters, most where few paths are much longer than the others: the foreca
 the model times the very squeezes of the cell, too. Writes `results/seconds.json`, and prints it as a table.
 """
 
-import argparse
 import json
-import subprocess
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -20,21 +17,20 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+import harness
 import numpy as np
+from kept import table_of
+from programs import RUNTIME, VIRTUAL, ended
 
 from planner.evaluation.evaluate import evaluate
 from planner.job import model as job_file
 from planner.world import ContactWorlds
 from runtime.table import REJECT, Schedule, Squeezed, Table, job_of, load, takt_figures
 
-ROOT = Path(__file__).parents[2]
-RESULTS = Path(__file__).parent / "results" / "seconds.json"
+RESULTS = harness.Kept("seconds")
 SEED = 52
 REJECTED, UNRESOLVED = 10, 11  # exit codes of runs whose parts all came to an outcome
 
-sys.path.insert(0, str(ROOT / "tools" / "docs" / "site"))
-
-from kept import table_of  # noqa: E402
 
 Figures = dict[str, float]
 Part = dict[str, Any]  # as `grasp-runtime --json` prints it
@@ -58,13 +54,11 @@ def cell_run(tree: Path, count: int) -> list[Part]:
         SystemExit: the run ended with a fault.
     """
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree.resolve()), "--json"]
-        command += ["--port", "sim", "--time-scale", "max", "--count", str(count)]
-        command += ["--seed", str(SEED), "--journal", str(Path(folder) / "journal.jsonl")]
-        run = subprocess.run(command, cwd=ROOT, text=True, capture_output=True, check=False)
-    if run.returncode not in (0, REJECTED, UNRESOLVED):
-        raise SystemExit(f"{tree}: the run ended with exit code {run.returncode}: {run.stderr}")
-    return [json.loads(line) for line in run.stdout.splitlines()]
+        words = ["--count", count, "--seed", SEED, "--journal", f"{folder}/journal.jsonl", "--json"]
+        run = ended([*RUNTIME, *VIRTUAL, "--tree", tree.resolve(), *words], timeout=None)
+    if run.code not in (0, REJECTED, UNRESOLVED):
+        raise SystemExit(f"{tree}: the run ended with exit code {run.code}: {run.err}")
+    return [json.loads(line) for line in run.out.splitlines()]
 
 
 def measured(parts: Sequence[Part]) -> Figures:
@@ -107,9 +101,7 @@ def _timed(seconds: Counter[float], squeezes: float) -> Figures:
 
 def main() -> None:
     """Measure, write, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument("trees", type=Path, nargs="+", metavar="TREE.msgpack")
     parser.add_argument("--count", type=int, default=500)
     parser.add_argument("--trials", type=int, default=20_000)
@@ -117,15 +109,10 @@ def main() -> None:
     rows = []
     for tree in given.trees:
         table, parts = load(tree).table, cell_run(tree, given.count)
-        rows.append(
-            {
-                "part": tree.stem,
-                "forecast": forecast(table, given.trials, given.count),
-                "measured": measured(parts),
-                "same_squeezes": same_squeezes(table, parts),
-            }
-        )
-        RESULTS.write_text(json.dumps(rows, indent=1) + "\n")
+        row = {"part": tree.stem, "forecast": forecast(table, given.trials, given.count)}
+        row |= {"measured": measured(parts), "same_squeezes": same_squeezes(table, parts)}
+        rows.append(row)
+        RESULTS.write(rows)
     print(table_of("seconds"))
 
 

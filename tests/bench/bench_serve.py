@@ -6,7 +6,6 @@ The same simulated parts twice, by the planner's contact world: once moved by th
 of tools/docs/clients/robot.py, which asks a server in another process. Ends with 1 where an answer differs.
 """
 
-import argparse
 import shutil
 import sys
 import tempfile
@@ -14,9 +13,9 @@ from pathlib import Path
 from statistics import median, quantiles
 from time import perf_counter, process_time
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
-
-from asking_robots import ROOT, Served, SimulatedRobot, client, driven
+import harness
+from asking_robots import Served, SimulatedRobot, client, driven
+from programs import TABLE
 
 from drivers.sim.physics import scene
 from runtime.journal.chain import Journal, records
@@ -38,15 +37,14 @@ class Timed:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = harness.parser(__doc__)
     parser.add_argument("--parts", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=5)
     given = parser.parse_args()
-    shipped = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
-    table, setting = load(shipped).table, scene.load(shipped, None, "planner.world:make")
+    table, setting = load(TABLE).table, scene.load(TABLE, None, "planner.world:make")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        shutil.copy(shipped, folder / "t.msgpack")
+        shutil.copy(TABLE, folder / "t.msgpack")
         with Journal(folder / "driven.jsonl", lambda: "") as journal:
             expected = driven(setting, given.seed, table, given.parts, journal)
         module, robot = client(), SimulatedRobot(setting, given.seed, table)
@@ -59,10 +57,8 @@ def main() -> int:
                     module.locate(timed, robot)
             _, parts, _ = served.ended()
         findings = list(Replay().follow(records(folder / "journal.jsonl")))
-    same = sum(
-        {name: part[name] for name in wanted} == wanted
-        for part, wanted in zip(parts, expected, strict=True)
-    )
+    pairs = zip(parts, expected, strict=True)
+    same = sum({name: part[name] for name in wanted} == wanted for part, wanted in pairs)
     late = quantiles(timed.spent_ms, n=100)[98]
     print(f"{same} of {given.parts} parts as driven, {len(findings)} findings of the replay")
     print(

@@ -6,27 +6,19 @@ Prints tables and writes `results/squeeze.json` beside this file. The speed of M
 the extra `mujoco` is installed.
 """
 
-from __future__ import annotations
-
 import argparse
-import json
 import math
 import os
 import platform
-import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
+import harness
 import numpy as np
-
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
-
-from problems import (  # noqa: E402
+from problems import (
     JAWS,
     LONG_JAWS,
     OUTLINES,
@@ -35,13 +27,14 @@ from problems import (  # noqa: E402
     random_poses,
     simulator,
 )
-from twin import Part, squeeze  # noqa: E402
+from programs import JOB, ROOT, ended
+from twin import Part, squeeze
 
-from planner.job import model as job_file  # noqa: E402
-from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES  # noqa: E402
-from planner.part.outline import width as outline_width  # noqa: E402
+from planner.job import model as job_file
+from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES
+from planner.part.outline import width as outline_width
 
-RESULTS = Path(__file__).parent / "results" / "squeeze.json"
+RESULTS = harness.Kept("squeeze")
 RADII_MM = (12.75, 38.25)
 FINER = 20
 CLOSE_MM, CLOSE_DEG = 0.3, 1.0
@@ -69,11 +62,7 @@ def convergence(poses: int) -> list[Row]:
         for radius in RADII_MM:
             row: Row = {"part": name, "disc_mm": radius} | _converged(outline, radius, poses)
             table.append(row)
-            print(
-                "{part:15} {disc_mm:6} {close_percent:7.2f} % {deepest_mm:8.4f} mm {given_up:4} "
-                "{given_up_fine:4}  {per_second:8.0f}/s  {statuses}".format(**row),
-                flush=True,
-            )
+            harness.show(row)
     return table
 
 
@@ -99,23 +88,22 @@ def _converged(outline: np.ndarray, radius: float, poses: int) -> Row:
         for before, after, width in zip(start, result.poses, result.width_mm, strict=True)
         if deepest_overlap(outline, before, JAWS[0]) == 0.0
     ]
+    counts = np.bincount(result.status, minlength=4).tolist()
     return {
         "close_percent": 100 * float(close.mean()),
         "deepest_mm": max(depths),
         "given_up": int(result.given_up.sum()),
         "given_up_fine": int(exact.given_up.sum()),
         "per_second": poses / seconds,
-        "statuses": dict(
-            zip(STATUS_NAMES, np.bincount(result.status, minlength=4).tolist(), strict=True)
-        ),
+        "statuses": dict(zip(STATUS_NAMES, counts, strict=True)),
         "first_given_up": start[np.flatnonzero(result.given_up)[:3]].tolist(),
         "first_off": start[np.flatnonzero(~close)[:3]].tolist(),
     }
 
 
-def goldberg(polygons: int = 200, poses: int = 10) -> Row:
+def goldberg() -> Row:
     """Frictionless long jaws on random convex polygons: how many end in a valley of the width function."""
-    ended, held = 0, 0
+    polygons, poses, ended, held = 200, 10, 0, 0
     for seed in range(polygons):
         rng = np.random.default_rng(seed)
         outline = random_convex(rng, int(rng.integers(4, 9)))
@@ -124,20 +112,12 @@ def goldberg(polygons: int = 200, poses: int = 10) -> Row:
         held += int((np.array(STATUS_NAMES)[result.status] == "grasped").sum())
         for pose, width in zip(result.poses, result.width_mm, strict=True):
             axis = math.pi / 2 - pose[2]
-            floor = min(
-                outline_width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201)
-            )
+            near = axis + np.radians(np.linspace(-1.0, 1.0, 201))
+            floor = min(outline_width(outline, angle) for angle in near)
             ended += abs(floor - width) < 0.02
-    row: Row = {
-        "polygons": polygons,
-        "squeezes": polygons * poses,
-        "in_a_valley": int(ended),
-        "grasped": held,
-    }
-    print(
-        "Goldberg: {in_a_valley} of {squeezes} in a valley of the width function, "
-        "{grasped} of them grasped".format(**row)
-    )
+    row: Row = {"polygons": polygons, "squeezes": polygons * poses}
+    row |= {"in_a_valley": int(ended), "grasped": held}
+    harness.show(row)
     return row
 
 
@@ -152,11 +132,9 @@ def speed() -> list[Row]:
         parameters = part.sample(count, rng)
         part.roll_out(poses[:10], part.nominal(10, 0.5))
         ours = count / min(_timed(lambda: part.roll_out(poses, parameters)) for _ in range(3))  # noqa: B023
-        table.append(
-            {"part": name, "vertices": len(outline), "per_second": ours}
-            | _others(part, poses[:20], ours)
-        )
-        print(json.dumps(table[-1]), flush=True)
+        row = {"part": name, "vertices": len(outline), "per_second": ours}
+        table.append(row | _others(part, poses[:20], ours))
+        harness.show(table[-1])
     return table
 
 
@@ -167,13 +145,9 @@ def _others(part: Any, poses: np.ndarray, ours: float) -> Row:
     clock = time.perf_counter()
     few = [squeeze(model, pose) for pose in poses[:5]]
     twin = 5 / (time.perf_counter() - clock)
-    row: Row = {
-        "twin_per_second": twin,
-        "times_twin": ours / twin,
-        "twin_width_error_mm": float(
-            np.abs([r.width_mm for r in few] - nominal.width_mm[:5]).max()
-        ),
-    }
+    off_mm = np.abs([r.width_mm for r in few] - nominal.width_mm[:5]).max()
+    row: Row = {"twin_per_second": twin, "times_twin": ours / twin}
+    row["twin_width_error_mm"] = float(off_mm)
     try:
         from planner.evaluation.mujoco import RigidWorld
     except ImportError:
@@ -182,9 +156,7 @@ def _others(part: Any, poses: np.ndarray, ours: float) -> Row:
         )
         return row
     drawn = {"outline_mm": part.outline.tolist(), "symmetry": 1}
-    world = RigidWorld(
-        job_file.load(ROOT / "trees" / "rectangle" / "job.toml").replaced(part=drawn), 0
-    )
+    world = RigidWorld(job_file.load(JOB).replaced(part=drawn), 0)
     clock = time.perf_counter()
     results = [(world.close(tuple(pose), 0.5), world.pose()) for pose in poses.tolist()]
     mujoco = len(poses) / (time.perf_counter() - clock)
@@ -210,28 +182,16 @@ def first_call() -> Row:
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | {"SQUEEZETREE_CACHE_DIR": folder, "PYTHONPATH": str(ROOT)}
         for _ in range(2):
-            done = subprocess.run(
-                [sys.executable, "-c", FIRST_CALL],
-                env=environment,
-                capture_output=True,
-                text=True,
-                check=True,
-            )
-            seconds.append(float(done.stdout.split()[0]))
+            done = ended([sys.executable, "-c", FIRST_CALL], env=environment, timeout=None)
+            seconds.append(float(done.out.split()[0]))
     row: Row = {"empty_cache_s": seconds[0], "filled_cache_s": seconds[1]}
-    print(
-        "first squeeze: {empty_cache_s:.1f} s compiling, {filled_cache_s:.2f} s from the cache".format(
-            **row
-        )
-    )
+    harness.show(row)
     return row
 
 
 def main() -> None:
     """Run the chosen benches and record them."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument("--poses", type=int, default=2000, help="for each part and disc")
     benches: dict[str, Callable[[argparse.Namespace], Any]] = {
         "compile": lambda _: first_call(),
@@ -241,17 +201,12 @@ def main() -> None:
     }
     parser.add_argument("--only", nargs="+", choices=list(benches), default=list(benches))
     options = parser.parse_args()
-    results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    results = RESULTS.read({})
     for name in options.only:
         results[name] = benches[name](options)
-    results["setting"] = {
-        "step_mm": DEFAULT_STEP_MM,
-        "poses": options.poses,
-        "python": platform.python_version(),
-        "machine": platform.machine(),
-    }
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+    results["setting"] = {"step_mm": DEFAULT_STEP_MM, "poses": options.poses}
+    results["setting"] |= {"python": platform.python_version(), "machine": platform.machine()}
+    RESULTS.write(results)
 
 
 if __name__ == "__main__":

@@ -9,30 +9,22 @@ problem, with no compliance. All worlds squeeze the same random poses with the m
 Prints figures and writes `results/third_opinion.json` beside this file, part by part.
 """
 
-from __future__ import annotations
-
-import argparse
 import json
 import math
-import sys
 from itertools import product
-from pathlib import Path
 from typing import Any
 
+import bench_second_opinion as second
 import dartpy
+import harness
 import numpy as np
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
-
-import bench_second_opinion as second  # noqa: E402
-
-from planner.arrays import Array  # noqa: E402
-from planner.evaluation import mujoco  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.job.model import Job  # noqa: E402
-from planner.mechanics.simulator import Simulator  # noqa: E402
-from planner.part.outline import area, radius_of_gyration, simplified  # noqa: E402
+from planner.arrays import Array
+from planner.evaluation import mujoco
+from planner.job import model as job_file
+from planner.job.model import Job
+from planner.mechanics.simulator import Simulator
+from planner.part.outline import area, radius_of_gyration, simplified
 
 RESULTS = second.RESULTS.with_name("third_opinion.json")
 PARTS = ("kite", "ratchet", "hook-jaw")
@@ -42,9 +34,8 @@ REACH = np.array([20.0, 8.0, math.pi])  # of the poses [mm, mm, rad]: at the fin
 HIGH_MM, ROUND_MM, PLATE_MM = 5.0, 0.02, 0.2  # half the height; corners; faces, as in MuJoCo
 LEAD_MM, CLOSED_MM = 0.5, 0.05
 WINDOW = 160  # steps between two looks at the jaws
-STALLED = (
-    0.05  # share of their way below which jaws stand still: DART's friction creeps at 1 to 2 %
-)
+# Share of their way below which jaws stand still: DART's friction creeps at 1 to 2 %.
+STALLED = 0.05
 SLOWEST_S = 5.0
 
 
@@ -73,9 +64,8 @@ class DartWorld:
         corners.setInertia(inertia)
         _, faces = self.part.createWeldJointAndBodyNodePair(corners)
         faces.setInertia(dartpy.dynamics.Inertia(1e-9, [0.0] * 3, 1e-9 * np.eye(3)))
-        for before, at, after in zip(
-            np.roll(outline, 1, axis=0), outline, np.roll(outline, -1, axis=0), strict=True
-        ):
+        sides = (np.roll(outline, shift, axis=0) for shift in (1, 0, -1))
+        for before, at, after in zip(*sides, strict=True):
             back, ahead = unit(at - before), unit(after - at)
             sharp = back[0] * ahead[1] - back[1] * ahead[0]
             if sharp > 0.0:  # others are notches
@@ -219,14 +209,14 @@ def bench(part: str, squeezes: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("--parts", nargs="+", default=PARTS, metavar="PART")
     parser.add_argument("--squeezes", type=int, default=60, help="of each part")
     options = parser.parse_args()
     rows = []
     for part in options.parts:
         rows.append(bench(part, options.squeezes))
-        print(json.dumps(rows[-1]), flush=True)
+        harness.show(rows[-1])
         RESULTS.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 

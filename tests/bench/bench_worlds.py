@@ -7,28 +7,22 @@ leaves that are surer. Both plans go through the standard set of worlds of `plan
 same parts. Prints figures and writes `results/worlds.json` beside this file.
 """
 
-from __future__ import annotations
-
-import argparse
-import json
 import platform
-import sys
 import time
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT)]
+import harness
+from programs import TREES
 
-from planner.compile import compile_job  # noqa: E402
-from planner.evaluation.cases import standard_cases  # noqa: E402
-from planner.evaluation.evaluate import sweep  # noqa: E402
-from planner.job import model as job_file  # noqa: E402
-from planner.job.model import Job  # noqa: E402
-from planner.work.scheduler import Threads  # noqa: E402
-from planner.world import ContactWorlds  # noqa: E402
+from planner.compile import compile_job
+from planner.evaluation.cases import standard_cases
+from planner.evaluation.evaluate import sweep
+from planner.job import model as job_file
+from planner.job.model import Job
+from planner.work.scheduler import Threads
+from planner.world import ContactWorlds
 
-RESULTS = Path(__file__).parent / "results" / "worlds.json"
+RESULTS = harness.Kept("worlds")
 PARTS = ("butterfly-10", "butterfly-15", "rectangle", "rectangle-25")
 DOUBTS: dict[str, dict[str, Any]] = {
     "doubt": {
@@ -43,13 +37,14 @@ PLANS: dict[str, dict[str, Any]] = {
     "with [doubt]": DOUBTS,
     "confidence 0.995": {**DOUBTS, "goal": {"confidence": 0.995}},
 }
+KEPT = ("success_rate", "wrong_rate", "wrong_ci95", "mean_squeezes")
 SEED = 99
 """Of the parts and the worlds; no plan is made with it."""
 
 
 def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
     """One plan in all the worlds."""
-    job = job_file.load(ROOT / "trees" / part / "job.toml")
+    job = job_file.load(TREES / part / "job.toml")
     start = time.perf_counter()
     table = compile_job(job.replaced(**PLANS[plan])).table
     seconds = time.perf_counter() - start
@@ -60,35 +55,21 @@ def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
     record = {}
     for line in sweep(table, job, standard_cases(job), worlds, trials, SEED, Threads(2)):
         figures = line.evaluation.summary()
-        record[line.case.name] = {
-            key: figures[key]
-            for key in ("success_rate", "wrong_rate", "wrong_ci95", "mean_squeezes")
-        }
+        record[line.case.name] = {key: figures[key] for key in KEPT}
     worst = max(record, key=lambda name: record[name]["wrong_rate"])
-    print(
-        f"{part}, {plan}: {record['as planned']['mean_squeezes']:.2f} squeezes, planned in {seconds:.1f} s, "
-        f"worst {record[worst]['wrong_rate']:.2%} wrong with {worst}",
-        flush=True,
-    )
-    return {
-        "part": part,
-        "plan": plan,
-        "seconds": seconds,
-        "nodes": len(table.nodes),
-        "worlds": record,
-    }
+    row = {"part": part, "plan": plan, "seconds": seconds, "nodes": len(table.nodes)}
+    harness.show({**row, "worst": worst, **record[worst]})
+    return {**row, "worlds": record}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = harness.parser(__doc__)
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
-    parser.add_argument(
-        "--trials", type=int, default=20_000, help="parts in each world (default: %(default)s)"
-    )
+    parser.add_argument("--trials", type=int, default=20_000, help="parts in each world")
     options = parser.parse_args()
     rows = [bench(part, plan, options.trials) for part in options.parts for plan in PLANS]
     record = {"machine": platform.platform(), "trials": options.trials, "rows": rows}
-    RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    RESULTS.write(record)
 
 
 if __name__ == "__main__":

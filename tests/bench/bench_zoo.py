@@ -7,9 +7,6 @@ and writes `results/zoo500.json` beside this file: names and figures, no outline
 from what tools/zoo500 has done.
 """
 
-from __future__ import annotations
-
-import argparse
 import json
 import platform
 import subprocess
@@ -17,41 +14,31 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-RESULTS = Path(__file__).parent / "results" / "zoo500.json"
+import harness
+from programs import ROOT
+
+RESULTS = harness.Kept("zoo500")
 DONE = ROOT / "out" / "zoo500.jsonl"
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument(
-        "--sample", default="20", metavar="N", help="how many outlines (default: %(default)s)"
-    )
-    parser.add_argument("--budget", default="120s", help="of planning each (default: %(default)s)")
+    parser = harness.parser(__doc__)
+    parser.add_argument("--sample", default="20", metavar="N", help="how many outlines")
+    parser.add_argument("--budget", default="120s", help="of planning each")
     parser.add_argument("--done", action="store_true", help="go on from what tools/zoo500 has done")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         lines = DONE if options.done else Path(folder) / "rows.jsonl"
         page = Path(folder) / "page.html"
-        words = ["--sample", options.sample, "--workers", "1", "--budget", options.budget]
-        code = subprocess.call(
-            [
-                sys.executable,
-                str(ROOT / "tools" / "zoo500"),
-                *words,
-                "--results",
-                str(lines),
-                "-o",
-                str(page),
-            ]
-        )
-        if code:
+        words = [sys.executable, str(ROOT / "tools" / "zoo500"), "--sample", options.sample]
+        words += ["--workers", "1", "--budget", options.budget, "--results", str(lines)]
+        if code := subprocess.call([*words, "-o", str(page)]):
             return code
         rows = {row["name"]: row for row in map(json.loads, lines.read_text().splitlines())}
     for row in rows.values():
         del row["outline_mm"], row["key"]
     record = {"machine": platform.platform(), "budget": options.budget, "rows": list(rows.values())}
-    RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    RESULTS.write(record)
     return 0
 
 

@@ -3,18 +3,15 @@
 Limits were chosen with other seeds (0 to 99, 500 to 519, from 700 000 on); those here are for nothing else.
 """
 
-from __future__ import annotations
-
 import copy
 from collections import Counter
 from typing import Any
 
 import numpy as np
-from counting import COUNTS
 from drifting import HEALTHY, Drift, parts, squeezed
 
 from planner.arrays import Array
-from planner.evaluation.expectation import readings
+from planner.evaluation.expectation import bins_of, readings
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from runtime.spc.expectation import PRIOR, Expectation
@@ -26,19 +23,11 @@ BEFORE, WITHIN = 300, 50
 FRESH = 10_000  # seeds of this module begin here
 RARE = 1e4  # parts to a false alarm that a drift must be told apart at
 POOL = 40_000  # parts that the shares of a drift are counted in; for the planned ones five times as many
+FRICTIONS = ((0.05, 0.15), (0.2, 0.3), (0.28, 0.42), (0.34, 0.51), (0.46, 0.69), (0.5, 0.75))
+FRICTIONS += ((0.6, 0.8), (0.7, 0.9), (0.8, 1.0))
 DRIFTS = {
-    "encoder +1 mm": Drift(width_mm=1.0),
-    "encoder -1 mm": Drift(width_mm=-1.0),
-    "encoder +0.5 mm": Drift(width_mm=0.5),
-    "friction 0.05 to 0.15": Drift((0.05, 0.15)),
-    "friction 0.2 to 0.3": Drift((0.2, 0.3)),
-    "friction 0.28 to 0.42": Drift((0.28, 0.42)),
-    "friction 0.34 to 0.51": Drift((0.34, 0.51)),
-    "friction 0.46 to 0.69": Drift((0.46, 0.69)),
-    "friction 0.5 to 0.75": Drift((0.5, 0.75)),
-    "friction 0.6 to 0.8": Drift((0.6, 0.8)),
-    "friction 0.7 to 0.9": Drift((0.7, 0.9)),
-    "friction 0.8 to 1.0": Drift((0.8, 1.0)),
+    **{f"encoder {mm:+g} mm": Drift(width_mm=mm) for mm in (1.0, -1.0, 0.5)},
+    **{f"friction {low} to {high}": Drift((low, high)) for low, high in FRICTIONS},
     "camera 0.45 mm in x": Drift(seen_off=(0.45, 0.0, 0.0)),
     "camera 1 mm in y": Drift(seen_off=(0.0, 1.0, 0.0)),
     "camera turned by 2 deg": Drift(seen_off=(0.0, 0.0, 0.035)),
@@ -53,11 +42,8 @@ def healthy(table: Table, job: Job, expected: Expectation, blocks: int) -> dict[
         for part in parts(table, squeezed(table, job, 10_000, seed), seed):
             alarms.update(alarm.chart for alarm in monitor.add(part))
         print(f"healthy block {block}: {alarms.total()} alarms so far", flush=True)
-    return {
-        "parts": 10_000 * blocks,
-        "alarms": dict(alarms),
-        "alarms_in_10000": alarms.total() / blocks,
-    }
+    rate = alarms.total() / blocks
+    return {"parts": 10_000 * blocks, "alarms": dict(alarms), "alarms_in_10000": rate}
 
 
 def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[str, Any]:
@@ -71,10 +57,8 @@ def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[s
         ours = seed + 1000 * (number + 1)
         result = squeezed(table, job, runs * WITHIN, ours, drift)
         stretch = list(parts(table, result, ours, drift))
-        rows = [
-            _first(start, stretch[run * WITHIN : (run + 1) * WITHIN])
-            for run, start in enumerate(starts)
-        ]
+        stretches = (stretch[k : k + WITHIN] for k in range(0, len(stretch), WITHIN))
+        rows = [_first(start, mine) for start, mine in zip(starts, stretches, strict=True)]
         record[name] = _figures(rows)
         if drift.friction is not None:
             shares = _shares(squeezed(table, job, POOL, ours + 1, drift), table)
@@ -91,9 +75,9 @@ def bound(gain: Array, unchanged: Evaluation, result: Evaluation) -> dict[str, f
     Pearson 1933), though it is told when the friction changed, and to what.
 
     Args:
-        gain: (nodes, 256) logarithm of how much likelier each reading is after the change.
+        gain: (nodes, bins) logarithm of how much likelier each reading is after the change.
         unchanged: healthy parts, others than those that `gain` is from.
-        found: parts after the change, others too.
+        result: parts after the change, others too.
 
     Returns:
         `at_best`, the share of histories that it flags; `nats_in_50`, its mean statistic after the change.
@@ -105,13 +89,15 @@ def bound(gain: Array, unchanged: Evaluation, result: Evaluation) -> dict[str, f
 
 def _windows(gain: Array, result: Evaluation) -> Array:
     """Log-likelihood ratios of `WITHIN` parts each."""
-    record = np.where(result.path >= 0, gain[result.path, result.counts], 0.0).sum(axis=1)
+    bins = bins_of(result.table, np.maximum(result.steps, 0))
+    record = np.where(result.path >= 0, gain[result.path, bins], 0.0).sum(axis=1)
     return np.asarray(record.reshape(-1, WITHIN).sum(axis=1))
 
 
 def _shares(result: Evaluation, table: Table) -> Array:
     counts = readings(result, table)
-    return np.asarray((counts + PRIOR / COUNTS) / (counts.sum(axis=1, keepdims=True) + PRIOR))
+    bins = table.gripper.bins
+    return np.asarray((counts + PRIOR / bins) / (counts.sum(axis=1, keepdims=True) + PRIOR))
 
 
 def _started(table: Table, job: Job, expected: Expectation, seed: int) -> Monitor:

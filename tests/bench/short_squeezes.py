@@ -6,13 +6,14 @@ Beside it what the model of time says of the same squeezes. The measures are swi
 Of several tables it shows a row each: with all of the measures, and with none of them.
 """
 
-import argparse
 import statistics
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
+
+import harness
 
 from drivers.abb.codec import Reply
 from drivers.ports import TURN_RADIUS_MM
@@ -53,32 +54,22 @@ def _slow_looks(move: Callable) -> Callable:
     return moved
 
 
-def _always_raised(stack: ExitStack) -> None:
-    stack.enter_context(patch.object(Hand, "meet", _tightened(Hand.meet, Hand.tighten)))
-    stack.enter_context(patch.object(Hand, "tighten", lambda _, __, reading: reading))
-
-
-# Each measure, and what switches it off.
-OFF: dict[str, Callable[[ExitStack], None]] = {
-    "arm and jaws at once, jaws fast once free": lambda stack: stack.enter_context(
-        patch.object(Hand, "let_go", _sequential)
-    ),
-    "no second opening": lambda stack: stack.enter_context(
-        patch.object(Jaws, "_stands_open", lambda *_: False)
-    ),
-    "settled: three equal readings as fast as the count may change": lambda stack: (
-        stack.enter_context(patch.object(driver.Gripper, "move", _slow_looks(driver.Gripper.move)))
-    ),
-    "the arm's answers: read as soon as they are whole": lambda stack: stack.enter_context(
-        patch.object(Reply, "ended", property(lambda reply: not reply.fields))
-    ),
-    "force raised only where it changes anything": _always_raised,
-    "come down on the way to the first squeeze": lambda stack: stack.enter_context(
-        patch.object(Timing, "comes_down", lambda *_: False)
-    ),
-    "begin a part at the angle at which the hand stands": lambda stack: stack.enter_context(
-        patch.object(Hand, "turn_of_plan", lambda *_: 0.0)
-    ),
+# Each measure, and what is put in which place to switch it off.
+OFF: dict[str, list[tuple[type, str, object]]] = {
+    "arm and jaws at once, jaws fast once free": [(Hand, "let_go", _sequential)],
+    "no second opening": [(Jaws, "_stands_open", lambda *_: False)],
+    "settled: three equal readings as fast as the count may change": [
+        (driver.Gripper, "move", _slow_looks(driver.Gripper.move))
+    ],
+    "the arm's answers: read as soon as they are whole": [
+        (Reply, "ended", property(lambda reply: not reply.fields))
+    ],
+    "force raised only where it changes anything": [
+        (Hand, "meet", _tightened(Hand.meet, Hand.tighten)),
+        (Hand, "tighten", lambda _, __, reading: reading),
+    ],
+    "come down on the way to the first squeeze": [(Timing, "comes_down", lambda *_: False)],
+    "begin a part at the angle at which the hand stands": [(Hand, "turn_of_plan", lambda *_: 0.0)],
 }
 REGRASP, RADIUS = "rise to the regrasp height", "turn as fast as the gripper's reach allows"
 SHORT_WAY, CONTACT = "turn the short way", "close fast until shortly before contact"
@@ -97,16 +88,15 @@ def seconds(table: Table, tree: Path, parts: int, without: set[str]) -> list[tup
         geometry = setting.geometry._replace(turn_radius_mm=TURN_RADIUS_MM)
         setting = setting._replace(geometry=geometry)
     with ExitStack() as stack:
-        for name, off in OFF.items():
-            if name in without:
-                off(stack)
+        for name in OFF.keys() & without:
+            for place in OFF[name]:
+                stack.enter_context(patch.object(*place))
         cell = VirtualCell(setting, 1)
         gripper = cell.gripper()
         gripper.activate()
         options = RunOptions(handling=Handling(regulated=True))
-        executor = Executor(
-            table, Cell(gripper, cell.arm(), cell.clock, Nowhere()), Console(), options
-        )
+        devices = Cell(gripper, cell.arm(), cell.clock, Nowhere())
+        executor = Executor(table, devices, Console(), options)
         hand = executor._hand
         if REGRASP in without:
             hand.timing = replace(hand.timing, regrasp_mm=hand.timing.retreat_mm)
@@ -144,9 +134,7 @@ def _branch(table: Table, node: int, target: int | None) -> int:
 
 def main() -> None:
     """Print a row a table, or a row a measure."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__)
     parser.add_argument("trees", type=Path, nargs="+", metavar="TREE.msgpack")
     parser.add_argument("--parts", type=int, default=100)
     given = parser.parse_args()

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from cameras import camera, part_tag, rig, true_calibration
+from programs import ROOT, TABLE, ended, started
 
 from drivers.camera.audit import service
 from drivers.camera.audit.auditor import PASS, UNKNOWN, Answer
@@ -23,8 +24,7 @@ from drivers.sim.physics.tabletop import Look
 from runtime.cli import main as runtime
 from runtime.table import dump, load
 
-ROOT = Path(__file__).parents[2]
-TREE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
+JUDGE = [sys.executable, "-P", "-m", "drivers.camera.audit.command", "judge"]
 OPTICS = camera()
 RIG = rig(OPTICS)
 POSE = (12.0, -8.0, 0.7)
@@ -36,29 +36,15 @@ class Asked:
 
     def __init__(self, *words, code=0, folder=ROOT, **files):
         self.code = code
-        arguments = [word for name, value in files.items() for word in (f"--{name}", str(value))]
-        self.process = subprocess.Popen(
-            [
-                sys.executable,
-                "-P",
-                "-m",
-                "drivers.camera.audit.command",
-                "judge",
-                *arguments,
-                *words,
-            ],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            cwd=folder,
-        )
+        arguments = [word for name, value in files.items() for word in (f"--{name}", value)]
+        self.process = started([*JUDGE, *arguments, *words], stdin=subprocess.PIPE, cwd=folder)
 
     def ask(self, pose=POSE, part=3):
         x_mm, y_mm, theta_rad = pose
         return self.say({"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad})
 
     def say(self, question):
-        self.process.stdin.write(json.dumps(question).encode() + b"\n")
+        self.process.stdin.write(json.dumps(question) + "\n")
         self.process.stdin.flush()
         return json.loads(self.process.stdout.readline())
 
@@ -83,7 +69,7 @@ def files(tmp_path):
     tag_file.save(part_tag(), tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
     with CameraServer(RIG.watcher(lambda: Look(POSE), seed=1)) as server:
         yield {
-            "tree": TREE,
+            "tree": TABLE,
             "camera": server.url,
             "calibration": tmp_path / "camera.json",
             "tag": tmp_path / "tag.json",
@@ -155,10 +141,7 @@ def test_process_that_grew_starts_anew_and_goes_on_answering(files, tmp_path):
 
 def test_memory_is_bounded():
     script = "from drivers.camera.audit import service; service.limit_memory(1); bytearray(3 << 30)"
-    ended = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, check=False
-    )
-    assert b"MemoryError" in ended.stderr
+    assert "MemoryError" in ended([sys.executable, "-c", script]).err
 
 
 # -- the service itself ---------------------------------------------------------------------------
@@ -223,23 +206,17 @@ def test_full_process_ends_between_questions_only():
 def test_run_by_another_table_is_refused_before_the_first_motion(files, tmp_path, capsys):
     """The auditor's leaves would lie 14.8 mm off; it says so itself, and the run asks it before it begins."""
     other = tmp_path / "other.msgpack"
-    dump(replace(load(TREE).table, job=None), other)
-    words = " ".join(f"--{name} {path}" for name, path in {**files, "tree": other}.items())
-    command = f"{sys.executable} -P -m drivers.camera.audit.command judge {words}"
+    dump(replace(load(TABLE).table, job=None), other)
+    words = (f"--{name} {path}" for name, path in {**files, "tree": other}.items())
+    run = ["--tree", str(TABLE), "--port", "sim", "--time-scale", "max"]
     journal = tmp_path / "run.jsonl"
-    run = ["--tree", str(TREE), "--port", "sim", "--time-scale", "max", "--audit", command]
-    run += ["--journal", str(journal)]
+    run += ["--audit", " ".join([*JUDGE, *words]), "--journal", str(journal)]
     assert runtime(run) == 2
     assert "--audit judges by another table" in capsys.readouterr().err
     assert not journal.exists()
     with Asked(**{**files, "tree": other}) as audits:
-        asked = {
-            "part": 1,
-            "x_mm": 12.0,
-            "y_mm": -8.0,
-            "theta_rad": 0.7,
-            "table_sha256": load(TREE).digest,
-        }
+        asked = {"part": 1, "x_mm": 12.0, "y_mm": -8.0, "theta_rad": 0.7}
+        asked["table_sha256"] = load(TABLE).digest
         answer = audits.say(asked)
         assert (answer["verdict"], answer["table_sha256"]) == (UNKNOWN, load(other).digest)
         assert "another table" in answer["reason"]

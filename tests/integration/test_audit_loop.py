@@ -2,11 +2,11 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from audit_loops import agreement, loop, mixed
 from cameras import part_tag, true_calibration
+from programs import TABLE
 
 from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration.file import Reference
@@ -15,8 +15,6 @@ from drivers.camera.vision import tag_file
 from drivers.sim.camera.rig import standard_rig
 from runtime.table import dump, load
 
-ROOT = Path(__file__).parents[2]
-TREE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
 PARTS, SEED, TIME_SCALE = 5, 1, 5.0
 
 
@@ -28,7 +26,7 @@ def folder(tmp_path):
     known = replace(true_calibration(rig.optics, 0.02), references=places)
     calibration.save(known, tmp_path / "camera.json")
     tag_file.save(part_tag(on_part=rig.on_part), tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
-    dump(mixed(load(TREE).table), tmp_path / "mixed.msgpack")
+    dump(mixed(load(TABLE).table), tmp_path / "mixed.msgpack")
     return tmp_path
 
 

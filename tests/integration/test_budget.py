@@ -2,11 +2,10 @@
 
 import json
 import signal
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from programs import JOB, ended, started
 
 from planner.cli import compile as plan_compile
 from planner.compile import compile_job
@@ -16,7 +15,6 @@ from planner.planning import LEAST_TRIALS
 from planner.work.limit import Limit
 from runtime.table import dumps, load, loads
 
-RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 SEARCH = "\n[search]\nparticles = 500\n"
 WAITING = """
 import sys, time
@@ -65,7 +63,7 @@ print(sorted(name for name, _ in loaded() - limit.before))
 def job(tmp_path_factory):
     """The rectangle in a cell that is not doubted, searched for with few particles."""
     path = tmp_path_factory.mktemp("job") / "job.toml"
-    text = RECTANGLE.read_text(encoding="utf-8").replace("chance = 0.8", "chance = 0.0")
+    text = JOB.read_text(encoding="utf-8").replace("chance = 0.8", "chance = 0.0")
     path.write_text(text + SEARCH, encoding="utf-8")
     return path
 
@@ -102,9 +100,8 @@ def test_a_spent_budget_leaves_a_whole_tree_and_says_what_is_missing(job, whole,
 @pytest.mark.timeout(600)
 def test_a_budget_pays_for_no_kernel(job):
     """A plan of the first run would end without a leaf: kernels take half a minute to compile."""
-    command = [sys.executable, "-c", LOADING, job]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert ended.stdout == "[]\n", ended.stderr
+    _, out, err = ended([sys.executable, "-c", LOADING, job], timeout=None)
+    assert out == "[]\n", err
 
 
 def test_a_budget_of_nothing_is_no_reason_to_ask_for_more_actions(job):
@@ -140,8 +137,7 @@ def test_the_first_sentence_and_the_json_say_it(job, tmp_path, capsys, monkeypat
 
 def interrupted(job, output, *options):
     """A process that has grown its tree, and has heard a first Ctrl-C."""
-    words = [sys.executable, "-c", WAITING, str(job), "-o", str(output), *options]
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = started([sys.executable, "-c", WAITING, job, "-o", output, *options])
     assert any(line == "improving\n" for line in process.stderr)
     process.send_signal(signal.SIGINT)
     heard = process.stderr.readline()

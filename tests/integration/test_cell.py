@@ -6,46 +6,24 @@ import math
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from programs import CELL, JOB, ROOT, called, started
 
 from drivers import connect
 from drivers.sim.cli import main
 
-ROOT = Path(__file__).parents[2]
-JOB = ROOT / "trees" / "rectangle" / "job.toml"
 SCALE = 20.0
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(Path(__file__).parent)))}
 ENDS = [("quit", 0), (signal.SIGTERM, 0), (signal.SIGINT, 130), ("stdin", 0)]
 
 
-def launch(*arguments):
-    return subprocess.Popen(
-        [sys.executable, "-m", "drivers.sim.cli", *map(str, arguments)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        cwd=ROOT,
-        env=ENVIRONMENT,
-        text=True,
-    )
-
-
 class Running:
     def __init__(self, *arguments, world="fake_world:make"):
-        self.process = launch(
-            "--job",
-            JOB,
-            "--world",
-            world,
-            "--time-scale",
-            SCALE,
-            "--json",
-            "--until-stdin-closes",
-            *arguments,
-        )
+        words = ["--job", JOB, "--world", world, "--time-scale", SCALE, *arguments]
+        words = [*CELL, *words, "--json", "--until-stdin-closes"]
+        self.process = started(words, stdin=subprocess.PIPE, env=ENVIRONMENT)
         self.endpoints = json.loads(self.process.stdout.readline())
 
     def end(self, code=0, said=""):
@@ -60,12 +38,11 @@ class Running:
 
     @contextlib.contextmanager
     def connected(self, gripper="gripper", arm="arm"):
+        ends, closing = self.endpoints, contextlib.closing
         with (
-            contextlib.closing(
-                connect.gripper(self.endpoints[gripper], time_scale=SCALE)
-            ) as gripper,
-            contextlib.closing(connect.arm(self.endpoints[arm], time_scale=SCALE)) as arm,
-            contextlib.closing(connect.scene(self.endpoints["scene"])) as scene,
+            closing(connect.gripper(ends[gripper], time_scale=SCALE)) as gripper,
+            closing(connect.arm(ends[arm], time_scale=SCALE)) as arm,
+            closing(connect.scene(ends["scene"])) as scene,
         ):
             yield gripper, arm, scene
 
@@ -199,15 +176,11 @@ def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
         ),
     ],
 )
-def test_arguments_that_make_no_cell_are_one_line(words, code, says, tmp_path, monkeypatch, capsys):
+def test_arguments_that_make_no_cell_are_one_line(words, code, says, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(Path(__file__).parent)
     monkeypatch.chdir(tmp_path)
     Path("broken").write_text("[part\n")
-    try:
-        ended = main(list(words))
-    except SystemExit as end:
-        ended = end.code
-    out, err = capsys.readouterr()
+    ended, out, err = called(main, *words)
     assert (ended, out, len(err.splitlines())) == (code, "", 1), err
     assert err.startswith("grasp-cell: ")
     assert says in err

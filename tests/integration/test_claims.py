@@ -1,7 +1,7 @@
 """No word without ground: one rule for readings, nothing untried claimed, heights that meet the part."""
 
 import base64
-import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from random import Random
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from counting import width_um
 from fake_cell import Deaf, fake_cell
+from programs import JOB, called, document
 from sample_tables import every_field_table, random_table, small_table, with_leaf
 
 from planner.belief.metric import Mode
@@ -43,8 +44,6 @@ from runtime.table import (
 )
 from runtime.traversal.results import Outcome, PartResult, Step
 
-TREES = Path(__file__).parents[2] / "trees"
-
 
 def thin_table() -> Table:
     """One squeeze: nothing held, a grip that the flag may miss, one across 5 mm, and a wide one."""
@@ -68,19 +67,15 @@ def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table
             rig = fake_cell([(count, flag)] * table.limits.max_depth)
             result = Executor(table, rig.cell, Deaf()).run_part(1)
             branch = decide(decided, width_um(count), flag == 2)
-            if (
-                result.outcome is Outcome.FAULT
-            ):  # a contradiction in itself, which the map refuses too
+            # A contradiction in itself, which the map refuses too.
+            if result.outcome is Outcome.FAULT:
                 assert (flag, branch, result.steps) == (3, REJECT, ())
                 assert width_um(count) > 5_000
                 continue
-            assert result.steps[0].target == (
-                None if branch == REJECT else root.branches[branch].target
-            )
-            record = (
-                {"seq": n + 1, "kind": kind, **row}
-                for n, (kind, row) in enumerate(rig.journal.kept)
-            )
+            target = None if branch == REJECT else root.branches[branch].target
+            assert result.steps[0].target == target
+            kept = enumerate(rig.journal.kept, 1)
+            record = ({"seq": seq, "kind": kind, **row} for seq, (kind, row) in kept)
             assert list(Replay().follow([header, *record])) == []
 
 
@@ -97,18 +92,16 @@ class EveryWidth:
 
 def test_the_evaluation_reads_by_the_same_rule() -> None:
     table, world = thin_table(), EveryWidth()
-    result = evaluate(table, job_file.load(TREES / "rectangle" / "job.toml"), world, 300, seed=1)
+    result = evaluate(table, job_file.load(JOB), world, 300, seed=1)
     decided = decision_map(table.nodes[0], table.gripper)
     widths = encoder_of_table(table).width_um(result.steps[:, 0]).tolist()
-    for read, width_mm, branch, leaf in zip(
-        widths, world.width_mm, result.branch[:, 0], result.leaf, strict=True
-    ):
+    seen = zip(widths, world.width_mm, result.branch[:, 0], result.leaf, strict=True)
+    for read, width_mm, branch, leaf in seen:
         assert branch == decide(decided, read, width_mm > 0)
         assert leaf == (REJECTED if branch == REJECT else branch)
     assert set(result.leaf) == {REJECTED, 0, 1, 2, 3}
-    assert np.all(
-        result.leaf[1:10] == REJECTED
-    )  # something between the fingers, where nothing was planned
+    # Something between the fingers, where nothing was planned.
+    assert np.all(result.leaf[1:10] == REJECTED)
 
 
 def tree_of(table: Table, target: int = 0) -> plans.Node:
@@ -133,34 +126,27 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
         for node in table.nodes
     ]
     rows = [(index, number) for index, numbers in enumerate(taken) for number in numbers]
-    run = SimpleNamespace(
-        path=np.array([[index] for index, _ in rows]), branch=np.array([[n] for _, n in rows])
-    )
+    path, branch = (np.array([[row[k]] for row in rows]) for k in (0, 1))
+    run = SimpleNamespace(path=path, branch=branch)
     kept = tried(table, run)
     pruned, root = without_untried(table, kept), plans.pruned(tree_of(table), kept)
-    dumps(
-        replace(pruned, predicted=Prediction(0, 0, 0))
-    )  # validates it; the figures were those of all leaves
+    # Validates it; the figures were those of all leaves.
+    dumps(replace(pruned, predicted=Prediction(0, 0, 0)))
     waiting = [(0, 0, root)]
     while waiting:
         old, new, planned = waiting.pop()
         before, after = table.nodes[old], pruned.nodes[new]
         assert after.squeeze == before.squeeze
-        assert (
-            len(planned.children)
-            == len(planned.squeeze.clusters.mean)
-            == len(after.branches)
-            == len(kept[old])
-        )
+        clusters = planned.squeeze.clusters.mean
+        assert len(planned.children) == len(clusters) == len(after.branches) == len(kept[old])
         maps = [decision_map(node, table.gripper) for node in (before, after)]
         read = [
             tuple(decide(decided, width, felt) for decided in maps)
             for width in range(0, 86_000, 157)
             for felt in (False, True)
         ]
-        assert all(
-            now == (kept[old].index(was) if was in kept[old] else REJECT) for was, now in read
-        )
+        for was, now in read:
+            assert now == (kept[old].index(was) if was in kept[old] else REJECT)
         for number, branch, child in zip(kept[old], after.branches, planned.children, strict=True):
             target = before.branches[number].target
             if branch.target >= 0:
@@ -171,7 +157,7 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
 
 def small_job(path: Path, *changes: tuple[str, str]) -> Path:
     """A job that is planned in seconds."""
-    text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
+    text = JOB.read_text(encoding="utf-8")
     text += "\n[search]\nparticles = 200\nmax_depth = 3\n"
     for old, new in changes:
         assert old in text
@@ -180,11 +166,10 @@ def small_job(path: Path, *changes: tuple[str, str]) -> Path:
     return path
 
 
-def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path, capsys) -> None:
+def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path) -> None:
     job, output = small_job(tmp_path / "job.toml"), tmp_path / "t.msgpack"
-    code = compile_.main([str(job), "-o", str(output), "--trials", "40", "--no-advice", "--json"])
-    assert code == 0
-    figures, table = json.loads(capsys.readouterr().out), load(output).table
+    words = (job, "-o", output, "--trials", "40", "--no-advice", "--json")
+    figures, table = document(compile_.main, *words), load(output).table
     assert figures["untried_branches"] > 0
     assert all(leaf.trials > 0 for leaf in table.leaves)
     # 40 trials choose what stays, others say how good that is: 4000 more find the same.
@@ -198,9 +183,8 @@ def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path, capsys) ->
 def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
     table = small_table()
     untried = with_leaf(table, 0, table.leaves[0]._replace(success_ppm=1_000_000, trials=0))
-    result = PartResult.of(
-        1, Outcome.LEAF, [Step(1, 0, table.nodes[0].squeeze, 174, 20_969, ~0, None)], None
-    )
+    step = Step(1, 0, table.nodes[0].squeeze, 174, 20_969, ~0, None)
+    result = PartResult.of(1, Outcome.LEAF, [step], None)
     Lines(untried).part(result, None)
     printed = capsys.readouterr().out
     assert "success never tried" in printed
@@ -218,42 +202,32 @@ def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
         ("1.0", "", "height_mm"),
     ],
 )
-def test_tips_that_would_miss_the_part_are_refused(
-    tmp_path, capsys, height, squeeze, message
-) -> None:
+def test_tips_that_would_miss_the_part_are_refused(tmp_path, height, squeeze, message) -> None:
     job = small_job(tmp_path / "job.toml", ("height_mm = 16.0", f"height_mm = {height}"))
     job.write_text(f"{job.read_text()}[cell]\n{squeeze}\n", encoding="utf-8")
-    code = compile_.main([str(job), "-o", str(tmp_path / "t.msgpack")])
-    assert code == InputError.exit_code
-    err = capsys.readouterr().err
-    assert message in err
-    assert err.count("\n") == 1
+    refused = called(compile_.main, job, "-o", tmp_path / "t.msgpack")
+    assert (refused.code, refused.one_line) == (InputError.exit_code, True)
+    assert message in refused.err
     assert not (tmp_path / "t.msgpack").exists()
 
 
-def test_a_job_without_a_height_is_compiled_and_says_what_its_tips_presuppose(
-    tmp_path, capsys
-) -> None:
-    text = (
-        "height_mm = 16.0  # from the table to its top: "
-        "the prototype is cut from 16 mm plate; measure yours"
-    )
+def test_a_job_without_a_height_is_compiled_and_says_what_its_tips_presuppose(tmp_path) -> None:
+    (text,) = re.findall(r"^height_mm = .*$", JOB.read_text(), re.MULTILINE)
     job = small_job(tmp_path / "job.toml", (text, ""))
-    assert (
-        compile_.main([str(job), "-o", str(tmp_path / "t"), "--trials", "20", "--no-advice"]) == 0
-    )
-    (line,) = (line for line in capsys.readouterr().out.splitlines() if "height_mm" in line)
+    words = (job, "-o", tmp_path / "t", "--trials", "20", "--no-advice")
+    code, out, _ = called(compile_.main, *words)
+    assert code == 0
+    (line,) = (line for line in out.splitlines() if "height_mm" in line)
     assert "tips at squeeze_height_mm = 8 meet a part of 9 mm or more" in line
 
 
-def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(capsys, tmp_path) -> None:
+def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(tmp_path) -> None:
     record = {}
     for kind in ("pose", "orientation"):
-        job = small_job(
-            tmp_path / f"{kind}.toml", ("[goal]", f'[goal]\nkind = "{kind}"\ntolerance_deg = 5.0')
-        )
-        compile_.main([str(job), "--baseline", "sensorless", "--trials", "400", "--json"])
-        record[kind] = json.loads(capsys.readouterr().out)["real"]
+        goal = f'[goal]\nkind = "{kind}"\ntolerance_deg = 5.0'
+        job = small_job(tmp_path / f"{kind}.toml", ("[goal]", goal))
+        words = (job, "--baseline", "sensorless", "--trials", "400", "--json")
+        record[kind] = document(compile_.main, *words)["real"]
     # Whoever asks for the angle alone gets what is oriented; where the part lies along the jaws stays open.
     assert record["orientation"]["located"] >= record["orientation"]["oriented"] - 0.02
     assert record["orientation"]["located"] > record["pose"]["located"] + 0.2

@@ -8,10 +8,10 @@ import sys
 import time
 from contextlib import ExitStack, contextmanager
 from functools import partial
-from pathlib import Path
 
 import logged_work
 import pytest
+from programs import JOB, ROOT
 from waiting import until
 
 from planner.cli import compile as plan_compile
@@ -19,14 +19,12 @@ from planner.work.cluster import AHEAD
 from planner.work.scheduler import Cluster, scheduler_of
 from runtime.shell.errors import InputError, UnreachableError, UsageError
 
-ROOT = Path(__file__).parents[2]
 ENVIRONMENT = os.environ | {
     "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests" / "support")]),
     "DASK_LOGGING__DISTRIBUTED": "critical",
 }
 ITEMS = 60
-RECTANGLE = (ROOT / "trees" / "rectangle" / "job.toml").read_text(encoding="utf-8")
-QUICK = RECTANGLE + "\n[search]\nparticles = 300\nmax_depth = 3\n"
+QUICK = JOB.read_text(encoding="utf-8") + "\n[search]\nparticles = 300\nmax_depth = 3\n"
 
 
 @contextmanager
@@ -79,14 +77,8 @@ class Machines:
 
     def add_worker(self):
         """One more, with one thread and nobody to start it again."""
-        options = (
-            "--nthreads",
-            1,
-            "--no-nanny",
-            "--no-dashboard",
-            "--local-directory",
-            self._folder,
-        )
+        options = ("--nthreads", 1, "--no-nanny", "--no-dashboard")
+        options += ("--local-directory", self._folder)
         self.workers.append(self._stack.enter_context(started("worker", self.address, *options)))
 
 
@@ -149,9 +141,8 @@ def test_a_killed_worker_costs_its_item_only(machines, tmp_path):
     text = log.read_text()
     by_killed = f"by {machines.workers[0].pid}"
     assert by_killed in text
-    assert (
-        ITEMS <= text.count("begun") <= ITEMS + 2 * AHEAD
-    )  # no more than what was handed out at that moment
+    # No more than what was handed out at that moment.
+    assert ITEMS <= text.count("begun") <= ITEMS + 2 * AHEAD
     assert text.count("begun") - text.count("done") <= 1
 
 
@@ -200,7 +191,7 @@ def test_without_the_extra_the_error_says_what_to_install(monkeypatch):
 
 
 def test_the_command_says_in_one_line_that_nothing_answers(tmp_path, capsys):
-    words = [str(ROOT / "trees" / "rectangle" / "job.toml"), "-o", str(tmp_path / "t.msgpack")]
+    words = [str(JOB), "-o", str(tmp_path / "t.msgpack")]
     assert plan_compile.main([*words, "--scheduler", "here:8786"]) == 2
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("planner.work.cluster.Cluster.__init__.__defaults__", (0.5, 0.5))

@@ -4,27 +4,14 @@ import json
 import re
 import shutil
 import subprocess
-import sys
-from pathlib import Path
 
 import pytest
-from counting import PROFILE, width_um
-from documents import DOCS, ROOT, blocks, matches, run
+from calibrations import linear
+from documents import DOCS, blocks, matches, run
+from programs import CELL, TABLE, TREES, started
 
 from planner.job import model as job_file
-from runtime.execution import calibration
 from runtime.table import wilson_interval
-
-RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
-
-
-def calibrate(path: Path) -> None:
-    """What `grasp-calibrate width` writes for a gripper whose counts are linear in the width."""
-    counts = (230, 200, 150, 100, 50, 3)
-    gauges = [
-        calibration.Gauge((230 - count) * 85.0 / 227.0, (width_um(count),)) for count in counts
-    ]
-    calibration.save(calibration.fit(gauges, PROFILE, "C-12345", "2026-01-01T00:00:00Z"), path)
 
 
 def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
@@ -34,21 +21,13 @@ def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
     assert [line.partition("=")[0] for line in names.commands] == ["port"]
     assert gauge.commands[0].startswith("grasp-calibrate width ")
     assert meet.commands[0].startswith("grasp-calibrate middle ")
-    shutil.copy(RECTANGLE, work)
-    calibrate(work / "gripper.json")
-    cell = [sys.executable, "-m", "drivers.sim.cli", "--until-stdin-closes", "--json"]
-    with subprocess.Popen(
-        [*cell, "--tree", str(RECTANGLE), "--time-scale", "100"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=environment,
-        cwd=ROOT,
-        text=True,
-    ) as simulated:
+    shutil.copy(TABLE, work)
+    linear(work / "gripper.json", "C-12345")
+    cell = [*CELL, "--until-stdin-closes", "--json", "--tree", TABLE, "--time-scale", "100"]
+    with started(cell, stdin=subprocess.PIPE, stderr=None, env=environment) as simulated:
         ends = json.loads(simulated.stdout.readline())
-        here = names._replace(
-            commands=[f"port={ends['gripper']}; arm={ends['arm']}; tree=rectangle.msgpack"]
-        )
+        named = f"port={ends['gripper']}; arm={ends['arm']}; tree=rectangle.msgpack"
+        here = names._replace(commands=[named])
         printed = run([here, look, *others], work, environment)
         simulated.stdin.close()
     for block, lines in zip([look, *others], printed[1:], strict=False):
@@ -62,11 +41,10 @@ def test_rehearsal_in_the_air_is_a_job_that_is_accepted(part):
 
     100 good parts say what it says, too.
     """
-    job = ROOT / "trees" / part / "job.toml"
+    job = TREES / part / "job.toml"
     assert 0.96 < wilson_interval(100, 100)[0] < 0.97
-    step = re.search(
-        r"\*\*In the air\.\*\*(.*?)\n\d\. ", (DOCS / "commissioning.md").read_text(), re.DOTALL
-    )[1]
+    text = (DOCS / "commissioning.md").read_text()
+    step = re.search(r"\*\*In the air\.\*\*(.*?)\n\d\. ", text, re.DOTALL)[1]
     (more_mm,) = map(float, re.findall(r"by (\d+) mm", step))
     keys = set(re.findall(r"`(\w+_mm)`", step))
     assert "squeeze_height_mm" in keys
@@ -75,9 +53,7 @@ def test_rehearsal_in_the_air_is_a_job_that_is_accepted(part):
     for section in ("part", "cell"):
         of_section = getattr(sound, section)
         stated = {key: getattr(of_section, key) for key in keys if hasattr(of_section, key)}
-        raised[section] = {
-            key: height + more_mm for key, height in stated.items() if height is not None
-        }
+        raised[section] = {key: mm + more_mm for key, mm in stated.items() if mm is not None}
     assert raised["cell"].keys() == {"squeeze_height_mm", "retreat_height_mm"}
     air = job_file.load(job, raised)
     assert air.cell.squeeze_height_mm == sound.cell.squeeze_height_mm + more_mm

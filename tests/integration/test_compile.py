@@ -1,10 +1,11 @@
 """The whole planner on the paper's rectangle, and the committed table."""
 
 import dataclasses
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
+from programs import JOB, TABLE
 
 from planner.belief.observation import MARGIN_MM
 from planner.compile import compile_job
@@ -24,16 +25,15 @@ from runtime.table import (
     dumps,
     load,
     loads,
+    predicted_pose,
     wilson_interval,
 )
 
-TREES = Path(__file__).parents[2] / "trees"
 FEW = {"particles": 300, "max_depth": 3}
 CERTAIN = {"doubt": {"chance": 0.0}, "part": {"tolerance_mm": 0.0}}
 GRIPPER = GripperSpec.of(PROFILES["robotiq-2f-85"], 1, 1)
-WIDTHS_UM = np.array(
-    [GRIPPER.profile.reading_um(GRIPPER.steps - k) for k in range(GRIPPER.steps + 1)]
-)
+OPENING = range(GRIPPER.steps, -1, -1)
+WIDTHS_UM = np.array([GRIPPER.profile.reading_um(step) for step in OPENING])
 """At each reading, in steps of closing."""
 
 
@@ -46,7 +46,7 @@ def meaning(node):
 @pytest.fixture(scope="module")
 def job():
     """The rectangle in a cell that is not doubted."""
-    return job_file.load(TREES / "rectangle" / "job.toml").replaced(**CERTAIN)
+    return job_file.load(JOB).replaced(**CERTAIN)
 
 
 @pytest.fixture(scope="module")
@@ -77,9 +77,8 @@ def test_beliefs_are_conserved_down_the_tree_and_every_leaf_was_tried(plan):
         if node.children:
             assert sum(child.share for child in node.children) <= node.share + 1e-9
     leaves = [node for node in breadth_first(plan.root) if not node.children]
-    untried = (
-        2.0 * plan.untried / plan.table.predicted.trials
-    )  # branches that no trial took are cut off
+    # Branches that no trial took are cut off.
+    untried = 2.0 * plan.untried / plan.table.predicted.trials
     assert sum(leaf.share for leaf in leaves) == pytest.approx(1.0, abs=1e-3 + untried)
     assert all(leaf.trials > 0 for leaf in plan.table.leaves)
     assert plan.untried < 0.5 * sum(len(node.branches) for node in plan.table.nodes)
@@ -110,8 +109,8 @@ def test_every_reading_seen_in_planning_leads_to_its_own_branch(plan):
 
 
 def test_committed_table_is_of_its_job_and_locates_the_part(job):
-    table = load(TREES / "rectangle" / "rectangle.msgpack").table
-    assert table.job_digest == job_file.load(TREES / "rectangle" / "job.toml").digest()
+    table = load(TABLE).table
+    assert table.job_digest == job_file.load(JOB).digest()
     evaluation = evaluate(table, job, make(job, seed=11), 4000, seed=12)
     figures = evaluation.summary()
     assert figures["success_rate"] >= 0.985
@@ -140,15 +139,11 @@ L_SHAPE = "outline_mm = [[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]]
 
 def l_job(proposals, **changes):
     """An L without symmetry, searched for with few particles."""
-    text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
+    text = JOB.read_text(encoding="utf-8")
     new = {"outline_mm": L_SHAPE, "proposals": f'proposals = "{proposals}"'}
     lines = [new.get(line.split(" ")[0], line) for line in text.splitlines()]
     text = "\n".join(lines).replace("radius_mm = 12.75", "radius_mm = 10")
-    few = job_file.parse(text).replaced(
-        **CERTAIN,
-        search={"particles": 1000},
-    )
-    return few.replaced(**changes)
+    return job_file.parse(text).replaced(**CERTAIN, search={"particles": 1000}).replaced(**changes)
 
 
 def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
@@ -160,44 +155,28 @@ def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
 
 
 def test_what_centred_squeezes_leave_open_is_said_and_what_would_tell_it_apart():
+    job = l_job("none", search={"max_depth": 2}, friction={"doubt": 0})
     with pytest.raises(NoPlanError, match=r"the part lies at .* or .* would read") as caught:
-        compile_job(
-            l_job("none", search={"max_depth": 2}, friction={"doubt": 0}), workers=2, trials=1000
-        )
+        compile_job(job, workers=2, trials=1000)
     assert 0.3 <= caught.value.success <= 0.7
     assert "\n" not in str(caught.value)
 
 
 def test_prongs_that_the_jaws_pinch_are_distinguished_from_an_empty_hand(job):
     """A connector whose prongs of 1 mm read within a count or two of jaws that met."""
-    prongs = [
-        [7.5, 12.6],
-        [6.5, 12.6],
-        [6.5, 9.7],
-        [-6.5, 9.7],
-        [-6.5, 12.6],
-        [-7.5, 12.6],
-        [-7.5, 0],
-        [7.5, 0],
-    ]
+    half = [[7.5, 0], [7.5, 12.6], [6.5, 12.6], [6.5, 9.7]]
+    prongs = [*half, *([-x, y] for x, y in reversed(half))]
+    centres = [[0, 0], [0, 18], [18, 0]]
     pronged = job.replaced(
         part={"outline_mm": prongs, "symmetry": 1},
         uncertainty={"radius_mm": 2},
         search=FEW | {"max_depth": 2},
-        actions={
-            "angles_deg": [0, 90],
-            "centers_mm": [[0, 0], [0, 18], [18, 0]],
-            "proposals": "none",
-        },
+        actions={"angles_deg": [0, 90], "centers_mm": centres, "proposals": "none"},
         goal={"confidence": 0.9},
     )
     plan = compile_job(pronged, workers=2, trials=1000)
-    thin = [
-        b
-        for node in plan.table.nodes
-        for b in node.branches
-        if b.low_um > 0 and b.expected_um < HELD_UM
-    ]
+    every = [branch for node in plan.table.nodes for branch in node.branches]
+    thin = [each for each in every if each.low_um > 0 and each.expected_um < HELD_UM]
     assert sum(branch.probability_ppm for branch in thin) > 10_000
     assert plan.evaluation.rejected.mean() < 0.05, plan.evaluation.summary()
 
@@ -222,10 +201,8 @@ def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, toleran
     assert (plan.table.goal.kind, plan.table.goal.tolerance) == (kind, tolerance)
     assert plan.evaluation.summary()["success_rate"] >= 0.98
     known = plan.evaluation.resolved
-    poses = [
-        (leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6) for leaf in plan.table.leaves
-    ]
-    offset = plan.evaluation.poses[known] - np.array(poses)[plan.evaluation.leaf[known]]
+    poses = np.array([predicted_pose(leaf) for leaf in plan.table.leaves])
+    offset = plan.evaluation.poses[known] - poses[plan.evaluation.leaf[known]]
     offset[:, 2] = wrap(offset[:, 2], job.part.symmetry)
     kept = np.abs(offset[:, 2]) < np.radians(5.0)
     if kind == "tolerances":
@@ -234,19 +211,14 @@ def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, toleran
 
 
 def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
-    near_edge = {
-        "cell": {"work_area_mm": [[-30, -30], [30, 30]]},
-        "actions": {"centers_mm": [[6, 0]]},
-        "search": {"particles": 1000, "max_depth": 4},
-    }
-    narrow = job.replaced(**near_edge)
+    area, few = {"work_area_mm": [[-30, -30], [30, 30]]}, {"particles": 1000, "max_depth": 4}
+    narrow = job.replaced(cell=area, actions={"centers_mm": [[6, 0]]}, search=few)
     table = compile_job(narrow, workers=2, trials=1000).table
     assert {node.release for node in table.nodes} >= {(0, 0)}
     worlds = ContactWorlds.of_job(narrow, 3)
     assert evaluate(table, narrow, worlds, 1000, 4).success.mean() >= 0.98
-    left = dataclasses.replace(
-        table, nodes=tuple(node._replace(release=None) for node in table.nodes)
-    )
+    undragged = tuple(node._replace(release=None) for node in table.nodes)
+    left = dataclasses.replace(table, nodes=undragged)
     assert evaluate(left, narrow, worlds, 1000, 4).success.mean() < 0.9
 
 
@@ -270,11 +242,10 @@ def test_no_width_farther_than_the_margin_from_what_a_part_read_ends_at_a_leaf(p
 
 def test_confident_wrong_answers_stay_rare_in_every_world_but_that_of_few_degrees_of_freedom():
     """No more than the goal leaves open: two plans of one job differ by 0.9 % with the encoder 1 mm off."""
-    doubting = job_file.load(TREES / "rectangle" / "job.toml")
-    table = load(TREES / "rectangle" / "rectangle.msgpack").table
+    doubting = job_file.load(JOB)
+    table = load(TABLE).table
     cases = [case for case in standard_cases(doubting) if case.name != "10 degrees of freedom"]
-    for line in sweep(
-        table, doubting, cases, lambda real: ContactWorlds.of_job(real, 21), 2000, 22
-    ):
+    worlds = partial(ContactWorlds.of_job, seed=21)
+    for line in sweep(table, doubting, cases, worlds, 2000, 22):
         low, _ = wilson_interval(int(line.evaluation.wrong.sum()), 2000)
         assert low <= 1.0 - doubting.goal.confidence, line.case.name

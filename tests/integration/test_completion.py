@@ -3,7 +3,6 @@
 import os
 import pty
 import select
-import subprocess
 import termios
 import time
 from collections.abc import Iterator
@@ -11,9 +10,8 @@ from pathlib import Path
 
 import pytest
 from command_parsers import parsers
+from programs import WAIT_S, started
 
-ROOT = Path(__file__).parents[2]
-WAIT_S = 30
 PROMPT = b"ready> "
 LFLAG = 3
 
@@ -32,15 +30,9 @@ class Bash:
     def __init__(self, script: Path) -> None:
         self._ours, theirs = pty.openpty()
         environment = {"PATH": os.environ["PATH"], "TERM": "dumb", "PS1": PROMPT.decode()}
-        self._process = subprocess.Popen(
-            ["bash", "--norc", "--noprofile", "-i"],
-            cwd=ROOT,
-            env=environment,
-            start_new_session=True,
-            stdin=theirs,
-            stdout=theirs,
-            stderr=theirs,
-        )
+        words = ("bash", "--norc", "--noprofile", "-i")
+        streams = dict.fromkeys(("stdin", "stdout", "stderr"), theirs)
+        self._process = started(words, env=environment, start_new_session=True, **streams)
         os.close(theirs)
         self._until(PROMPT)
         self._say(f"bind 'set enable-bracketed-paste off'; . {script}\n".encode())

@@ -5,12 +5,12 @@ a word where an axis leaves its range, as a real controller does.
 """
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from math import radians
 from pathlib import Path
 
 import pytest
+from programs import REHEARSAL, VIRTUAL, Ended, called
 from sample_tables import small_table, with_job
 from soaking import small_setting, soak_run
 from tapped_devices import TappedArm, TappedGripper
@@ -25,8 +25,6 @@ from runtime.execution.handling import Handling
 from runtime.journal.chain import records
 from runtime.table import Table, dump
 from runtime.traversal.results import Outcome
-
-ROOT = Path(__file__).parents[2]
 
 # With this drop-off a part that takes both squeezes brings the hand once round, each time the same way.
 WINDING = RunOptions(handling=Handling(regulated=True), delivery=from_text("50,0,210"))
@@ -47,25 +45,17 @@ def soaked(parts: int, faults: Listed | None = None) -> object:
     return soak_run.run(soak, 5, faults)
 
 
-Run = Callable[..., tuple[int, str, str]]
+def simulated(tree: Path, *words: str) -> Ended:
+    """The command on a table, with a simulated cell in virtual time."""
+    given = (*VIRTUAL, *REHEARSAL, "--tree", tree, "--journal", tree.with_name("j"))
+    return called(main, *given, *words)
 
 
 @pytest.fixture
-def simulated(tree: Path, capsys: pytest.CaptureFixture[str]) -> Run:
-    """The command on the table, with a simulated cell in virtual time."""
-
-    def run(*words: str) -> tuple[int, str, str]:
-        given = ["--tree", str(tree), "--journal", str(tree.with_name("j")), "--port", "sim"]
-        given += ["--world", "runtime.devices.rehearsal:make", "--time-scale", "max"]
-        return main([*given, *words]), *capsys.readouterr()
-
-    return run
-
-
-@pytest.fixture
-def tree(tmp_path: Path) -> Path:
-    dump(marked_table(), tmp_path / "small.msgpack")
-    return tmp_path / "small.msgpack"
+def tree(tree: Path) -> Path:
+    """Of the marked table."""
+    dump(marked_table(), tree)
+    return tree
 
 
 def test_hundreds_of_deliveries_do_not_wind_the_wrist_up() -> None:
@@ -84,11 +74,8 @@ def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.M
     monkeypatch.setattr("runtime.traversal.geometry.MOST_TURNS", 9)
     monkeypatch.setattr("runtime.execution.safety.MOST_TURNS", 9)
     counts = soaked(60)
-    assert (counts.sums["halts"], counts.last.outcome, counts.last.exit_code) == (
-        1,
-        Outcome.FAULT,
-        20,
-    )
+    assert counts.sums["halts"] == 1
+    assert (counts.last.outcome, counts.last.exit_code) == (Outcome.FAULT, 20)
 
 
 @pytest.mark.parametrize(
@@ -100,27 +87,24 @@ def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.M
     ],
 )
 def test_a_drop_off_that_cannot_be_reached_is_refused_before_anything_moves(
-    tree: Path, simulated: Run, more: tuple[str, ...], message: str, monkeypatch: pytest.MonkeyPatch
+    tree: Path, more: tuple[str, ...], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tree.parent)
     Path("far.toml").write_text(WIDE.format(x=700))
-    code, _, err = simulated("--deliver", *more)
+    code, _, err = simulated(tree, "--deliver", *more)
     assert (code, err.count("\n")) == (20, 1 + ("--json" in more))
     assert message in err
     assert not Path("j").exists()
 
 
-def test_check_and_dry_run_tell_it_too(
-    tree: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_check_and_dry_run_tell_it_too(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tree.parent))
     far = tree.with_name("far.toml")
     far.write_text(WIDE.format(x=700))
 
     def output(*words: str) -> tuple[int, str]:
-        code = main(["--tree", str(tree), *words])
-        seen = capsys.readouterr()
-        return code, seen.err if code else seen.out
+        code, out, err = called(main, "--tree", tree, *words)
+        return code, err if code else out
 
     assert output("--check", "--deliver", "100,0,0")[0] == 20
     code, words = output("--check", "--deliver", "50,0,180")
@@ -142,12 +126,10 @@ def test_a_part_that_slips_does_not_take_its_pose_along() -> None:
     assert counts.last.leaf == ~counts.last.steps[-1].target
 
 
-def test_a_table_whose_job_says_so_delivers_and_journals_the_pose_first(
-    tree: Path, simulated: Run
-) -> None:
+def test_a_table_whose_job_says_so_delivers_and_journals_the_pose_first(tree: Path) -> None:
     job = {"delivery": {"drop_mm": [40.0, -20.0], "drop_angle_deg": 90.0}}
     dump(with_job(small_table(), json.dumps(job)), tree)
-    code, out, err = simulated("--seed", "1")
+    code, out, err = simulated(tree, "--seed", "1")
     assert (code, err) == (0, "")
     assert "delivery: done" in out
     kinds = [entry["kind"] for entry in records(tree.with_name("j"))]

@@ -9,31 +9,26 @@ import argparse
 import importlib
 import re
 import shlex
-import subprocess
 import sys
 import tomllib
 
 import pytest
-from documents import COMMANDS, DOCS, PAGES, ROOT, blocks
+from command_parsers import subcommands
+from documents import COMMANDS, DOCS, PAGES, blocks
+from programs import ROOT, ended
 
-RUN = {
-    ROOT / "README.md",
-    DOCS / "tutorial.md",
-    DOCS / "from-a-solid.md",
-    DOCS / "commissioning.md",
-}
+RUN = {ROOT / "README.md"}
+RUN |= {DOCS / name for name in ("tutorial.md", "from-a-solid.md", "commissioning.md")}
 PARSED = {
     ROOT / "drivers" / "camera" / "README.md": "pictures are rendered for minutes",
     ROOT / "drivers" / "dh" / "README.md": "they need a gripper, or serve until they are stopped",
     ROOT / "drivers" / "schunk" / "README.md": "they need a gripper",
     DOCS / "python.md": "they install; tests/integration/test_python_page.py runs its Python",
-    DOCS
-    / "drivers.md": "tests/integration/test_driver_guide.py runs its example, which is installed otherwise",
+    DOCS / "drivers.md": "tests/integration/test_driver_guide.py runs its example otherwise",
     DOCS / "acceptance.md": "tests/unit/runtime/spc/study/test_study_command.py runs it",
     DOCS / "evidence.md": "tests/integration/test_evidence.py runs it",
-    DOCS / "refit.md": "tests/integration/test_refit_page.py runs it with fewer parts",
-    DOCS
-    / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py runs such a command",
+    DOCS / "refit.md": "tests/integration/test_pages.py runs it with fewer parts",
+    DOCS / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py does so",
     DOCS / "studio.md": "it serves until it is stopped; tests/integration/test_studio.py runs it",
     DOCS / "results.md": "each command measures for minutes, some need MuJoCo",
 }
@@ -41,13 +36,11 @@ SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 FILE = re.compile(r"(?<![\w/.-])(?:planner|runtime|drivers|tests|tools|trees)/[\w./*@-]*[\w*]/?")
 MODULE = re.compile(r"`((?:planner|runtime|drivers)(?:\.\w+)+)[`:]")
-KEPT = re.compile(
-    r"^<!-- table .*?^<!-- end -->$", re.MULTILINE | re.DOTALL
-)  # with names of its day
+# With names of its day.
+KEPT = re.compile(r"^<!-- table .*?^<!-- end -->$", re.MULTILINE | re.DOTALL)
 REMOVED = re.compile(r"^### Removed$.*?^### ", re.MULTILINE | re.DOTALL)  # of a changelog
-EXTRAS = set(
-    tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-)
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS = set(PROJECT["optional-dependencies"])
 
 
 class Parsed(BaseException):
@@ -68,9 +61,8 @@ def understand(words, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(argparse.ArgumentParser, "parse_args", parse_args)
         patched.setattr(sys, "argv", list(words))
-        patched.setattr(
-            "planner.commands.missing_input", lambda _: None
-        )  # examples name files of a reader
+        # Examples name files of a reader.
+        patched.setattr("planner.commands.missing_input", lambda _: None)
         try:
             getattr(importlib.import_module(module), function)()
         except Parsed:
@@ -80,27 +72,9 @@ def understand(words, monkeypatch):
     raise AssertionError(f"{words[0]} parses no arguments")
 
 
-def family(parser):
-    """A parser and those of its subcommands."""
-    result = [parser]
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for inner in action.choices.values():
-                result += family(inner)
-    return result
-
-
 def options_of(parser):
-    return {option for each in family(parser) for option in each._option_string_actions}
-
-
-def subcommands_of(parser):
-    return {
-        name
-        for action in parser._actions
-        if isinstance(action, argparse._SubParsersAction)
-        for name in action.choices
-    }
+    """Its options and those of its subcommands."""
+    return set(parser._option_string_actions).union(*map(options_of, subcommands(parser).values()))
 
 
 def typed(line):
@@ -158,16 +132,13 @@ def check_sentence(text, monkeypatch):
     """That the options and subcommands of a command exist that leaves the rest out."""
     command, *words = shlex.split(text.replace("\\|", "|").replace("[", "").replace("]", ""))
     assert command in COMMANDS, text
-    first = (
-        [words[0].split("|")[0]] if words and words[0][:1].islower() and "." not in words[0] else []
-    )
+    inner = words and words[0][:1].islower() and "." not in words[0]
+    first = [words[0].split("|")[0]] if inner else []
     parser, _ = understand([command, *first], monkeypatch)
-    if first and subcommands_of(parser):
-        assert set(words[0].split("|")) <= subcommands_of(parser), text
+    if first and subcommands(parser):
+        assert set(words[0].split("|")) <= subcommands(parser).keys(), text
     for word in words:
-        assert not word.startswith("--") or word in options_of(parser), (
-            f"{command} has no {word}: {text}"
-        )
+        assert not word.startswith("--") or word in options_of(parser), f"{text}: no {word}"
         if word.partition(" ")[0] in COMMANDS:
             check_sentence(word, monkeypatch)
 
@@ -182,10 +153,9 @@ def test_commands_in_sentences_have_these_options(page, monkeypatch, capsys):
 def known_options():
     """Every option of every command and tool."""
     with pytest.MonkeyPatch.context() as monkeypatch:
-        lines = [[name] for name in COMMANDS] + [
-            *(["grasp-calibrate", name] for name in ("camera", "tag", "pictures")),
-            *(["grasp-audit", name] for name in ("judge", "report", "study")),
-        ]
+        inner = {"grasp-calibrate": "camera tag pictures", "grasp-audit": "judge report study"}
+        lines = [[name] for name in COMMANDS]
+        lines += [[name, word] for name in inner for word in inner[name].split()]
         result = set().union(*(options_of(understand(words, monkeypatch)[0]) for words in lines))
     tools = [path for path in (ROOT / "tools").iterdir() if path.is_file()]
     for path in [*tools, *(ROOT / "tests" / "bench").glob("*.py"), *(DOCS / "site").glob("*.py")]:
@@ -204,9 +174,8 @@ def test_options_and_commands_that_are_named_exist(page, known_options):
 def test_the_examples_in_help_are_understood(command, monkeypatch, capsys):
     parser, _ = understand([command], monkeypatch)
     text = (parser.epilog or "").replace("\\\n", " ")
-    examples = [
-        line.strip() for line in text.splitlines() if line.strip().startswith(f"{command} ")
-    ]
+    lines = map(str.strip, text.splitlines())
+    examples = [line for line in lines if line.startswith(f"{command} ")]
     assert examples, "its --help shows no example"
     for line in examples:
         for words in typed(line.partition("  #")[0]):
@@ -228,25 +197,18 @@ def test_files_and_modules_that_are_named_exist(page):
 
 def _exists(name):
     """Whether it is a file or folder of the repository, or a name that one of its modules has."""
-    results = [*ROOT.glob(name), *ROOT.glob(f"{name}.py")]
     module, _, attribute = name.rpartition("/")
-    above = [
-        path for path in (ROOT / f"{module}.py", ROOT / module / "__init__.py") if path.exists()
-    ]
-    return bool(results) or any(
-        re.search(rf"\b{re.escape(attribute)}\b", path.read_text()) for path in above
-    )
+    files = (ROOT / f"{module}.py", ROOT / module / "__init__.py")
+    above = (path for path in files if path.exists())
+    known = (re.search(rf"\b{re.escape(attribute)}\b", path.read_text()) for path in above)
+    return any((*ROOT.glob(name), *ROOT.glob(f"{name}.py"))) or any(known)
 
 
 def test_the_readme_shows_what_the_demo_runs():
     demo = (ROOT / "tools" / "demo").read_text()
     values = dict(re.findall(r"^(\w+)=(\S+)$", demo, re.MULTILINE))
-    shown = [
-        re.sub(r"\$(\w+)|\"\$(\w+)\"", lambda m: values[m[1] or m[2]], line)
-        .split(" |")[0]
-        .replace('"', "")
-        for line in re.findall(r"^show (.+)$", demo, re.MULTILINE)
-    ]
+    lines = re.findall(r"^show (.+?)(?: \|.*)?$", demo, re.MULTILINE)
+    shown = [re.sub(r"\$(\w+)", lambda m: values[m[1]], line.replace('"', "")) for line in lines]
     first = blocks(ROOT / "README.md")[0].commands
     assert "/bin/activate" in demo.rstrip().splitlines()[-1]
     assert first == ["tools/demo", ". .venv/bin/activate", *shown]
@@ -263,23 +225,15 @@ def test_help_of_a_script_runs_nothing(script, tmp_path):
     (tmp_path / "tools").mkdir()
     for name in (script, "environment"):
         (tmp_path / "tools" / name).write_text((ROOT / "tools" / name).read_text())
-    done = subprocess.run(
-        ["bash", f"tools/{script}", "--help"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert f"    tools/{script}\n" in done.stdout or f"    tools/{script} " in done.stdout
-    assert "set -euo" not in done.stdout
+    code, out, err = ended(["bash", f"tools/{script}", "--help"], cwd=tmp_path)
+    assert (code, err) == (0, "")
+    assert f"    tools/{script}\n" in out or f"    tools/{script} " in out
+    assert "set -euo" not in out
 
 
 def test_the_demo_refuses_what_it_does_not_take():
-    done = subprocess.run(
-        [ROOT / "tools" / "demo", "--fast"], capture_output=True, text=True, timeout=60
-    )
-    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    done = ended([ROOT / "tools" / "demo", "--fast"])
+    assert (done.code, done.out, done.one_line) == (2, "", True)
 
 
 def test_the_checks_see_mistakes(monkeypatch, capsys):

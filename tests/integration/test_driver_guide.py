@@ -2,28 +2,24 @@
 
 import os
 import re
-import subprocess
 import sys
 import tomllib
+from configparser import ConfigParser
 from pathlib import Path
 
 import pytest
+from programs import ROOT, ended
 
 from drivers import connect
 from drivers.errors import PortError
 from runtime.table import PROFILES, selectable
 from runtime.table.grippers import GROUP
 
-ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "tools" / "docs" / "other-make"
 GUIDE = (ROOT / "tools" / "docs" / "drivers.md").read_text()
-BROKEN = {
-    "absent": "no_such_module:gripper",
-    "faulty": "faulty_driver:gripper",
-    "nothing": "faulty_driver:nothing",
-    "missing": "faulty_driver:missing",
-    "twice": "faulty_driver:nothing",
-}
+BROKEN = {"absent": "no_such_module:gripper", "faulty": "faulty_driver:gripper"}
+BROKEN |= dict.fromkeys(("nothing", "twice"), "faulty_driver:nothing")
+BROKEN["missing"] = "faulty_driver:missing"
 FAULTY = """
 def gripper(port, pace, report, *, read_only, profile):
     raise KeyError("in the driver")
@@ -37,11 +33,10 @@ def install(folder: Path, name: str, points: dict[str, dict[str, str]]) -> None:
     path = folder / f"{name}-1.0.dist-info"
     path.mkdir(parents=True)
     (path / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    sections = (
-        "".join([f"[{group}]\n", *(f"{scheme} = {target}\n" for scheme, target in listed.items())])
-        for group, listed in points.items()
-    )
-    (path / "entry_points.txt").write_text("\n".join(sections))
+    metadata = ConfigParser()
+    metadata.read_dict(points)
+    with (path / "entry_points.txt").open("w") as file:
+        metadata.write(file)
 
 
 def test_the_example_passes_the_contract_as_an_installed_package(tmp_path: Path) -> None:
@@ -50,16 +45,9 @@ def test_the_example_passes_the_contract_as_an_installed_package(tmp_path: Path)
     install(tmp_path, "other_make", points)
     paths = os.pathsep.join(map(str, (tmp_path, EXAMPLE, ROOT)))
     words = f"-m pytest -q -p no:cacheprovider -c {os.devnull} --rootdir {tmp_path}".split()
-    done = subprocess.run(
-        [sys.executable, *words, str(EXAMPLE / "test_other_make.py")],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": paths},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert re.search(r"^2\d passed in", done.stdout, re.MULTILINE), done.stdout + done.stderr
+    words = [sys.executable, *words, EXAMPLE / "test_other_make.py"]
+    done = ended(words, cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths})
+    assert re.search(r"^2\d passed in", done.out, re.MULTILINE), done
 
 
 def test_the_guide_shows_the_example_s_own_lines() -> None:
@@ -93,10 +81,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("scheme", "message"),
     [
-        (
-            "absent",
-            "driver of absent:// (broken, no_such_module:gripper) cannot be loaded: ModuleNotFound",
-        ),
+        ("absent", "(broken, no_such_module:gripper) cannot be loaded: ModuleNotFound"),
         ("missing", "cannot be loaded: AttributeError"),
         ("faulty", "failed to open faulty://x:1: KeyError: 'in the driver'"),
         ("nothing", "opened no Gripper (drivers/ports.py): object"),

@@ -4,38 +4,34 @@ import json
 from pathlib import Path
 
 import pytest
+from programs import called
 from sample_tables import small_table
 from tapped_devices import POWERED_UP, READS, WRITES, TappedArm, TappedGripper
 
 from drivers import connect
 from drivers.errors import LinkTimeout, ReadOnlyError
 from runtime.cli import doctor, main
-from runtime.table import dump
 
 PING, READ_POSE, READ_JOINTS, CLOSE = 0, 3, 4, 99
 QUESTIONS = {PING, READ_POSE, READ_JOINTS, CLOSE}
 
 
-@pytest.fixture
-def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    dump(small_table(), tmp_path / "small.msgpack")
-    return tmp_path / "small.msgpack"
+@pytest.fixture(autouse=True)
+def _beside_the_table(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tree.parent)
 
 
-def test_a_dry_run_sends_questions_only_and_tells_what_it_would_send(
-    tree: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_dry_run_sends_questions_only_and_tells_what_it_would_send(tree: Path) -> None:
     with TappedGripper() as gripper, TappedArm() as arm:
-        assert (
-            main(["--tree", str(tree), "--port", gripper.path, "--arm", arm.url, "--dry-run"]) == 0
-        )
+        words = ("--tree", tree, "--port", gripper.path, "--arm", arm.url, "--dry-run")
+        ended = called(main, *words)
+        assert ended.code == 0
         assert gripper.functions
         assert set(gripper.functions) <= READS
         # Every byte that left belongs to one of those frames, which have 8 each.
         assert len(gripper.heard) == 8 * len(gripper.functions)
         assert set(arm.codes) <= QUESTIONS
-    printed = capsys.readouterr().out.splitlines()
+    printed = ended.out.splitlines()
     assert sum(line.startswith("node ") for line in printed) == len(small_table().nodes)
     assert "nothing was written" in printed[-1]
     assert not list(tree.parent.glob("*.jsonl"))
@@ -65,36 +61,27 @@ def test_the_transport_itself_refuses(tree: Path) -> None:
         assert set(answering.codes) - QUESTIONS
 
 
-def test_as_json_check_and_dry_run_are_one_document_each(
-    tree: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_as_json_check_and_dry_run_are_one_document_each(tree: Path) -> None:
+    def document(*words: str) -> dict[str, object]:
+        code, out, _ = called(main, "--tree", tree, "--json", *words)
+        assert code == 0
+        return json.loads(out)
+
     with TappedGripper() as gripper, TappedArm() as arm:
-        words = ["--tree", str(tree), "--port", gripper.path, "--json"]
-        assert main([*words, "--check"]) == 0
-        checked = json.loads(capsys.readouterr().out)
-        assert main([*words, "--arm", arm.url, "--dry-run"]) == 0
-        record = json.loads(capsys.readouterr().out)["told"]
+        checked = document("--port", gripper.path, "--check")
+        record = document("--port", gripper.path, "--arm", arm.url, "--dry-run")["told"]
     assert set(gripper.functions) <= READS
     assert checked == {"nodes": 2, "gripper": {"reading_mm": 85.0, "width_mm": 85.0}}
     assert sum(sentence.startswith("node ") for sentence in record) == 2
-    assert main(["--tree", str(tree), "--check", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"nodes": 2, "gripper": None}
+    assert document("--check") == {"nodes": 2, "gripper": None}
 
 
-def test_the_doctor_finds_a_healthy_cell_healthy_and_writes_nothing(
-    tree: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_doctor_finds_a_healthy_cell_healthy_and_writes_nothing(tree: Path) -> None:
     with TappedGripper() as gripper, TappedArm() as arm:
-        assert doctor(["--port", gripper.path, "--arm", arm.url, "--tree", str(tree)]) == 0
+        code, out, _ = called(doctor, "--port", gripper.path, "--arm", arm.url, "--tree", tree)
+        assert code == 0
         assert set(gripper.functions) <= READS
         assert set(arm.codes) <= QUESTIONS
-    out = capsys.readouterr().out
     assert "BAD" not in out
-    for line in (
-        "The table fits",
-        "exists and may be opened",
-        "active and stands at 85.00 mm",
-        "readings",
-        "arm",
-    ):
-        assert line in out
+    shown = "The table fits|exists and may be opened|active and stands at 85.00 mm|readings|arm"
+    assert all(line in out for line in shown.split("|"))

@@ -5,23 +5,19 @@ import os
 import resource
 import shutil
 import signal
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from asking_robots import Line, Served
+from calibrations import linear
 from documents import DOCS, blocks, matches, run, shims
+from programs import REHEARSAL, TABLE, VIRTUAL, called, ended
 from sample_tables import several_table, small_table
 
 from runtime import cli
 from runtime.commands.evidence import main
-from runtime.execution.calibration import Gauge, fit, save
 from runtime.journal.chain import records, verify
-from runtime.table import PROFILES, dump
-
-ROOT = Path(__file__).parents[2]
-REHEARSAL = ["--port", "sim", "--time-scale", "max", "--world", "runtime.devices.rehearsal:make"]
+from runtime.table import dump
 
 
 @pytest.fixture
@@ -35,20 +31,17 @@ def desk(tmp_path, monkeypatch):
     return tmp_path
 
 
-def one_line(capsys):
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1, said
-    return said
+def verified(*words):
+    code, out, err = called(main, "verify", "p.zip", *words)
+    assert code == 0, err
+    return out
 
 
-def test_verify_says_whose_key_was_checked_and_whose_was_not(desk, capsys):
-    assert main(["verify", "p.zip", "--key", "k.pem.pub"]) == 0
-    assert "signed with k.pem.pub by Ada" in capsys.readouterr().out
-    assert main(["verify", "p.zip"]) == 0
-    assert "signed by Ada" in (said := capsys.readouterr().out)
+def test_verify_says_whose_key_was_checked_and_whose_was_not(desk):
+    assert "signed with k.pem.pub by Ada" in verified("--key", "k.pem.pub")
+    assert "signed by Ada" in (said := verified())
     assert "was not checked against anyone" in said
-    assert main(["verify", "p.zip", "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+    record = json.loads(verified("--json"))
     assert record["checked_against"] is None
     assert record["signer"] == "Ada"
     assert set(record["versions"]) >= {"squeezetree", "python", "msgpack"}
@@ -89,21 +82,24 @@ def test_pack_without_a_key_makes_one_once(desk, capsys):
         ("key -o none/k.pem", 2, "no folder"),
     ],
 )
-def test_bad_input_ends_in_one_line_and_a_code_of_the_list(desk, capsys, words, code, says):
+def test_bad_input_ends_in_one_line_and_a_code_of_the_list(desk, words, code, says):
     before = sorted(path.name for path in desk.iterdir())
-    capsys.readouterr()
-    assert main(words.split()) == code
-    assert says in one_line(capsys)
+    is_refused(main, words, code, says)
     assert sorted(path.name for path in desk.iterdir()) == before
 
 
-def test_a_changed_pack_is_34_and_its_file_named(desk, capsys):
+def is_refused(program, words, code, says):
+    ended = called(program, *words.split())
+    assert (ended.code, ended.one_line) == (code, True), ended
+    assert says in ended.err
+
+
+def test_a_changed_pack_is_34_and_its_file_named(desk):
     data = bytearray((desk / "p.zip").read_bytes())
     data[data.index((desk / "t.msgpack").read_bytes()) + 100] ^= 1
     (desk / "p.zip").write_bytes(data)
-    capsys.readouterr()
-    assert main(["verify", "p.zip", "--key", "k.pem.pub"]) == 34
-    assert "pack p.zip: table.msgpack was changed" in one_line(capsys)
+    says = "pack p.zip: table.msgpack was changed"
+    is_refused(main, "verify p.zip --key k.pem.pub", 34, says)
 
 
 def test_a_full_disk_leaves_neither_pack_nor_key(desk, capsys):
@@ -121,29 +117,25 @@ def test_a_full_disk_leaves_neither_pack_nor_key(desk, capsys):
     assert sorted(desk.iterdir()) == before
 
 
-def test_a_run_that_requires_a_signature_refuses_what_has_none(desk, capsys):
-    check = ["--check", "--require-signed", "k.pem.pub"]
-    assert cli.main(["--tree", "t.msgpack", *check]) == 0
+def test_a_run_that_requires_a_signature_refuses_what_has_none(desk):
+    check = "--tree t.msgpack --check --require-signed"
+    assert cli.main([*check.split(), "k.pem.pub"]) == 0
     assert main(["key", "-o", "other.pem"]) == 0
-    capsys.readouterr()
-    assert cli.main(["--tree", "t.msgpack", "--check", "--require-signed", "other.pem.pub"]) == 34
-    assert "p.zip is signed by another key" in one_line(capsys)
-    assert cli.main(["--tree", "t.msgpack", "--check", "--require-signed", "none.pub"]) == 3
-    capsys.readouterr()
+    is_refused(cli.main, f"{check} other.pem.pub", 34, "p.zip is signed by another key")
+    is_refused(cli.main, f"{check} none.pub", 3, "none.pub")
     dump(several_table(), desk / "t.msgpack")
-    assert cli.main(["--tree", "t.msgpack", *check]) == 34
-    assert "its table.msgpack is not the one of this run" in one_line(capsys)
+    says = "its table.msgpack is not the one of this run"
+    is_refused(cli.main, f"{check} k.pem.pub", 34, says)
     (desk / "p.zip").unlink()
-    words = ["--tree", "t.msgpack", "--require-signed", "k.pem.pub", "--journal", "j.jsonl"]
-    words += REHEARSAL
-    assert cli.main(words) == 34
-    assert "there is no pack beside it" in one_line(capsys)
+    run = " ".join(["--tree t.msgpack --journal j.jsonl", *VIRTUAL, *REHEARSAL])
+    is_refused(cli.main, f"{run} --require-signed k.pem.pub", 34, "there is no pack beside it")
     assert not list(desk.glob("j.jsonl*"))
 
 
 def test_runs_leave_a_log_of_what_was_installed_by_whom(desk):
     def code_of(*more):
-        return cli.main(["--tree", "t.msgpack", "--journal", "j.jsonl", *REHEARSAL, *more])
+        words = ("--tree", "t.msgpack", "--journal", "j.jsonl", *VIRTUAL, *REHEARSAL)
+        return cli.main([*words, *more])
 
     assert code_of("--require-signed", "k.pem.pub") in (0, 10)
     assert code_of("--require-signed", "k.pem.pub") in (0, 10)
@@ -171,24 +163,15 @@ def test_a_run_keeps_its_table_whatever_becomes_of_the_file(desk):
 def test_without_the_library_one_line_names_the_extra(desk):
     words = ["--tree", "t.msgpack", "--check", "--require-signed", "k.pem.pub"]
     code = "import sys; sys.modules['cryptography'] = None; from runtime import cli; "
-    done = subprocess.run(
-        [sys.executable, "-c", f"{code}sys.exit(cli.main({words}))"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "squeezetree[evidence]" in done.stderr
+    done = ended([sys.executable, "-c", f"{code}sys.exit(cli.main({words}))"], cwd=desk)
+    assert (done.code, done.one_line) == (2, True)
+    assert "squeezetree[evidence]" in done.err
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
-def test_the_commands_of_the_page_do_what_it_says(tmp_path):
-    work = tmp_path / "work"
-    work.mkdir()
-    shutil.copyfile(ROOT / "trees" / "rectangle" / "rectangle.msgpack", work / "lever.msgpack")
-    widths = (0.0, 20.0, 40.0, 60.0, 80.0)
-    gauges = [Gauge(width, (round(1000 * width),) * 3) for width in widths]
-    save(fit(gauges, PROFILES["robotiq-2f-85"], "S/N 1", "today"), work / "gripper.json")
+def test_the_commands_of_the_page_do_what_it_says(tmp_path, work):
+    shutil.copyfile(TABLE, work / "lever.msgpack")
+    linear(work / "gripper.json")
     environment = {**os.environ, "PATH": f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}"}
     result = blocks(DOCS / "evidence.md")
     for block, printed in zip(result, run(result, work, environment), strict=False):

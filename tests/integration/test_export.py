@@ -2,8 +2,6 @@
 
 import csv
 import re
-import subprocess
-from pathlib import Path
 from random import Random
 
 import pytest
@@ -22,6 +20,7 @@ from exported import (
     said,
     wide_table,
 )
+from programs import ROOT, ended
 from sample_tables import every_field_table, random_table, small_table
 from structured_text import INPUT, OUTPUT, FunctionBlock
 from tree_tables import committed
@@ -30,15 +29,10 @@ from planner.cli import export
 from planner.export.write import NODE, VECTORS
 from runtime.table import dump
 
-ROOT = Path(__file__).parents[2]
 GUIDE = (ROOT / "tools" / "docs" / "controllers.md").read_text()
 COMMITTED = committed()
-TABLES = {
-    **COMMITTED,
-    "every field": every_field_table(),
-    "sixty nodes": random_table(3, 60),
-    "wide": wide_table(),
-}
+TABLES = {**COMMITTED, "every field": every_field_table(), "wide": wide_table()}
+TABLES["sixty nodes"] = random_table(3, 60)
 FUZZED = 20_000
 MOST_CODE_BYTES = 4096
 WILD = (-(2**31), -257, -2, -1, 256, 257, 4096, 2**31 - 1)
@@ -133,19 +127,16 @@ def test_the_check_of_vectors_sees_one_wrong_number(folder):
         wrong = right[30].split(",")
         wrong[column] = str(int(wrong[column]) + 1)
         (out / "wrong.csv").write_text("\n".join([*right[:30], ",".join(wrong), *right[31:]]))
-        done = subprocess.run(
-            [program, "check", out / "wrong.csv"], capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 1
-        assert done.stderr.startswith("row 30:")
+        done = ended([program, "check", out / "wrong.csv"])
+        assert done.code == 1
+        assert done.err.startswith("row 30:")
 
 
 @pytest.mark.slow
 def test_the_executor_is_small_and_needs_no_library(folder):
     out = folder("sixty nodes", "c99")
-    assert re.findall(r"#include .*", (out / "squeezetree_table.h").read_text()) == [
-        "#include <stdint.h>"
-    ]
+    header = (out / "squeezetree_table.h").read_text()
+    assert re.findall(r"#include .*", header) == ["#include <stdint.h>"]
     for compiler in compilers():
         executable = executor(compiler, out)
         assert 0 < code_bytes(executable) < MOST_CODE_BYTES
@@ -159,10 +150,8 @@ def test_the_guide_s_program_follows_the_tree(folder):
     program = re.findall(r"```c\n(.*?)```", GUIDE, re.DOTALL)
     assert len(program) == 1
     (out / "guide.c").write_text(program[0] + PLAYED)
-    root, second = (
-        "0 0 0 85000 60000 40000 0 0 0",
-        "1000 -2000 1570796 85000 60000 40000 1000 -2000 1570796",
-    )
+    root = "0 0 0 85000 60000 40000 0 0 0"
+    second = "1000 -2000 1570796 85000 60000 40000 1000 -2000 1570796"
     for compiler in compilers():
         path = out / f"guide-{compiler}"
         said("-I", out, out / "guide.c", "-o", path, *STRICT, *SANITIZERS, program=compiler)
@@ -249,15 +238,10 @@ def test_two_tables_in_one_program(tmp_path):
     for name, table in tables.items():
         dump(table, tmp_path / "t.msgpack")
         for form in ("c99", "st"):
-            words = [
-                str(tmp_path / "t.msgpack"),
-                "--to",
-                form,
-                "-o",
-                str(tmp_path / f"{name}-{form}"),
-            ]
-            assert export.main([*words, "--prefix", name]) == 0
-        assert export.main([*words[:2], "c99", "-o", str(tmp_path / f"{name}-same")]) == 0
+            words = f"{tmp_path}/t.msgpack --to {form} -o {tmp_path}/{name}-{form} --prefix {name}"
+            assert export.main(words.split()) == 0
+        words = f"{tmp_path}/t.msgpack --to c99 -o {tmp_path}/{name}-same"
+        assert export.main(words.split()) == 0
     (tmp_path / "two.c").write_text(TWO)
     folders = ("-I", tmp_path / "left-c99", "-I", tmp_path / "right-c99")
     (tmp_path / "same.c").write_text(
@@ -268,14 +252,9 @@ def test_two_tables_in_one_program(tmp_path):
         one, two = (Oracle(table).answer(0, 20_969, 2)[2:] for table in tables.values())
         assert one != two
         assert [int(word) for word in said(program=tmp_path / "two").split()] == [*one, *two, 2, 2]
-        refused = subprocess.run(
-            [compiler, "-fsyntax-only", tmp_path / "same.c"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert refused.returncode != 0
-        assert "another table has the prefix squeezetree" in refused.stderr
+        refused = ended([compiler, "-fsyntax-only", tmp_path / "same.c"])
+        assert refused.code != 0
+        assert "another table has the prefix squeezetree" in refused.err
     texts = [(tmp_path / f"{name}-st" / f"{name}_table.st").read_text() for name in tables]
     names = [re.findall(r"FUNCTION_BLOCK (\w+)", text)[0] for text in texts]
     assert names == ["LeftTable", "RightTable"]

@@ -2,10 +2,10 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import JOB, TABLE, called
 
 from planner import compile as planning
 from planner import planning as course
@@ -18,7 +18,6 @@ from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
 from runtime.table import PPM, dumps, load
 
-TREES = Path(__file__).parents[2] / "trees"
 QUICK = {"particles": 500}
 TRIALS = 1000
 
@@ -28,21 +27,17 @@ def seeds(monkeypatch):
     """The seeds of all trials that are run, in their order."""
     used = []
 
-    def recording(original, position):
-        def recorded(*arguments, **named):
-            used.append(arguments[position])
-            return original(*arguments, **named)
+    def recorded(*arguments, **named):
+        used.append(arguments[4])
+        return evaluate(*arguments, **named)
 
-        return recorded
-
-    taken = [(planning, "evaluate", 4), (course, "evaluate", 4)]
-    for module, name, position in taken:
-        monkeypatch.setattr(module, name, recording(getattr(module, name), position))
+    for module in (planning, course):
+        monkeypatch.setattr(module, "evaluate", recorded)
     return used
 
 
 def test_the_figures_are_those_of_trials_whose_seed_decided_nothing(seeds):
-    job = job_file.load(TREES / "rectangle" / "job.toml", {"search": QUICK, "seed": 4})
+    job = job_file.load(JOB, {"search": QUICK, "seed": 4})
     plan = planning.compile_job(job, workers=2, trials=TRIALS)
     assert seeds.count(plan.seed) == 1
     assert plan.seed in seeds[-2:]  # doubted cells may follow, for leaves that no part came to
@@ -63,8 +58,8 @@ def test_the_figures_are_those_of_trials_whose_seed_decided_nothing(seeds):
 
 def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(seeds):
     certain = {"friction": {"doubt": 0.0}, "doubt": {"chance": 0.0}, "part": {"tolerance_mm": 0.0}}
-    job = job_file.load(TREES / "rectangle" / "job.toml", certain)
-    table = load(TREES / "rectangle" / "rectangle.msgpack").table
+    job = job_file.load(JOB, certain)
+    table = load(TABLE).table
     leaf = max(range(len(table.leaves)), key=lambda k: table.leaves[k].trials)
     rows = list(table.leaves)
     rows[leaf] = rows[leaf]._replace(x_um=rows[leaf].x_um + 50_000)
@@ -79,26 +74,16 @@ def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(see
     dumps(plan.table)
 
 
-def test_the_command_names_the_seed_and_the_evaluation_repeats_the_figures(tmp_path, capsys):
-    text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
+def test_the_command_names_the_seed_and_the_evaluation_repeats_the_figures(tmp_path):
+    text = JOB.read_text(encoding="utf-8")
     path, output = tmp_path / "job.toml", tmp_path / "table.msgpack"
     path.write_text(text + "\n[search]\nparticles = 300\n", encoding="utf-8")
-    words = [str(path), "-o", str(output), "--trials", "500", "--json", "--no-advice"]
-    assert compile_.main(words) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert (
-        evaluate_.main(
-            [str(output), "--trials", "500", "--seed", str(said["trials_seed"]), "--json"]
-        )
-        == 0
-    )
-    seen = json.loads(capsys.readouterr().out)
-    for name in (
-        "success_rate",
-        "wrong_rate",
-        "reject_rate",
-        "mean_squeezes",
-        "crashes",
-        "error_mm",
-    ):
-        assert said[name] == seen[name], name
+    words = (output, "--trials", "500", "--json")
+    compiled = called(compile_.main, path, "--no-advice", "-o", *words)
+    assert compiled.code == 0
+    said = json.loads(compiled.out)
+    evaluated = called(evaluate_.main, *words, "--seed", said["trials_seed"])
+    assert evaluated.code == 0
+    seen = json.loads(evaluated.out)
+    names = ["success_rate", "wrong_rate", "reject_rate", "mean_squeezes", "crashes", "error_mm"]
+    assert {name: said[name] for name in names} == {name: seen[name] for name in names}

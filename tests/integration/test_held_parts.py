@@ -1,41 +1,34 @@
 """Starts upon what a stop or a crash left behind, and starts that fail: nothing falls, nothing is made up."""
 
 import contextlib
-import io
 import math
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from sample_tables import small_table
+from programs import ROOT, RUNTIME, WAIT_S, Ended, called, started
+from written_journals import assert_sound
 
 from drivers import connect
 from drivers.sim.cell import Cell
 from drivers.sim.physics.scene import REHEARSAL, load
 from drivers.sim.wire.line import CleanLine
 from runtime.cli import main
-from runtime.journal.chain import records, verify
-from runtime.journal.replay import Replay
-from runtime.table import dump
+from runtime.journal.chain import records
 
-ROOT = Path(__file__).parents[2]
-WAIT_S = 120
 TIME_SCALE = 20.0
 RETREAT_MM, SQUEEZE_MM = 60.0, 10.0
 FORCE_AT = 5  # of rFR in the output block
-Ended = tuple[int, str, str]
 
 
 class Station:
     """A cell in this process, with a rehearsal behind it; runs that are struck are processes of their own."""
 
-    def __init__(self, folder: Path) -> None:
-        self.tree, self.journal = folder / "small.msgpack", folder / "journal.jsonl"
-        dump(small_table(), self.tree)
+    def __init__(self, tree: Path) -> None:
+        self.tree, self.journal = tree, tree.with_name("journal.jsonl")
         self.cell = Cell(load(self.tree, None, REHEARSAL), 0, TIME_SCALE)
         self.gripper, self.table = self.cell.works.gripper, self.cell.works.table
 
@@ -46,16 +39,11 @@ class Station:
         return [*given, "--journal", str(self.journal), *words]
 
     def run(self, *words: str) -> Ended:
-        out, err = io.StringIO(), io.StringIO()
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            code = main(self.words(*words))
-        return code, out.getvalue(), err.getvalue()
+        return called(main, *self.words(*words))
 
     def strike(self, number: signal.Signals, when: Callable[[], bool], *words: str) -> Ended:
         """Start, and send a signal while the gripper waits to answer in the state asked for."""
-        command = [sys.executable, "-m", "runtime.cli", *self.words(*words)]
-        pipe = subprocess.PIPE
-        process = subprocess.Popen(command, cwd=ROOT, stdout=pipe, stderr=pipe, text=True)
+        process = started([*RUNTIME, *self.words(*words)])
         deadline = time.monotonic() + WAIT_S
         while process.poll() is None and time.monotonic() < deadline:
             with self.cell._lock:
@@ -64,7 +52,7 @@ class Station:
                     break
             time.sleep(0.001)
         out, err = process.communicate(timeout=WAIT_S)
-        return process.returncode, out, err
+        return Ended(process.returncode, out, err)
 
     def grips(self) -> bool:
         return self.gripper._gripping
@@ -79,14 +67,11 @@ class Station:
             x_mm, y_mm, z_mm, _ = self.cell.works.arm.pose_at(now_s)
             return x_mm, y_mm, z_mm, self.gripper.opening_mm(now_s)
 
-    def sound(self) -> bool:
-        return verify(self.journal).closed and not list(Replay().follow(records(self.journal)))
-
 
 @pytest.fixture
-def station(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Station]:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    result = Station(tmp_path)
+def station(tree: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Station]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tree.parent))
+    result = Station(tree)
     with result.cell:
         yield result
 
@@ -116,7 +101,8 @@ def test_a_part_that_a_stop_left_in_the_air_is_put_down_only_if_asked(station) -
     assert station.stands()[2] == pytest.approx(RETREAT_MM, abs=0.1)
     assert station.kinds()[-4:] == ["header", "put_down", "put_down", "end"]
     assert station.run()[0] in (0, 10)
-    assert (station.table.drops, station.sound()) == (0, True)
+    assert station.table.drops == 0
+    assert_sound(station.journal)
 
 
 def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_drops_it(
@@ -131,7 +117,8 @@ def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_d
     assert "they met it while closing" in said
     assert station.stands()[2] == pytest.approx(SQUEEZE_MM, abs=0.1)
     assert station.run("--put-down")[0] == 0
-    assert (station.grips(), station.table.drops, station.sound()) == (False, 0, True)
+    assert (station.grips(), station.table.drops) == (False, 0)
+    assert_sound(station.journal)
 
 
 def test_a_gripper_that_lost_its_power_with_a_part_in_it_is_not_activated(station) -> None:
@@ -148,9 +135,8 @@ def test_a_gripper_that_lost_its_power_with_a_part_in_it_is_not_activated(statio
 def test_jaws_stopped_on_their_way_may_hold_something(station) -> None:
     def on_their_way() -> bool:
         gripper = station.gripper
-        return (
-            "placed" in station.kinds() and gripper._ends_s < math.inf and gripper._stroke.rate > 0
-        )
+        closes = gripper._ends_s < math.inf and gripper._stroke.rate > 0
+        return closes and "placed" in station.kinds()
 
     assert station.strike(signal.SIGINT, on_their_way, "--activate")[0] == 40
     if station.grips():
@@ -176,7 +162,7 @@ def test_a_part_let_go_and_a_hand_moved_since_are_not_gone_on_with(station, heig
     assert code == 24
     assert "not where the run broke off" in out
     assert station.stands() == before
-    assert station.sound()
+    assert_sound(station.journal)
 
 
 def test_a_part_of_long_ago_is_not_gone_on_with(station) -> None:
@@ -197,9 +183,8 @@ class LosesForces(CleanLine):
         if frame[1] != 16:
             return True
         block, before, self._before = frame[7:13], self._before, frame[7:13]
-        if (
-            block[3] != 255 and before[3:4] == b"\xff"
-        ):  # what it gripped with, as the jaws are told to open
+        # What it gripped with, as the jaws are told to open.
+        if block[3] != 255 and before[3:4] == b"\xff":
             self.forces.append(self._station.gripper.read_output()[FORCE_AT])
         if block[:5] != before[:5] or block == before:
             return True
@@ -216,7 +201,7 @@ def test_a_force_that_was_lost_on_the_way_is_written_again(station) -> None:
     assert line.lost
     assert set(line.forces) == {0, (40_000 - 20_000) * 255 // (235_000 - 20_000)}
     assert "write unanswered" in [entry.get("incident") for entry in records(station.journal)]
-    assert station.sound()
+    assert_sound(station.journal)
 
 
 @pytest.mark.parametrize(

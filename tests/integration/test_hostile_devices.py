@@ -4,8 +4,6 @@ import contextlib
 import fcntl
 import os
 import signal
-import subprocess
-import sys
 import termios
 import tty
 from collections.abc import Iterator
@@ -14,8 +12,9 @@ from pathlib import Path
 
 import pytest
 from hostile_devices import Bench
+from programs import REHEARSAL, RUNTIME, WAIT_S, called, started
 from relays import Case
-from running_cells import REHEARSAL, ROOT, WAIT_S, Notices
+from running_cells import Notices
 from sample_tables import small_table
 
 from runtime import cli
@@ -56,25 +55,19 @@ def stopped() -> Iterator[str]:
         os.close(end)
 
 
-@pytest.fixture
-def tree(tmp_path: Path) -> Path:
-    dump(small_table(), tmp_path / "small.msgpack")
-    return tmp_path / "small.msgpack"
-
-
 def test_commands_that_look_at_a_stopped_serial_port_end(
-    stopped: str, tree: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    stopped: str, tree: Path, tmp_path: Path
 ) -> None:
-    width = ["width", "--port", stopped, "--gripper", "S/N", "-o", str(tmp_path / "g.json")]
-    assert cli.main(["--tree", str(tree), "--port", stopped, "--tips", "straight", "--check"]) == 21
-    assert cli.calibrate(width) == 21
-    assert (
-        capsys.readouterr().err.count("it has taken no bytes for 0.5 s; is its flow stopped?") == 2
-    )
-    assert cli.doctor(["--port", stopped]) == 11
-    printed = capsys.readouterr().out
-    assert "has taken no bytes" in printed
-    assert "cannot be searched" in printed
+    check = ("--tree", tree, "--tips", "straight", "--check")
+    width = ("width", "--gripper", "S/N", "-o", tmp_path / "g.json")
+    for main, words in ((cli.main, check), (cli.calibrate, width)):
+        ended = called(main, *words, "--port", stopped)
+        assert ended.code == 21
+        assert "it has taken no bytes for 0.5 s; is its flow stopped?" in ended.err
+    ended = called(cli.doctor, "--port", stopped)
+    assert ended.code == 11
+    assert "has taken no bytes" in ended.out
+    assert "cannot be searched" in ended.out
 
 
 def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(
@@ -84,27 +77,10 @@ def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(
     fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
     os.write(writer, bytes(4096))  # it is full
     journal = tmp_path / "journal.jsonl"
-    words = [
-        "--tree",
-        str(tree),
-        "--port",
-        "sim",
-        "--world",
-        REHEARSAL,
-        "--time-scale",
-        "40",
-        "--json",
-    ]
-    words += ["--count", "100000", "--journal", str(journal)]
+    words = [*RUNTIME, "--tree", tree, "--port", "sim", *REHEARSAL, "--time-scale", "40", "--json"]
+    words += ["--count", "100000", "--journal", journal]
     with contextlib.closing(Notices(tmp_path)) as notices:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "runtime.cli", *words],
-            cwd=ROOT,
-            env=notices.environment,
-            stdout=writer,
-            stderr=writer,
-            text=True,
-        )
+        process = started(words, env=notices.environment, stdout=writer, stderr=writer)
         for part in (1, 2, 3):
             assert notices.wait(f"part {part}: squeeze", process)
         process.send_signal(signal.SIGTERM)
@@ -116,23 +92,11 @@ def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(
     assert kinds.count("outcome") == kinds.count("part") >= 3
 
 
-def test_table_of_an_unknown_gripper_is_refused_before_a_port_is_opened(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_table_of_an_unknown_gripper_is_refused_before_a_port_is_opened(tree: Path) -> None:
     table = small_table()
-    tree = tmp_path / "other.msgpack"
     dump(replace(table, gripper=replace(table.gripper, model="left-hand-effector")), tree)
-    words = [
-        "--tree",
-        str(tree),
-        "--journal",
-        str(tmp_path / "j"),
-        "--port",
-        "/dev/nowhere",
-        "--arm",
-        "tcp://h:1",
-    ]
-    assert cli.main(words) == 21
-    printed = capsys.readouterr().err
-    assert "a left-hand-effector of 227 steps has no register of counts; check the port" in printed
-    assert printed.count("\n") == 1
+    words = ("--tree", tree, "--journal", tree.with_name("j"), "--port", "/dev/nowhere")
+    ended = called(cli.main, *words, "--arm", "tcp://h:1")
+    assert (ended.code, ended.one_line) == (21, True)
+    said = "a left-hand-effector of 227 steps has no register of counts; check the port"
+    assert said in ended.err

@@ -3,7 +3,6 @@
 import csv
 import os
 import stat
-import subprocess
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from programs import JOB, REHEARSAL, VIRTUAL, called, ended
 from sample_tables import small_table
 from written_journals import write_run
 
@@ -19,8 +19,6 @@ from runtime.devices.lock import PortLock
 from runtime.journal.chain import verify
 from runtime.table import dump
 
-ROOT = Path(__file__).parents[2]
-JOB = ROOT / "trees" / "rectangle" / "job.toml"
 SURFACE = (
     "format = 1\nkind = 'ellipsoid'\nrho_mm = 75.0\n"
     "ellipsoid = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]\n"
@@ -45,63 +43,48 @@ class Command(NamedTuple):
 
     Attributes:
         module: of its `main`.
+        suffix: of {out}.
         words: its arguments; those of `READ` in braces are files that it reads, {out} is what it writes,
             {json} and {svg} are the same with another suffix, {folder} is its folder.
-        suffix: of {out}.
     """
 
     module: str
-    words: str
     suffix: str
+    words: str
 
 
 CAMERA = "camera --name S --board charuco:12x9:14:10.5 --views . --table {view} --touched {touched}"
 TAG = "tag --part p --number 7 --side 9 --calibration {expected} --poses {touched}"
-SIMULATE = "{job} --poses {poses} -o t.csv"
-CALIBRATE = "drivers.camera.calibration.command"
-COMMANDS = {
-    "plan-compile": Command("planner.cli.compile", "{job} -o {out}", ".msgpack"),
-    "plan-compile --vary": Command(
-        "planner.cli.compile", "{job} -o {folder} --vary seed=1", ".msgpack"
-    ),
-    "plan-simulate": Command("planner.cli.simulate", "{job} --poses {poses} -o {out}", ".csv"),
-    "plan-simulate --push": Command(
-        "planner.cli.simulate", "{job} --push {pushes} -o {out}", ".csv"
-    ),
-    "plan-simulate --figure": Command(
-        "planner.cli.simulate", f"{SIMULATE} --figure {{out}}", ".png"
-    ),
-    "plan-simulate --html": Command("planner.cli.simulate", f"{SIMULATE} --html {{out}}", ".html"),
-    "plan-export": Command("planner.cli.export", "{tree} --to json -o {folder}", ".msgpack"),
-    "plan-expect": Command("planner.cli.expect", "{tree} --job {job} -o {out}", ".json"),
-    "plan-identify": Command("planner.cli.identify", "{log} -o {out}", ".toml"),
-    "plan-identify --figure": Command("planner.cli.identify", "{log} --figure {out}", ".svg"),
-    "plan-init": Command("planner.cli.init", "{outline} --force -o {out}", ".csv"),
-    "plan-try": Command("planner.cli.first_look", "{outline} --units mm -o {out}", ".csv"),
-    "plan-refit": Command("planner.cli.refit", "{job} --journal {journal} -o {out}", ".toml"),
-    "plan-report": Command(
-        "planner.cli.report", "{tree} --job {job} --journal {journal} -o {out}", ".html"
-    ),
-    "grasp-journal export": Command(
-        "runtime.commands.journal", "export {journal} -o {out}", ".csv"
-    ),
-    "grasp-evidence pack": Command("runtime.commands.evidence", "pack {tree} -o {out}", ".zip"),
-    "grasp-audit report": Command(
-        "runtime.spc.command", "{journal} --expected {expected} -o {out}", ".html"
-    ),
-    "grasp-audit report --export": Command(
-        "runtime.spc.command", "{journal} --export {out}", ".csv"
-    ),
-    "grasp-calibrate tag": Command(CALIBRATE, f"{TAG} -o {{out}}", ".json"),
-    "grasp-calibrate camera": Command(CALIBRATE, f"{CAMERA} -o {{out}}", ".json"),
-    "grasp-calibrate camera, picture": Command(CALIBRATE, f"{CAMERA} -o {{json}}", ".svg"),
-}
-CLASHES = [
-    (name, read)
-    for name, command in COMMANDS.items()
-    for read in READ
-    if f"{{{read}}}" in command.words
-]
+LISTED = f"""
+planner.cli.compile                 .msgpack  {{job}} -o {{out}}
+planner.cli.compile                 .msgpack  {{job}} -o {{folder}} --vary seed=1
+planner.cli.simulate                .csv      {{job}} --poses {{poses}} -o {{out}}
+planner.cli.simulate                .csv      {{job}} --push {{pushes}} -o {{out}}
+planner.cli.simulate                .png      {{job}} --poses {{poses}} -o t.csv --figure {{out}}
+planner.cli.simulate                .html     {{job}} --poses {{poses}} -o t.csv --html {{out}}
+planner.cli.export                  .msgpack  {{tree}} --to json -o {{folder}}
+planner.cli.expect                  .json     {{tree}} --job {{job}} -o {{out}}
+planner.cli.identify                .toml     {{log}} -o {{out}}
+planner.cli.identify                .svg      {{log}} --figure {{out}}
+planner.cli.init                    .csv      {{outline}} --force -o {{out}}
+planner.cli.first_look              .csv      {{outline}} --units mm -o {{out}}
+planner.cli.refit                   .toml     {{job}} --journal {{journal}} -o {{out}}
+planner.cli.report                  .html     {{tree}} --job {{job}} --journal {{journal}} -o {{out}}
+runtime.commands.journal            .csv      export {{journal}} -o {{out}}
+runtime.commands.evidence           .zip      pack {{tree}} -o {{out}}
+runtime.spc.command                 .html     {{journal}} --expected {{expected}} -o {{out}}
+runtime.spc.command                 .csv      {{journal}} --export {{out}}
+drivers.camera.calibration.command  .json     {TAG} -o {{out}}
+drivers.camera.calibration.command  .json     {CAMERA} -o {{out}}
+drivers.camera.calibration.command  .svg      {CAMERA} -o {{json}}
+"""
+COMMANDS = [Command(*line.split(None, 2)) for line in LISTED.strip().splitlines()]
+CLASHES = [(each, read) for each in COMMANDS for read in READ if f"{{{read}}}" in each.words]
+
+
+def named(value: object) -> str:
+    """The name of a test's argument."""
+    return str(value) if isinstance(value, str) else f"{value.module} {value.words}"
 
 
 class Desk:
@@ -122,19 +105,15 @@ class Desk:
 
     def run(self, command: Command, out: Path) -> int:
         """Run a command on the files; returns its exit code."""
-        names = {
-            "json": out.with_suffix(".json"),
-            "svg": out.with_suffix(".svg"),
-            "folder": out.parent,
-        }
-        words = [word.format(out=out, **names, **self.files) for word in command.words.split()]
+        names = {kind: out.with_suffix(f".{kind}") for kind in ("json", "svg")}
+        names |= {"out": out, "folder": out.parent, **self.files}
+        words = [word.format(**names) for word in command.words.split()]
         return int(import_module(command.module).main(words))
 
     def start(self, journal: Path) -> int:
         """Run a part in a simulated cell; returns the exit code."""
-        words = ["--tree", str(self.files["tree"]), "--port", "sim", "--journal", str(journal)]
-        world = "runtime.devices.rehearsal:make"
-        return cli.main([*words, "--world", world, "--time-scale", "max"])
+        words = ["--tree", str(self.files["tree"]), "--journal", str(journal)]
+        return cli.main([*words, *VIRTUAL, *REHEARSAL])
 
     def seen(self) -> dict[str, object]:
         """Kind, device number, target or content of all that lies in the folder."""
@@ -173,14 +152,8 @@ def refuses(desk: Desk, capfd: pytest.CaptureFixture[str]) -> Callable[[Command,
 
 def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
     """Things that no output may be, each in a folder of its own; a device only where root asks for it."""
-    kinds = [
-        "pipe",
-        "folder",
-        "link",
-        "dangling link",
-        "socket",
-        *(["device"] if os.geteuid() == 0 else []),
-    ]
+    kinds = ["pipe", "folder", "link", "dangling link", "socket"]
+    kinds += ["device"] if os.geteuid() == 0 else []
     record = {kind: folder / kind / f"seed=1{suffix}" for kind in kinds}
     for path in record.values():
         path.parent.mkdir()
@@ -195,13 +168,10 @@ def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
     return record
 
 
-@pytest.mark.parametrize(
-    ("name", "read"), CLASHES, ids=[f"{name}: {read}" for name, read in CLASHES]
-)
+@pytest.mark.parametrize(("command", "read"), CLASHES, ids=named)
 def test_an_input_is_never_an_output(
-    desk: Desk, refuses: Callable[[Command, Path], int], name: str, read: str
+    desk: Desk, refuses: Callable[[Command, Path], int], command: Command, read: str
 ) -> None:
-    command = COMMANDS[name]
     out = desk.files[read].rename(desk.folder / f"seed=1{command.suffix}")
     desk.files[read] = out
     other = desk.folder / "other" / out.name
@@ -215,12 +185,12 @@ def test_an_input_is_never_an_output(
     assert codes == {2}
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("command", COMMANDS, ids=named)
 def test_only_a_regular_file_is_an_output(
-    desk: Desk, refuses: Callable[[Command, Path], int], name: str
+    desk: Desk, refuses: Callable[[Command, Path], int], command: Command
 ) -> None:
-    odd = odd_files(desk.folder, COMMANDS[name].suffix)
-    codes = {refuses(COMMANDS[name], path) for path in odd.values()}
+    odd = odd_files(desk.folder, command.suffix)
+    codes = {refuses(command, path) for path in odd.values()}
     assert codes == {2}
     if "device" not in odd:
         pytest.skip("all but the device, which only root can make")
@@ -237,8 +207,8 @@ def test_a_file_that_the_job_names_is_an_input(
     assert stated in text
     stated_by = 'kind = "identified"\nsurface_file = "surface.msgpack"'
     desk.files["job"].write_text(text.replace(stated, stated_by))
-    refuses(COMMANDS["plan-compile"], surface)
-    twice = Command("planner.cli.simulate", "{job} --poses {poses} -o {out} --figure {out}", ".svg")
+    refuses(COMMANDS[0], surface)
+    twice = Command("planner.cli.simulate", ".svg", "{job} --poses {poses} -o {out} --figure {out}")
     refuses(twice, desk.folder / "s.svg")
 
 
@@ -248,7 +218,6 @@ def test_a_file_that_the_job_names_is_an_input(
 def test_what_is_no_journal_is_not_written_to(
     desk: Desk, capfd: pytest.CaptureFixture[str], kind: str
 ) -> None:
-    path = desk.folder / kind
     contents = {
         "text": b"a note\nand one more, without an end",
         "json": b'{"host": "cell"}',
@@ -256,11 +225,11 @@ def test_what_is_no_journal_is_not_written_to(
         "journal of another kind": b'{"seq":0,"time":"now","kind":"header"}\n{"seq":1,"time":"now"',
         "no end": b"x" * 100,
     }
-    paths = [path]
     if kind == "odd":
         paths = list(odd_files(desk.folder, ".jsonl").values())
     else:
-        path.write_bytes(contents[kind])
+        paths = [desk.folder / kind]
+        paths[0].write_bytes(contents[kind])
     for path in paths:
         before = desk.seen()
         assert desk.start(path) == 24
@@ -284,15 +253,12 @@ def test_a_torn_journal_is_gone_on_with(desk: Desk) -> None:
     assert verify(path).runs == 2
 
 
-def test_gripper_calibration_is_refused_before_the_gripper_is_opened(
-    desk: Desk, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_gripper_calibration_is_refused_before_the_gripper_is_opened(desk: Desk) -> None:
     for path in odd_files(desk.folder, ".json").values():
         before = desk.seen()
-        assert (
-            cli.calibrate(["width", "--port", "/dev/none", "--gripper", "S", "-o", str(path)]) == 2
-        )
-        err = capfd.readouterr().err
+        words = ("width", "--port", "/dev/none", "--gripper", "S", "-o", path)
+        code, _, err = called(cli.calibrate, *words)
+        assert code == 2
         assert "cannot be written: " in err
         assert desk.seen() == before
 
@@ -307,17 +273,13 @@ def test_gripper_calibration_is_refused_before_the_gripper_is_opened(
 def test_rows_on_standard_output_are_nothing_but_rows(desk: Desk, program: str, words: str) -> None:
     """As a process, and by the name of a link, which is not replaced."""
     before = what_is(Path("/dev/stdout"))
-    command = [
-        Path(sys.executable).with_name(program),
-        *(word.format(**desk.files) for word in words.split()),
-    ]
-    done = subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, timeout=250, check=True
-    )
-    rows = list(csv.reader(done.stdout.splitlines()))
+    command = [Path(sys.executable).with_name(program), *words.format(**desk.files).split()]
+    code, out, err = ended(command, timeout=250)
+    assert code == 0, err
+    rows = list(csv.reader(out.splitlines()))
     assert len(rows) > 1
     assert {len(row) for row in rows} == {len(rows[0])}
-    assert done.stderr.count("\n") == 1
+    assert err.count("\n") == 1
     assert what_is(Path("/dev/stdout")) == before
 
 

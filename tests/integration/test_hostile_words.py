@@ -1,9 +1,7 @@
 """A wrong word: answers that are lost, arguments and files that are odd: no traceback, no false 0."""
 
 import hashlib
-import json
 import os
-import subprocess
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -11,6 +9,8 @@ from pathlib import Path
 
 import pytest
 from command_parsers import parsers, subcommands
+from programs import REHEARSAL, ROOT, TABLE, Ended, called, ended
+from run_logs import chained
 from sample_tables import every_field_table, small_table, with_job
 from written_journals import write_run
 
@@ -18,56 +18,33 @@ from runtime.journal.chain import verify
 from runtime.table import dump
 from runtime.table.codec import encode
 
-ROOT = Path(__file__).parents[2]
-RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
-WAIT_S = 120
-Seen = tuple[int, str, str]
-
 RUNTIME = ("runtime.cli", "main")
 JOURNAL = ("runtime.commands.journal", "main")
 REPORT = ("runtime.spc.command", "main")
 EVALUATE = ("planner.cli.evaluate", "main")
-DOCTOR = ("runtime.cli", "doctor")
 
-Tell = Callable[..., Seen]
+Tell = Callable[..., Ended]
 
 
 @pytest.fixture
-def tell(tmp_path: Path, monkeypatch, capsys) -> Tell:
+def tell(tmp_path: Path, monkeypatch) -> Tell:
     """Runs a command in `tmp_path`, as a process where `shell` redirects, and checks what holds then."""
     monkeypatch.chdir(tmp_path)
 
     def run(
         entry: tuple[str, str], *words: object, code: int | None = None, shell: str = ""
-    ) -> Seen:
+    ) -> Ended:
         module, function = entry
         if shell:
             call = f"import sys; from {module} import {function}; sys.exit({function}())"
-            line = [
-                "bash",
-                "-o",
-                "pipefail",
-                "-c",
-                f'"$@" {shell}',
-                "bash",
-                sys.executable,
-                "-c",
-                call,
-            ]
-            done = subprocess.run(
-                [*line, *map(str, words)],
-                capture_output=True,
-                text=True,
-                timeout=WAIT_S,
-                check=False,
-                env={**os.environ, "PYTHONPATH": str(ROOT)},
-            )
-            seen = done.returncode, done.stdout, done.stderr
+            line = ["bash", "-o", "pipefail", "-c", f'"$@" {shell}', "bash"]
+            environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+            words = (sys.executable, "-c", call, *words)
+            seen = ended([*line, *words], cwd=tmp_path, env=environment)
         else:
-            ended = getattr(import_module(module), function)([str(word) for word in words])
-            seen = ended, *capsys.readouterr()
-        assert "Traceback" not in seen[2], seen[2]
-        assert code is None or seen[0] == code, seen
+            seen = called(getattr(import_module(module), function), *words)
+        assert "Traceback" not in seen.err, seen.err
+        assert code is None or seen.code == code, seen
         return seen
 
     return run
@@ -80,16 +57,7 @@ def journal(tmp_path: Path) -> Path:
 
 def simulated(tmp_path: Path, *words: str) -> list[object]:
     dump(small_table(), tmp_path / "t.msgpack")
-    given = (
-        "--port",
-        "sim",
-        "--world",
-        "runtime.devices.rehearsal:make",
-        "--time-scale",
-        "100",
-        "--count",
-        "2",
-    )
+    given = ("--port", "sim", *REHEARSAL, "--time-scale", "100", "--count", "2")
     return ["--tree", "t.msgpack", *given, *words]
 
 
@@ -155,10 +123,10 @@ def test_filters_that_no_record_could_pass_are_usage(
 
 
 def test_every_command_tells_wrong_arguments_in_one_line(capsys) -> None:
-    every = [("", result) for _, result in parsers().items()]
-    for _, result in every:
-        every += [("", inner) for inner in subcommands(result).values()]
-    for _, result in every:
+    every = [*parsers().values()]
+    for result in every:  # grows while it is walked
+        every += subcommands(result).values()
+    for result in every:
         for words in (["--no\nsuch\x1b[2J"], ["--debug=3", "\udcff"]):
             with pytest.raises(SystemExit) as ended:
                 result.parse_args(words)
@@ -199,23 +167,16 @@ def test_an_odd_job_under_a_valid_digest_is_a_refused_table(
 def test_an_odd_delivery_is_refused(tell: Tell, tmp_path: Path, data: bytes) -> None:
     (tmp_path / "d.toml").write_bytes(data)
     _, _, err = tell(RUNTIME, *simulated(tmp_path, "--deliver", "d.toml"), code=3)
-    assert (
-        err.splitlines()[-1].startswith("grasp-runtime: --deliver d.toml")
-        or "d.toml: drop_mm" in err
-    )
+    begins = err.splitlines()[-1].startswith("grasp-runtime: --deliver d.toml")
+    assert begins or "d.toml: drop_mm" in err
     assert not (tmp_path / "squeezetree-journal.jsonl").exists()
 
 
 def sealed(fields: dict[str, object], text: str = "") -> bytes:
     """A journal line whose digest is right, whatever stands in it."""
-    frame = {
-        "seq": 0,
-        "time": "2026-01-01T00:00:00",
-        "kind": "part",
-        "previous": "0" * 64,
-        **fields,
-    }
-    body = (text or json.dumps(frame, separators=(",", ":"))).encode()
+    if not text:
+        return chained([{"kind": "part", **fields}])
+    body = text.encode()
     return body[:-1] + b',"digest":"' + hashlib.sha256(body).hexdigest().encode() + b'"}\n'
 
 
@@ -256,7 +217,7 @@ def test_a_host_that_no_host_can_be_is_a_port_that_cannot_be_opened(
 
 @pytest.mark.parametrize("world", ["os:getcwd", "sys:exit", "this.is.no:module", "antigravity.:x"])
 def test_a_world_that_is_none_is_a_sentence(tell: Tell, world: str) -> None:
-    _, _, err = tell(EVALUATE, RECTANGLE, "--trials", "10", "--world", world, code=2)
+    _, _, err = tell(EVALUATE, TABLE, "--trials", "10", "--world", world, code=2)
     assert err.count("\n") == 1
     assert world.partition(":")[0] in err
 
@@ -271,7 +232,7 @@ def test_a_judge_without_its_files_ends_with_what_is_missing(tell: Tell, tmp_pat
 
     calibration.save(true_calibration(camera()), tmp_path / "calibration")
     tag_file.save(part_tag(), tmp_path / "tag", "2026-01-01T00:00:00+00:00")
-    (tmp_path / "tree").write_bytes(RECTANGLE.read_bytes())
+    (tmp_path / "tree").write_bytes(TABLE.read_bytes())
     (tmp_path / missing).unlink()
     files = [word for name in ("tree", "calibration", "tag") for word in (f"--{name}", name)]
     words = ["judge", *files, "--camera", "/dev/video99"]
@@ -280,7 +241,7 @@ def test_a_judge_without_its_files_ends_with_what_is_missing(tell: Tell, tmp_pat
     assert missing in err
 
 
-def test_the_unforeseen_is_one_broad_sentence(monkeypatch, capsys, tmp_path) -> None:
+def test_the_unforeseen_is_one_broad_sentence(monkeypatch, tell: Tell) -> None:
     from runtime import cli
     from runtime.commands import recipe
 
@@ -288,9 +249,7 @@ def test_the_unforeseen_is_one_broad_sentence(monkeypatch, capsys, tmp_path) -> 
         raise ZeroDivisionError("of\nnothing")
 
     monkeypatch.setattr(recipe, "load", broken)
-    assert cli.main(["--tree", "t", "--check"]) == 1
-    err = capsys.readouterr().err
+    _, _, err = tell(RUNTIME, "--tree", "t", "--check", code=1)
     assert err.count("\n") == 1
     assert "internal error, please report it: ZeroDivisionError: of nothing" in err
-    assert cli.main(["--tree", "t", "--check", "--debug"]) == 1
-    assert "Traceback" in capsys.readouterr().err
+    assert "Traceback" in called(cli.main, "--tree", "t", "--check", "--debug").err

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from sample_tables import small_table
 from soaking import small_setting
 
 from drivers.sim.cell import Cell
@@ -12,19 +11,16 @@ from runtime import cli
 from runtime.commands.journal import main as grasp_journal
 from runtime.errors import JournalError
 from runtime.journal.chain import MOST_INCIDENTS, Incidents, Journal, records, verify
-from runtime.table import dump
 
 SCALE = 20.0  # the runtime takes the cell for a real one, which is just fast
 
 
 def test_retries_are_journalled_with_the_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tree: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    dump(small_table(), tmp_path / "small.msgpack")
-    faults = Listed(
-        [Fault("reply_lost", 0, 0), Fault("request_lost", 0, 30), Fault("noise", 0, 40, value=9)]
-    )
+    lost = [Fault("reply_lost", 0, 0), Fault("request_lost", 0, 30)]
+    faults = Listed([*lost, Fault("noise", 0, 40, value=9)])
     with Cell(small_setting(), 2, SCALE, faults) as cell:
         ports = ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
         words = ["--tree", "small.msgpack", *ports, "--activate", "--tips", "straight"]
@@ -49,9 +45,8 @@ def test_what_is_reported_before_there_is_a_journal_is_kept_and_not_without_end(
         journal.header(b"table", {})
         incidents.hand_over(journal)
         incidents.record("link", {"number": -1})
-    numbers = [
-        entry["number"] for entry in records(tmp_path / "j.jsonl") if entry["kind"] == "link"
-    ]
+    kept = records(tmp_path / "j.jsonl")
+    numbers = [entry["number"] for entry in kept if entry["kind"] == "link"]
     assert numbers == [*range(MOST_INCIDENTS), -1]
     with pytest.raises((JournalError, OSError)):
         incidents.record("link", {"number": 0})

@@ -11,13 +11,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from sample_tables import small_table
+from programs import REHEARSAL, RUNTIME, WAIT_S, Ended, called, ended, started
 
 from runtime.cli import main
-from runtime.table import dump
 
-ROOT = Path(__file__).parents[2]
-WAIT_S = 60
 ENDED = {0, 10, 11, 20, 21, 22}
 """A starved machine may make a simulated device late, which is a fault; what is seen of a run is the same."""
 LOADED = """
@@ -31,53 +28,32 @@ sys.exit(code)
 
 
 @pytest.fixture
-def words(tmp_path: Path) -> list[str]:
-    dump(small_table(), tmp_path / "small.msgpack")
-    return [
-        *(
-            "--tree",
-            str(tmp_path / "small.msgpack"),
-            "--port",
-            "sim",
-            "--world",
-            "runtime.devices.rehearsal:make",
-        ),
-        *("--journal", str(tmp_path / "journal.jsonl"), "--time-scale", "20"),
-    ]
+def words(tree: Path) -> list[str]:
+    journal = str(tree.with_name("journal.jsonl"))
+    words = ["--tree", str(tree), "--port", "sim", *REHEARSAL, "--journal", journal]
+    return [*words, "--time-scale", "20"]
 
 
-def run(words: list[str]) -> subprocess.CompletedProcess[str]:
+def run(words: list[str]) -> Ended:
     """Run and tell in the last line what of the views was loaded."""
-    command = [sys.executable, "-c", LOADED, *words]
-    return subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S, check=False
-    )
+    return ended([sys.executable, "-c", LOADED, *words])
 
 
 def test_a_run_that_nobody_watches_and_a_pipe_load_no_view(words: list[str]) -> None:
-    assert run([*words[:-1], "max"]).stderr.splitlines()[-1] == "[]"
+    assert run([*words[:-1], "max"]).err.splitlines()[-1] == "[]"
     done = run(words)
-    assert done.stderr.splitlines()[-1] == "[]"
-    assert "part 1: " in done.stdout
-    assert "\x1b" not in done.stdout
+    assert done.err.splitlines()[-1] == "[]"
+    assert "part 1: " in done.out
+    assert "\x1b" not in done.out
 
 
 def test_the_page_follows_the_run(words: list[str]) -> None:
     words = [*words, "--count", "100000", "--json", "--http", "0"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "runtime.cli", *words],
-        cwd=ROOT,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = started([*RUNTIME, *words], stdout=subprocess.DEVNULL)
     assert process.stderr is not None
     with process, process.stderr as output:
-        url = next(
-            matches[0]
-            for line in output
-            if (matches := re.findall(r"http://127\.0\.0\.1:\d+/", line))
-        )
+        addresses = (re.findall(r"http://127\.0\.0\.1:\d+/", line) for line in output)
+        url = next(each[0] for each in addresses if each)
         seen: list[dict[str, object]] = []
         with contextlib.suppress(OSError):
             while not seen or seen[-1]["part"] < 3:  # type: ignore[operator]
@@ -108,11 +84,10 @@ def test_the_page_follows_the_run(words: list[str]) -> None:
     ],
 )
 def test_what_cannot_be_shown_is_one_line_before_anything_starts(
-    words: list[str], capfd: pytest.CaptureFixture[str], wrong: list[str], reason: str
+    words: list[str], wrong: list[str], reason: str
 ) -> None:
-    assert main([*words, *wrong]) == 2
-    printed = capfd.readouterr()
-    assert printed.err.count("\n") == 1
+    printed = called(main, *words, *wrong)
+    assert (printed.code, printed.one_line) == (2, True)
     assert reason in printed.err
     assert "simulated cell" not in printed.out
     assert not Path(words[words.index("--journal") + 1]).exists()

@@ -2,11 +2,10 @@
 
 import json
 import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 from gripper_tables import table_for
+from programs import CELL, REHEARSAL, VIRTUAL, WAIT_S, called, started
 
 from drivers import connect
 from drivers.sim import cli as sim
@@ -15,20 +14,17 @@ from runtime import cli
 from runtime.shell.exit_codes import ExitCode
 from runtime.table import dump, profile_of
 
-ROOT = Path(__file__).parents[2]
-REHEARSAL = "runtime.devices.rehearsal:make"
-WAIT_S = 240
 OTHER_MAKES = [model for model in SIMULATORS if profile_of(model).counts is None]
 
 
 @pytest.mark.parametrize("model", OTHER_MAKES)
-def test_run_in_virtual_time_locates_parts_by_readings_of_the_gripper(tmp_path, model, capsys):
+def test_run_in_virtual_time_locates_parts_by_readings_of_the_gripper(tmp_path, model):
     profile, tree = profile_of(model), tmp_path / "small.msgpack"
     dump(table_for(model), tree)
-    words = ["--tree", str(tree), "--port", "sim", "--world", REHEARSAL, "--json", "--seed", "3"]
-    words += ["--journal", str(tmp_path / "j"), "--count", "6", "--time-scale", "max"]
-    assert cli.main(words) in (0, 10)
-    parts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    words = ("--tree", tree, "--seed", "3", "--journal", tmp_path / "j", "--count", "6", "--json")
+    code, out, _ = called(cli.main, *VIRTUAL, *REHEARSAL, *words)
+    assert code in (0, 10)
+    parts = [json.loads(line) for line in out.splitlines()]
     assert [part["outcome"] in ("leaf", "unresolved") for part in parts] == [True] * 6
     assert all(part["crashes"] == 0 for part in parts)
     readings_um = {round(1000 * width) for part in parts for width in part["readings_mm"]}
@@ -48,14 +44,8 @@ def test_grasp_cell_with_a_gripper_alone_refuses_what_only_a_cell_has(words, cap
 
 @pytest.mark.parametrize("model", SIMULATORS)
 def test_grasp_cell_serves_each_gripper_alone_and_connecting_leaves_it_as_it_is(model):
-    command = [sys.executable, "-m", "drivers.sim.cli", "--gripper", model, "--json"]
-    with subprocess.Popen(
-        [*command, "--until-stdin-closes"],
-        cwd=ROOT,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as cell:
+    words = [*CELL, "--gripper", model, "--json", "--until-stdin-closes"]
+    with started(words, stdin=subprocess.PIPE, stderr=None) as cell:
         endpoints = json.loads(cell.stdout.readline())
         gripper = connect.gripper(endpoints["port"], profile_of(model))
         assert gripper.profile.model == model

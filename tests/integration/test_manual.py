@@ -4,79 +4,57 @@ import json
 import os
 import pty
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from programs import RUNTIME, WAIT_S, ended, started
 from sample_tables import small_table, with_node
+from written_journals import assert_sound
 
 from drivers import connect, manual
 from drivers.errors import ArmError, GripperFault, LinkError, PortError, ReadOnlyError
 from runtime.commands import options
 from runtime.commands.arguments import parser
-from runtime.journal.chain import records, verify
-from runtime.journal.replay import Replay
 from runtime.shell.errors import UsageError
 from runtime.table import PROFILES, Place, dump
 
-ROOT = Path(__file__).parents[2]
-WAIT_S = 60
+PERSON = ("--port", "manual", "--arm", "manual")
 
 
 @pytest.fixture
-def words(tmp_path: Path) -> list[str]:
-    dump(small_table(), tmp_path / "t.msgpack")
-    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tmp_path / "t.msgpack"), "--json"]
-    return [*command, "--journal", str(tmp_path / "j.jsonl")]
+def words(tree: Path) -> list[object]:
+    journal = tree.with_name("j.jsonl")
+    return [*RUNTIME, "--tree", tree, "--json", "--journal", journal, *PERSON]
 
 
-def run(words: list[str], said: str, *more: str) -> tuple[int, list[dict[str, object]], list[str]]:
-    done = subprocess.run(
-        [*words, *more],
-        input=said,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=WAIT_S,
-        check=False,
-    )
-    return (
-        done.returncode,
-        [json.loads(line) for line in done.stdout.splitlines()],
-        done.stderr.splitlines(),
-    )
+def run(words: list[object], *said: str) -> tuple[int, list[dict[str, object]], list[str]]:
+    """A run whose person answers in lines and goes."""
+    code, out, err = ended(words, input="".join(f"{line}\n" for line in said))
+    return code, [json.loads(line) for line in out.splitlines()], err.splitlines()
 
 
-def test_a_person_with_calipers_locates_a_part(words: list[str], tmp_path: Path) -> None:
-    said = "\n".join(["", "", "29,9", "", "", "", "wide", "-3", "21.1", "", ""])
-    code, (part,), result = run(words, said + "\n", "--port", "manual", "--arm", "manual")
+def test_a_person_with_calipers_locates_a_part(words: list[object], tmp_path: Path) -> None:
+    said = ("", "", "29,9", "", "", "", "wide", "-3", "21.1", "", "")
+    code, (part,), result = run(words, *said)
     assert (code, part["outcome"], part["leaf"], part["path"]) == (0, "leaf", 1, [0, 1])
     asked = [line for line in result if line.endswith(("press Enter", "nothing)?", "31.42:"))]
     assert [line.split()[0] for line in asked] == [
         *("Open", "Put", "Close", "Open", "Lift"),
         *("Put", "Close", "'wide'", "'-3'", "Open", "Lift"),
     ]
-    assert asked[1].startswith(
-        "Put the hand at (0.00, 0.00) mm, 0.0 deg, the tips 10.0 mm above the table"
-    )
+    where = "at (0.00, 0.00) mm, 0.0 deg, the tips 10.0 mm above the table"
+    assert asked[1].startswith(f"Put the hand {where}")
     assert asked[5].startswith("Put the hand at (1.00, -2.00) mm, 90.0 deg")
-    assert verify(tmp_path / "j.jsonl").closed
-    assert list(Replay().follow(records(tmp_path / "j.jsonl"))) == []
+    assert_sound(tmp_path / "j.jsonl")
 
 
 def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(
-    words: list[str], tmp_path: Path
+    words: list[object], tree: Path
 ) -> None:
     table = small_table()
-    dump(
-        with_node(table, 0, table.nodes[0]._replace(release=Place(5_000, 0))),
-        tmp_path / "t.msgpack",
-    )
-    said = "\n".join(["", "", "29,9", "", "", "", "", "", "21.1", "", ""])
-    code, (part,), asked = run(
-        words, said + "\n", "--port", "manual", "--arm", "manual", "--tips", "57.15,5"
-    )
+    dump(with_node(table, 0, table.nodes[0]._replace(release=Place(5_000, 0))), tree)
+    said = ("", "", "29,9", "", "", "", "", "", "21.1", "", "")
+    code, (part,), asked = run([*words, "--tips", "57.15,5"], *said)
     assert (code, part["leaf"]) == (0, 1)
     assert any("you keep the tips" in line for line in asked)
     questions = [line for line in asked if line.endswith(("press Enter", "nothing)?"))]
@@ -90,9 +68,8 @@ def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(
 @pytest.mark.parametrize("arm", ["manual", "manual+tcp://127.0.0.1:1", "tcp://127.0.0.1:1"])
 @pytest.mark.parametrize("port", ["manual", "/dev/x"])
 def test_person_who_holds_hand_or_jaws_follows_no_arc(arm: str, port: str) -> None:
-    arguments = parser().parse_args(
-        ["--tree", "t", "--port", port, "--arm", arm, "--tips", "57.15,5"]
-    )
+    words = f"--tree t --port {port} --arm {arm} --tips 57.15,5"
+    arguments = parser().parse_args(words.split())
     arc = options.arc_of(arguments, small_table(), None)
     assert (arc is None) == ("manual" in (port, arm.partition("+")[0]))
     arguments.tips = "57.15"
@@ -100,26 +77,19 @@ def test_person_who_holds_hand_or_jaws_follows_no_arc(arm: str, port: str) -> No
         options.arc_of(arguments, small_table(), None)
 
 
-@pytest.mark.parametrize(("said", "code"), [("\n", 20), ("", 21)])
-def test_the_end_of_input_is_a_fault(words: list[str], said: str, code: int) -> None:
-    ended, (part,), _ = run(words, said, "--port", "manual", "--arm", "manual")
-    assert (ended, part["outcome"]) == (code, "fault")
+@pytest.mark.parametrize(("said", "code"), [([""], 20), ([], 21)])
+def test_the_end_of_input_is_a_fault(words: list[object], said: list[str], code: int) -> None:
+    end, (part,), _ = run(words, *said)
+    assert (end, part["outcome"]) == (code, "fault")
     assert "standard input ended" in part["reason"]
 
 
 def test_ctrl_c_at_a_question_stops_and_what_was_typed_before_it_answers_nothing(
-    words: list[str], tmp_path: Path
+    words: list[object], tmp_path: Path
 ) -> None:
     main, child = pty.openpty()
     os.write(main, b"\n\n\n29.9\n")
-    process = subprocess.Popen(
-        [*words, "--port", "manual", "--arm", "manual"],
-        cwd=ROOT,
-        stdin=child,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = started(words, stdin=child)
     assert process.stderr is not None
     while not (line := process.stderr.readline()).startswith("Open"):
         assert line
@@ -133,7 +103,7 @@ def test_ctrl_c_at_a_question_stops_and_what_was_typed_before_it_answers_nothing
     (part,) = [json.loads(line) for line in out.splitlines()]
     assert (process.returncode, part["outcome"], part["path"]) == (40, "stopped", [])
     assert part["safe_state"][1] == "arm not moved: state unknown"
-    assert list(Replay().follow(records(tmp_path / "j.jsonl"))) == []
+    assert_sound(tmp_path / "j.jsonl")
 
 
 class Behind:
@@ -155,13 +125,8 @@ def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     person, arm = Behind(monkeypatch), connect.arm("manual")
-    for target in (
-        (0, 0, 60, 0.0),
-        (3, 4, 60, 2.0),
-        (3, 4, 10, 2.0),
-        (5, 4, 10, 2.0),
-        (5, 4, 60, 2.0),
-    ):
+    places = ((3, 4, 60), (3, 4, 10), (5, 4, 10), (5, 4, 60))
+    for target in ((0, 0, 60, 0.0), *((*place, 2.0) for place in places)):
         arm.move_linear(*target, 100.0)
         assert arm.pose() == target
     assert [sentence.split()[0] for sentence in person.heard] == ["Put", "Go", "Lift"]
@@ -189,12 +154,11 @@ def test_a_width_is_reported_on_the_grid_of_the_profile(monkeypatch: pytest.Monk
     gripper.move(85_000, 20.0, 20.0)
     with pytest.raises(LinkError, match="standard input ended"):
         gripper.wait()
-    for port in ("manual:", "manual:1", "manual:a,b,c"):
-        if port != "manual:":
-            with pytest.raises(PortError):
-                connect.gripper(port)
+    for open_port in (connect.gripper, connect.arm):
+        with pytest.raises(PortError):
+            open_port("manual:1")
     with pytest.raises(PortError):
-        connect.arm("manual:1")
+        connect.gripper("manual:a,b,c")
 
 
 @pytest.mark.parametrize(

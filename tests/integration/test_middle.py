@@ -6,14 +6,12 @@ fingers that meet elsewhere leave parts elsewhere, however alike all their squee
 
 import json
 import math
-import subprocess
-import sys
-from types import SimpleNamespace
 
 import pytest
-from counting import PROFILE, width_um
-from fake_cell import FakeJournal
-from running_cells import ROOT, WAIT_S, RunningCell
+from calibrations import linear
+from fake_cell import Deaf, FakeJournal
+from programs import JOB, ended
+from running_cells import CALIBRATE, RunningCell
 
 from drivers.sim.physics.scene import load as load_scene
 from drivers.sim.virtual.cell import VirtualCell
@@ -21,15 +19,11 @@ from planner.compile import compile_job
 from planner.job import model as job_file
 from runtime.commands import arguments, options
 from runtime.execution import calibration, session
-from runtime.execution.calibration import Gauge
 from runtime.execution.delivery import from_text
 from runtime.execution.executor import PLAIN, Cell, RunOptions
 from runtime.table import dump, load
 
 OFF_MM, PARTS, SEED = 1.5, 8, 4
-DRY = SimpleNamespace(
-    note=lambda said: None, step=lambda part, step: None, phase=lambda part, phase, node: None
-)
 CERTAIN = {
     "goal": {"distance_mm": 1.4},
     "friction": {"doubt": 0.0},
@@ -42,7 +36,7 @@ CERTAIN = {
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory):
     """A table of the rectangle that doubts nothing, for a goal of less than the fingers are off."""
-    job = job_file.load(ROOT / "trees" / "rectangle" / "job.toml", CERTAIN)
+    job = job_file.load(JOB, CERTAIN)
     path = tmp_path_factory.mktemp("middle") / "tree.msgpack"
     dump(compile_job(job, workers=1, trials=500).table, path)
     return path
@@ -51,28 +45,14 @@ def tree(tmp_path_factory):
 @pytest.fixture(scope="module")
 def measured(tree):
     """A calibration file with the middle, as the commands write it."""
-    widths, result = tree.with_name("gripper.json"), tree.with_name("gripper2.json")
-    counts = (230, 200, 150, 100, 50, 3)
-    gauges = [Gauge((230 - count) * 85.0 / 227.0, (width_um(count),)) for count in counts]
-    calibration.save(calibration.fit(gauges, PROFILE, "S/N-1", "2026-01-01T00:00:00Z"), widths)
+    widths, result = linear(tree.with_name("gripper.json")), tree.with_name("gripper2.json")
     with RunningCell(tree, "--middle", f"{OFF_MM}", "--block", "30,4,-2", time_scale=100) as cell:
         words = ["middle", "--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
-        words += ["--tree", str(tree), "--calibration", str(widths), "--block", "30"]
-        words += ["--at", "5,-1"]
-        words += ["-o", str(result), "--activate", "--tips", "straight", "--json"]
-        code = "import sys, runtime.cli as cli; sys.exit(cli.calibrate())"
-        command = [sys.executable, "-c", code, *words]
-        done = subprocess.run(
-            command,
-            input="\n",
-            capture_output=True,
-            text=True,
-            cwd=ROOT,
-            timeout=WAIT_S,
-            check=False,
-        )
-    assert done.returncode == 0, done.stderr
-    return result, json.loads(done.stdout)
+        words += ["--tree", tree, "--calibration", widths, "--block", "30", "--at", "5,-1"]
+        words += ["-o", result, "--activate", "--tips", "straight", "--json"]
+        code, out, err = ended([*CALIBRATE, *words], input="\n")
+    assert code == 0, err
+    return result, json.loads(out)
 
 
 def run_parts(tree, handling, delivery=None):
@@ -80,36 +60,22 @@ def run_parts(tree, handling, delivery=None):
     ended = []
     setting = load_scene(tree, None, None)._replace(middle_mm=OFF_MM)
     virtual = VirtualCell(setting, SEED)
-    console = SimpleNamespace(
-        **vars(DRY), part=lambda result, seen: ended.append((result, seen, virtual.scene.truth()))
-    )
+    console = Deaf()
+    console.part = lambda result, seen: ended.append((result, seen, virtual.scene.truth()))
     cell = Cell(virtual.gripper(), virtual.arm(), virtual.clock, FakeJournal())
-    session.run_journalled(
-        load(tree).table,
-        cell,
-        virtual.scene,
-        console,
-        count=PARTS,
-        activate=True,
-        options=RunOptions(handling=handling, delivery=delivery),
-    )
+    run = {
+        "count": PARTS,
+        "activate": True,
+        "options": RunOptions(handling=handling, delivery=delivery),
+    }
+    session.run_journalled(load(tree).table, cell, virtual.scene, console, **run)
     return ended
 
 
 def handling_of(tree, path):
-    words = [
-        "--tree",
-        str(tree),
-        "--port",
-        "x",
-        "--arm",
-        "y",
-        "--tips",
-        "straight",
-        "--calibration",
-        str(path),
-    ]
-    return options.run_options(arguments.parser().parse_args(words), load(tree).table).handling
+    words = f"--tree {tree} --port x --arm y --tips straight --calibration {path}"
+    given = arguments.parser().parse_args(words.split())
+    return options.run_options(given, load(tree).table).handling
 
 
 def test_the_command_measures_what_is_off_and_says_what_is_left_to_doubt(measured):
@@ -125,9 +91,8 @@ def test_the_command_measures_what_is_off_and_says_what_is_left_to_doubt(measure
 def test_fingers_that_meet_elsewhere_are_wrong_where_a_camera_looks_and_right_once_they_are_measured(
     tree, measured
 ):
-    before = [
-        seen.within for _, seen, _ in run_parts(tree, PLAIN.handling) if seen.within is not None
-    ]
+    within = (seen.within for _, seen, _ in run_parts(tree, PLAIN.handling))
+    before = [each for each in within if each is not None]
     after = [seen.within for _, seen, _ in run_parts(tree, handling_of(tree, measured[0]))]
     assert len(before) > PARTS // 2
     assert sum(before) <= len(before) // 4

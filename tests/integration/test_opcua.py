@@ -11,31 +11,23 @@ from typing import Any
 import pytest
 from asyncua import ua
 from plc_programs import PlcServed, free_port
-from sample_tables import small_table
-from served import ROOT
+from programs import REHEARSAL, TABLE, VIRTUAL
 from supervisor import Passport, Supervisor, passport
+from written_journals import assert_sound
 
 from runtime.cli import main
 from runtime.journal.chain import records, verify
-from runtime.journal.replay import Replay
 from runtime.plc.certificates import CERTIFICATE, PINNED
 from runtime.plc.panel import AUTOMATIC, MACHINE, PACKML, RESULTS
-from runtime.table import dump, load
+from runtime.table import load
 
 PARTS = 5
-REHEARSAL = ("--world", "runtime.devices.rehearsal:make")
 OUTCOMES = {"leaf": "located", "reject": "rejected", "unresolved": "unresolved"}
 
 
 @pytest.fixture(scope="module")
 def identity(tmp_path_factory: pytest.TempPathFactory) -> Passport:
     return passport(tmp_path_factory.mktemp("identity"), "identity")
-
-
-@pytest.fixture
-def tree(tmp_path: Path) -> Path:
-    dump(small_table(), tmp_path / "small.msgpack")
-    return tmp_path / "small.msgpack"
 
 
 class Program(threading.Thread):
@@ -71,20 +63,18 @@ class Program(threading.Thread):
 def test_parts_by_a_supervisor_have_the_results_that_are_printed_and_journalled(
     identity: Passport, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tree, journal = ROOT / "trees" / "rectangle" / "rectangle.msgpack", tmp_path / "j"
-    port = free_port()
+    journal, port = tmp_path / "j", free_port()
     program = Program(port, identity)
     program.start()
-    words = ["--tree", str(tree), "--port", "sim", "--json", "--journal", str(journal), *REHEARSAL]
-    words += ["--time-scale", "max", "--plc", f"opc.tcp://127.0.0.1:{port}", "--count", str(PARTS)]
-    code = main(words)
+    words = [*VIRTUAL, *REHEARSAL, "--tree", str(TABLE), "--json", "--journal", str(journal)]
+    code = main([*words, "--plc", f"opc.tcp://127.0.0.1:{port}", "--count", str(PARTS)])
     program.join()
     if program.raised is not None:
         raise program.raised
     parts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert len(program.results) == len(parts) == PARTS
     assert code == max(part["exit_code"] for part in parts)
-    digest = load(tree).digest
+    digest = load(TABLE).digest
     for number, (result, part) in enumerate(zip(program.results, parts, strict=True), 1):
         assert result["Outcome"] == OUTCOMES[part["outcome"]]
         assert (result["MeasId"], result["TableDigest"]) == (f"plate {number}", digest)
@@ -96,15 +86,13 @@ def test_parts_by_a_supervisor_have_the_results_that_are_printed_and_journalled(
         shown = [result[name] for name in ("X_mm", "Y_mm", "Angle_deg")]
         assert shown == pytest.approx(expected, abs=5.1e-4)
     outcomes = [result["Outcome"] for result in program.results]
-    assert program.counted == {
-        name.capitalize(): outcomes.count(name) for name in OUTCOMES.values()
-    }
+    counts = {name.capitalize(): outcomes.count(name) for name in OUTCOMES.values()}
+    assert program.counted == counts
     assert program.events[:2] == ["PreoperationalToInitialized", "InitializedToReady"]
     assert program.events.count("ReadyToSingleExecution") == PARTS
     assert program.events.count("SingleExecutionToReady") == PARTS - 1
     assert program.events[-1] == "SingleExecutionToHalted"
-    assert verify(journal).closed
-    assert list(Replay().follow(records(journal))) == []
+    assert_sound(journal)
     triggers = [each["trigger_id"] for each in records(journal) if each["kind"] == "trigger"]
     assert triggers == list(range(1, PARTS + 1))
     assert [int(result["ResultId"].rpartition("/")[2]) for result in program.results] == triggers

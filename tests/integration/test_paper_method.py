@@ -1,9 +1,8 @@
 """The paper's method on its rectangle, from the job to the table, with the models that it learns."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from programs import JOB
 
 from planner.compile import compile_job
 from planner.job import model as job_file
@@ -11,13 +10,12 @@ from planner.paper.search import METHODS, SINGLETON_SHARE
 from planner.search.tree import breadth_first
 from runtime.table import REJECT, decision_map, dumps
 
-RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 TRIALS = 1000
 
 
 def job_of(method, seed=1):
     changes = {"seed": seed, "search": {"method": method, "particles": 1500}}
-    return job_file.load(RECTANGLE, changes)
+    return job_file.load(JOB, changes)
 
 
 @pytest.fixture(scope="module")

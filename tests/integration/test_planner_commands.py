@@ -2,36 +2,14 @@
 
 import csv
 import errno
-import io
-import json
 import os
-from contextlib import redirect_stderr, redirect_stdout
-from pathlib import Path
 
 import pytest
+from programs import JOB, TABLE, called, document
 
 from planner.cli import compile as compile_
 from planner.cli import evaluate, report, simulate
 from runtime.table import load
-
-ROOT = Path(__file__).parents[2]
-JOB = ROOT / "trees" / "rectangle" / "job.toml"
-TABLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
-
-
-def inside(command, *arguments):
-    """A command without a process of its own."""
-    out, err = io.StringIO(), io.StringIO()
-    with redirect_stdout(out), redirect_stderr(err):
-        try:
-            code = command.main(list(map(str, arguments)))
-        except SystemExit as end:
-            code = end.code
-    return code, out.getvalue(), err.getvalue()
-
-
-def one_line(err):
-    return err.count("\n") == 1 and "Traceback" not in err
 
 
 @pytest.fixture
@@ -47,27 +25,24 @@ def test_evaluate_prints_the_promised_keys_of_the_world_asked_for():
     slippery = ("--world-set", "friction.finger_part_min=0.15")
     slippery += ("--world-set", "friction.finger_part_max=0.25")
     words = (TABLE, "--trials", 1000, "--encoder-offset-mm", 2.5)
-    code, out, _ = inside(evaluate, *words, "--json", "--worst", 2, *slippery)
-    figures = json.loads(out)
-    assert code == 0
+    figures = document(evaluate.main, *words, "--json", "--worst", 2, *slippery)
     assert figures["trials"] == 1000
     names = {"success_rate", "success_ci95", "mean_squeezes", "max_squeezes", "reject_rate"}
     assert names <= set(figures)
     assert figures["reject_rate"] > 0.005
     assert len(figures["worst"]) <= 2
     assert sum(row["trials"] for row in figures["confusions"]) >= 1000 * figures["wrong_rate"] - 0.5
-    reliability = json.loads(inside(evaluate, TABLE, "--trials", 4000, "--json")[1])["reliability"]
+    reliability = document(evaluate.main, TABLE, "--trials", 4000, "--json")["reliability"]
     assert reliability["leaves"] == len(reliability["table"]) > 1
-    code, out, _ = inside(evaluate, TABLE, "--trials", 300, *slippery, "--placement-error-mm", 0.5)
+    words = (TABLE, "--trials", 300, *slippery, "--placement-error-mm", 0.5)
+    code, out, _ = called(evaluate.main, *words)
     assert code == 0
     assert "friction.finger_part_min=0.15" in out
     assert "placement_mm 0.5" in out
 
 
 def test_evaluate_sweeps_a_standard_set_of_worlds():
-    code, out, _ = inside(evaluate, TABLE, "--trials", 200, "--sweep", "--json")
-    worlds = json.loads(out)["worlds"]
-    assert code == 0
+    worlds = document(evaluate.main, TABLE, "--trials", 200, "--sweep", "--json")["worlds"]
     assert worlds[0]["world"] == "as planned"
     assert worlds[0]["set"] == {}
     assert len({world["world"] for world in worlds}) == len(worlds) >= 14
@@ -77,31 +52,22 @@ def test_evaluate_sweeps_a_standard_set_of_worlds():
 def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
     kept = tmp_path / "study.json"
     for _ in range(2):  # the second has nothing left to do
-        code, out, _ = inside(
-            evaluate, TABLE, "--ppm", "--trials", 10_000, "--json", "--resume", kept
-        )
-        record = json.loads(out)
-        assert code == 0
+        words = (TABLE, "--ppm", "--trials", 10_000, "--json", "--resume", kept)
+        record = document(evaluate.main, *words)
         assert record["parts"] == 10_000
-        assert (
-            record["wrong_ppm"]["low"]
-            <= record["wrong_ppm"]["rate"]
-            <= record["wrong_ppm"]["high"]
-            < 5000
-        )
+        low, rate, high = (record["wrong_ppm"][name] for name in ("low", "rate", "high"))
+        assert low <= rate <= high < 5000
         assert len(record["leaves"]) == len(load(TABLE).table.leaves)
     before = kept.read_bytes()
-    code, _, err = inside(evaluate, TABLE, "--ppm", "--seed", 5, "--resume", kept)
-    assert code == 3
-    assert one_line(err)
+    refused = called(evaluate.main, TABLE, "--ppm", "--seed", 5, "--resume", kept)
+    assert (refused.code, refused.one_line) == (3, True)
     assert kept.read_bytes() == before
 
 
 def test_compile_says_what_limits_the_plan_and_how_near_the_best_it_is(quick, tmp_path):
     path = tmp_path / "out.msgpack"
-    code, out, _ = inside(compile_, quick, "-o", path, "--trials", 1000, "--bound", 2000, "--json")
-    figures = json.loads(out)
-    assert code == 0
+    words = (quick, "-o", path, "--trials", 1000, "--bound", 2000, "--json")
+    figures = document(compile_.main, *words)
     advice, bound = figures["advice"], figures["bound"]
     assert {gain["source"] for gain in advice["gains"]} >= {"pressure", "friction", "encoder noise"}
     assert advice["failing"] == pytest.approx(1.0 - figures["success_rate"])
@@ -112,15 +78,12 @@ def test_compile_says_what_limits_the_plan_and_how_near_the_best_it_is(quick, tm
     assert set(bound["terms"]) == {"leaves", "overall"}
 
 
-def test_the_baseline_without_sensors_is_worse_than_any_plan(tmp_path):
-    code, out, _ = inside(compile_, JOB, "--baseline", "sensorless", "--trials", 2000, "--json")
-    figures = json.loads(out)
-    assert code == 0
+def test_the_baseline_without_sensors_is_worse_than_any_plan():
+    words = (JOB, "--baseline", "sensorless", "--trials", 2000, "--json")
+    figures = document(compile_.main, *words)
     assert len(figures["angles_deg"]) == figures["squeezes"] <= figures["most_squeezes"]
     assert figures["ideal"]["oriented"] > 0.98
     assert figures["real"]["located"] < 0.7  # the paper, footnote 2
-    assert inside(compile_, JOB, "--baseline", "sensorless", "-o", tmp_path / "out.msgpack")[0] == 2
-    assert inside(compile_, JOB)[0] == 2
 
 
 def write_poses(path, rows):
@@ -135,17 +98,8 @@ def read_rows(path):
 
 def test_simulate_repeats_its_inputs_and_adds_the_results(tmp_path):
     write_poses(tmp_path / "in.csv", [(1, 2, 0.3), (100, 0, 0)])
-    code, _, _ = inside(
-        simulate,
-        JOB,
-        "--poses",
-        tmp_path / "in.csv",
-        "-o",
-        tmp_path / "out.csv",
-        "--nominal",
-        "--mu",
-        0.5,
-    )
+    poses, out = ("--poses", tmp_path / "in.csv"), ("-o", tmp_path / "out.csv")
+    code, _, _ = called(simulate.main, JOB, *poses, *out, "--nominal", "--mu", 0.5)
     rows = read_rows(tmp_path / "out.csv")
     assert code == 0
     assert [float(row["x_mm"]) for row in rows] == [1, 100]
@@ -161,11 +115,11 @@ def test_a_full_disk_is_one_line_and_leaves_no_part_of_a_file(tmp_path, monkeypa
 
     write_poses(tmp_path / "in.csv", [(1, 2, 0.3)])
     monkeypatch.setattr(os, "fsync", full)
-    code, _, err = inside(simulate, JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv")
-    assert code == 2
-    assert one_line(err)
-    assert "out.csv" in err
-    assert "free the disk" in err
+    poses, out = ("--poses", tmp_path / "in.csv"), ("-o", tmp_path / "out.csv")
+    refused = called(simulate.main, JOB, *poses, *out)
+    assert (refused.code, refused.one_line) == (2, True)
+    assert "out.csv" in refused.err
+    assert "free the disk" in refused.err
     assert [path.name for path in tmp_path.iterdir()] == ["in.csv"]
 
 
@@ -204,7 +158,6 @@ REFUSED = [
     (evaluate, "TABLE --placement-error-mm -1", 2, ""),
     (evaluate, "TABLE --encoder-offset-mm nan", 2, ""),
     (evaluate, "TABLE --resume study.json", 2, ""),
-    (evaluate, "TABLE --resume study.json", 2, ""),
     (evaluate, "TABLE --ppm --sweep", 2, ""),
     (evaluate, "TABLE --ppm --resume TABLE", 2, ""),
     (report, "TABLE -o x.svg", 2, "what is written is a page"),
@@ -240,7 +193,7 @@ def test_bad_input_of_a_command_is_refused_in_one_line_and_writes_nothing(
     monkeypatch.chdir(desk)
     before = sorted(desk.rglob("*"))
     files = {"JOB": JOB, "TABLE": TABLE}
-    ended, _, err = inside(command, *(files.get(word, word) for word in words.split()))
-    assert (ended, one_line(err)) == (code, True), err
-    assert message in err
+    refused = called(command.main, *(files.get(word, word) for word in words.split()))
+    assert (refused.code, refused.one_line) == (code, True), refused
+    assert message in refused.err
     assert sorted(desk.rglob("*")) == before

@@ -22,20 +22,18 @@ from plc_programs import (
     in_structured_text,
 )
 from plc_study import Program
-from sample_tables import small_table
-from served import ROOT
+from programs import REHEARSAL, TABLE, VIRTUAL
 from structured_text import FunctionBlock
+from written_journals import assert_sound
 
 from runtime.cli import main
 from runtime.journal.chain import records, verify
-from runtime.journal.replay import Replay
 from runtime.plc import station
 from runtime.plc.registers import READ, READ_AT, WRITTEN, WRITTEN_AT
-from runtime.table import dump
 
 PARTS = 10
+OUTCOMES = ("leaf", "reject", "unresolved", "fault")
 LADDER = SOURCE.with_name("plc.ladder.txt")
-VIRTUAL = ("--time-scale", "max", "--world", "runtime.devices.rehearsal:make")
 
 
 @pytest.mark.slow
@@ -47,11 +45,7 @@ def test_parts_by_a_plc_have_the_results_that_are_printed_and_journalled(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(station, "HEARTBEAT_LIMIT_S", 1e6)  # of a machine that may be busy
-    tree, journal, port = (
-        ROOT / "trees" / "rectangle" / "rectangle.msgpack",
-        tmp_path / "j",
-        free_port(),
-    )
+    journal, port = tmp_path / "j", free_port()
     lines: list[dict[str, int]] = []
 
     def with_plc() -> None:
@@ -59,24 +53,20 @@ def test_parts_by_a_plc_have_the_results_that_are_printed_and_journalled(
 
     thread = threading.Thread(target=with_plc)
     thread.start()
-    words = ["--tree", str(tree), "--port", "sim", "--json", "--journal", str(journal), *VIRTUAL]
+    words = [*VIRTUAL, *REHEARSAL, "--tree", str(TABLE), "--json", "--journal", str(journal)]
     code = main([*words, "--plc", f"modbus-tcp://127.0.0.1:{port}", "--count", str(PARTS)])
     thread.join()
     parts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert len(lines) == len(parts) == PARTS
     assert code == max(part["exit_code"] for part in parts)
     for answer, part in zip(lines, parts, strict=True):
-        assert (
-            answer["outcome"]
-            == ["leaf", "reject", "unresolved", "fault"].index(part["outcome"]) + 1
-        )
+        assert answer["outcome"] == OUTCOMES.index(part["outcome"]) + 1
         pose = part["predicted_pose"] if part["outcome"] == "leaf" else None
         expected = (0, 0, 0)
         if pose is not None:
             expected = (1e3 * pose["x_mm"], 1e3 * pose["y_mm"], 1e4 * degrees(pose["theta_rad"]))
         assert [answer[name] for name in ("x", "y", "angle")] == pytest.approx(expected, abs=0.51)
-    assert verify(journal).closed
-    assert list(Replay().follow(records(journal))) == []
+    assert_sound(journal)
     triggers = [each["trigger_id"] for each in records(journal) if each["kind"] == "trigger"]
     assert triggers == list(range(1, PARTS + 1))
 
@@ -93,9 +83,7 @@ def test_structured_text_does_what_the_program_of_the_study_does() -> None:
         number = ends % 0xFFFF + 1
         result = block(start=True, id=number, **values)
         twin.cycle(words, number)
-        assert [result[name] for name in OUTPUTS] == [
-            *(twin.enable, twin.trigger, twin.trigger_id, twin.acknowledge, twin.heartbeat)
-        ]
+        assert [result[name] for name in OUTPUTS] == twin.image()[: len(OUTPUTS)]
         assert result["state"] == twin.state
         ends += bool(result["done"])
         assert plc.station.write(WRITTEN_AT, twin.image(), plc.now) is None
@@ -130,13 +118,7 @@ def test_ladder_takes_each_result_once_whatever_interrupts_it() -> None:
     assert begun == list(range(1, len(begun) + 1))
 
 
-@pytest.fixture
-def tree(tmp_path: Path) -> Path:
-    dump(small_table(), tmp_path / "small.msgpack")
-    return tmp_path / "small.msgpack"
-
-
-SLOW = ("--time-scale", "12", "--world", "runtime.devices.rehearsal:make")
+SLOW = ("--time-scale", "12", *REHEARSAL)
 
 
 @pytest.mark.slow

@@ -1,10 +1,12 @@
 """Parts that lie wider about than the jaws open: pushed together, squeezed, located, in a cell too."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+from programs import JOB, VIRTUAL, called
+from written_journals import assert_sound
 
 from drivers.sim.physics import scene
 from planner.cli import export, report
@@ -18,11 +20,9 @@ from planner.job import model as job_file
 from planner.world import ContactWorlds
 from runtime import cli
 from runtime.journal.chain import records
-from runtime.journal.replay import Replay
 from runtime.shell.errors import UsageError
 from runtime.table import Schedule, Squeezed, Table, dump, job_of
 
-ROOT = Path(__file__).parents[2]
 CHANGES = {
     "gripper": {"opening_mm": 50.0},
     "uncertainty": {"radius_mm": 12.0, "orientation_halfwidth_deg": 20.0},
@@ -35,7 +35,7 @@ CHANGES = {
 
 @pytest.fixture(scope="module")
 def job() -> job_file.Job:
-    return job_file.load(ROOT / "trees" / "rectangle" / "job.toml", CHANGES)
+    return job_file.load(JOB, CHANGES)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_without_pushes_there_is_no_first_squeeze(job: job_file.Job) -> None:
 
 
 def test_pushed_parts_are_located_in_trials_and_in_a_cell(
-    job: job_file.Job, table: Table, path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    job: job_file.Job, table: Table, path: Path, tmp_path: Path
 ) -> None:
     result = evaluate(table, job, ContactWorlds.of_job(job, 77), 500, 77)
     assert table.nodes[0].pushes
@@ -72,11 +72,12 @@ def test_pushed_parts_are_located_in_trials_and_in_a_cell(
     still = evaluate(without_pushes(table), job, ContactWorlds.of_job(job, 77), 300, 77)
     assert still.success.mean() < 0.5  # else the pushes were for nothing
     journal = tmp_path / "run.jsonl"
-    words = ["--tree", str(path), "--port", "sim", "--count", "3", "--time-scale", "max"]
-    assert cli.main([*words, "--journal", str(journal)]) == 0
-    assert "3 LEAF, 3 within 3 mm, 0 crashes" in capsys.readouterr().out
+    words = ("--tree", path, *VIRTUAL, "--count", "3", "--journal", journal)
+    code, out, _ = called(cli.main, *words)
+    assert code == 0
+    assert "3 LEAF, 3 within 3 mm, 0 crashes" in out
     assert "pushing" in {record["kind"] for record in records(journal)}
-    assert list(Replay().follow(records(journal))) == []
+    assert_sound(journal)
 
 
 def test_a_world_that_cannot_push_is_refused_by_evaluation_and_cell(
@@ -118,38 +119,25 @@ def test_a_study_of_rare_answers_pushes_too(job: job_file.Job, table: Table) -> 
 @pytest.mark.parametrize(
     ("command", "words", "code", "message"),
     [
-        (export.main, ("TABLE", "--to", "c99", "-o", "OUT"), 2, "an export is for squeezes alone"),
-        (report.main, ("TABLE", "-o", "OUT.html", "--bound"), 2, "--bound is for squeezes alone"),
-        (
-            cli.main,
-            ("--tree", "TABLE", "--serve", "tcp://127.0.0.1:0"),
-            3,
-            "a robot that asks does not",
-        ),
+        (export, "TABLE --to c99 -o OUT", 2, "an export is for squeezes alone"),
+        (report, "TABLE -o OUT.html --bound", 2, "--bound is for squeezes alone"),
+        (cli, "--tree TABLE --serve tcp://127.0.0.1:0", 3, "a robot that asks does not"),
     ],
 )
 def test_what_knows_no_pushes_says_so(
-    command: Callable[[Sequence[str]], int],
-    words: tuple[str, ...],
-    code: int,
-    message: str,
-    path: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    command: ModuleType, words: str, code: int, message: str, path: Path, tmp_path: Path
 ) -> None:
     at = {"TABLE": path, "OUT": tmp_path / "out", "OUT.html": tmp_path / "out.html"}
-    assert command([str(at.get(word, word)) for word in words]) == code
-    said = capsys.readouterr().err
-    assert message in said
-    assert 'plan with actions.pushes = "none"' in said
+    refused = called(command.main, *(at.get(word, word) for word in words.split()))
+    assert refused.code == code
+    assert message in refused.err
+    assert 'plan with actions.pushes = "none"' in refused.err
     assert not list(tmp_path.iterdir())
 
 
-def test_a_dry_run_and_a_report_tell_of_pushes(
-    path: Path, table: Table, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(["--tree", str(path), "--port", "sim", "--dry-run"]) == 0
-    dry = capsys.readouterr()
+def test_a_dry_run_and_a_report_tell_of_pushes(path: Path, table: Table, tmp_path: Path) -> None:
+    dry = called(cli.main, "--tree", path, "--port", "sim", "--dry-run")
+    assert dry.code == 0
     push = table.nodes[0].pushes[0]
     assert f"push from ({push.x_um / 1000:.2f}, {push.y_um / 1000:.2f}) mm" in dry.out
     page = tmp_path / "report.html"

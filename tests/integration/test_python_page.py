@@ -9,8 +9,9 @@ import shutil
 
 import matplotlib
 import pytest
-from documents import DOCS, ROOT, blocks, run, shims
+from documents import DOCS, blocks, run, shims
 from matplotlib import pyplot
+from programs import JOB, ROOT, TABLE, TREES, VIRTUAL
 
 import planner.api
 from drivers.sim.physics import scene
@@ -51,8 +52,8 @@ CALLS = {
 
 
 def test_the_examples_print_what_the_page_says(tmp_path, monkeypatch):
-    for name in ("job.toml", "rectangle.msgpack"):
-        shutil.copy(ROOT / "trees" / "rectangle" / name, tmp_path)
+    for file in (JOB, TABLE):
+        shutil.copy(file, tmp_path)
     monkeypatch.chdir(tmp_path)
     code = "".join(re.findall(r"^```pycon\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
     examples = doctest.DocTestParser().get_doctest(code, {}, "python.md", None, 0)
@@ -62,9 +63,8 @@ def test_the_examples_print_what_the_page_says(tmp_path, monkeypatch):
 
 
 def test_the_names_and_their_arguments_stay():
-    assert sorted(planner.api.__all__) == sorted(
-        {name.partition(".")[0] for name in CALLS} | {"Plan"}
-    )
+    names = {name.partition(".")[0] for name in CALLS} | {"Plan"}
+    assert sorted(planner.api.__all__) == sorted(names)
     for name, arguments in CALLS.items():
         result = planner.api
         for step in name.split("."):
@@ -77,7 +77,7 @@ def test_every_name_is_on_the_page():
 
 
 def test_a_report_may_end_the_work_with_what_there_is_or_with_nothing():
-    job = Job.load(ROOT / "trees" / "rectangle" / "job.toml", QUICK)
+    job = Job.load(JOB, QUICK)
     limit = Limit()
 
     def grown(stage, *_):
@@ -97,10 +97,9 @@ def test_a_report_may_end_the_work_with_what_there_is_or_with_nothing():
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebooks_are_stored_without_output(notebook):
-    cells = [
-        cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"
-    ]
-    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
+    for cell in json.loads(notebook.read_text())["cells"]:
+        if cell["cell_type"] == "code":
+            assert (cell["outputs"], cell["execution_count"]) == ([], None)
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
@@ -121,11 +120,11 @@ def test_the_world_of_the_notebook_is_found_by_its_name_by_each_program(tmp_path
     (tmp_path / "worn.py").write_text(documented_worlds()["notebook"])
     (tmp_path / "page.md").write_text(cells[-1])
     (block,) = blocks(tmp_path / "page.md")
-    shutil.copytree(ROOT / "trees" / "rectangle", tmp_path / "trees" / "rectangle")
+    shutil.copytree(TREES / "rectangle", tmp_path / "trees" / "rectangle")
     path = f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}"
-    runtime = "grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --world worn:Worn"
+    runtime = f"grasp-runtime --tree trees/rectangle/rectangle.msgpack {' '.join(VIRTUAL)}"
     commands = [f"{block.commands[0]} --trials 100"]
-    commands.append(f"{runtime} --time-scale max --json || test $? -eq 10")
+    commands.append(f"{runtime} --world worn:Worn --json || test $? -eq 10")
     environment = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)}
     (printed, _) = run([block._replace(commands=commands)], tmp_path, environment)
     assert any("success" in line for line in printed)
@@ -151,8 +150,7 @@ def documented_worlds():
 def test_documented_worlds_run_in_a_simulated_cell(name, tmp_path, monkeypatch):
     (tmp_path / f"worn_{name}.py").write_text(documented_worlds()[name])
     monkeypatch.syspath_prepend(tmp_path)
-    tree = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
-    setting = scene.load(tree, None, f"worn_{name}:Worn")
+    setting = scene.load(TABLE, None, f"worn_{name}:Worn")
     scene.warm_up(setting, 3)
     pose = (1.0, 2.0, 0.3)
     worn, sound = (
@@ -161,9 +159,8 @@ def test_documented_worlds_run_in_a_simulated_cell(name, tmp_path, monkeypatch):
     assert worn[1] == pytest.approx(sound[1] + 0.5)
     doubting = setting.subject.replaced(doubt={"finger_share": [0.0, 0.1]})
     if name == "without_traits":
-        with pytest.raises(
-            UsageError, match=r"worn_without_traits:Worn: squeeze\(\) failed: TypeError"
-        ):
+        said = r"worn_without_traits:Worn: squeeze\(\) failed: TypeError"
+        with pytest.raises(UsageError, match=said):
             scene.warm_up(setting._replace(subject=doubting), 3)
     else:
         scene.warm_up(setting._replace(subject=doubting), 3)

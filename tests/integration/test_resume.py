@@ -5,21 +5,22 @@ At a sample of the moments; `pytest --every-moment tests/integration/test_resume
 
 import itertools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from crash_cell import KilledError, World, process, restart_takes_a_while
 from fake_cell import Deaf
 from sample_tables import pushing_table, small_table
+from written_journals import assert_sound
 
 from runtime.errors import BrokenRunError
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
-from runtime.journal.chain import records, verify
-from runtime.journal.replay import Replay
+from runtime.journal.chain import records
 from runtime.table import Place, Table
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome
@@ -47,11 +48,41 @@ def _quick_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda file: None)
 
 
+Some = Callable[[int, int], range]
+
+
 @pytest.fixture
-def some(request: pytest.FixtureRequest) -> Callable[..., range]:
-    """Makes a range of moments: of its steps, or of ones if every moment is asked for."""
+def some(request: pytest.FixtureRequest) -> Some:
+    """Some of so many moments: one in each step, or every one if that is asked for."""
     every = request.config.getoption("--every-moment")
-    return lambda first, moments, step: range(first, moments, 1 if every else step)
+    return lambda moments, step: range(0, moments, 1 if every else step)
+
+
+class Killed(NamedTuple):
+    """A run that was killed, and the kinds of its whole records."""
+
+    last: int  # moment of its process
+    world: World
+    path: Path
+    kinds: list[str]
+
+
+Runs = Callable[[Table, int], Iterator[Killed]]
+
+
+@pytest.fixture
+def killed(some: Some, tmp_path: Path) -> Runs:
+    """Runs of a table that are killed at some moments, one in each step; motions have ended since."""
+
+    def runs(table: Table, step: int) -> Iterator[Killed]:
+        for last in some(moments_of(table, PLAIN, tmp_path / "whole.jsonl"), step):
+            world, path = World(table, PATH), tmp_path / f"{last}.jsonl"
+            with pytest.raises(KilledError):
+                process(world, path, Deaf(), PLAIN, last=last)
+            restart_takes_a_while(world)
+            yield Killed(last, world, path, whole_kinds(path))
+
+    return runs
 
 
 def moments_of(table: Table, plan: RunOptions, path: Path) -> int:
@@ -73,142 +104,100 @@ def survive(
             break
         except KilledError:
             restart_takes_a_while(world)
-            if "end" in [entry["kind"] for entry in _whole_records(path)]:
+            if "end" in whole_kinds(path):
                 break  # it was killed when all was done
     assert world.wrongs == []
-    assert verify(path).closed
-    assert list(Replay().follow(records(path))) == []
+    assert_sound(path)
     ended = [entry for entry in records(path) if entry["kind"] == "outcome"]
     assert len(ended) <= 1
     return (ended[0]["outcome"], ended[0]["leaf"]) if ended else (None, None)
 
 
-@pytest.mark.parametrize(
-    ("table", "plan"),
-    [
-        (small_table(), PLAIN),
-        (small_table(), CAREFUL),
-        (dragging_table(), PLAIN),
-        (dragging_table(), CAREFUL),
-    ],
-    ids=["plain", "regulated, level tips", "dragging", "dragging, regulated, level tips"],
+BOTH = pytest.mark.parametrize(
+    "table", [small_table(), dragging_table()], ids=["plain", "dragging"]
 )
+
+
+@BOTH
+@pytest.mark.parametrize("plan", [PLAIN, CAREFUL], ids=["direct", "regulated, level tips"])
 def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(
-    table: Table, plan: RunOptions, tmp_path: Path, some: Callable[..., range]
+    table: Table, plan: RunOptions, tmp_path: Path, some: Some
 ) -> None:
     moments = moments_of(table, plan, tmp_path / "whole.jsonl")
     assert moments > 200
-    for last in some(0, moments, 23):
+    for last in some(moments, 23):
         ended = survive(table, plan, tmp_path / f"{last}.jsonl", (last,), "resume")
         assert ended == ("leaf", 1), f"killed at moment {last} of {moments}"
 
 
-@pytest.mark.parametrize("table", [small_table(), dragging_table()], ids=["plain", "dragging"])
+@BOTH
 def test_a_resumed_run_may_be_killed_again(table: Table, tmp_path: Path) -> None:
     moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
     for first, second in itertools.product(range(3, moments, 97), range(2, moments, 89)):
         path = tmp_path / f"{first}-{second}.jsonl"
-        assert survive(table, PLAIN, path, (first, second), "resume") == ("leaf", 1), (
-            first,
-            second,
-        )
+        assert survive(table, PLAIN, path, (first, second), "resume") == ("leaf", 1), path
 
 
 @pytest.mark.parametrize("table", [small_table(), pushing_table()], ids=["plain", "pushing"])
 def test_a_part_that_is_started_over_reaches_the_same_leaf(
-    table: Table, tmp_path: Path, some: Callable[..., range]
+    table: Table, tmp_path: Path, some: Some
 ) -> None:
-    moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
-    for last in some(0, moments, 29):
+    for last in some(moments_of(table, PLAIN, tmp_path / "whole.jsonl"), 29):
         path = tmp_path / f"{last}.jsonl"
         assert survive(table, PLAIN, path, (last,), "restart") == ("leaf", 1), last
 
 
-def test_a_run_killed_while_it_pushed_is_not_resumed_but_may_be_started_over(
-    tmp_path: Path, some: Callable[..., range]
+def test_a_run_killed_while_it_pushed_is_not_resumed_and_no_push_is_repeated(
+    killed: Runs,
 ) -> None:
-    table, refused = pushing_table(), 0
-    moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
-    for last in some(0, moments, 23):
-        path, world = tmp_path / f"{last}.jsonl", World(table, PATH)
-        with pytest.raises(KilledError):
-            process(world, path, Deaf(), PLAIN, last=last)
-        pushing = [entry["kind"] for entry in _whole_records(path)][-1:] == ["pushing"]
+    """What it broke off at may be started over."""
+    refused = 0
+    for last, _, path, kinds in killed(pushing_table(), 23):
         path.unlink(missing_ok=True)
-        if pushing:
-            with pytest.raises(
-                BrokenRunError, match="while the part was pushed, and nobody knows where it lies"
-            ):
-                survive(table, PLAIN, path, (last,), "resume")
+        if kinds[-1:] == ["pushing"]:
             refused += 1
-        else:
-            assert survive(table, PLAIN, path, (last,), "resume") == ("leaf", 1), last
+            said = "while the part was pushed, and nobody knows where it lies"
+            with pytest.raises(BrokenRunError, match=said):
+                survive(pushing_table(), PLAIN, path, (last,), "resume")
+            continue
+        assert survive(pushing_table(), PLAIN, path, (last,), "resume") == ("leaf", 1), last
+        if kinds[-1:] == ["placed"]:  # once the first node's pushes, once both of the second's
+            assert whole_kinds(path).count("pushing") == 3
     assert refused > 2
 
 
-def test_a_squeeze_cut_short_is_repeated_without_its_pushes(
-    tmp_path: Path, some: Callable[..., range]
-) -> None:
-    table = pushing_table()
-    moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
-    for last in some(0, moments, 23):
-        path = tmp_path / f"{last}.jsonl"
-        with pytest.raises(KilledError):
-            process(World(table, PATH), path, Deaf(), PLAIN, last=last)
-        before = [entry["kind"] for entry in _whole_records(path)]
-        path.unlink(missing_ok=True)
-        if before[-1:] == ["placed"]:
-            assert survive(table, PLAIN, path, (last,), "resume") == ("leaf", 1), last
-            kinds = [entry["kind"] for entry in records(path)]
-            assert kinds.count("pushing") == 3  # once the first node's, once both of the second's
-
-
 def test_a_run_that_is_given_up_says_so_and_moves_nothing(
-    tmp_path: Path, some: Callable[..., range]
+    killed: Runs,
 ) -> None:
-    moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
-    for last in some(0, moments, 23):
-        world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
-        with pytest.raises(KilledError):
-            process(world, path, Deaf(), PLAIN, last=last)
-        restart_takes_a_while(world)
+    for _, world, path, begun in killed(small_table(), 23):
         stood = (world.at_mm, world.model.read_output())
-        begun = [entry["kind"] for entry in _whole_records(path)]
-        if not begun or "end" in begun:
-            continue
-        if "outcome" in begun:
-            assert records(path)
+        if not begun or "end" in begun or "outcome" in begun:
             continue
         with pytest.raises(BrokenRunError, match="nothing was moved"):
             process(world, path, Deaf(), PLAIN, after_crash="abort")
         assert (world.at_mm, world.model.read_output()) == stood
-        last_kinds = [entry["kind"] for entry in records(path)][-2:]
+        last_kinds = whole_kinds(path)[-2:]
         assert last_kinds[-1] == "end"
         assert ("part" in begun) == (last_kinds[0] == "outcome")
 
 
-def _whole_records(path: Path) -> list[dict]:
-    """The records before a torn line."""
+def whole_kinds(path: Path) -> list[str]:
+    """The kinds of the records before a torn line."""
     data = path.read_bytes() if path.exists() else b""
     whole = path.with_suffix(".whole")
     whole.write_bytes(data[: data.rfind(b"\n") + 1])
-    return list(records(whole))
+    return [entry["kind"] for entry in records(whole)]
 
 
-@pytest.mark.parametrize("table", [small_table(), dragging_table()], ids=["plain", "dragging"])
+@BOTH
+@pytest.mark.parametrize("height_mm", [10.0, 60.0])
 def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(
-    table: Table, tmp_path: Path, some: Callable[..., range]
+    table: Table, height_mm: float, killed: Runs
 ) -> None:
     """Once a reading is believed, the part is gone on with only where the hand was left, held or let go."""
-    moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
-    for last, height_mm in itertools.product(some(0, moments, 29), (10.0, 60.0)):
-        world, path = World(table, PATH), tmp_path / f"{last}-{height_mm:g}.jsonl"
-        with pytest.raises(KilledError):
-            process(world, path, Deaf(), PLAIN, last=last)
-        restart_takes_a_while(world)
+    for last, world, path, kinds in killed(table, 29):
         world._grip_mm = None
         world.at_mm = (40.0, 30.0, height_mm, 0.0)
-        kinds = [entry["kind"] for entry in _whole_records(path)]
         tally, _ = process(world, path, Deaf(), PLAIN)
         touched = "placed" in kinds and "outcome" not in kinds
         assert (Outcome.ABORTED in tally.outcomes) == touched, (last, kinds)
@@ -216,36 +205,26 @@ def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(
 
 
 def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one(
-    tmp_path: Path, some: Callable[..., range]
+    killed: Runs,
 ) -> None:
     """The fingers closed on as the part went: count and journal differ."""
-    moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
     refused = 0
-    for last in some(0, moments, 7):
-        world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
-        with pytest.raises(KilledError):
-            process(world, path, Deaf(), PLAIN, last=last)
+    for _, world, path, kinds in killed(small_table(), 7):
+        if kinds[-1:] != ["squeeze"] or world.model.read_output()[3] != 255:
+            continue
+        world.model.lose_object(world.time.now())
         restart_takes_a_while(world)
-        if _whole_records(path)[-1:] and _whole_records(path)[-1]["kind"] == "squeeze":
-            if world.model.read_output()[3] != 255:
-                continue
-            world.model.lose_object(world.time.now())
-            restart_takes_a_while(world)
-            tally, _ = process(world, path, Deaf(), PLAIN)
-            assert tally.outcomes == {Outcome.ABORTED: 1}
-            refused += 1
+        tally, _ = process(world, path, Deaf(), PLAIN)
+        assert tally.outcomes == {Outcome.ABORTED: 1}
+        refused += 1
     assert refused
 
 
 def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(
-    tmp_path: Path, some: Callable[..., range]
+    killed: Runs,
 ) -> None:
-    moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
     codes = set()
-    for last in some(0, moments, 17):
-        world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
-        with pytest.raises(KilledError):
-            process(world, path, Deaf(), PLAIN, last=last)
+    for _, world, path, _ in killed(small_table(), 17):
         world.model.write_output(0, bytes(6), world.time.now())
         stood = world.at_mm
         try:

@@ -5,47 +5,30 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from programs import REHEARSAL, RUNTIME, WAIT_S, Ended, called, started
 from sample_tables import small_table
 from waiting import until
 
 from runtime.cli import main
 from runtime.journal.chain import records, verify
-from runtime.table import REJECT, decision_map, dump, dumps, loads
-
-ROOT = Path(__file__).parents[2]
+from runtime.table import REJECT, decision_map, dumps, loads
 
 
-@pytest.fixture
-def tree(tmp_path: Path) -> Path:
-    dump(small_table(), tmp_path / "small.msgpack")
-    return tmp_path / "small.msgpack"
+def words(tree: Path, *more: str) -> list[object]:
+    journal = tree.with_name("journal.jsonl")
+    return ["--tree", tree, "--port", "sim", *REHEARSAL, "--journal", journal, *more]
 
 
-def command(tree: Path, *arguments: str) -> list[str]:
-    journal = str(tree.with_name("journal.jsonl"))
-    return [
-        *(sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim"),
-        *("--world", "runtime.devices.rehearsal:make", "--journal", journal, *arguments),
-    ]
+def start(tree: Path, *more: str) -> subprocess.Popen[str]:
+    return started([*RUNTIME, *words(tree, *more)])
 
 
-def start(tree: Path, *arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        command(tree, *arguments),
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
-    out, err = process.communicate(timeout=60)
-    return process.returncode, out, err
+def finish(process: subprocess.Popen[str]) -> Ended:
+    out, err = process.communicate(timeout=WAIT_S)
+    return Ended(process.returncode, out, err)
 
 
 def squeezing(tree: Path, scale: str) -> subprocess.Popen[str]:
@@ -74,12 +57,10 @@ def wait_until_no_cell(tree: Path) -> None:
     until(lambda: not cells(tree), "cell processes are left behind")
 
 
-def test_parts_follow_the_table_and_the_journal_justifies_every_decision(
-    tree: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: Path) -> None:
     """In virtual time the same seed gives the same parts."""
-    words = ("--count", "6", "--seed", "3", "--time-scale")
-    code, out, err = finish(start(tree, *words, "60", "--json"))
+    more = ("--count", "6", "--seed", "3", "--time-scale")
+    code, out, err = finish(start(tree, *more, "60", "--json"))
     parts = [json.loads(line) for line in out.splitlines()]
     assert len(parts) == 6, err
     assert code == max(part["exit_code"] for part in parts)
@@ -99,16 +80,15 @@ def test_parts_follow_the_table_and_the_journal_justifies_every_decision(
         expected = None if branch == REJECT else table.nodes[entry["node"]].branches[branch].target
         assert entry["target"] == expected
         assert entry["target_um"] == -1
-    assert [entry["node"] for entry in squeezes] == [
-        node for part in parts for node in part["path"]
-    ]
+    passed = [node for part in parts for node in part["path"]]
+    assert [entry["node"] for entry in squeezes] == passed
     wait_until_no_cell(tree)
-    virtual = command(tree, *words, "max")[3:]
-    assert main([*virtual, "--json"]) == code
-    again = [json.loads(line)["path"] for line in capsys.readouterr().out.splitlines()]
+    virtual = words(tree, *more, "max")
+    document, printed = (called(main, *virtual, *form) for form in (["--json"], []))
+    assert (document.code, printed.code) == (code, code)
+    again = [json.loads(line)["path"] for line in document.out.splitlines()]
     assert again == [part["path"] for part in parts]
-    assert main(virtual) == code
-    printed = capsys.readouterr().out
+    printed = printed.out
     assert "simulated cell (runtime.devices.rehearsal:make)" in printed
     assert "activating the gripper" in printed
     last = printed.splitlines()[-1]

@@ -12,24 +12,14 @@ import pytest
 from asking_robots import WAIT_S, Controller, Line, Served, SimulatedRobot, client, driven
 from sample_tables import every_field_table, small_table
 from soaking import small_setting
+from written_journals import assert_sound
 
 from runtime.execution.asked import ERRORS, MAX_LINE
-from runtime.journal.chain import Journal, records, verify
-from runtime.journal.replay import Replay
+from runtime.journal.chain import Journal
 from runtime.table import Table, dump
 
 PARTS = 12
-
-
-@pytest.fixture
-def tree(tmp_path: Path) -> Path:
-    dump(small_table(), tmp_path / "small.msgpack")
-    return tmp_path / "small.msgpack"
-
-
-def findings(journal: Path) -> list[object]:
-    assert verify(journal).closed
-    return list(Replay().follow(records(journal)))
+POSE = ("x_mm", "y_mm", "theta_rad")
 
 
 def asked(
@@ -85,16 +75,11 @@ def test_a_robot_that_asks_gets_the_answers_of_a_driven_run(
         if part["outcome"] != "leaf":
             assert answer is None
             continue
-        pose = part["predicted_pose"]
-        expected_pose = (
-            pose["x_mm"],
-            pose["y_mm"],
-            degrees(pose["theta_rad"]),
-            part["success_probability"],
-        )
-        assert answer[-4:] == pytest.approx(expected_pose, abs=6e-6)
+        x_mm, y_mm, theta_rad = (part["predicted_pose"][name] for name in POSE)
+        located = (x_mm, y_mm, degrees(theta_rad), part["success_probability"])
+        assert answer[-4:] == pytest.approx(located, abs=6e-6)
         assert ask is asked_in_structured_text or answer[0] == part["leaf"]
-    assert findings(tree.with_name("journal.jsonl")) == []
+    assert_sound(tree.with_name("journal.jsonl"))
 
 
 def half_line(line: Line, random: Random) -> None:
@@ -166,11 +151,10 @@ def test_misbehaving_robots_get_no_wrong_answer_and_hold_nobody_up(tree: Path) -
         served.process.send_signal(signal.SIGTERM)
         code, parts, _ = served.ended()
     assert code == 40
-    assert [part["leaf"] for part in parts if part["outcome"] == "leaf"] == [1] * 2 * len(
-        MISBEHAVIOURS
-    )
+    leaves = [part["leaf"] for part in parts if part["outcome"] == "leaf"]
+    assert leaves == [1] * 2 * len(MISBEHAVIOURS)
     assert {part["outcome"] for part in parts} == {"leaf", "aborted"}
-    assert findings(tree.with_name("journal.jsonl")) == []
+    assert_sound(tree.with_name("journal.jsonl"))
 
 
 def good(served: Served) -> Line:
@@ -203,7 +187,7 @@ def test_what_is_held_is_dragged_and_let_go_before_the_answer(tmp_path: Path) ->
             assert line.read() == ""
         code, (part,), _ = served.ended()
     assert (code, part["outcome"], part["path"]) == (0, "leaf", [0, 1, 0])
-    assert findings(tmp_path / "journal.jsonl") == []
+    assert_sound(tmp_path / "journal.jsonl")
 
 
 def test_a_stop_request_ends_the_part_and_tells_the_robot(tree: Path) -> None:
@@ -214,7 +198,7 @@ def test_a_stop_request_ends_the_part_and_tells_the_robot(tree: Path) -> None:
             assert line.read() == "ERROR 40 " + ERRORS[40]
         code, (part,), _ = served.ended()
     assert (code, part["outcome"]) == (40, "stopped")
-    assert findings(tree.with_name("journal.jsonl")) == []
+    assert_sound(tree.with_name("journal.jsonl"))
 
 
 def test_a_part_of_a_server_that_was_killed_is_given_up_first(tree: Path) -> None:
@@ -229,4 +213,4 @@ def test_a_part_of_a_server_that_was_killed_is_given_up_first(tree: Path) -> Non
             assert line.ask("NEXT").startswith("SQUEEZE 0 ")
             assert line.ask("WIDTH 21").startswith("LEAF 0 ")
         assert served.ended()[0] == 0
-    assert findings(tree.with_name("journal.jsonl")) == []
+    assert_sound(tree.with_name("journal.jsonl"))

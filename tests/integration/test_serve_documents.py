@@ -5,12 +5,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from asking_robots import ROOT, Line, Served
+from asking_robots import CLIENTS, Line, Served
+from programs import ROOT, TABLE
 
 from runtime.execution import asked
 
 PAGE = (ROOT / "tools" / "docs" / "serve.md").read_text()
-CLIENTS = ROOT / "tools" / "docs" / "clients"
 REQUESTS = {"NEXT", "COUNTS", "WIDTH", "RESET", "STATUS", "TABLE", "VERSION"}
 ANSWERS = {"SQUEEZE", "DRAG", "LEAF", "UNRESOLVED", "REJECT", "ERROR"}
 USED = {"NEXT", "COUNTS", "SQUEEZE", "DRAG", "LEAF"}
@@ -23,7 +23,7 @@ BLOCKS = {
 
 
 def test_the_session_is_what_the_server_says(tmp_path: Path) -> None:
-    shutil.copy(ROOT / "trees" / "rectangle" / "rectangle.msgpack", tmp_path / "t.msgpack")
+    shutil.copy(TABLE, tmp_path / "t.msgpack")
     (session,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
     pairs = re.findall(r"^> (.*)\n< (.*)$", session, re.MULTILINE)
     assert len(pairs) == session.count("\n") // 2 > 10

@@ -1,15 +1,13 @@
 """From a job with several parts to a run: two squares are sorted by their size, wherever they lie."""
 
-import io
 import json
 import re
 import sys
-from contextlib import redirect_stdout
-from pathlib import Path
 
 import numpy as np
 import pytest
 from html_pages import Page
+from programs import VIRTUAL, called
 
 from drivers.camera.audit.subject import from_table
 from drivers.camera.vision.tag_file import PartTag
@@ -28,7 +26,6 @@ from runtime.journal.export import rows
 from runtime.shell.errors import InputError
 from runtime.table import dump, dumps, loads
 
-ROOT = Path(__file__).parents[2]
 COUNT_MM = 0.38
 SQUARE = """
 [[hypothesis]]
@@ -62,10 +59,8 @@ particles = 400
 
 def squares(small: float, large: float) -> str:
     """The two parts."""
-    return "".join(
-        SQUARE.format(name=name, share=share, side=side)
-        for name, share, side in (("small", 0.3, small), ("large", 0.7, large))
-    )
+    one = SQUARE.format(name="small", share=0.3, side=small)
+    return one + SQUARE.format(name="large", share=0.7, side=large)
 
 
 @pytest.fixture(scope="module")
@@ -100,13 +95,8 @@ def test_a_part_taken_for_the_other_is_a_wrong_answer(plan):
 
 
 def test_foreign_parts_are_counted_by_what_becomes_of_them(plan):
-    entries = [
-        SQUARE.format(name=side, share=1, side=side)
-        .replace("share = 1\n", "")
-        .replace("hypothesis", "stranger")
-        for side in (20.2, 50, 57)
-    ]
-    job = job_file.parse(COMMON + squares(20, 34) + "".join(entries))
+    entries = "".join(rectangle("stranger", side, side, side) for side in (20.2, 50, 57))
+    job = job_file.parse(COMMON + squares(20, 34) + entries)
 
     def evaluated(part: job_file.Job) -> Evaluation:
         return evaluate(plan.table, part, ContactWorlds.of_job(part, 5), 400, 5, Threads(2))
@@ -118,9 +108,8 @@ def test_foreign_parts_are_counted_by_what_becomes_of_them(plan):
     assert (answer.part, answer.share) == ("small", alike.answered)
     assert 20.0 < answer.widths_mm[0] < 20.2 * 2**0.5 + 0.4  # from side to diagonal
     assert answer.apart_mm == pytest.approx(abs(answer.widths_mm[0] - answer.ours_mm[0]), abs=0.006)
-    assert (
-        answer.apart_mm < 0.2 * 2**0.5 + COUNT_MM
-    )  # no more than the parts differ, and a reading's rounding
+    # No more than the parts differ, and a reading's rounding.
+    assert answer.apart_mm < 0.2 * 2**0.5 + COUNT_MM
     assert alike.lines()[1:] == [answer.line()]
     assert "as small" in answer.line()
     assert "mm of ours at every squeeze" in answer.line()
@@ -133,12 +122,14 @@ def test_foreign_parts_are_counted_by_what_becomes_of_them(plan):
     assert [(len(other.lines()), other.answers) for other in others] == [(1, ()), (1, ())]
 
 
-def test_foreign_parts_may_be_generated(plan, tmp_path, capsys):
+def test_foreign_parts_may_be_generated(plan, tmp_path):
     """Squares of 20 and 34 mm: of each a smaller and a larger one, a disc, and a rectangle."""
     tree = tmp_path / "squares.msgpack"
     dump(plan.table, tree)
-    assert evaluate_command.main([str(tree), "--foreign-parts", "--trials", "200", "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)["foreign_parts"]
+    words = (tree, "--foreign-parts", "--trials", "200", "--json")
+    code, out, _ = called(evaluate_command.main, *words)
+    assert code == 0
+    record = json.loads(out)["foreign_parts"]
     names = [f"small {kind}" for kind in ("x 0.9", "x 1.1", "its disc", "its rectangle")]
     assert [each["name"] for each in record][:4] == names
     assert len(record) == 8
@@ -173,12 +164,11 @@ def test_a_foreign_part_that_differs_where_no_squeeze_measures_is_explained_by_t
 
 def simulated(table, folder, *more):
     """Parts of a run in virtual time, as `--json` prints them, and its journal."""
-    tree, journal, output = folder / "t.msgpack", folder / "journal", io.StringIO()
+    tree, journal = folder / "t.msgpack", folder / "journal"
     dump(table, tree)
-    words = ["--tree", str(tree), "--port", "sim", "--time-scale", "max", "--seed", "5", "--json"]
-    with redirect_stdout(output):
-        code = cli.main([*words, "--journal", str(journal), *more])
-    return code, [json.loads(line) for line in output.getvalue().splitlines()], journal
+    words = ("--tree", tree, *VIRTUAL, "--seed", "5", "--json", "--journal", journal)
+    code, out, _ = called(cli.main, *words, *more)
+    return code, [json.loads(line) for line in out.splitlines()], journal
 
 
 @pytest.fixture(scope="module")
@@ -195,9 +185,8 @@ def test_a_run_names_the_part_and_its_truth(ran):
     assert all(part["within_goal"] for part in result)
     recorded = [json.loads(line) for line in journal.read_text().splitlines()]
     names = [part["hypothesis"] for part in result]
-    assert [row["hypothesis"] for row in recorded if row["kind"] in ("outcome", "truth")] == [
-        name for name in names for _ in range(2)
-    ]
+    ends = [row["hypothesis"] for row in recorded if row["kind"] in ("outcome", "truth")]
+    assert ends == [name for name in names for _ in range(2)]
     assert [row["hypothesis"] for row in rows(recorded)] == names  # one squeeze each
 
 
@@ -210,15 +199,13 @@ def test_a_run_names_the_part_and_its_truth(ran):
         (evaluate_command, "TREE --foreign-parts --sweep", "leave out --ppm and --sweep"),
     ],
 )
-def test_what_is_for_one_part_is_refused_in_one_line(
-    program, words, message, plan, tmp_path, capsys
-):
+def test_what_is_for_one_part_is_refused_in_one_line(program, words, message, plan, tmp_path):
     dump(plan.table, tmp_path / "TREE")
-    places = {"TREE": str(tmp_path / "TREE"), "page.html": str(tmp_path / "page.html")}
-    assert program.main([places.get(word, word) for word in words.split()]) != 0
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
+    places = {"TREE": tmp_path / "TREE", "page.html": tmp_path / "page.html"}
+    refused = called(program.main, *(places.get(word, word) for word in words.split()))
+    assert refused.code != 0
+    assert refused.one_line
+    assert message in refused.err
 
 
 EVIL = "large <i>&"
@@ -234,9 +221,7 @@ for line in sys.stdin:
 @pytest.fixture(scope="module")
 def posed():
     entries = squares(20, 34).replace('"large"', f'"{EVIL}"')
-    goal = COMMON.replace('kind = "identity"\n', "").replace(
-        "distance_mm = 3.0", "distance_mm = 6.0"
-    )
+    goal = COMMON.replace('kind = "identity"\ndistance_mm = 3.0', "distance_mm = 6.0")
     return compile_job(job_file.parse(goal + entries), workers=2, trials=500)
 
 
@@ -253,13 +238,11 @@ def test_an_auditor_is_asked_which_part_it_is_said_to_be(posed, tmp_path):
 
 def test_the_camera_judges_each_part_by_its_own_goal_and_tag(posed, tmp_path):
     dump(posed.table, tmp_path / "t.msgpack")
-    small, large = from_table(
-        tmp_path / "t.msgpack", [PartTag("small", 7, 22.0), PartTag(EVIL, 8, 22.0)]
-    )
+    tags = [PartTag("small", 7, 22.0), PartTag(EVIL, 8, 22.0)]
+    small, large = from_table(tmp_path / "t.msgpack", tags)
     assert [np.ptp(each.outline_mm[:, 0]) for each in (small, large)] == pytest.approx([20.0, 34.0])
-    assert [each.goal.rho_um for each in (small, large)] == [
-        item.rho_um for item in posed.table.hypotheses
-    ]
+    rho_um = [item.rho_um for item in posed.table.hypotheses]
+    assert [each.goal.rho_um for each in (small, large)] == rho_um
     with pytest.raises(InputError, match="for no part of"):
         from_table(tmp_path / "t.msgpack", [PartTag("other", 7, 22.0)])
 
@@ -293,9 +276,8 @@ def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
     assert data["parts"] is None  # no journal
     counted = np.array(named_in(text))
     assert counted.shape == (2, 3)
-    trials = (
-        posed.table.predicted.trials
-    )  # the figures of a report are those of the table's evaluation
+    # The figures of a report are those of the table's evaluation.
+    trials = posed.table.predicted.trials
     assert counted.sum() == trials
     assert f"Of {trials} parts sent through the table" in text
     assert '<span class="s0">small</span> <span class="s1">large &lt;i&gt;&amp;</span>' in text

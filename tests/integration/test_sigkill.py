@@ -1,7 +1,5 @@
 """A real process that is killed, or its journal moved, against a cell that outlives it; and the next one."""
 
-import contextlib
-import io
 import os
 import shutil
 import signal
@@ -10,28 +8,18 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from running_cells import ROOT, WAIT_S, RunningCell, runtime_command
-from sample_tables import small_table
+from programs import WAIT_S, Ended, called, started
+from running_cells import RunningCell, runtime_command
 from waiting import until
+from written_journals import assert_sound
 
 from runtime.cli import main
 from runtime.journal.chain import records, verify
 from runtime.journal.files import broken_of
-from runtime.journal.replay import Replay
-from runtime.table import dump
-
-
-@pytest.fixture
-def tree(tmp_path: Path) -> Path:
-    dump(small_table(), tmp_path / "small.msgpack")
-    return tmp_path / "small.msgpack"
 
 
 def start(tree: Path, cell: RunningCell, *arguments: str) -> "subprocess.Popen[str]":
-    command = runtime_command(tree, cell, tree.with_name("journal.jsonl"), *arguments)
-    return subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    return started(runtime_command(tree, cell, tree.with_name("journal.jsonl"), *arguments))
 
 
 def killed(tree: Path, cell: RunningCell, kind: str, number: int, *arguments: str) -> None:
@@ -42,13 +30,10 @@ def killed(tree: Path, cell: RunningCell, kind: str, number: int, *arguments: st
     process.communicate(timeout=WAIT_S)
 
 
-def run(tree: Path, cell: RunningCell, *arguments: str) -> tuple[int, str, str]:
-    """A run that nobody kills, in this process: its exit code and what it prints."""
-    words = runtime_command(tree, cell, tree.with_name("journal.jsonl"), *arguments)[3:]
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = main(words)
-    return code, out.getvalue(), err.getvalue()
+def run(tree: Path, cell: RunningCell, *arguments: str) -> Ended:
+    """A run that nobody kills, in this process."""
+    journal = tree.with_name("journal.jsonl")
+    return called(main, *runtime_command(tree, cell, journal, *arguments)[3:])
 
 
 def path_of(journal: Path) -> tuple[list[int], str]:
@@ -74,8 +59,7 @@ def test_a_killed_process_is_taken_over_by_the_next_one(tree: Path) -> None:
         _, out, err = run(tree, cell, "--after-crash", "resume")
     assert path_of(journal) == whole, (out, err)
     assert "going on with it" in out
-    assert verify(journal).closed
-    assert list(Replay().follow(records(journal))) == []
+    assert_sound(journal)
 
 
 def test_without_a_policy_the_next_one_gives_up_and_the_one_after_begins_anew(tree: Path) -> None:
@@ -88,7 +72,7 @@ def test_without_a_policy_the_next_one_gives_up_and_the_one_after_begins_anew(tr
         code, _, err = run(tree, cell, "--jaws-empty")
         assert code in (0, 10), err
     assert verify(journal).runs == 2
-    assert list(Replay().follow(records(journal))) == []
+    assert_sound(journal)
 
 
 @pytest.mark.parametrize("policy", ["resume", "restart"])
@@ -96,9 +80,7 @@ def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path, po
     journal = tree.with_name("journal.jsonl")
     with RunningCell(tree, time_scale=40) as cell:
         killed(tree, cell, "part", 3, "--count", "5")
-        broken = next(
-            entry["part"] for entry in reversed(list(records(journal))) if "part" in entry
-        )
+        *_, broken = (entry["part"] for entry in records(journal) if "part" in entry)
         code, out, err = run(tree, cell, "--after-crash", policy, "--count", "2")
     assert broken >= 3
     ended = [entry["part"] for entry in records(journal) if entry["kind"] == "outcome"]
@@ -106,16 +88,12 @@ def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path, po
     assert code in (0, 10)
 
 
-def removed(path: Path) -> None:
-    path.unlink()
-
-
 def copied_and_truncated(path: Path) -> None:
     shutil.copy(path, path.with_name("journal.jsonl.old"))
     os.truncate(path, 0)
 
 
-@pytest.mark.parametrize("displace", [removed, copied_and_truncated])
+@pytest.mark.parametrize("displace", [Path.unlink, copied_and_truncated])
 def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refused(
     tree: Path, displace: Callable[[Path], None]
 ) -> None:
@@ -137,15 +115,12 @@ def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refus
     old = journal.with_name("journal.jsonl.old")
     journal.write_bytes((old.read_bytes() if old.exists() else b"") + kept)
     broken_of(journal).unlink()
-    assert verify(journal).closed
-    assert list(Replay().follow(records(journal))) == []
+    assert_sound(journal)
     *_, outcome, end = records(journal)
-    assert (outcome["kind"], outcome["exit_code"], end["kind"], end["exit_code"]) == (
-        "outcome",
-        24,
-        "end",
-        24,
-    )
+    assert [(each["kind"], each["exit_code"]) for each in (outcome, end)] == [
+        ("outcome", 24),
+        ("end", 24),
+    ]
     assert any("retreat height" in sentence for sentence in outcome["safe_state"])
 
 

@@ -4,18 +4,15 @@ import importlib.util
 import json
 import os
 import re
-import subprocess
 import sys
-import tomllib
 from html import unescape
-from pathlib import Path
 
 import pytest
+from documents import COMMANDS, DOCS
+from launch import RESULTS
+from programs import ROOT, ended
 
-ROOT = Path(__file__).parents[2]
-SITE = ROOT / "tools" / "docs" / "site"
-RESULTS = ROOT / "tests" / "bench" / "results"
-COMMANDS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+SITE = DOCS / "site"
 
 
 def module(name):
@@ -45,16 +42,10 @@ BUILD = (
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     output = tmp_path_factory.mktemp("site") / "built"
-    done = subprocess.run(
-        [sys.executable, "-c", BUILD, "-o", str(output)],
-        env={**os.environ, "PYTHONPATH": str(SITE)},
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "not fetched" in done.stdout
+    words = [sys.executable, "-c", BUILD, "-o", output]
+    code, out, err = ended(words, env={**os.environ, "PYTHONPATH": str(SITE)}, timeout=240)
+    assert (code, err) == (0, "")
+    assert "not fetched" in out
     return output
 
 
@@ -99,9 +90,8 @@ def test_every_link_leads_somewhere_and_nothing_is_loaded_from_elsewhere(site, l
 def test_formulas_are_drawn(site):
     page = (site / "tools/docs/how-it-works.html").read_text()
     drawn = re.findall(r'<svg role="img" aria-label="([^"]*)"', page)
-    written = re.findall(
-        r"\$\$.*?\$\$|\$[^$\n]+\$", (ROOT / "tools/docs/how-it-works.md").read_text(), re.DOTALL
-    )
+    text = (DOCS / "how-it-works.md").read_text()
+    written = re.findall(r"\$\$.*?\$\$|\$[^$\n]+\$", text, re.DOTALL)
     assert len(drawn) == len(written) >= 30
     heights = [float(em) for em in re.findall(r'<svg role="img"[^>]* height="([\d.]+)em"', page)]
     assert len(heights) == len(drawn)
@@ -116,9 +106,8 @@ def test_what_scrolls_is_reached_by_key_and_what_is_there_has_a_name(site):
             assert 'tabindex="0"' in tag, f"{page.name}: {tag}"
         assert all("aria-level" in tag for tag in re.findall(r'<[^>]*role="heading"[^>]*>', text))
         assert all("alt=" in tag for tag in re.findall(r"<img[^>]*>", text))
-        assert all(
-            "aria-label" in tag for tag in re.findall(r"<input[^>]*task-list-item[^>]*>", text)
-        )
+        boxes = re.findall(r"<input[^>]*task-list-item[^>]*>", text)
+        assert all("aria-label" in tag for tag in boxes)
 
 
 def test_every_command_is_in_the_reference(site):
@@ -163,15 +152,8 @@ def test_tables_are_filled_in_where_the_page_says(kept, monkeypatch, tmp_path):
     monkeypatch.setattr(kept, "RESULTS", tmp_path)
     page = "a\n\n<!-- table push_actions -->\nold\n<!-- end -->\n\nb\n"
     assert kept.filled(page) == page.replace("old", "\nNot measured in this version.\n")
-    row = {
-        "squeezes": 2.5,
-        "success": 0.99,
-        "crashes": 3,
-        "parts": 100,
-        "pushes": 0.0,
-        "seconds": 5.0,
-        "cpu_s": 9.0,
-    }
+    row = {"squeezes": 2.5, "success": 0.99, "crashes": 3, "parts": 100, "pushes": 0.0}
+    row |= {"seconds": 5.0, "cpu_s": 9.0}
     other = {**row, "squeezes": 2.1, "crashes": 6}
     figures = {"plate": {"squeezes": [row, other], "pushes": [{"no_plan": "none", "cpu_s": 1.0}]}}
     (tmp_path / "push_actions.json").write_text(json.dumps(figures))
@@ -190,12 +172,9 @@ def test_figures_over_seeds_are_reported_as_mean_least_and_most(kept, monkeypatc
     before = plans[0] | {"planner": "before"}
     (tmp_path / "planner.json").write_text(json.dumps([*plans, before]))
     result = kept.table_of("planner")
-    assert (
-        "| rectangle-25 | now | 4 | 2.95 (2.80 to 3.10) | 99.15 % | 0.10 % | 3.80 | 30 |" in result
-    )
-    assert (
-        "| rectangle-25 | before | 1 | 2.80 (2.80 to 2.80) | 99.00 % | 0.10 % | 3.80 | 30 |"
-        in result
-    )
+    row = "| rectangle-25 | now | 4 | 2.95 (2.80 to 3.10) | 99.15 % | 0.10 % | 3.80 | 30 |"
+    assert row in result
+    row = "| rectangle-25 | before | 1 | 2.80 (2.80 to 2.80) | 99.00 % | 0.10 % | 3.80 | 30 |"
+    assert row in result
     shown = "| rectangle-25 | 4 | 99.15 (99.00 to 99.30) % | 2.95 (2.80 to 3.10) |"
     assert shown in kept.table_of("planner-readme")

@@ -1,11 +1,11 @@
 """A slice of tools/soak, and proof that it finds what it looks for."""
 
 import json
-import subprocess
 import sys
 from collections import Counter
 from dataclasses import replace
 
+from programs import REHEARSAL, ended
 from soaking import SCRIPT, small_setting, small_soak, soak_run
 
 from drivers.robotiq.gripper import Gripper
@@ -13,18 +13,11 @@ from drivers.sim.faults import KINDS, Seeded
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.traversal.results import PartResult
 
-WORLD = ("--world", "runtime.devices.rehearsal:make")
-
 
 def script(*arguments):
-    done = subprocess.run(
-        [sys.executable, str(SCRIPT), "--json", *WORLD, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=250,
-        check=False,
-    )
-    return done.returncode, json.loads(done.stdout.splitlines()[-1]), done.stdout
+    words = [sys.executable, SCRIPT, "--json", *REHEARSAL, *arguments]
+    code, out, _ = ended(words, timeout=250)
+    return code, json.loads(out.splitlines()[-1]), out
 
 
 def test_a_slice_under_random_faults_finds_nothing():

@@ -1,13 +1,14 @@
 """One way in: `squeezetree COMMAND` is the program of its name, and `squeezetree try` answers unattended."""
 
 import json
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from documents import COMMANDS
+from programs import ROOT, Ended, called, ended
 
 from planner.cli import first_look, first_plan
 from planner.job import model as job_file
@@ -18,24 +19,14 @@ from runtime.commands import squeezetree
 from runtime.commands.squeezetree import PROGRAMS
 from runtime.table import load
 
-ROOT = Path(__file__).parents[2]
-SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
 BLOCK = "import sys; sys.argv = ['squeezetree', *{words}]; sys.modules['numpy'] = None; "
 CALL = "from runtime.commands.squeezetree import main; sys.exit(main())"
 ORDER = "try studio init plan evaluate report doctor calibrate run cell serve journal audit"
 Calls = list[list[str]]
 
 
-def called(*words: str, before: str = "") -> subprocess.CompletedProcess[str]:
-    code = BLOCK.format(words=list(words)) + before + CALL
-    return subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+def process(*words: str) -> Ended:
+    return ended([sys.executable, "-c", BLOCK.format(words=list(words)) + CALL])
 
 
 @pytest.fixture
@@ -51,12 +42,12 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
 
 
 def test_a_subcommand_is_an_installed_program() -> None:
-    assert {"squeezetree", *(program.name for program in PROGRAMS.values())} == set(SCRIPTS)
+    assert {"squeezetree", *(program.name for program in PROGRAMS.values())} == set(COMMANDS)
 
 
 def test_the_order_is_that_of_a_users_day() -> None:
     assert " ".join(PROGRAMS).startswith(ORDER)
-    result = called("--help").stdout
+    result = process("--help").out
     places = [result.index(f"\n  {word} ") for word in PROGRAMS]
     assert places == sorted(places)
 
@@ -75,15 +66,15 @@ def test_a_program_gets_its_arguments_and_its_exit_code_is_ours(calls: Calls) ->
 def test_the_version_is_the_distributions() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert project["version"] == VERSION
-    assert called("--version").stdout == f"squeezetree {VERSION}\n"
+    assert process("--version").out == f"squeezetree {VERSION}\n"
 
 
 def test_a_command_that_cannot_run_is_one_line_and_one_of_the_cell_needs_no_numpy() -> None:
-    assert called("journal", "show", "none.jsonl").returncode == 24
+    assert process("journal", "show", "none.jsonl").code == 24
     for word, said in (("try", "squeezetree[planner]"), ("evalute", "is evaluate meant?")):
-        done = called(word, "part.dxf")
-        assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
-        assert said in done.stderr
+        done = process(word, "part.dxf")
+        assert (done.code, done.out, done.one_line) == (2, "", True)
+        assert said in done.err
 
 
 @pytest.fixture
@@ -99,10 +90,11 @@ QUICK = ["--radius", "2", "--turn", "8", "--budget", "2s"]
 
 @pytest.mark.slow
 def test_a_first_look_answers_and_writes_what_to_go_on_with(
-    plate: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    plate: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert first_look.main([str(plate), *QUICK, "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+    code, out, _ = called(first_look.main, plate, *QUICK, "--json")
+    assert code == 0
+    record = json.loads(out)
     assert record["locatable"] is True
     assert record["size_mm"] == pytest.approx([30.0, 21.0])
     assert any("1 mm" in line for line in record["assumed"])  # the file names no unit
@@ -113,10 +105,8 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(
     assert (job.uncertainty.radius_mm, job.gripper.model) == (2.0, "robotiq-2f-85")
     quick = job.replaced(search=first_plan.QUICK)
     assert load(Path(record["table"])).table.job_digest == quick.digest()
-    shares = [
-        record[name] for name in ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")
-    ]
-    assert sum(shares) + record["crashes"] / record["trials"] == pytest.approx(1.0)
+    rates = [record[f"{how}_rate"] for how in ("success", "wrong", "unresolved", "reject")]
+    assert sum(rates) + record["crashes"] / record["trials"] == pytest.approx(1.0)
     assert record["notes"] == []
     # Another job of the same name is not overwritten, the same one is.
     # No picture, advice or sweep costs the answer.
@@ -124,14 +114,11 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(
     def fail(*_: object, **__: object) -> None:
         raise ValueError("no path of 1, 2, 3 squeezes")
 
-    for place, name in (
-        (first_look.paper_figures, "sequence"),
-        (first_look, "tried"),
-        (first_look, "advise"),
-    ):
-        monkeypatch.setattr(place, name, fail)
-    assert first_look.main([str(plate), *QUICK, "--fingers", "steel"]) == 0
-    out, err = capsys.readouterr()
+    monkeypatch.setattr(first_look.paper_figures, "sequence", fail)
+    for name in ("tried", "advise"):
+        monkeypatch.setattr(first_look, name, fail)
+    code, out, err = called(first_look.main, plate, *QUICK, "--fingers", "steel")
+    assert code == 0
     assert "Can it be located by squeezing? Yes" in out
     assert "internal error" not in out + err
     assert out.index("located ") < out.index("no picture: ValueError: no path of 1, 2, 3 squeezes")
@@ -141,14 +128,11 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(
     assert Path("plate.toml").read_text() != Path("plate-2.toml").read_text()
 
 
-def test_a_part_that_no_gripper_takes_is_an_answer_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "slab.csv"
-    path.write_text("0,0\n300,0\n300,200\n0,200\n")
-    assert first_look.main([str(path), "--units", "mm"]) == 0
-    assert "Can it be located by squeezing? No:" in capsys.readouterr().out
+def test_a_part_that_no_gripper_takes_is_an_answer_too(plate: Path) -> None:
+    plate.write_text("0,0\n300,0\n300,200\n0,200\n")
+    code, out, _ = called(first_look.main, plate, "--units", "mm")
+    assert code == 0
+    assert "Can it be located by squeezing? No:" in out
 
 
 LARGER = "with a robotiq-2f-140"
@@ -184,10 +168,11 @@ def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
 
 
 def test_a_sheet_too_thin_for_finger_tips_is_answered(
-    plate: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    plate: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read = first_plan.read_outline
     thin = lambda *words: read(*words)._replace(height_mm=0.5)  # noqa: E731
     monkeypatch.setattr(first_plan, "read_outline", thin)
-    assert first_look.main([str(plate), "--units", "mm"]) == 0
-    assert "squeezing? No: it is 0.5 mm thin" in capsys.readouterr().out
+    code, out, _ = called(first_look.main, plate, "--units", "mm")
+    assert code == 0
+    assert "squeezing? No: it is 0.5 mm thin" in out

@@ -4,7 +4,6 @@ import contextlib
 import fcntl
 import os
 import pty
-import subprocess
 import termios
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,41 +11,38 @@ from signal import SIGHUP, SIGINT, SIGQUIT, SIGTERM
 
 import pytest
 from hostile_signals import Bench, Case, Ended, campaign, usual_signals
-from running_cells import ROOT, WAIT_S, Notices, calibrate_command, runtime_command
+from programs import WAIT_S, ended, started
+from running_cells import Notices, calibrate_command, runtime_command
 
 from runtime.journal.chain import records, verify
 
 CASES = {
     "Ctrl-C in a calibration's stroke": Case("calibration", (SIGINT,), 0.7, 0.0, 0.0),
-    "SIGTERM in a calibration's activation": Case(
-        "calibration's activation", (SIGTERM,), 0.3, 0.0, 0.0
-    ),
+    "SIGTERM in its activation": Case("calibration's activation", (SIGTERM,), 0.3, 0.0, 0.0),
     "SIGHUP in a run's activation": Case("activation", (SIGHUP,), 0.3, 0.0, 0.0),
     "SIGHUP in a simulated run": Case("simulated run", (SIGHUP,), 0.5, 0.0, 0.0),
     "Ctrl-C twice within 30 ms": Case("run", (SIGINT, SIGINT), 0.4, 0.03, 0.0),
     "Ctrl-C, then SIGTERM on the way out": Case("run", (SIGINT, SIGTERM), 0.4, 0.1, 0.0),
     "stopped past every deadline of a run": Case("run", (SIGQUIT,), 0.4, 0.0, 2.0),
-    "SIGTERM and SIGHUP in a fault's safe sequence": Case(
-        "fault", (SIGTERM, SIGHUP), 0.01, 0.03, 0.0
-    ),
+    "SIGTERM and SIGHUP in a fault": Case("fault", (SIGTERM, SIGHUP), 0.01, 0.03, 0.0),
 }
+
+
+@contextlib.contextmanager
+def bench_of(folder: Path, *, faulty: bool) -> Iterator[Bench]:
+    with usual_signals(), contextlib.closing(Bench(folder, faulty=faulty)) as bench:
+        yield bench
 
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    with (
-        usual_signals(),
-        contextlib.closing(Bench(tmp_path_factory.mktemp("sound"), faulty=False)) as bench,
-    ):
+    with bench_of(tmp_path_factory.mktemp("sound"), faulty=False) as bench:
         yield bench
 
 
 @pytest.fixture(scope="module")
 def faulty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    with (
-        usual_signals(),
-        contextlib.closing(Bench(tmp_path_factory.mktemp("faulty"), faulty=True)) as bench,
-    ):
+    with bench_of(tmp_path_factory.mktemp("faulty"), faulty=True) as bench:
         yield bench
 
 
@@ -62,16 +58,12 @@ def test_a_terminal_that_is_gone(sound: Bench, tmp_path: Path) -> None:
     journal = tmp_path / "journal.jsonl"
     ours, theirs = pty.openpty()
     with contextlib.closing(Notices(tmp_path)) as notices:
-        process = subprocess.Popen(
+        process = started(
             runtime_command(sound.tree, sound.cell, journal, "--count", "1000"),
-            cwd=ROOT,
             env=notices.environment,
-            stdin=theirs,
-            stdout=theirs,
-            stderr=theirs,
+            **dict.fromkeys(("stdin", "stdout", "stderr"), theirs),
             start_new_session=True,
             preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
-            text=True,
         )
         os.close(theirs)
         assert notices.wait(": squeeze", process)
@@ -80,10 +72,8 @@ def test_a_terminal_that_is_gone(sound: Bench, tmp_path: Path) -> None:
     *_, outcome, end = records(journal)
     assert (code, outcome["outcome"], end["exit_code"]) == (40, "stopped", 40)
     assert verify(journal).closed
-    assert (
-        list(sound._moving(Ended(code, " ".join(map(str, outcome["safe_state"])), "", journal)))
-        == []
-    )
+    said = " ".join(map(str, outcome["safe_state"]))
+    assert list(sound._moving(Ended(code, said, "", journal))) == []
     assert list(sound._low(Ended(code, "", "", journal))) == []
 
 
@@ -91,20 +81,12 @@ def test_the_end_of_standard_input(sound: Bench, tmp_path: Path) -> None:
     """Nobody can press Enter any more: between two blocks, the fingers at rest."""
     sound.prepare(active=True)
     output = tmp_path / "gripper.json"
-    process = subprocess.run(
-        calibrate_command(sound.cell, output, "--blocks", "0,20,40", "--grips", "1"),
-        cwd=ROOT,
-        input="\n",
-        capture_output=True,
-        text=True,
-        timeout=WAIT_S,
-        check=False,
-    )
-    assert (process.returncode, output.exists()) == (2, False)
-    assert "standard input ended before Enter was pressed" in process.stderr
-    assert "fingers stopped at" in process.stderr
-    ended = Ended(process.returncode, process.stdout, process.stderr, output)
-    assert list(sound._moving(ended)) == []
+    words = calibrate_command(sound.cell, output, "--blocks", "0,20,40", "--grips", "1")
+    code, out, err = ended(words, input="\n")
+    assert (code, output.exists()) == (2, False)
+    assert "standard input ended before Enter was pressed" in err
+    assert "fingers stopped at" in err
+    assert list(sound._moving(Ended(code, out, err, output))) == []
 
 
 def test_the_campaign_itself() -> None:

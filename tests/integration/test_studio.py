@@ -1,20 +1,17 @@
 """The studio as a user meets it: from a drawing over HTTP to a table and simulated parts, through a kill."""
 
 import json
-import signal
-import subprocess
 import sys
-from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import pytest
 from html_pages import Page
+from programs import started
 from waiting import until
 
 from runtime.table import load
 
-ROOT = Path(__file__).parents[2]
 CODE = "import sys; from planner.cli.studio import main; sys.exit(main(sys.argv[1:]))"
 QUICK = {"radius": "2", "turn": "8", "budget": "2", "units": "mm"}
 
@@ -23,8 +20,8 @@ class Studio:
     """A running studio."""
 
     def __init__(self, folder):
-        words = [sys.executable, "-c", CODE, str(folder), "--port", "0", "--no-browser", "--json"]
-        self.process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        words = [sys.executable, "-c", CODE, folder, "--port", "0", "--no-browser", "--json"]
+        self.process = started(words, stderr=None)
         self.address = json.loads(self.process.stdout.readline())["address"].rstrip("/")
 
     def ask(self, path, body=None):
@@ -33,7 +30,7 @@ class Studio:
             return response.read()
 
     def kill(self):
-        self.process.send_signal(signal.SIGKILL)
+        self.process.kill()
         self.process.wait()
         self.process.stdout.close()
 
@@ -61,24 +58,19 @@ def test_from_a_drawing_to_a_table_and_parts_though_the_studio_is_killed(tmp_pat
         plan = until(lambda: (each := plan_of(studio)) and not each["running"] and each)
         assert plan["log"]["exit"] == 0, plan["log"]["lines"]
         assert [line.split()[1] for line in plan["log"]["commands"]] == ["try", "report", "run"]
-        assert [number["what"] for number in plan["log"]["answer"]["numbers"]] == [
-            "located",
-            "seconds",
-            "error",
-        ]
+        numbers = plan["log"]["answer"]["numbers"]
+        assert [each["what"] for each in numbers] == ["located", "seconds", "error"]
         assert len(plan["log"]["parts"]) == 20
         assert {"job", "table", "picture", "report", "journal", "log"} == plan["files"].keys()
         film = json.loads(studio.ask("/film.json?plan=plate&part=1"))
         widths = [round(squeeze["width_mm"]) for squeeze in film["squeezes"]]
-        assert widths == [
-            round(float(each)) for each in plan["log"]["parts"][0]["widths"].split(",")
-        ]
+        said = plan["log"]["parts"][0]["widths"].split(",")
+        assert widths == [round(float(each)) for each in said]
         table = studio.ask(f"/files/{plan['files']['table']}")
         assert table == (tmp_path / "plate.msgpack").read_bytes()
         assert load(tmp_path / "plate.msgpack").table.nodes
-        assert {path.name[0] for path in tmp_path.iterdir()} == {
-            "p"
-        }  # nothing hidden, no draft left
+        # Nothing hidden, no draft left.
+        assert {path.name[0] for path in tmp_path.iterdir()} == {"p"}
     finally:
         studio.kill()
         (tmp_path / "plate.stop").touch()

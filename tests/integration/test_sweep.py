@@ -4,13 +4,13 @@ import json
 from pathlib import Path
 
 import pytest
+from programs import JOB, called
 
 from planner.cli import compile as plan_compile
 from planner.cli import sweep as sweep_cli
 from planner.cli.sweep import Order, orders_of
 from runtime.shell.errors import UsageError
 
-RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 QUICK = "\n[search]\nparticles = 200\nmax_depth = 3\n"
 RADII = "uncertainty.radius_mm=4,6"
 
@@ -19,35 +19,33 @@ RADII = "uncertainty.radius_mm=4,6"
 def job(tmp_path_factory):
     """The rectangle's job, planned hastily."""
     path = tmp_path_factory.mktemp("job") / "job.toml"
-    text = RECTANGLE.read_text(encoding="utf-8").replace("chance = 0.8", "chance = 0.0")
+    text = JOB.read_text(encoding="utf-8").replace("chance = 0.8", "chance = 0.0")
     path.write_text(text + QUICK, encoding="utf-8")
     return path
 
 
 def compiled(job, output, *options):
-    return plan_compile.main(
-        [str(job), "-o", str(output), "--trials", "100", "--workers", "2", "--no-advice", *options]
-    )
+    words = (job, "-o", output, "--trials", "100", "--workers", "2", "--no-advice", *options)
+    return called(plan_compile.main, *words)
 
 
 def test_each_table_is_the_one_its_job_alone_compiles_to(job, tmp_path):
-    assert compiled(job, tmp_path / "all", "--vary", RADII, "--vary", "seed=3") == 0
+    assert compiled(job, tmp_path / "all", "--vary", RADII, "--vary", "seed=3").code == 0
     for radius in ("4", "6"):
         text = job.read_text(encoding="utf-8")
-        edited = text.replace("radius_mm = 12.75", f"radius_mm = {radius}").replace(
-            "seed = 1", "seed = 3"
-        )
+        edited = text.replace("radius_mm = 12.75", f"radius_mm = {radius}")
+        edited = edited.replace("seed = 1", "seed = 3")
         alone = tmp_path / f"{radius}.toml"
         alone.write_text(edited, encoding="utf-8")
-        assert compiled(alone, tmp_path / "alone.msgpack") == 0
+        assert compiled(alone, tmp_path / "alone.msgpack").code == 0
         swept = tmp_path / "all" / f"uncertainty.radius_mm={radius},seed=3.msgpack"
         assert swept.read_bytes() == (tmp_path / "alone.msgpack").read_bytes()
 
 
-def test_a_bad_value_and_a_hopeless_one_leave_the_others_alone(job, tmp_path, capsys):
+def test_a_bad_value_and_a_hopeless_one_leave_the_others_alone(job, tmp_path):
     values = "uncertainty.radius_mm=-1,4,45"
-    assert compiled(job, tmp_path, "--vary", values, "--json") == 3
-    out, err = capsys.readouterr()
+    code, out, err = compiled(job, tmp_path, "--vary", values, "--json")
+    assert code == 3
     bad, good, hopeless = json.loads(out)["jobs"]
     assert err == ""
     assert "[uncertainty] radius_mm" in bad["error"]
@@ -59,23 +57,24 @@ def test_a_bad_value_and_a_hopeless_one_leave_the_others_alone(job, tmp_path, ca
     assert len(list(tmp_path.glob("*.msgpack"))) == 1
 
 
-def test_a_pipe_gets_a_line_for_each_job_and_a_terminal_a_table(job, tmp_path, capsys, monkeypatch):
+def test_a_pipe_gets_a_line_for_each_job_and_a_terminal_a_table(job, tmp_path, monkeypatch):
     words = job, tmp_path, "--vary"
-    assert compiled(*words, "uncertainty.radius_mm=4,wide") == 3
-    first, second = capsys.readouterr().out.splitlines()
+    code, out, _ = compiled(*words, "uncertainty.radius_mm=4,wide")
+    assert code == 3
+    first, second = out.splitlines()
     assert first.startswith("uncertainty.radius_mm=4: success ")
     assert str(tmp_path / "uncertainty.radius_mm=4.msgpack") in first
     assert second.startswith("uncertainty.radius_mm=wide: no table: ")
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "400")
-    assert compiled(*words, "uncertainty.radius_mm=wide,wider") == 3
-    out = capsys.readouterr().out
+    code, out, _ = compiled(*words, "uncertainty.radius_mm=wide,wider")
+    assert code == 3
     assert "success" in out
     assert "must be a number" in out
     assert "│" in out
 
 
-def test_an_interrupt_keeps_the_tables_that_are_done(job, tmp_path, capsys, monkeypatch):
+def test_an_interrupt_keeps_the_tables_that_are_done(job, tmp_path, monkeypatch):
     all_outcomes = sweep_cli.outcomes
 
     def interrupted(*arguments):
@@ -83,8 +82,9 @@ def test_an_interrupt_keeps_the_tables_that_are_done(job, tmp_path, capsys, monk
         raise KeyboardInterrupt
 
     monkeypatch.setattr(sweep_cli, "outcomes", interrupted)
-    assert compiled(job, tmp_path, "--vary", RADII) == 130
-    assert "1 of 2 jobs are done" in capsys.readouterr().err
+    ended = compiled(job, tmp_path, "--vary", RADII)
+    assert ended.code == 130
+    assert "1 of 2 jobs are done" in ended.err
     assert len(list(tmp_path.glob("*.msgpack"))) == 1
 
 
@@ -100,20 +100,19 @@ def test_an_interrupt_keeps_the_tables_that_are_done(job, tmp_path, capsys, monk
         ),
     ],
 )
-def test_a_sweep_that_makes_no_sense_is_refused_in_one_line(job, tmp_path, capsys, sweeps, words):
+def test_a_sweep_that_makes_no_sense_is_refused_in_one_line(job, tmp_path, sweeps, words):
     options = [word for text in sweeps for word in ("--vary", text)]
-    assert compiled(job, tmp_path / "none", *options) == 2
-    err = capsys.readouterr().err
-    assert words in err
-    assert err.count("\n") == 1
+    refused = compiled(job, tmp_path / "none", *options)
+    assert (refused.code, refused.one_line) == (2, True)
+    assert words in refused.err
     assert not (tmp_path / "none").exists()
 
 
 def test_combinations_come_in_the_order_of_the_command_line(job):
     orders = orders_of(job, ["seed=1,2", "goal.distance_mm=3,4,3"])
-    assert [order.label for order in orders] == [
-        f"seed={seed}, goal.distance_mm={distance}" for seed in (1, 2) for distance in (3, 4)
-    ]
+    pairs = ((1, 3), (1, 4), (2, 3), (2, 4))
+    labels = [f"seed={seed}, goal.distance_mm={distance}" for seed, distance in pairs]
+    assert [order.label for order in orders] == labels
 
 
 def order(**values):
@@ -129,23 +128,19 @@ def test_files_are_named_after_the_values_and_stay_in_their_folder():
 
 def test_long_values_make_short_names_that_still_differ():
     outline = "[" + ", ".join(f"[{x}, 0]" for x in range(100))
-    paths = sweep_cli.paths_of(
-        [order(a=outline + "]"), order(a=outline + ", [0, 9]]")], Path("out")
-    )
+    orders = [order(a=outline + end) for end in ("]", ", [0, 9]]")]
+    paths = sweep_cli.paths_of(orders, Path("out"))
     assert len(set(paths)) == 2
     assert max(len(path.name) for path in paths) < 140
 
 
-def test_files_that_cannot_be_read_or_written_are_one_error(job, tmp_path, capsys):
+def test_files_that_cannot_be_read_or_written_are_one_error(job, tmp_path):
     path = tmp_path / "file.toml"
     path.write_text("seed = ")
-    for source, output, code in (
-        (tmp_path / "none.toml", tmp_path / "out", 3),
-        (path, tmp_path / "out", 3),
-        (job, path, 2),
-    ):
-        assert compiled(source, output, "--vary", RADII) == code
-        assert capsys.readouterr().err.count("\n") == 1
+    none, out = tmp_path / "none.toml", tmp_path / "out"
+    for source, output, code in ((none, out, 3), (path, out, 3), (job, path, 2)):
+        refused = compiled(source, output, "--vary", RADII)
+        assert (refused.code, refused.one_line) == (code, True)
 
 
 @pytest.mark.parametrize(

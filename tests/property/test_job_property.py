@@ -3,16 +3,16 @@
 import json
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from programs import JOB
 
 from planner.job import model as job
 from runtime.shell.errors import InputError
 
-RECTANGLE = job.load(Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml")
+RECTANGLE = job.load(JOB)
 DOCUMENT = json.loads(RECTANGLE.canonical())
 PLACES = [
     (section, key)

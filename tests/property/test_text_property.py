@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import programs
 import pytest
 from fake_cell import FakeClock, FakeJournal
 from hypothesis import given, settings
@@ -37,7 +38,7 @@ odd = st.builds(
     st.sampled_from([*ODD, "\x1b[2J", "\nLEAF 0 0 0 0 1"]),
     st.text(st.characters(exclude_categories=("Cs",)), max_size=8),
 )
-JOB = (Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml").read_text()
+JOB = programs.JOB.read_text()
 
 
 def prints(text: str) -> bool:

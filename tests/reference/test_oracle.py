@@ -60,7 +60,6 @@ def test_the_rectangle_ends_where_the_authors_mechanics_say(data):
 
 def test_the_butterfly_ends_where_the_authors_mechanics_say(data):
     outline = 1e3 * np.loadtxt(data / "butterfly_outline.csv", delimiter=",", skiprows=1)
-    assert (
-        np.abs(canonical(outline).shift_mm).max() < 0.05
-    )  # its origin is near enough to its centroid
+    # Its origin is near enough to its centroid.
+    assert np.abs(canonical(outline).shift_mm).max() < 0.05
     assert_all_reproduced(np.ascontiguousarray(outline), BUTTERFLY, data / "oracle_butterfly.csv")

@@ -26,66 +26,11 @@ SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
-def opened(url, read_only, frames, more=""):
-    """An arm whose frames are told in its address."""
-    message = (
-        f"{name}={','.join(map(str, (*pose[:3], *pose[3])))}" for name, pose in frames.items()
-    )
-    query = f"?{'&'.join(message)}{more}" if frames else ""
-    return contextlib.closing(connect.arm(url + query, time_scale=SCALE, read_only=read_only))
-
-
-class Abb:
-    """The open_abb driver and its simulated server."""
+class ArmRig:
+    """A driver and a simulated controller; a subclass makes `arm`, which it moves, `url` and `now`."""
 
     far_mm = 900.0
-
-    def __init__(self):
-        self.model = ArmModel(BASE)
-        time = SimulatedTime(SCALE, threading.Event())
-        self.now = time.now
-        self.server = ArmServer(self.model, threading.RLock(), time)
-        self.server.start()
-
-    @property
-    def url(self):
-        return self.server.url
-
-    @property
-    def moves(self):
-        return self.model.moves
-
-    def truth(self):
-        x, y, z, rotation = self.model.pose_at(self.now())
-        return (x, y, z, hand_angle(rotation))
-
-    def silence(self):
-        self.model.execute = lambda text, now: Answer(None, math.inf)
-
-    def open(self, *, read_only=False, **frames):
-        message = (
-            f"{name}={','.join(map(str, (*pose[:3], *pose[3])))}" for name, pose in frames.items()
-        )
-        query = f"?{'&'.join(message)}" if frames else ""
-        return contextlib.closing(
-            connect.arm(self.url + query, time_scale=SCALE, read_only=read_only)
-        )
-
-    def close(self):
-        self.server.close()
-
-
-class AbbWithBase(Abb):
-    """The same, told where its base is: it knows its reach."""
-
-    def open(self, *, read_only=False):
-        return super().open(read_only=read_only, base=BASE)
-
-
-class ModelRig:
-    """A driver and a simulated controller that moves an arm's model; a subclass makes `arm` and `now`."""
-
-    far_mm = 900.0
+    base = BASE  # that its address states
     limits = "&reach=580"
 
     @property
@@ -97,10 +42,46 @@ class ModelRig:
         return (*flange[:3], hand_angle(flange.rotation))
 
     def open(self, *, read_only=False, **frames):
-        return opened(self.url, read_only, {"base": BASE, **frames}, self.limits)
+        stated = {"base": self.base, **frames}.items()
+        words = [f"{name}={','.join(map(str, (*at[:3], *at[3])))}" for name, at in stated if at]
+        url = f"{self.url}?{'&'.join(words)}{self.limits}" if words else self.url
+        return contextlib.closing(connect.arm(url, time_scale=SCALE, read_only=read_only))
 
 
-class Ur(ModelRig):
+class Abb(ArmRig):
+    """The open_abb driver and its simulated server."""
+
+    base, limits = None, ""
+
+    def __init__(self):
+        self.model = self.arm = ArmModel(BASE)
+        time = SimulatedTime(SCALE, threading.Event())
+        self.now = time.now
+        self.server = ArmServer(self.model, threading.RLock(), time)
+        self.server.start()
+
+    @property
+    def url(self):
+        return self.server.url
+
+    def truth(self):
+        x, y, z, rotation = self.model.pose_at(self.now())
+        return (x, y, z, hand_angle(rotation))
+
+    def silence(self):
+        self.model.execute = lambda text, now: Answer(None, math.inf)
+
+    def close(self):
+        self.server.close()
+
+
+class AbbWithBase(Abb):
+    """The same, told where its base is: it knows its reach."""
+
+    base = BASE
+
+
+class Ur(ArmRig):
     """The UR driver and a simulated controller."""
 
     def __init__(self):
@@ -124,18 +105,17 @@ class Ur(ModelRig):
         self.script.close()
 
 
-class OmniCoreRig(ModelRig):
+class OmniCoreRig(ArmRig):
     """The OmniCore driver and a simulated controller."""
 
     def __init__(self, *, digest=False):
         self.arm = ArmModel(BASE)
         self.model = OmniCore(self.arm)
         self.now = SimulatedTime(SCALE, threading.Event()).now
-        self.server = RwsServer(
-            self.model, threading.RLock(), self.now, certificate(), digest=digest
-        )
+        lock, pem = threading.RLock(), certificate()
+        self.server = RwsServer(self.model, lock, self.now, pem, digest=digest)
         self.server.start()
-        os.environ[rws.CERTIFICATE] = certificate()
+        os.environ[rws.CERTIFICATE] = pem
 
     @property
     def url(self):

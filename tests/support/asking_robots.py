@@ -7,9 +7,9 @@ from pathlib import Path
 from types import ModuleType
 
 from counting import count_of
-from served import ROOT, ServedRun
+from programs import ROOT, WAIT_S, Closing
+from served import ServedRun
 from structured_text import FunctionBlock
-from waiting import WAIT_S
 
 from drivers.ports import ObjectState
 from drivers.sim.physics.scene import Setting
@@ -52,16 +52,14 @@ class SimulatedRobot:
 
     def squeeze(self, speed: float, force: float) -> tuple[int, bool]:
         assert self._plan is not None
-        self._plan = self._plan._replace(
-            speed_um_s=round(1000 * speed), force_mn=round(1000 * force)
-        )
+        um_s, mn = round(1000 * speed), round(1000 * force)
+        self._plan = self._plan._replace(speed_um_s=um_s, force_mn=mn)
         self._hand.retreat()
         self._hand.jaws.open(self._plan)
         self._hand.travel(*self._at)
         self._hand.descend(*self._at)
-        reading = self._hand.close(
-            Node(self._plan, (Branch(0, 0, self._plan.opening_um, PPM, ~0),))
-        )
+        any_width = Branch(0, 0, self._plan.opening_um, PPM, ~0)
+        reading = self._hand.close(Node(self._plan, (any_width,)))
         return count_of(reading.width_um), reading.object is ObjectState.CLOSING
 
     def drag(self, x: float, y: float) -> None:
@@ -108,11 +106,9 @@ class Controller:
                 result = self.cycle(released=True)
             else:
                 raise RuntimeError(f"state {result['state']}")
-        return (
-            tuple(result[name] for name in ("x", "y", "angle", "success"))
-            if result["located"]
-            else None
-        )
+        if not result["located"]:
+            return None
+        return tuple(result[name] for name in ("x", "y", "angle", "success"))
 
 
 class Results(Console):
@@ -122,13 +118,9 @@ class Results(Console):
         self.parts: list[dict[str, object]] = []
 
     def part(self, result: object, seen: object) -> None:
-        self.parts.append(
-            {
-                "outcome": result.outcome.value,
-                "leaf": result.leaf,
-                "readings_mm": [step.reading_um / 1000 for step in result.steps],
-            }
-        )
+        readings_mm = [step.reading_um / 1000 for step in result.steps]
+        end = {"outcome": result.outcome.value, "leaf": result.leaf}
+        self.parts.append({**end, "readings_mm": readings_mm})
 
 
 def driven(
@@ -149,7 +141,7 @@ class Served(ServedRun):
         super().__init__(tree.parent, "a robot may ask at", *words)
 
 
-class Line:
+class Line(Closing):
     """A client that says whatever a test wants."""
 
     def __init__(self, served: Served) -> None:
@@ -170,9 +162,3 @@ class Line:
     def close(self) -> None:
         self._file.close()
         self.socket.close()
-
-    def __enter__(self) -> "Line":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

@@ -3,17 +3,17 @@
 import json
 import math
 import shlex
-import subprocess
 import sys
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from programs import RUNTIME, ended
+
 from runtime.journal.chain import records
 from runtime.table import Table
 
-ROOT = Path(__file__).parents[2]
 # By how many mm the poses of leaf k, k + 8, ... are off: right, wrong, and close to a threshold of 3 mm.
 OFF_MM = (0.0, 3.03, 0.0, 2.85, 3.12, 3.2, 5.0, 4.0)
 
@@ -47,8 +47,8 @@ def command(tree: Path, folder: Path, *, count: int, seed: int, time_scale: floa
     audit = [sys.executable, "-m", "drivers.camera.audit.command", "judge", "--tree", str(tree)]
     audit += ["--calibration", str(folder / "camera.json"), "--tag", str(folder / "tag.json")]
     audit += ["--deadline", "9.5"]
-    words = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim", "--json"]
-    words += ["--world", "planner.world:make", "--count", str(count), "--seed", str(seed)]
+    words = [*RUNTIME, "--tree", str(tree), "--port", "sim", "--world", "planner.world:make"]
+    words += ["--json", "--count", str(count), "--seed", str(seed)]
     words += ["--time-scale", str(time_scale), "--journal", str(folder / "journal.jsonl")]
     return [*words, "--audit", f"{shlex.join(audit)} --camera {{camera}}"]
 
@@ -81,15 +81,15 @@ def loop(
             break
         words = command(tree, folder, count=left, seed=seed + number, time_scale=time_scale)
         before = len(of_runs(folder / "journal.jsonl"))
-        done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+        _, out, err = ended(words, timeout=None)
         runs_now = of_runs(folder / "journal.jsonl")[before:]
         if not runs_now:  # the cell did not come up
-            result.faults.append(done.stderr.strip().rpartition("\n")[2])
+            result.faults.append(err.strip().rpartition("\n")[2])
             continue
-        more, ended = judged(done.stdout, runs_now[0])
+        more, run = judged(out, runs_now[0])
         result.parts.extend(more)
-        result.outcomes.update(part["outcome"] for part in ended)
-        result.faults.extend(part["reason"] for part in ended if part["outcome"] == "fault")
+        result.outcomes.update(part["outcome"] for part in run)
+        result.faults.extend(part["reason"] for part in run if part["outcome"] == "fault")
     return result
 
 
@@ -112,9 +112,8 @@ def judged(said: str, run: list[dict[str, Any]]) -> tuple[list[Judged], list[dic
     """
     document = {part["part"]: part for part in map(json.loads, said.splitlines())}
     asked = [(record, document[record["part"]]) for record in run if record["kind"] == "audit"]
-    return [Judged(record, part["error_mm"], part["within_goal"]) for record, part in asked], list(
-        document.values()
-    )
+    made = [Judged(record, part["error_mm"], part["within_goal"]) for record, part in asked]
+    return made, list(document.values())
 
 
 def agreement(parts: list[Judged]) -> dict[str, Any]:
@@ -126,11 +125,7 @@ def agreement(parts: list[Judged]) -> dict[str, Any]:
     given = [part for part in parts if part.answer["verdict"] != "unknown"]
     measured = [part for part in parts if "distance" in part.answer]
     off = [abs(part.answer["distance"] - part.error_mm) / part.answer["error"] for part in measured]
-    unknown = [
-        part.answer["reason"].partition(":")[0]
-        for part in parts
-        if part.answer["verdict"] == "unknown"
-    ]
+    unknown = [part.answer["reason"].partition(":")[0] for part in parts if part not in given]
     agree = [(part.answer["verdict"] == "pass") == part.within for part in given]
     return {
         "at_leaves": len(parts),

@@ -4,12 +4,11 @@ import cv2
 import numpy as np
 from cameras import SIZE, camera, true_view
 
-from drivers.camera.vision.board import Board, BoardView
+from drivers.camera.vision.board import BoardView
 from drivers.sim.camera.cards import Card, board_cells, lying
 
 OPTICS = camera()
 VIEW = true_view(OPTICS)
-BOARD = Board(12, 9, 14.0, 10.5)
 ON_TABLE = (10.0, -6.0, 0.2)
 TILTS = [(a, b) for a in (-0.5, 0.0, 0.5) for b in (-0.5, 0.0, 0.5)]
 
@@ -20,14 +19,8 @@ def held(tilt, spot, distance_mm):
     turn, _ = cv2.Rodrigues(np.array([*tilt, 0.1]))
     middle = distance_mm * np.array([*ray, 1.0])
     back = OPTICS.rotation.T
-    return Card(
-        board_cells(12, 9),
-        14.0 / 8,
-        8.0,
-        OPTICS.eye_mm + back @ middle,
-        back @ turn[:, 0],
-        back @ turn[:, 1],
-    )
+    right, down = (back @ turn[:, k] for k in (0, 1))
+    return Card(board_cells(12, 9), 14.0 / 8, 8.0, OPTICS.eye_mm + back @ middle, right, down)
 
 
 def corners_on_board():
@@ -50,10 +43,8 @@ def cards():
     """A board on the table, and held in the middle and in all corners of the picture."""
     table = lying(board_cells(12, 9), 14.0 / 8, ON_TABLE, face_down=True, margin_mm=8.0)
     spots = [(200, 150), (760, 150), (200, 390), (760, 390), (480, 270)]
-    return [
-        table,
-        *(held(tilt, spots[k % 5], 190.0 + 12.0 * (k % 4)) for k, tilt in enumerate(TILTS)),
-    ]
+    shown = (held(tilt, spots[k % 5], 190.0 + 12.0 * (k % 4)) for k, tilt in enumerate(TILTS))
+    return [table, *shown]
 
 
 def places():

@@ -3,14 +3,13 @@
 import json
 import re
 import shutil
-import subprocess
 from html import escape, unescape
 from pathlib import Path
 from typing import Any
 
 import pytest
+from programs import ROOT, ended
 
-ROOT = Path(__file__).parents[2]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 QUIET = [
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"),
@@ -66,10 +65,9 @@ def page_after(page: str, folder: Path) -> str:
     file = folder / "page.html"
     file.write_text(page, "utf-8")
     words = [str(CHROMIUM), *QUIET, f"--user-data-dir={folder / 'profile'}", "--dump-dom"]
-    done = subprocess.run(
-        [*words, file.as_uri()], capture_output=True, text=True, timeout=120, check=True
-    )
-    return done.stdout
+    code, out, err = ended([*words, file.as_uri()])
+    assert code == 0, err
+    return out
 
 
 def value_of(expression: str, scripts: list[str], folder: Path) -> object:

@@ -50,9 +50,8 @@ def true_calibration(
     optics: Optics, sigma_mm: float = 0.02, references: bool = True
 ) -> CameraCalibration:
     """A perfect calibration that trusts itself to so much."""
-    places = (
-        tuple(Reference(number, x, y) for number, (x, y, _) in REFERENCES) if references else ()
-    )
+    stuck = REFERENCES if references else ()
+    places = tuple(Reference(number, x, y) for number, (x, y, _) in stuck)
     axes = np.array([-400.0, 400.0]), np.array([-250.0, 250.0])
     trust = Trust(*axes, np.full((2, 2), sigma_mm))
     return CameraCalibration(
@@ -62,10 +61,8 @@ def true_calibration(
 
 def part_tag(**values: object) -> PartTag:
     """The tag as `rig` glues it on."""
-    return PartTag(
-        **{"part": "block", "number": NUMBER, "side_mm": SIDE_MM, "on_part": (2.0, -1.0, 0.3)}
-        | values
-    )
+    usual = {"part": "block", "number": NUMBER, "side_mm": SIDE_MM, "on_part": (2.0, -1.0, 0.3)}
+    return PartTag(**{**usual, **values})
 
 
 def angle_between(a: float, b: float) -> float:

@@ -3,8 +3,6 @@
 `lcp` poses a `ContactProblem` as eqs 1-5 of the paper, `rows` as the kernels' arrays.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -39,10 +37,9 @@ class ContactProblem(NamedTuple):
 def wrenches(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
     """Normalised wrenches (m, 3) of unit normal and tangential force at each contact (eq. 2)."""
     tangents = np.column_stack([-problem.normals[:, 1], problem.normals[:, 0]])
+    x, y = problem.points.T
     N, T = (
-        np.column_stack(
-            [f, (problem.points[:, 0] * f[:, 1] - problem.points[:, 1] * f[:, 0]) / problem.rho]
-        )
+        np.column_stack([f, (x * f[:, 1] - y * f[:, 0]) / problem.rho])
         for f in (problem.normals, tangents)
     )
     return N, T
@@ -105,19 +102,10 @@ def random_contacts(rng: np.random.Generator, m: int) -> ContactProblem:
     )
 
 
-def _problem(
-    points: list, normals: list, advance: list, mu: float, gap: float = 0.0
-) -> ContactProblem:
-    m = len(points)
-    return ContactProblem(
-        np.diag([1.05, 1.05, 0.58]),
-        10.0,
-        np.array(points, float),
-        np.array(normals, float),
-        np.array(advance, float),
-        np.full(m, gap),
-        np.full(m, mu),
-    )
+def _problem(points: list, normals: list, advance: list, mu: float) -> ContactProblem:
+    m, arrays = len(points), (np.array(rows, float) for rows in (points, normals, advance))
+    A = np.diag([1.05, 1.05, 0.58])
+    return ContactProblem(A, 10.0, *arrays, np.zeros(m), np.full(m, mu))
 
 
 UP, DOWN = [0.0, 1.0], [0.0, -1.0]
@@ -158,12 +146,8 @@ def wedged() -> ContactProblem:
     """A finger's corner deep in a notch of 60 degrees, the other finger below: no way out."""
     left, right = math.radians(-60.0), math.radians(-120.0)
     normals = [[math.cos(left), math.sin(left)], [math.cos(right), math.sin(right)], UP]
-    return _problem(
-        [[-0.1, 3.0], [0.1, 3.0], [0.0, -6.0]],
-        normals,
-        [[0.0, -0.1], [0.0, -0.1], [0.0, 0.1]],
-        mu=0.4,
-    )
+    points, advance = [[-0.1, 3.0], [0.1, 3.0], [0.0, -6.0]], [[0.0, -0.1], [0.0, -0.1], [0.0, 0.1]]
+    return _problem(points, normals, advance, mu=0.4)
 
 
 def flush_push() -> ContactProblem:

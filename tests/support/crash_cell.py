@@ -5,11 +5,14 @@ motions, as its controller does: a motion that was sent is carried out, whoever 
 world knows where the part lies, and keeps a list of what must never happen to it.
 """
 
+import os
 import random
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from math import hypot, inf, remainder, tau
 from pathlib import Path
+from unittest.mock import patch
 
 from drivers.clock import Pace
 from drivers.ports import TURN_RADIUS_MM
@@ -45,6 +48,13 @@ class Life:
         if self.last is not None and self.moment >= self.last:
             raise KilledError
         self.moment += 1
+
+    @contextmanager
+    def moments(self) -> Iterator[None]:
+        """One before something happens, and one after it."""
+        self.moment_passes()
+        yield
+        self.moment_passes()
 
 
 class Time:
@@ -116,29 +126,23 @@ class World:
         """The fingers let go; `let_go` looks for itself."""
 
     def _let_go(self) -> None:
-        if (
-            self._grip_mm is not None
-            and self.model.opening_mm(self.time.now()) > self._grip_mm + FREE_MM
-        ):
+        opening_mm = self.model.opening_mm(self.time.now())
+        if self._grip_mm is not None and opening_mm > self._grip_mm + FREE_MM:
             self._grip_mm = None
 
     # the arm
 
     def move(self, target: tuple[float, float, float, float]) -> None:
         self._let_go()
+        across = (target[0] - self.at_mm[0], target[1] - self.at_mm[1])
+        aside = hypot(*across) > NEAR_MM
+        pushes = any(_near(self.at_mm, start) and _near(target, end) for start, end in self._ways)
         if self._grip_mm is not None:
             if target[2] > REACH_MM:
                 self.wrongs.append(f"the part was lifted to {target}")
-            across = (target[0] - self.at_mm[0], target[1] - self.at_mm[1])
-            if hypot(*across) > NEAR_MM:
+            if aside:
                 self._lies_mm = (self._lies_mm[0] + across[0], self._lies_mm[1] + across[1])
-        elif (
-            min(target[2], self.at_mm[2]) <= REACH_MM
-            and hypot(target[0] - self.at_mm[0], target[1] - self.at_mm[1]) > NEAR_MM
-            and not any(
-                _near(self.at_mm, start) and _near(target, end) for start, end in self._ways
-            )
-        ):
+        elif aside and min(target[2], self.at_mm[2]) <= REACH_MM and not pushes:
             self.wrongs.append(f"the hand swept over the table from {self.at_mm} to {target}")
         beside = any(_near(target, start) for start, _ in self._ways)
         opening_mm = self.model.opening_mm(self.time.now())
@@ -161,10 +165,8 @@ class World:
             node = self.table.nodes[number]
             if node.release is not None:
                 x, y, _ = placement(node.squeeze)
-                place = (
-                    place[0] + node.release.x_um / 1000 - x,
-                    place[1] + node.release.y_um / 1000 - y,
-                )
+                drag_mm = (node.release.x_um / 1000 - x, node.release.y_um / 1000 - y)
+                place = (place[0] + drag_mm[0], place[1] + drag_mm[1])
         return place
 
 
@@ -183,17 +185,14 @@ class CountedLink:
         self._world, self._life = world, life
 
     def read(self) -> bytes:
-        self._life.moment_passes()
-        self._world.time.sleep(LOOK_S)
-        block = self._world.model.read_input(self._world.time.now())[:6]
-        self._life.moment_passes()
-        return block
+        with self._life.moments():
+            self._world.time.sleep(LOOK_S)
+            return self._world.model.read_input(self._world.time.now())[:6]
 
     def write(self, block: bytes) -> None:
-        self._life.moment_passes()
-        self._world.time.sleep(LOOK_S)
-        self._world.model.write_output(0, block, self._world.time.now())
-        self._life.moment_passes()
+        with self._life.moments():
+            self._world.time.sleep(LOOK_S)
+            self._world.model.write_output(0, block, self._world.time.now())
 
     def close(self) -> None:
         pass
@@ -206,10 +205,8 @@ class CountedArm:
         self._world, self._life = world, life
 
     def pose(self) -> tuple[float, float, float, float]:
-        self._life.moment_passes()
-        at = self._world.at_mm
-        self._life.moment_passes()
-        return at
+        with self._life.moments():
+            return self._world.at_mm
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
         self._life.moment_passes()
@@ -227,9 +224,8 @@ class CountedArm:
         speed_mm_s: float,
         radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
-        self._life.moment_passes()
-        self._world.move((x_mm, y_mm, z_mm, angle_rad))
-        self._life.moment_passes()
+        with self._life.moments():
+            self._world.move((x_mm, y_mm, z_mm, angle_rad))
 
     def close(self) -> None:
         pass
@@ -243,21 +239,13 @@ class CountedJournal(Journal):
         super().__init__(path, world.time.stamp, world.time.uptime)
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
-        self._life.moment_passes()
-        whole = journal._write_all
-        journal._write_all = self._torn
-        try:
+        with self._life.moments(), patch.object(journal, "_write_all", self._torn):
             super().record(kind, fields)
-        finally:
-            journal._write_all = whole
-        self._life.moment_passes()
 
     def _take_back(self) -> None:
         """A process that is gone takes nothing back."""
 
     def _torn(self, file: int, data: bytes) -> None:
-        import os
-
         os.write(file, data[: len(data) // 2])
         self._life.moment_passes()
         os.write(file, data[len(data) // 2 :])

@@ -51,9 +51,9 @@ class VirtualDh(Surroundings):
         gripper.activate()
         return gripper
 
-    def fault(self, kind: str, *, after: int = 0, length: int = LONG, value: float = 0.0) -> None:
-        """From some request on, something is wrong with so many."""
-        self.desk._schedule = Listed([Fault(kind, at=after, length=length, value=value)])
+    def fault(self, kind: str, *, length: int = LONG, value: float = 0.0) -> None:
+        """Something is wrong with so many requests from now on."""
+        self.desk._schedule = Listed([Fault(kind, at=0, length=length, value=value)])
         self.desk.begin(0)
 
 

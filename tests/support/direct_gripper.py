@@ -91,18 +91,16 @@ class Counted:
     def move(self, position, speed, force):
         width = -1 if position == 255 else SETTINGS.target_um(position)
         fast, strong = PROFILE.speed_mm_s, PROFILE.force_n
-        settings = (
-            low + (high - low) * n / 255 for (low, high), n in ((fast, speed), (strong, force))
-        )
+        pairs = ((fast, speed), (strong, force))
+        settings = (low + (high - low) * n / 255 for (low, high), n in pairs)
         self.driver.move(width, *(round(value + 0.0005, 3) for value in settings))
 
     def wait(self):
         seen = self.driver.wait()
         echo = self.driver._image["rPR"]
         assert seen.target_um == SETTINGS.target_um(echo)
-        return Answer(
-            count_of(seen.width_um), int(seen.object), seen.current_ma, echo, seen.seconds
-        )
+        count = count_of(seen.width_um)
+        return Answer(count, int(seen.object), seen.current_ma, echo, seen.seconds)
 
 
 def connect(link):

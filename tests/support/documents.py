@@ -1,7 +1,6 @@
 """The command blocks of the documentation, and the project's commands as programs to run them with."""
 
 import re
-import subprocess
 import sys
 import textwrap
 import tomllib
@@ -10,20 +9,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-ROOT = Path(__file__).parents[2]
+from programs import ROOT, ended
+
 DOCS = ROOT / "tools" / "docs"
 COMMANDS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
-PAGES = sorted(
-    path
-    for pattern in (
-        "*.md",
-        "tools/d*s/*.md",
-        "tools/docs/*.rst",
-        "runtime/**/*.md",
-        "drivers/*/*.md",
-    )
-    for path in ROOT.glob(pattern)
-)
+KINDS = ("*.md", "tools/d*s/*.md", "tools/docs/*.rst", "runtime/**/*.md", "drivers/*/*.md")
+PAGES = sorted(path for kind in KINDS for path in ROOT.glob(kind))
 BLOCK = re.compile(r"^( *)```(console|bash|sh)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 EMPTY: Mapping[str, str] = MappingProxyType({})
 MARK = "==== next block ===="
@@ -65,18 +56,10 @@ def shims(folder: Path, before: Mapping[str, str] = EMPTY) -> Path:
 def run(result: list[Block], work: Path, environment: dict[str, str]) -> list[list[str]]:
     """Runs blocks in one shell, in a folder; what each printed, in lines."""
     script = "\n".join("\n".join([*block.commands, f"echo '{MARK}'"]) for block in result)
-    done = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", script],
-        cwd=work,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=280,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout
-    return [part.strip().splitlines() for part in done.stdout.split(MARK)]
+    words = ("bash", "-euo", "pipefail", "-c", f"exec 2>&1\n{script}")
+    code, out, _ = ended(words, cwd=work, env=environment, timeout=280)
+    assert code == 0, out
+    return [part.strip().splitlines() for part in out.split(MARK)]
 
 
 def matches(shown: list[str], printed: list[str]) -> bool:

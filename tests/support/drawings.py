@@ -16,9 +16,9 @@ MM = 'width="100mm" height="100mm" viewBox="0 0 100 100"'
 """An SVG page whose unit is a millimetre."""
 
 
-def dxf(folder, draw, units=4, version="R2010"):
+def dxf(folder, draw, units=4):
     """A file in which `draw(model_space, document)` has drawn."""
-    document = ezdxf.new(version)
+    document = ezdxf.new("R2010")
     document.units = units
     draw(document.modelspace(), document)
     path = folder / "part.dxf"
@@ -63,9 +63,8 @@ def lines(space, corners=PLATE, layer="0", close=True):
 def box(space, low, high, **attributes):
     """A closed polyline."""
     (x0, y0), (x1, y1) = low, high
-    return space.add_lwpolyline(
-        [(x0, y0), (x1, y0), (x1, y1), (x0, y1)], close=True, dxfattribs=attributes
-    )
+    corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    return space.add_lwpolyline(corners, close=True, dxfattribs=attributes)
 
 
 def arc(centre, radius, first, last, count):

@@ -1,7 +1,6 @@
 """Parts of a cell in the contact world, healthy or drifting, as their journals would tell of them."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -45,9 +44,7 @@ def squeezed(table: Table, job: Job, count: int, seed: int, drift: Drift = HEALT
     world_job = job
     if drift.friction is not None:
         low, high = drift.friction
-        world_job = replace(
-            job, friction=replace(job.friction, finger_part_min=low, finger_part_max=high)
-        )
+        world_job = job.replaced(friction={"finger_part_min": low, "finger_part_max": high})
     world = supply(DEFAULT_WORLD, world_job, seed)
     disturbance = Disturbance(encoder_offset_mm=drift.width_mm)
     return evaluate(table, world_job, world, count, seed, Threads(), disturbance)
@@ -63,9 +60,8 @@ def parts(table: Table, result: Evaluation, seed: int, drift: Drift = HEALTHY) -
         rows = result.path[number], encoder.width_um(result.steps[number]), result.branch[number]
         for node, width_um, branch in zip(*rows, strict=True):
             if node >= 0:
-                taken.append(
-                    Squeezed(int(node), None if branch == REJECT else int(branch), int(width_um))
-                )
+                taken_by = None if branch == REJECT else int(branch)
+                taken.append(Squeezed(int(node), taken_by, int(width_um)))
         yield _part(table, number, tuple(taken), int(leaf), seen[number])
 
 

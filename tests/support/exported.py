@@ -2,11 +2,11 @@
 
 import csv
 import shutil
-import subprocess
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from programs import ended
 from sample_tables import small_table
 from structured_text import OUTPUT, FunctionBlock
 
@@ -130,16 +130,8 @@ def code_bytes(compiled: Path) -> int:
     return sum(int(row[1]) for row in rows if row and row[0].startswith(".text"))
 
 
-def said(*words: object, program: str | Path, seconds: float = 280.0) -> str:
+def said(*words: object, program: str | Path) -> str:
     """What a program prints; it must end with 0 and without a word on standard error."""
-    done = subprocess.run(
-        [str(program), *map(str, words)],
-        capture_output=True,
-        text=True,
-        timeout=seconds,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (0, ""), (
-        f"{program} ended with {done.returncode}: {done.stderr}"
-    )
-    return done.stdout
+    code, out, err = ended([program, *words], timeout=280)
+    assert (code, err) == (0, ""), f"{program} ended with {code}: {err}"
+    return out

@@ -170,8 +170,7 @@ class FakeJournal:
 class FakeClock:
     """Stands still unless a test lets it jump at each look."""
 
-    def __init__(self, step_s: float = 0.0) -> None:
-        self.time, self.step_s = 0.0, step_s
+    time = step_s = 0.0
 
     def now(self) -> float:
         self.time += self.step_s

@@ -9,6 +9,8 @@ import contextlib
 import logging
 import random
 
+from direct_gripper import VirtualClock
+
 from drivers.clock import Pace
 from drivers.errors import LinkError
 from drivers.modbus.framing import Framing, RtuFraming, TcpFraming
@@ -24,33 +26,14 @@ CLOSE = bytes.fromhex("09 10 03E8 0003 06 0900 00FF FFFF 4229")
 READ_WRITE = bytes.fromhex("09 17 07D0 0002 03E9 0002 04 00E6 3CC8 2D0C")
 TCP_REPLY = bytes.fromhex("0001 0000 0009 02 04 06 B900 00FF BD00")
 WRITE_REPLY = bytes.fromhex("09 10 03E8 0003 0130")
+SAID = ((READ, CLOSE, READ_WRITE), (READ_REPLY, WRITE_REPLY), (TCP_REPLY,))
 CORPUS = tuple(
-    bytes((listener, 0)) + frame
-    for listener, frames in enumerate(
-        ((READ, CLOSE, READ_WRITE), (READ_REPLY, WRITE_REPLY), (TCP_REPLY,))
-    )
-    for frame in frames
+    bytes((listener, 0)) + frame for listener, frames in enumerate(SAID) for frame in frames
 )
 MAX_PIECES = 64
-logging.getLogger("pymodbus").setLevel(
-    logging.CRITICAL + 1
-)  # as the driver does when it opens a port
-
-
-class Skipping:
-    """A clock whose pauses are over at once."""
-
-    def __init__(self) -> None:
-        self.seconds = 0.0
-
-    def now(self) -> float:
-        return self.seconds
-
-    def sleep(self, seconds: float) -> None:
-        self.seconds += seconds
-
-
-CLOCK = Skipping()
+CLOCK = VirtualClock()
+# As the driver does when it opens a port.
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL + 1)
 
 
 class FedStream:

@@ -22,9 +22,8 @@ def squeezed(node, angle, groups):
         leaf(poses, counts, node.share * len(poses) / total, node.depth + 1)
         for poses, counts in groups
     ]
-    squeeze = Squeeze(
-        np.array([0.0, 0.0, angle]), 85.0, 5.0, Partition.of([counts for _, counts in groups])
-    )
+    seen = Partition.of([counts for _, counts in groups])
+    squeeze = Squeeze(np.array([0.0, 0.0, angle]), 85.0, 5.0, seen)
     node.actions = [Action(squeeze, children)]
     return node
 

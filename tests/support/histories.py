@@ -3,18 +3,16 @@
 from collections import Counter
 from dataclasses import replace
 from math import sqrt
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from programs import TABLE as TREE
 
 from runtime.spc.expectation import Expectation
 from runtime.spc.history import History, Part, Squeezed
 from runtime.spc.monitor import Alarm, Monitor, branch_shares, sigmas
 from runtime.table import PPM, Table, decision_map, load
 
-TREE = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"
-COUNT_UM = 374.0
 SHIFT_UM = 2000.0  # of widths: more than the 1.1 mm that the job doubts, which its branches bear
 LESS = {0: [0.60, 0.34, 0.01, 0.05]}  # shares of the first node's branches where fewer parts jam
 
@@ -48,9 +46,8 @@ def drawn(
         first: number of the first part.
     """
     maps = [decision_map(node, tree.gripper).either for node in tree.nodes]
-    odds = [
-        np.cumsum(row) for row in (dict(enumerate(branch_shares(tree))) | (shares or {})).values()
-    ]
+    rows = dict(enumerate(branch_shares(tree))) | (shares or {})
+    odds = map(np.cumsum, rows.values())
     predicted = [row / row[-1] for row in odds]
     scatter = [0.6 * np.array(sigmas(tree, leaf)) for leaf in tree.leaves]
     rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate

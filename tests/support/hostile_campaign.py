@@ -42,13 +42,9 @@ def every(devices: Collection[str], *, polls: bool = False) -> Iterator[Case]:
     with tempfile.TemporaryDirectory() as folder, contextlib.closing(Bench(Path(folder))) as bench:
         for device in devices:
             rows = _counted(bench, device)
-            taken = [
-                (number, poll)
-                for number, row in enumerate(rows)
-                for poll in (
-                    row.polls() if device.startswith("gripper") and not polls else range(row.calls)
-                )
-            ]
+            some = device.startswith("gripper") and not polls
+            of_rows = [row.polls() if some else range(row.calls) for row in rows]
+            taken = [(number, poll) for number, each in enumerate(of_rows) for poll in each]
             print(f"{device}: {len(taken)} of {sum(row.calls for row in rows)} calls", flush=True)
             yield from (Case(device, mode, *call) for call in taken for mode in MODES)
 
@@ -61,13 +57,10 @@ def _counted(bench: Bench, device: str) -> list[Row]:
         if end.rows and not end.wrong:
             counted.append(end.rows)
         if len(counted) == 2:
-            return [
-                Row(min(one.calls, other.calls), one.cycle)
-                for one, other in zip(*counted, strict=False)
-            ]
-    raise RuntimeError(
-        f"{device}: no two runs without a fault end well: exit {end.code}, {end.wrong}"
-    )
+            pairs = zip(*counted, strict=False)
+            return [Row(min(one.calls, other.calls), one.cycle) for one, other in pairs]
+    said = f"exit {end.code}, {end.wrong}"
+    raise RuntimeError(f"{device}: no two runs without a fault end well: {said}")
 
 
 class Summary:
@@ -86,10 +79,8 @@ class Summary:
 
     def add(self, case: Case, end: End) -> None:
         """Count a case."""
-        key = case[:2]
-        self._ends.setdefault(key, Counter())[
-            f"exit {end.code}" if end.reached else "not reached"
-        ] += 1
+        key, name = case[:2], f"exit {end.code}" if end.reached else "not reached"
+        self._ends.setdefault(key, Counter())[name] += 1
         self._longest[key] = max(self._longest.get(key, 0.0), end.took_s)
 
     @property
@@ -110,12 +101,9 @@ class Summary:
         """All of it by device and mode, as tests/bench/results keeps it."""
         record: dict[str, Any] = {}
         for (device, mode), ends in self._ends.items():
-            longest_s = round(self._longest[device, mode], 1)
-            record.setdefault(device, {})[mode] = {
-                "cases": ends.total(),
-                "ends": dict(sorted(ends.items())),
-                "longest_s": longest_s,
-            }
+            figures = {"cases": ends.total(), "ends": dict(sorted(ends.items()))}
+            figures["longest_s"] = round(self._longest[device, mode], 1)
+            record.setdefault(device, {})[mode] = figures
         return {"devices": record, "failures": self.failures, "late_only_among_others": self.loaded}
 
 

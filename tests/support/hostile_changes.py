@@ -1,78 +1,24 @@
 """What is done to sound files to make them almost right: text, bytes, values of JSON, records of journals."""
 
 import contextlib
-import hashlib
 import json
 import re
 from random import Random
+
+from run_logs import chained
 
 from runtime.shell import strict_json
 
 LONGEST = 1 << 20  # bytes that a repeated line comes to
 # Numbers and words that a file of text may hold where it should hold something else.
-ODD = (
-    "-1",
-    "0",
-    "nan",
-    "inf",
-    "-inf",
-    "1e400",
-    "1e308",
-    "1e-320",
-    "9" * 25,
-    "9" * 5000,
-    "0x10",
-    "1_000",
-    "true",
-    "null",
-    '""',
-    "[]",
-    "{}",
-    "[" * 2000,
-    "{" * 2000,
-    "1979-05-27",
-    "'",
-    '"',
-    "\\",
-    "\x00",
-    "\x1b[2J",
-    "\u202e",
-    "../../etc/passwd",
-    "%s%n",
-    "=1+1",
-    "<!ENTITY a 'a'>",
-    "&a;",
-    "É",
-    "",
-)
+WORDS = """-1 0 nan inf -inf 1e400 1e308 1e-320 0x10 1_000 true null "" [] {} 1979-05-27 ' " \\
+../../etc/passwd %s%n =1+1 &a; É"""
+ODD = (*WORDS.split(), "9" * 25, "9" * 5000, "[" * 2000, "{" * 2000, "<!ENTITY a 'a'>", "")
+ODD += ("\x00", "\x1b[2J", "\u202e")
 MILD = (b"0", b"-1", b"1", b"2", b"0.001", b"-0.5", b"1e3", b"1e6", b"1e9", b"90", b"360")
-STRANGE = (
-    None,
-    True,
-    -1,
-    0,
-    2**31,
-    2**63,
-    10**18,
-    1.5,
-    -0.0,
-    1e308,
-    "",
-    "zzz",
-    "\x00",
-    "\ud800",
-    [],
-    {},
-    [[]],
-    {"a": 1},
-    [0] * 300,
-    "x" * 5000,
-    "2026-01-01",
-    "header",
-    "end",
-    float("nan"),
-    float("inf"),
-)
+NUMBERS = (-1, 0, 2**31, 2**63, 10**18, 1.5, -0.0, 1e308, float("nan"), float("inf"))
+TEXTS = ("", "zzz", "\x00", "\ud800", "x" * 5000, "2026-01-01", "header", "end")
+STRANGE = (None, True, *NUMBERS, *TEXTS, [], {}, [[]], {"a": 1}, [0] * 300)
 
 
 def text(data: bytes, random: Random) -> bytes:
@@ -94,9 +40,8 @@ def text(data: bytes, random: Random) -> bytes:
             at, to = random.randrange(len(lines)), random.randrange(len(lines))
             line = lines.pop(at)
             if action == 7:
-                lines[to:to] = [line] * min(
-                    random.choice((1, 2, 500)), 1 + LONGEST // (1 + len(line))
-                )
+                times = min(random.choice((1, 2, 500)), 1 + LONGEST // (1 + len(line)))
+                lines[to:to] = [line] * times
             data = b"".join(lines)
         else:
             data = damaged(data, random)
@@ -106,21 +51,12 @@ def text(data: bytes, random: Random) -> bytes:
 def damaged(data: bytes, random: Random) -> bytes:
     """Damage bytes: one flipped, cut off, put in, twice, another encoding."""
     at = random.randrange(len(data) + 1)
-    return random.choice(
-        (
-            data[:at],
-            data[at:],
-            data[:at] + random.randbytes(random.choice((1, 2, 60))) + data[at:],
-            data[:at] + data[at + random.choice((1, 3, 100)) :],
-            data[:at] + b"\xff\xfe\x00" + data[at:],
-            b"\xef\xbb\xbf" + data,
-            data.replace(b"\n", b"\r\n"),
-            data.replace(b"\n", b""),
-            data + data,
-            data.decode("latin-1").encode("utf-16"),
-            b"",
-        )
-    )
+    noise, gap = random.randbytes(random.choice((1, 2, 60))), random.choice((1, 3, 100))
+    parts = (data[:at], data[at:], data[:at] + data[at + gap :], data + data, b"")
+    more = (data[:at] + put + data[at:] for put in (noise, b"\xff\xfe\x00"))
+    lines = (data.replace(b"\n", end) for end in (b"\r\n", b""))
+    encoded = (b"\xef\xbb\xbf" + data, data.decode("latin-1").encode("utf-16"))
+    return random.choice((*parts, *more, *lines, *encoded))
 
 
 def odd(value: object, random: Random) -> object:
@@ -165,43 +101,24 @@ def journal(data: bytes, random: Random) -> bytes:
         else:
             changed = odd(entries[at], random)
             entries[at] = changed if isinstance(changed, dict) else entries[at]
-    return chained(entries)
-
-
-def chained(entries: list[dict]) -> bytes:
-    """Records as lines, each with its number, the digest of the line before and its own."""
-    lines, head = [], "0" * 64
-    for number, entry in enumerate(entries):
-        fields = {
-            name: value
-            for name, value in entry.items()
-            if name not in ("digest", "previous", "seq")
-        }
-        seq = number if type(entry.get("seq")) is int else entry.get("seq")
-        body = json.dumps({"seq": seq, **fields, "previous": head}, separators=(",", ":")).encode()
-        head = hashlib.sha256(body).hexdigest()
-        lines.append(body[:-1] + f',"digest":"{head}"}}\n'.encode())
-    return b"".join(lines)
+    return chained(entries, None)
 
 
 def sealed(data: bytes, random: Random) -> bytes:
     """A JSON document changed, with the digest that it then has; or damaged as text."""
     if random.random() < 0.3:
         return text(data, random)
-    result = odd(
-        {name: value for name, value in json.loads(data).items() if name != "sha256"}, random
-    )
+    document = json.loads(data)
+    del document["sha256"]
+    document = odd(document, random)
     with contextlib.suppress(ValueError, UnicodeEncodeError):  # a digest of no text
-        result = (
-            {**result, "sha256": strict_json.digest(result)} if isinstance(result, dict) else result
-        )
-    return json.dumps(result).encode()
+        if isinstance(document, dict):
+            document["sha256"] = strict_json.digest(document)
+    return json.dumps(document).encode()
 
 
 def values(data: bytes, random: Random) -> bytes:
     """A JSON document with something odd in it, or damaged as text."""
-    return (
-        text(data, random)
-        if random.random() < 0.3
-        else json.dumps(odd(json.loads(data), random)).encode()
-    )
+    if random.random() < 0.3:
+        return text(data, random)
+    return json.dumps(odd(json.loads(data), random)).encode()

@@ -33,8 +33,9 @@ from urllib.parse import urlsplit
 
 from arm_rigs import BASE, OmniCoreRig
 from cameras import part_tag, true_calibration
+from programs import ROOT, RUNTIME, TABLE, started
 from relays import SLOW_S, Case, Hindrance, Relay, Row, TcpRelay, TtyRelay
-from running_cells import ROOT, RunningCell
+from running_cells import RunningCell
 from sample_tables import small_table, two_squeeze_table
 
 from drivers import connect
@@ -69,7 +70,6 @@ ROWS = {
     "camera": 1,
 }
 SIMULATED = ("scene", "camera")  # heard by runs with --port sim
-RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
 SCALE = 12.0
 SPARE_S = 2.0
 HANG_S = 240.0
@@ -148,7 +148,7 @@ class Bench:
     def _seen_cell(self) -> RunningCell:
         """A cell with a camera, which needs parts that lie somewhere."""
         more = ("--world", CONTACT_WORLD, "--camera")
-        return self._closing.enter_context(RunningCell(RECTANGLE, *more, time_scale=SCALE))
+        return self._closing.enter_context(RunningCell(TABLE, *more, time_scale=SCALE))
 
     @cached_property
     def _auditor(self) -> str:
@@ -159,25 +159,14 @@ class Bench:
         calibration.save(known, self._folder / "camera.json")
         tag = part_tag(on_part=optics.on_part)
         tag_file.save(tag, self._folder / "tag.json", "2026-01-01T00:00:00+00:00")
-        words = [
-            sys.executable,
-            "-m",
-            "drivers.camera.audit.command",
-            "judge",
-            "--tree",
-            str(RECTANGLE),
-        ]
-        words += [
-            "--calibration",
-            str(self._folder / "camera.json"),
-            "--tag",
-            str(self._folder / "tag.json"),
-        ]
+        words = [sys.executable, "-m", "drivers.camera.audit.command", "judge"]
+        words += ["--tree", str(TABLE), "--calibration", str(self._folder / "camera.json")]
+        words += ["--tag", str(self._folder / "tag.json")]
         return f"{shlex.join(words)} --camera {{camera}}"
 
     def close(self) -> None:
         self._closing.close()
-        self.cell.__exit__()
+        self.cell.close()
 
     def _cell_of(self, case: Case) -> RunningCell:
         return self._seen_cell if case.device == "camera" else self.cell
@@ -216,14 +205,11 @@ class Bench:
         self._runs += 1
         journal = self._folder / f"journal-{self._runs}.jsonl"
         with self.endpoints(case) as (endpoints, hindrance):
-            process = subprocess.Popen(
+            process = started(
                 self._words(case, endpoints, journal),
-                cwd=ROOT,
                 env={**os.environ, "PYTHONPATH": str(ROOT), "CELL": json.dumps(endpoints)},
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
-                text=True,
             )
             try:
                 said = process.communicate(timeout=HANG_S)[0]
@@ -236,42 +222,26 @@ class Bench:
         code = process.returncode
         wrong = [] if code in CODES else [f"exit code {code}: {said[-400:]}"]
         wrong += ["a traceback"] * ("Traceback" in said)
-        wrong += [
-            f"a line of {len(line)} characters" for line in said.splitlines() if len(line) > 600
-        ]
+        sizes = (len(line) for line in said.splitlines())
+        wrong += [f"a line of {size} characters" for size in sizes if size > 600]
         wrong += [*_journal_faults(journal, code), *self._rest_faults(case, said)]
         bound_s = deadline_s(case)
-        late = (
-            f"it took {took_s:.1f} s, its deadline is {bound_s:.1f} s"
-            if took_s > bound_s + SPARE_S
-            else ""
-        )
+        late = f"it took {took_s:.1f} s, its deadline is {bound_s:.1f} s"
+        late = late if took_s > bound_s + SPARE_S else ""
         return End(str(code), took_s, wrong, late, hindrance.began_s is not None, hindrance.rows)
 
     def _words(self, case: Case, endpoints: Mapping[str, str], journal: Path) -> list[str]:
         """The command of a run of one part."""
-        start, where = (
-            ["-m", "runtime.cli"],
-            ["--port", endpoints["gripper"], "--arm", endpoints["arm"]],
-        )
+        words = [*RUNTIME, "--port", endpoints["gripper"], "--arm", endpoints["arm"]]
         if case.device in SIMULATED:
-            start = [str(ROOT / "tests" / "support" / "run_on_cell.py")]
-            where = ["--port", "sim", "--time-scale", str(SCALE)]
+            words = [sys.executable, str(ROOT / "tests" / "support" / "run_on_cell.py")]
+            words += ["--port", "sim", "--time-scale", str(SCALE)]
         tree = self.tree
         if case.device == "camera":
-            tree = RECTANGLE
-            where += ["--audit", self._auditor]
-        words = [
-            sys.executable,
-            *start,
-            "--tree",
-            str(tree),
-            *where,
-            "--activate",
-            "--tips",
-            "straight",
-        ]
-        return [*words, "--journal", str(journal), "--jaws-empty", "--count", "1"]
+            tree = TABLE
+            words += ["--audit", self._auditor]
+        words += ["--tree", str(tree), "--activate", "--tips", "straight", "--jaws-empty"]
+        return [*words, "--journal", str(journal), "--count", "1"]
 
     def _rest_faults(self, case: Case, said: str) -> Iterator[str]:
         """Whether arm and fingers rest, and the arm is up where its state was known."""
@@ -283,13 +253,10 @@ class Bench:
                 before, after = arm.pose(), arm.pose()
                 if before != after and "arm not moved: state unknown" not in said:
                     yield "the arm moves"
-                if (
-                    not case.device.startswith("arm")
-                    and "state unknown" not in said
-                    and after[2] < UP_MM - 0.1
-                ):
+                low = after[2] < UP_MM - 0.1
+                if low and not case.device.startswith("arm") and "state unknown" not in said:
                     yield f"the arm stands at {after[2]:.1f} mm"
-                if after[2] < UP_MM - 0.1:  # for the next one
+                if low:  # up for the next one
                     arm.move_linear(*after[:2], UP_MM, after[3], 100.0)
             gripper._send({})  # inactive again, so that each run has the same calls
 

@@ -103,18 +103,15 @@ def drawn(draw: random.Random, rests: list[tuple[float, float]], *, above: bool)
     (start_s, end_s) = draw.choices(rests, [end - start for start, end in rests])[0]
     moment_s = draw.uniform(start_s + EDGE_S, end_s - EDGE_S)
     if not above:
-        return Displacement(
-            moment_s, _by(draw, BELOW * PLACED_MM * draw.random(), BELOW * PLACED_RAD)
-        )
+        by = _by(draw, BELOW * PLACED_MM * draw.random(), BELOW * PLACED_RAD)
+        return Displacement(moment_s, by)
     far_mm, turn_rad = (
         math.exp(draw.uniform(math.log(ABOVE * least), math.log(most)))
         for least, most in ((PLACED_MM, MOST_MM), (PLACED_RAD, MOST_RAD))
     )
     which = draw.choice(("place", "turn", "both"))
-    return Displacement(
-        moment_s,
-        _by(draw, 0.0 if which == "turn" else far_mm, 0.0 if which == "place" else turn_rad),
-    )
+    by = _by(draw, 0.0 if which == "turn" else far_mm, 0.0 if which == "place" else turn_rad)
+    return Displacement(moment_s, by)
 
 
 def _by(draw: random.Random, far_mm: float, turn_rad: float) -> tuple[float, float, float, float]:

@@ -13,7 +13,6 @@ import contextlib
 import dataclasses
 import hashlib
 import importlib
-import io
 import json
 import multiprocessing
 import os
@@ -31,15 +30,16 @@ from pathlib import Path
 from random import Random
 
 import fuzz_tables
-from hostile_changes import chained, journal, sealed, text, values
+from calibrations import linear
+from hostile_changes import journal, sealed, text, values
+from programs import JOB, ROOT, TABLE, Ended, called, ended
+from run_logs import chained
 from sample_tables import small_table, with_job
 from written_journals import write_run
 
-from runtime.table import PROFILES, dumps, load
+from runtime.table import dumps, load
 from runtime.table.codec import encode
 
-ROOT = Path(__file__).parents[2]
-RECTANGLE = ROOT / "trees" / "rectangle"
 LONGEST_S = 120.0  # generous: the machine may have other work
 PROCESS_EVERY = 150  # one case in so many is a process of its own
 INTERNAL = 1
@@ -50,16 +50,9 @@ INIT, SIMULATE, COMPILE, IDENTIFY, EVALUATE, REFIT, REPORT = (
     (f"planner.cli.{name}", "main")
     for name in ("init", "simulate", "compile", "identify", "evaluate", "refit", "report")
 )
-RUNTIME, JOURNAL, AUDIT, TAG, CELL = (
-    (f"{name}", "main")
-    for name in (
-        "runtime.cli",
-        "runtime.commands.journal",
-        "runtime.spc.command",
-        "drivers.camera.calibration.command",
-        "drivers.sim.cli",
-    )
-)
+RUNTIME, CELL = ("runtime.cli", "main"), ("drivers.sim.cli", "main")
+JOURNAL, AUDIT = ("runtime.commands.journal", "main"), ("runtime.spc.command", "main")
+TAG = ("drivers.camera.calibration.command", "main")
 CALIBRATE = ("runtime.cli", "calibrate")
 PARSERS = {
     RUNTIME: "runtime.commands.arguments",
@@ -107,9 +100,7 @@ def table(data: bytes, random: Random) -> bytes:
     if random.random() < 0.6:
         return fuzz_tables.mutant(random.randrange(1 << 30), 0)[1]
     job = text(job_text(), random) if random.random() < 0.5 else values(job_text(), random)
-    return encode(
-        with_job(load(RECTANGLE / "rectangle.msgpack").table, job.decode("utf-8", "replace"))
-    )
+    return encode(with_job(load(TABLE).table, job.decode("utf-8", "replace")))
 
 
 @cache
@@ -117,18 +108,19 @@ def job_text() -> bytes:
     """The rectangle's job as tables carry it."""
     from planner.job import model as job
 
-    return job.load(RECTANGLE / "job.toml").canonical().encode()
+    return job.load(JOB).canonical().encode()
 
 
 @cache
 def kinds() -> tuple[Kind, ...]:
     """All sorts of cases."""
-    job, small = (RECTANGLE / "job.toml").read_bytes(), dumps(small_table())
+    job, small = JOB.read_bytes(), dumps(small_table())
     asked = "{j.toml} --poses {p} -o o.csv"
     runs, whole = recorded()
     init = "-o o.toml --radius 10 --gripper robotiq-2f-85 --fingers rubber"
     tag = "tag --part p --number 7 --side 20 --calibration {c} --poses {p} -o o.json"
-    reports = "{t} -o o.html --trials 20"
+    reports, check = "{t} -o o.html --trials 20", "--tree {t} --check"
+    surface = "-o o.toml --splits 2 --kind ellipsoid"
     middle = "middle --port no.tty --arm tcp://127.0.0.1:9 --tree {t} --calibration {c} --block 21"
     middle += " --tips straight -o o.json"
     return (
@@ -139,40 +131,18 @@ def kinds() -> tuple[Kind, ...]:
         Kind(SIMULATE, asked, {"j.toml": (job, text)}, {"p": POSES}, 4),
         Kind(SIMULATE, asked, {"p": (POSES, text)}, {"j.toml": job}, 2),
         Kind(COMPILE, "{j.toml} --baseline sensorless --trials 20", {"j.toml": (job, text)}, {}, 2),
-        Kind(
-            IDENTIFY,
-            "{l.csv} -o o.toml --splits 2 --kind ellipsoid",
-            {"l.csv": (pairs(), text)},
-            {},
-            2,
-        ),
-        Kind(
-            IDENTIFY,
-            "{l.txt} -o o.toml --splits 2 --kind ellipsoid",
-            {"l.txt": (PUSHES, text)},
-            {},
-            2,
-        ),
+        Kind(IDENTIFY, f"{{l.csv}} {surface}", {"l.csv": (pairs(), text)}, {}, 2),
+        Kind(IDENTIFY, f"{{l.txt}} {surface}", {"l.txt": (PUSHES, text)}, {}, 2),
         Kind(EVALUATE, "{t} --trials 20 --workers 1", {"t": (small, table)}, {}, 2),
         Kind(REFIT, "{j.toml} --journal {l} -o o.toml", {"l": (runs, journal)}, {"j.toml": job}),
         Kind(REPORT, reports, {"t": (small, table)}),
         Kind(REPORT, f"{reports} --journal {{j}}", {"j": (runs, journal)}, {"t": whole}),
-        Kind(RUNTIME, "--tree {t} --check", {"t": (small, table)}, {}, 5),
-        Kind(
-            RUNTIME,
-            "--tree {t} --check --calibration {c}",
-            {"c": (gauged(), sealed)},
-            {"t": small},
-            3,
-        ),
+        Kind(RUNTIME, check, {"t": (small, table)}, {}, 5),
+        Kind(RUNTIME, f"{check} --calibration {{c}}", {"c": (gauged(), sealed)}, {"t": small}, 3),
         Kind(CALIBRATE, middle, {"t": (small, table)}, {"c": gauged()}, 2),
         Kind(CALIBRATE, middle, {"c": (gauged(), sealed)}, {"t": small}, 2),
         Kind(
-            RUNTIME,
-            "--tree {t} --check --deliver {d.toml}",
-            {"d.toml": (DELIVERY, text)},
-            {"t": small},
-            2,
+            RUNTIME, f"{check} --deliver {{d.toml}}", {"d.toml": (DELIVERY, text)}, {"t": small}, 2
         ),
         *(Kind(JOURNAL, words, {"j": (runs, journal)}, {}, 2) for words in LOOKS),
         Kind(AUDIT, "{j} -o o.html --export o.csv", {"j": (runs, journal)}, {}, 4),
@@ -185,7 +155,7 @@ def kinds() -> tuple[Kind, ...]:
 
 def recorded() -> tuple[bytes, bytes]:
     """A journal of two runs, and the table that it says they were made with: a small one with a job."""
-    limits = load(RECTANGLE / "rectangle.msgpack").table.limits
+    limits = load(TABLE).table.limits
     whole = dumps(with_job(replace(small_table(), limits=limits), job_text().decode()))
     with tempfile.TemporaryDirectory() as name:
         path = write_run(write_run(Path(name) / "j.jsonl"))
@@ -199,9 +169,8 @@ def recorded() -> tuple[bytes, bytes]:
 
 def readings(whole: bytes) -> bytes:
     """What `plan-expect` might write of a table's file."""
-    worlds = [
-        {"name": name, "readings": [{"132": 20}, {"150": 9}]} for name in ("as planned", "less")
-    ]
+    seen = [{"132": 20}, {"150": 9}]
+    worlds = [{"name": name, "readings": seen} for name in ("as planned", "less")]
     record = {"kind": "expected readings", "version": 1, "worlds": worlds}
     return json.dumps({**record, "table_sha256": hashlib.sha256(whole).hexdigest()}).encode()
 
@@ -273,19 +242,8 @@ FAULTS = b'[[fault]]\nkind = "reply_lost"\npart = 0\nat = 2\nlength = 1\nvalue =
 @cache
 def gauged() -> bytes:
     """A gripper's calibration as `grasp-calibrate width` writes it."""
-    from runtime.execution.calibration import Gauge, fit, save
-
     with tempfile.TemporaryDirectory() as name:
-        gauges = [
-            Gauge(0.0, (700, 700)),
-            Gauge(40.0, (44_900, 44_600)),
-            Gauge(90.0, (85_000, 85_000)),
-        ]
-        save(
-            fit(gauges, PROFILES["robotiq-2f-85"], "S-1", "2026-01-01T00:00:00+00:00"),
-            Path(name) / "g.json",
-        )
-        return (Path(name) / "g.json").read_bytes()
+        return linear(Path(name) / "g.json").read_bytes()
 
 
 def case(seed: int, number: int) -> Case:
@@ -293,11 +251,9 @@ def case(seed: int, number: int) -> Case:
     random = Random(f"inputs {seed} {number}")
     every = kinds()
     kind = random.choices(every, [kind.share for kind in every])[0]
-    files = {
-        name: change(sound, random) for name, (sound, change) in kind.files.items()
-    } | kind.keep
+    files = {name: change(sound, random) for name, (sound, change) in kind.files.items()}
     words = tuple(re.sub(r"\{([\w.]+)\}", r"\1", word) for word in kind.words.split())
-    return Case(kind.entry, words, files)
+    return Case(kind.entry, words, files | kind.keep)
 
 
 def judge(given: Case, as_process: bool = False) -> str:
@@ -312,46 +268,37 @@ def judge(given: Case, as_process: bool = False) -> str:
     with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
         for file, data in given.files.items():
             Path(file).write_bytes(data)
-        code, err = (_as_process if as_process else _within)(given)
+        code, _, err = (_as_process if as_process else _within)(given)
         left = {path.name for path in Path().iterdir()}
         command = err_name(given.entry)
         assert "Traceback" not in err, err
         assert code in documented(given.entry), f"exit code {code}: {err}"
         if code not in (0, ALARM):
-            assert err.startswith(command) or f"\n{command}" in err, (
-                f"exit code {code} without a word: {err!r}"
-            )
+            assert f"\n{command}" in f"\n{err}", f"exit code {code} without a word: {err!r}"
             assert err.count("\n") <= 3, err
-        assert all(Path(file).read_bytes() == data for file, data in given.files.items()), (
-            "an input was changed"
-        )
+        for file, data in given.files.items():
+            assert Path(file).read_bytes() == data, f"{file} was changed"
         drafts = {file for file in left - given.files.keys() if not file.startswith("o.")}
         assert not drafts, f"left behind: {drafts}"
     return f"{command} {given.words[0] if command == 'grasp-journal' else ''}".strip() + f": {code}"
 
 
-def _within(given: Case) -> tuple[int, str]:
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        main = getattr(importlib.import_module(given.entry[0]), given.entry[1])
-        code = main(list(given.words))
-    return code, err.getvalue()
+def _within(given: Case) -> Ended:
+    module, function = given.entry
+    return called(getattr(importlib.import_module(module), function), *given.words)
 
 
-def _as_process(given: Case) -> tuple[int, str]:
+def _as_process(given: Case) -> Ended:
     module, function = given.entry
     call = f"import sys; from {module} import {function}; sys.exit({function}())"
-    done = subprocess.run(
+    return ended(
         [sys.executable, "-c", call, *given.words],
+        cwd=None,
         stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
         errors="replace",
-        check=False,
         timeout=LONGEST_S,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
-    return done.returncode, done.stderr
 
 
 @cache

@@ -19,23 +19,15 @@ import random
 import re
 import signal
 import subprocess
-import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from running_cells import (
-    REHEARSAL,
-    ROOT,
-    WAIT_S,
-    Notices,
-    RunningCell,
-    calibrate_command,
-    runtime_command,
-)
+from programs import REHEARSAL, RUNTIME, WAIT_S, started
+from running_cells import Notices, RunningCell, calibrate_command, runtime_command
 from sample_tables import small_table
 
 from drivers import connect
@@ -48,16 +40,14 @@ WORKERS = 4
 SCALE = 4.0
 UP_MM = small_table().limits.retreat_height_um / 1000
 STOPPED, FAULT = 40, 20
-STARTING = (
-    "Fatal Python error: init_"  # the interpreter itself was interrupted, before any line of ours
-)
+# The interpreter itself was interrupted, before any line of ours.
+STARTING = "Fatal Python error: init_"
 STILL_S = 0.06
 REAL_S = 0.15  # from the fault's stop to the arm's retreat, at this scale
 PARTS = 2000
 # In every second part, some way into it; the other parts are for us to clear the jaws in.
-FAULTS = "".join(
-    f'[[fault]]\nkind = "gflt_0e"\npart = {part}\nat = 90\n' for part in range(2, PARTS, 2)
-)
+FAULT_AT = '[[fault]]\nkind = "gflt_0e"\nat = 90\npart = '
+FAULTS = "".join(f"{FAULT_AT}{part}\n" for part in range(2, PARTS, 2))
 
 
 class Case(NamedTuple):
@@ -92,9 +82,8 @@ def drawn(random_: random.Random) -> Case:
     kind = random_.choices(list(KINDS), [row.weight for row in KINDS.values()])[0]
     numbers = tuple(random_.choices(SIGNALS, k=random_.choice((1, 1, 2))))
     pause_s = random_.uniform(0.6, 1.6) if kind != "fault" and random_.random() < 0.12 else 0.0
-    return Case(
-        kind, numbers, random_.uniform(0.0, KINDS[kind].lasts_s), random_.uniform(0.0, 0.1), pause_s
-    )
+    delay_s, gap_s = random_.uniform(0.0, KINDS[kind].lasts_s), random_.uniform(0.0, 0.1)
+    return Case(kind, numbers, delay_s, gap_s, pause_s)
 
 
 class Bench:
@@ -113,17 +102,16 @@ class Bench:
             (folder / "faults.toml").write_text(FAULTS)
             more = ["--faults", str(folder / "faults.toml")]
         self.cell = RunningCell(self.tree, *more, time_scale=SCALE)
-        self.gripper: Any = connect.gripper(
-            self.cell.endpoints["gripper_rtu_tcp"], time_scale=SCALE
-        )
-        self.scene: Any = connect.scene(self.cell.endpoints["scene"])
+        ends = self.cell.endpoints
+        self.gripper: Any = connect.gripper(ends["gripper_rtu_tcp"], time_scale=SCALE)
+        self.scene: Any = connect.scene(ends["scene"])
         self.number = 0
 
     def close(self) -> None:
         """End the cell."""
         self.gripper.close()
         self.scene.close()
-        self.cell.__exit__()
+        self.cell.close()
 
     def prepare(self, *, active: bool) -> None:
         """Open the jaws, and reset the gripper if it is not to be active; feed a part."""
@@ -142,15 +130,8 @@ class Bench:
         self.prepare(active=kind.active)
         journal = self.folder / f"{self.number}.jsonl"
         with contextlib.closing(Notices(self.folder)) as notices:
-            process = subprocess.Popen(
-                kind.command(self, journal),
-                cwd=ROOT,
-                env=notices.environment,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
-            )
+            words = kind.command(self, journal)
+            process = started(words, env=notices.environment, stdin=subprocess.PIPE)
             assert process.stdin is not None
             try:
                 process.stdin.write("\n" * 9)
@@ -165,9 +146,8 @@ class Bench:
                 process.wait()
         ended = Ended(process.returncode, out, err, journal)
         wrong = [*self._moving(ended), *self._low(ended), *kind.check(ended)]
-        return ended, [
-            f"{sentence}; exit code {ended.code}, said {err.strip()!r}" for sentence in wrong
-        ]
+        said = f"exit code {ended.code}, said {err.strip()!r}"
+        return ended, [f"{sentence}; {said}" for sentence in wrong]
 
     def _send(self, process: "subprocess.Popen[str]", case: Case) -> None:
         time.sleep(case.delay_s)
@@ -188,12 +168,9 @@ class Bench:
         if last.moving or first.width_um != last.width_um:
             yield f"the fingers move on, from {first.width_um} to {last.width_um} um"
         output = ended.out + ended.err
-        said = (
-            []
-            if "simulated cell" in output
-            else re.findall(r"fingers stopped at ([\d.]+) mm", output)
-        )
-        if said and any(abs(1000 * float(mm) - last.width_um) > 10 for mm in said):
+        said = re.findall(r"fingers stopped at ([\d.]+) mm", output)
+        ours = "simulated cell" not in output  # else the cell went with the process
+        if ours and any(abs(1000 * float(mm) - last.width_um) > 10 for mm in said):
             yield f"the fingers stand at {last.width_um} um, stopped at {said}"
         if "NOT KNOWN" in output:
             yield "a state that is not known"
@@ -234,9 +211,8 @@ def _run(bench: Bench, journal: Path) -> list[str]:
 
 def _simulate(bench: Bench, journal: Path) -> list[str]:
     """With a cell of its own, which is gone with it: what it ended in, only its journal tells."""
-    command = [sys.executable, "-m", "runtime.cli", "--tree", str(bench.tree), "--port", "sim"]
-    command += ["--world", REHEARSAL, "--time-scale", f"{SCALE:g}", "--count", "1000"]
-    return [*command, "--journal", str(journal)]
+    words = [*RUNTIME, "--tree", str(bench.tree), "--port", "sim", *REHEARSAL]
+    return [*words, "--time-scale", f"{SCALE:g}", "--count", "1000", "--journal", str(journal)]
 
 
 def _calibrate(bench: Bench, journal: Path) -> list[str]:
@@ -266,7 +242,7 @@ def _failed(ended: Ended) -> Iterator[str]:
     yield from _journal(ended)
 
 
-def _calibration_stopped(ended: Ended) -> Iterator[str]:
+def _interrupted(ended: Ended) -> Iterator[str]:
     if ended.code != STOPPED or "fingers stopped at" not in ended.err:
         yield "a calibration that was not stopped"
 
@@ -281,14 +257,11 @@ def _journal(ended: Ended) -> Iterator[str]:
     yield from (f"replay: {finding}" for finding in Replay().follow(entries))
     if entries[-1].get("exit_code") != ended.code:
         yield f"the journal ends with {entries[-1]}"
-    outcomes = [entry for entry in entries if entry["kind"] == "outcome"]
-    if outcomes and outcomes[-1]["outcome"] in ("fault", "stopped"):
-        result = outcomes[-1]["safe_state"]
-        if (
-            not str(result[0]).startswith("fingers stopped")
-            or outcomes[-1]["exit_code"] != ended.code
-        ):
-            yield f"the outcome is {outcomes[-1]}"
+    last = next((each for each in reversed(entries) if each["kind"] == "outcome"), None)
+    if last is not None and last["outcome"] in ("fault", "stopped"):
+        safe = str(last["safe_state"][0]).startswith("fingers stopped")
+        if not safe or last["exit_code"] != ended.code:
+            yield f"the outcome is {last}"
 
 
 class Kind(NamedTuple):
@@ -318,10 +291,8 @@ KINDS = {
     "run": Kind(6, True, False, 2.5, _run, _ready, _stopped),
     "simulated run": Kind(2, True, False, 2.5, _simulate, _ready, _stopped),
     "activation": Kind(4, False, False, 0.8, _run, _ready, _stopped),
-    "calibration": Kind(4, True, False, 1.5, _calibrate, _asked, _calibration_stopped),
-    "calibration's activation": Kind(
-        4, False, False, 0.8, _calibrate, _asked, _calibration_stopped
-    ),
+    "calibration": Kind(4, True, False, 1.5, _calibrate, _asked, _interrupted),
+    "calibration's activation": Kind(4, False, False, 0.8, _calibrate, _asked, _interrupted),
     "fault": Kind(4, True, True, REAL_S, _run, _safe, _failed),
 }
 
@@ -345,9 +316,8 @@ def campaign(count: int, seed: int, first: int = 0) -> int:
     Returns:
         How many failed; each is printed with its number.
     """
-    cases: dict[bool, queue.SimpleQueue[tuple[int, Case]]] = {
-        kind: queue.SimpleQueue() for kind in (False, True)
-    }
+    cases: dict[bool, queue.SimpleQueue[tuple[int, Case]]]
+    cases = {kind: queue.SimpleQueue() for kind in (False, True)}
     for number in range(first, first + count):
         case = drawn(random.Random(f"{seed}/{number}"))
         cases[KINDS[case.kind].faulty].put((number, case))
@@ -366,23 +336,22 @@ def campaign(count: int, seed: int, first: int = 0) -> int:
                     wrong = [f"the case itself failed: {error!r}"]
                 if wrong:
                     failed.append(number)
-                    print(
-                        f"signals, seed {seed}, case {number}: {case}: {'; '.join(wrong)}",
-                        flush=True,
-                    )
+                    said = f"{case}: {'; '.join(wrong)}"
+                    print(f"signals, seed {seed}, case {number}: {said}", flush=True)
 
-    with tempfile.TemporaryDirectory() as folder, usual_signals():
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        usual_signals(),
+        ThreadPoolExecutor(WORKERS) as pool,
+    ):
         workers = []
         for number in range(WORKERS):
             faulty = number == 0
-            if cases[faulty].empty():
-                continue
-            ours = Path(folder, str(number))
-            ours.mkdir()
-            workers.append(threading.Thread(target=work, args=(ours,), kwargs={"faulty": faulty}))
+            if not cases[faulty].empty():
+                ours = Path(folder, str(number))
+                ours.mkdir()
+                workers.append(pool.submit(work, ours, faulty=faulty))
         for worker in workers:
-            worker.start()
-        for worker in workers:
-            worker.join()
+            worker.result()
     print(json.dumps({"signals": count, "seed": seed, "failed": sorted(failed)}), flush=True)
     return len(failed)

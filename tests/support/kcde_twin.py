@@ -1,7 +1,5 @@
 """Slow, obvious twins of the learned model's kernels: every roll-out against every pose, in numpy."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

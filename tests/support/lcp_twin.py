@@ -1,15 +1,9 @@
 """Two slow ways to solve what Lemke's method solves: try every basis, try every mode of contact."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
-from contact_problems import (
-    ContactProblem,
-    goals,
-    wrenches,
-)
+from contact_problems import ContactProblem, goals, wrenches
 
 from planner.mechanics.lcp import lemke
 
@@ -32,9 +26,8 @@ def all_bases(M: np.ndarray, q: np.ndarray) -> np.ndarray:
     columns = np.where(chosen[:, None, :], -M, np.eye(n))  # w - M z = q
     determinant = np.linalg.det(columns)
     regular = np.abs(determinant) > 1e-12 * np.abs(columns).max(axis=(1, 2)) ** n
-    values = np.linalg.solve(columns[regular], np.broadcast_to(q, (regular.sum(), n))[..., None])[
-        ..., 0
-    ]
+    sides = np.broadcast_to(q, (regular.sum(), n))[..., None]
+    values = np.linalg.solve(columns[regular], sides)[..., 0]
     feasible = (values >= -TOLERANCE).all(axis=1)
     return np.where(chosen[regular][feasible], values[feasible], 0.0)
 
@@ -48,9 +41,8 @@ def motions(problem: ContactProblem) -> np.ndarray:
     N, T = wrenches(problem)
     normal, tangential = goals(problem)
     modes = np.array(list(itertools.product(range(4), repeat=m)))  # (K, m)
-    sense = np.select(
-        [modes == SLIDE_FORWARD, modes == SLIDE_BACK], [-1.0, 1.0]
-    )  # friction opposes the slip
+    # Friction opposes the slip.
+    sense = np.select([modes == SLIDE_FORWARD, modes == SLIDE_BACK], [-1.0, 1.0])
     system = np.zeros((len(modes), 2 * m, 2 * m))
     target = np.zeros((len(modes), 2 * m))
     W = np.empty((2 * m, 3))

@@ -38,23 +38,16 @@ class RefusedError(Exception):
 
 
 class OmniCore:
-    """The controller's state; it boots with the program stopped and its pointer in somebody's main.
+    """The controller's state; it boots with the program stopped and its pointer in somebody's main."""
 
-    Args:
-        arm: its mechanics.
-        executed: called after each motion.
-    """
-
-    def __init__(self, arm: ArmModel, executed: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, arm: ArmModel) -> None:
         self.mode, self.motors = "AUTO", "motoron"
         self.running = False
         self.pointer = MAIN
         self.master = False  # whether a client holds mastership over edits
-        self.symbols: dict[str, str] = dict.fromkeys(
-            ("sq_tframe", "sq_oframe", "sq_target"), IDENTITY_TEXT
-        )
-        self.symbols |= {"sq_version": "1", "sq_fastest": "250", **NUMBERS}
-        self._arm, self._executed = arm, executed
+        poses = dict.fromkeys(("sq_tframe", "sq_oframe", "sq_target"), IDENTITY_TEXT)
+        self.symbols = {**poses, "sq_version": "1", "sq_fastest": "250", **NUMBERS}
+        self._arm = arm  # its mechanics
         self._ends_s = -1.0  # of the motion under way; negative: none
 
     def advance(self, now_s: float) -> None:
@@ -64,7 +57,6 @@ class OmniCore:
         if 0.0 <= self._ends_s <= now_s:
             self._ends_s = -1.0
             self.symbols["sq_done"] = self.symbols["sq_started"]
-            self._executed()
         if self._ends_s < 0.0 and self.symbols["sq_request"] != self.symbols["sq_done"]:
             self.symbols["sq_started"] = self.symbols["sq_request"]
             speed = min(float(self.symbols["sq_speed"]), float(self.symbols["sq_fastest"]))
@@ -89,35 +81,29 @@ class OmniCore:
         place = {"x": flange.x_mm, "y": flange.y_mm, "z": flange.z_mm}
         place |= dict(zip(("q1", "q2", "q3", "q4"), flange.rotation, strict=True))
         module, routine = self.pointer
-        resources: dict[str, list[dict[str, Any]]] = {
-            "/rw/panel/opmode": [{"_type": "pnl-opmode", "opmode": self.mode}],
-            "/rw/panel/ctrl-state": [{"_type": "pnl-ctrlstate", "ctrlstate": self.motors}],
-            "/rw/rapid/execution": [
-                {
-                    "_type": "rap-execution",
-                    "ctrlexecstate": "running" if self.running else "stopped",
-                }
-            ],
-            POINTER: [
-                {
-                    "_type": "pcp-info",
-                    "_title": "progpointer",
-                    "modulemame": module,
-                    "routinename": routine,
-                },
-                {"_type": "pcp-info", "_title": "motionpointer"},
-            ],
-            f"/rw/motionsystem/mechunits/{UNIT}/jointtarget": [{"_type": "ms-jointtarget", **axes}],
-            f"/rw/motionsystem/mechunits/{UNIT}/cartesian": [
-                {
-                    "_type": "ms-mechunit-cartesian",
-                    **{name: f"{value:.6f}" for name, value in place.items()},
-                }
-            ],
-        }
-        if path in resources:
-            return resources[path]
-        return [{"_type": "rap-data", "value": self.symbols[self._name(path)]}]
+        unit = f"/rw/motionsystem/mechunits/{UNIT}"
+        match path:
+            case "/rw/panel/opmode":
+                kind, fields = "pnl-opmode", {"opmode": self.mode}
+            case "/rw/panel/ctrl-state":
+                kind, fields = "pnl-ctrlstate", {"ctrlstate": self.motors}
+            case "/rw/rapid/execution":
+                state = "running" if self.running else "stopped"
+                kind, fields = "rap-execution", {"ctrlexecstate": state}
+            case _ if path == POINTER:
+                at = {"_title": "progpointer", "modulemame": module, "routinename": routine}
+                return [
+                    {"_type": "pcp-info", **at},
+                    {"_type": "pcp-info", "_title": "motionpointer"},
+                ]
+            case _ if path == f"{unit}/jointtarget":
+                kind, fields = "ms-jointtarget", axes
+            case _ if path == f"{unit}/cartesian":
+                kind = "ms-mechunit-cartesian"
+                fields = {name: f"{value:.6f}" for name, value in place.items()}
+            case _:
+                kind, fields = "rap-data", {"value": self.symbols[self._name(path)]}
+        return [{"_type": kind, **fields}]
 
     def write(self, path: str, form: dict[str, str], now_s: float, *, implicit: bool) -> None:
         """A change; RefusedError where it is not allowed."""
@@ -205,9 +191,8 @@ class RwsServer(LibraryServer):
         context.load_cert_chain(certificate)
         http = _Http(("127.0.0.1", 0), _handler(self, model, lock, now, digest=digest))
         # The handshake is the handler's: a client that only connects must not keep others waiting.
-        http.socket = context.wrap_socket(
-            http.socket, server_side=True, do_handshake_on_connect=False
-        )
+        late = {"do_handshake_on_connect": False}
+        http.socket = context.wrap_socket(http.socket, server_side=True, **late)
         super().__init__("rws", threading.Event(), http)
         self.port: int = http.server_address[1]
         self.url = f"omnicore://127.0.0.1:{self.port}"
@@ -253,9 +238,8 @@ def _handler(
                 return
             parts = urlsplit(self.path)
             query = {name: words[-1] for name, words in parse_qs(parts.query).items()}
-            form = {
-                name: words[-1] for name, words in parse_qs(body, keep_blank_values=True).items()
-            }
+            given = parse_qs(body, keep_blank_values=True).items()
+            form = {name: words[-1] for name, words in given}
             try:
                 with lock:
                     if not changes:
@@ -263,9 +247,8 @@ def _handler(
                         self._send(HTTPStatus.OK, {"state": model.read(parts.path, now())})
                         return
                     self._expect("Content-Type", FORM, HTTPStatus.UNSUPPORTED_MEDIA_TYPE)
-                    model.write(
-                        parts.path, form, now(), implicit=query.get("mastership") == "implicit"
-                    )
+                    implicit = query.get("mastership") == "implicit"
+                    model.write(parts.path, form, now(), implicit=implicit)
                 self._send(HTTPStatus.NO_CONTENT, None)
             except RefusedError as error:
                 self._send(error.status, {"status": {"code": -1, "msg": str(error)}})
@@ -289,10 +272,8 @@ def _handler(
         ) -> None:
             data = b"" if document is None else json.dumps(document).encode()
             self.send_response(status)
-            for name, value in {
-                "Set-Cookie": "-http-session-=7; path=/",
-                **(headers or {}),
-            }.items():
+            headers = {"Set-Cookie": "-http-session-=7; path=/", **(headers or {})}
+            for name, value in headers.items():
                 self.send_header(name, value)
             self.send_header("Content-Type", ACCEPT)
             if status != HTTPStatus.NO_CONTENT:

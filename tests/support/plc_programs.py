@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 from ctypes.util import find_library
 from pathlib import Path
 
+from programs import ROOT, WAIT_S, Closing
 from pymodbus.client import ModbusTcpClient
-from served import ROOT, ServedRun
+from served import ServedRun
 from structured_text import FunctionBlock
-from waiting import WAIT_S, until
+from waiting import until
 
 from runtime.plc.handshake import Error
 from runtime.plc.registers import MAP, READ, READ_AT, WRITTEN_AT, Register, as_json
@@ -80,7 +81,7 @@ class MemoryPlc:
         self.station.finish(Answer(**{"outcome": 1, **fields}))
 
 
-class TcpPlc:
+class TcpPlc(Closing):
     """The same over Modbus TCP, by pymodbus' client and the map that the command prints."""
 
     def __init__(self, port: int, unit: int = 1) -> None:
@@ -149,9 +150,8 @@ class TcpPlc:
         """Wait for the result of that id, take it and end the handshake."""
         self.wait("result_valid", 1)
         assert self["result_id"] == trigger_id
-        values = {
-            name: self[name] for name in ("outcome", "x", "y", "angle", "exit_code", "error_id")
-        }
+        names = ("outcome", "x", "y", "angle", "exit_code", "error_id")
+        values = {name: self[name] for name in names}
         self.write(result_acknowledge=1)
         self.wait("result_valid", 0)
         self.write(result_acknowledge=0)
@@ -165,12 +165,6 @@ class TcpPlc:
 
     def close(self) -> None:
         self.client.close()
-
-    def __enter__(self) -> "TcpPlc":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 class LibmodbusPlc(TcpPlc):
@@ -219,9 +213,8 @@ class StructuredPlc:
                 value = integer(register, words[first : first + register.words])
                 values[INPUTS[register.name]] = bool(value) if register.name in FLAGS else value
         result = self._block(start=start, id=number, **values)
-        answer = self._client.write_registers(
-            WRITTEN_AT, [*(int(result[name]) for name in OUTPUTS), 0]
-        )
+        image = [*(int(result[name]) for name in OUTPUTS), 0]
+        answer = self._client.write_registers(WRITTEN_AT, image)
         assert not answer.isError()
         time.sleep(0.003)  # a PLC has a cycle, too
         return result
@@ -263,11 +256,10 @@ class PlcServed(ServedRun):
         self,
         *trees: Path,
         more: Sequence[str] = (),
-        port: str = "sim",
         count: int | None = None,
         plc: str = "modbus-tcp://127.0.0.1:0",
     ) -> None:
-        words = ["--plc", plc, "--port", port, *more]
+        words = ["--plc", plc, "--port", "sim", *more]
         words += [word for tree in trees for word in ("--tree", str(tree))]
         words += [] if count is None else ["--count", str(count)]
         super().__init__(trees[0].parent, "a PLC may connect at", *words)

@@ -146,9 +146,8 @@ class Study:
         program.cycle(self._seen, len(program.taken) % 0xFFFF + 1)
         self._send(program.image())
         if program.state == 2 and self._hits("double_trigger"):
-            self._send(
-                [1, 1, self._random.randrange(0x10000), program.acknowledge, program.heartbeat, 0]
-            )
+            other = self._random.randrange(0x10000)
+            self._send([1, 1, other, program.acknowledge, program.heartbeat, 0])
             self._send(program.image())
         self._execute()
         self._runtime()

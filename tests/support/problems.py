@@ -3,8 +3,6 @@
 Outlines are counter-clockwise, in mm, with their area centroid at the origin.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
@@ -32,12 +30,11 @@ def rectangle() -> np.ndarray:
     return canonical([[0, 0], [30, 0], [30, 21], [0, 21]]).outline_mm
 
 
-def butterfly(vertices: int = 96) -> np.ndarray:
+def butterfly() -> np.ndarray:
     """Two lobes, 36 x 22 mm, about a waist of 12.7 mm: concave, and dense enough for many near contacts."""
-    t = np.arange(vertices) * math.tau / vertices
-    return canonical(
-        np.column_stack([18 * np.cos(t), np.sin(t) * (6.35 + 18.3 * np.cos(t) ** 2)])
-    ).outline_mm
+    t = np.arange(96) * math.tau / 96
+    y = np.sin(t) * (6.35 + 18.3 * np.cos(t) ** 2)
+    return canonical(np.column_stack([18 * np.cos(t), y])).outline_mm
 
 
 def right_triangle() -> np.ndarray:
@@ -119,9 +116,8 @@ def random_convex(rng: np.random.Generator, vertices: int) -> np.ndarray:
 def random_poses(rng: np.random.Generator, n: int, radius: float) -> np.ndarray:
     """Poses (n, 3): centres uniform in a disc about the hand, orientations uniform."""
     r, angle = radius * np.sqrt(rng.random(n)), rng.uniform(0, math.tau, n)
-    return np.column_stack(
-        [r * np.cos(angle), r * np.sin(angle), rng.uniform(-math.pi, math.pi, n)]
-    )
+    turned = rng.uniform(-math.pi, math.pi, n)
+    return np.column_stack([r * np.cos(angle), r * np.sin(angle), turned])
 
 
 def boundary_surface(outline: np.ndarray) -> LimitSurface:
@@ -185,12 +181,10 @@ def overlap_depth(points: np.ndarray, box: shapely.Polygon) -> float:
     return max(depths)
 
 
-def deepest_overlap(
-    outline: np.ndarray, pose: np.ndarray, width: float, jaws: np.ndarray = JAWS
-) -> float:
+def deepest_overlap(outline: np.ndarray, pose: np.ndarray, width: float) -> float:
     """Deepest overlap of a part with either finger, of jaws that are `width` apart, in mm."""
     points = place(outline, pose)
-    return max(overlap_depth(points, finger_box(f, f * width / 2, jaws)) for f in (1, -1))
+    return max(overlap_depth(points, finger_box(f, f * width / 2)) for f in (1, -1))
 
 
 def diameter(outline):

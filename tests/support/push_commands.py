@@ -2,7 +2,8 @@
 
 import csv
 import io
-from contextlib import redirect_stderr, redirect_stdout
+
+from programs import called
 
 from planner.cli import simulate
 
@@ -24,23 +25,11 @@ def run(folder, text, *options, job=JOB):
     """Exit code, lines of the result, standard output and standard error."""
     (folder / "job.toml").write_text(job)
     (folder / "in.csv").write_text(text)
-    out, err = io.StringIO(), io.StringIO()
-    words = [
-        str(folder / "job.toml"),
-        "--push",
-        str(folder / "in.csv"),
-        "-o",
-        str(folder / "out.csv"),
-        *options,
-    ]
-    with redirect_stdout(out), redirect_stderr(err):
-        try:
-            code = simulate.main(words)
-        except SystemExit as end:
-            code = end.code
     result = folder / "out.csv"
+    words = (folder / "job.toml", "--push", folder / "in.csv", "-o", result, *options)
+    code, out, err = called(simulate.main, *words)
     rows = list(csv.DictReader(io.StringIO(result.read_text()))) if result.exists() else []
-    return code, rows, out.getvalue(), err.getvalue()
+    return code, rows, out, err
 
 
 NOMINAL = ("--nominal", "--mu", "0.45")

@@ -9,12 +9,7 @@ from planner.mechanics.push import Paths
 
 def paths(points, centre=(0.0, 0.0), angle=0.0, shift=(0.0, 0.0)):
     """One path of a pusher with points (K, 2)."""
-    return Paths(
-        np.array([points], float),
-        np.array([centre], float),
-        np.array([angle], float),
-        np.array([shift], float),
-    )
+    return Paths(*(np.array([each], float) for each in (points, centre, angle, shift)))
 
 
 def joined(many):

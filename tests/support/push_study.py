@@ -5,17 +5,17 @@ Each variant pushes the same parts with the same mechanics along the same way, c
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import shapely
 from problems import JAWS, bar, place, rectangle, right_triangle, simulator
+from programs import TREES
 
 from planner.job import model as job_file
 from planner.mechanics.simulator import Simulator
 from planner.part.outline import reach
 
-TREES = Path(__file__).parents[2] / "trees"
 WAY_MM, FIRST_MM = 40.0, 25.0
 CLOSE_MM, CLOSE_RAD = 0.5, 0.02
 ALLOWED, STEPS_ALLOWED, OVERLAP_MM2 = 0.001, 0.005, 0.1
@@ -28,15 +28,10 @@ def of_tree(name: str) -> np.ndarray:
     return np.asarray(Simulator.of_job(job_file.load(TREES / name / "job.toml"), 1).outline)
 
 
-SHAPES: dict[str, Callable[[], np.ndarray]] = {
-    "rectangle": rectangle,
-    "right triangle": right_triangle,
-    "bar": bar,
-    **{
-        name: lambda name=name: of_tree(name)
-        for name in ("butterfly-15", "hex-nut", "angle-cleat", "oval-cover")
-    },
-}
+OF_TREES = ("butterfly-15", "hex-nut", "angle-cleat", "oval-cover")
+SHAPES: dict[str, Callable[[], np.ndarray]]
+SHAPES = {"rectangle": rectangle, "right triangle": right_triangle, "bar": bar}
+SHAPES |= {name: partial(of_tree, name) for name in OF_TREES}
 
 
 def scattered(outline: np.ndarray, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -51,17 +46,15 @@ def pushed(
     part: Simulator, poses: np.ndarray, opening: np.ndarray, way_mm: float, seed: int
 ) -> np.ndarray:
     """Where parts end that a hand pushes, each with the mechanics that the seed draws for it."""
-    return part.push_by_hand(
-        poses, opening, np.full(len(poses), way_mm), np.random.default_rng(seed)
-    )
+    ways, rng = np.full(len(poses), way_mm), np.random.default_rng(seed)
+    return part.push_by_hand(poses, opening, ways, rng)
 
 
-def divided(outline: np.ndarray, pieces: int = 3) -> np.ndarray:
-    """The same outline with its edges cut into pieces: vertices that change nothing."""
+def divided(outline: np.ndarray) -> np.ndarray:
+    """The same outline with its edges cut into three: vertices that change nothing."""
     edges = np.roll(outline, -1, axis=0) - outline
-    return np.concatenate([outline + k / pieces * edges for k in range(pieces)], axis=1).reshape(
-        -1, 2
-    )
+    cuts = [outline + k / 3 * edges for k in range(3)]
+    return np.concatenate(cuts, axis=1).reshape(-1, 2)
 
 
 def in_two(part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int) -> np.ndarray:
@@ -107,12 +100,8 @@ def overlaps(outline: np.ndarray, ends: np.ndarray, opening: np.ndarray) -> np.n
     """Area (n,) that parts share with the fingers at the end [mm^2]."""
     hands = {value: fingers_at(value, WAY_MM) for value in np.unique(opening)}
     parts = [shapely.Polygon(place(outline, pose)) for pose in ends]
-    return np.array(
-        [
-            shapely.intersection(each, hands[value]).area
-            for each, value in zip(parts, opening, strict=True)
-        ]
-    )
+    pairs = zip(parts, opening, strict=True)
+    return np.array([shapely.intersection(each, hands[value]).area for each, value in pairs])
 
 
 def studied(outline: np.ndarray, n: int, seed: int) -> dict[str, float]:

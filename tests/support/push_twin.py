@@ -9,10 +9,9 @@ import math
 
 import numpy as np
 import shapely
-from contact_problems import ContactProblem
-from lcp_twin import motions
+from problems import place
 from scipy.integrate import solve_ivp
-from twin import Part
+from twin import Part, rate
 
 CLOSING = 0.004
 """Share of the path over which an open contact closes: the twin is that soft."""
@@ -33,31 +32,17 @@ def push(
         c, s = math.cos(share * angle), math.sin(share * angle)
         middle = centre + share * shift
         now = (fingers - centre) @ np.array([[c, s], [-s, c]]) + middle
-        c, s = math.cos(q[2]), math.sin(q[2])
-        boundary = shapely.Polygon(part.outline @ np.array([[c, s], [-s, c]]) + q[:2])
-        rows = [row for point in now if (row := _contact(boundary, point, radius)) is not None]
-        if not rows:
+        boundary = shapely.Polygon(place(part.outline, q))
+        touched = [each for point in now if (each := _contact(boundary, point, radius)) is not None]
+        if not touched:
             return np.zeros(3)
-        gap, px, py, nx, ny = np.array(rows).T
+        gap, *places = np.array(touched).T
+        px, py = places[:2]
         advance = shift + angle * np.column_stack([middle[1] - py, px - middle[0]])
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        V = motions(
-            ContactProblem(
-                A=turn @ part.A @ turn.T,
-                rho=part.rho,
-                points=np.column_stack([px, py]) - q[:2],
-                normals=np.column_stack([nx, ny]),
-                advance=advance,
-                gap=gap / CLOSING,
-                mu=np.full(len(gap), part.mu),
-            )
-        )[0]
-        return np.array([V[0], V[1], V[2] / part.rho])
+        return rate(part, q, np.array(places).T, advance, gap / CLOSING)
 
-    result = solve_ivp(
-        velocity, (0.0, 1.0), np.zeros(3), max_step=CLOSING / 2, rtol=1e-3, atol=1e-3, method="RK23"
-    )
-    return result.y[:, -1]
+    steps = {"max_step": CLOSING / 2, "rtol": 1e-3, "atol": 1e-3, "method": "RK23"}
+    return solve_ivp(velocity, (0.0, 1.0), np.zeros(3), **steps).y[:, -1]
 
 
 def _contact(part: shapely.Polygon, point: np.ndarray, radius: float) -> tuple[float, ...] | None:

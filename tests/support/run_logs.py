@@ -5,18 +5,16 @@ import hashlib
 import json
 
 GENESIS = "0" * 64
+STAMP = "2026-01-02T03:04:05.000Z"
 
 
-def chained(entries):
-    """The lines of a journal, as bytes."""
+def chained(entries, stamp=STAMP):
+    """The lines of a journal, as bytes; an entry keeps its time, and a sequence number that is none."""
     previous, lines = GENESIS, []
-    for seq, entry in enumerate(entries):
-        frame = {
-            "seq": seq,
-            "time": f"2026-01-01T00:00:{seq % 60:02d}",
-            **entry,
-            "previous": previous,
-        }
+    for number, entry in enumerate(entries):
+        odd = {"seq": entry["seq"]} if type(entry.get("seq", 0)) is not int else {}
+        fields = {name: entry[name] for name in entry if name not in ("seq", "previous", "digest")}
+        frame = {"seq": number, "time": stamp, **odd, **fields, "previous": previous}
         body = json.dumps(frame, separators=(",", ":")).encode()
         previous = hashlib.sha256(body).hexdigest()
         lines.append(body[:-1] + f',"digest":"{previous}"}}\n'.encode())
@@ -34,22 +32,10 @@ def header(table):
 
 def part(number, squeezes, outcome, leaf=None, reason=None):
     """The records of one part; squeezes are (node, width in um, target)."""
+    names = ("node", "width_um", "target")
     steps = [
-        {
-            "kind": "squeeze",
-            "part": number,
-            "node": node,
-            "width_um": width_um,
-            "target": target,
-        }
-        for node, width_um, target in squeezes
+        {"kind": "squeeze", "part": number, **dict(zip(names, squeeze, strict=True))}
+        for squeeze in squeezes
     ]
-    end = {
-        "kind": "outcome",
-        "part": number,
-        "outcome": outcome,
-        "leaf": leaf,
-        "reason": reason,
-        "audit": None,
-    }
-    return [{"kind": "part", "part": number}, *steps, end]
+    end = {"kind": "outcome", "part": number, "outcome": outcome, "leaf": leaf}
+    return [{"kind": "part", "part": number}, *steps, {**end, "reason": reason, "audit": None}]

@@ -8,12 +8,12 @@ import sys
 import time
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-WAIT_S = 90
-REHEARSAL = "runtime.devices.rehearsal:make"
+from programs import CELL, REHEARSAL, RUNTIME, WAIT_S, Closing, started
+
+CALIBRATE = (sys.executable, "-c", "import sys, runtime.cli as cli; sys.exit(cli.calibrate())")
 
 
-class RunningCell:
+class RunningCell(Closing):
     """`grasp-cell` as a process of its own, faster than life, with a rehearsal behind it.
 
     With seed 0 the first part takes both squeezes of the small table.
@@ -22,20 +22,14 @@ class RunningCell:
         endpoints: where its devices are.
     """
 
-    def __init__(self, tree: Path, *more: str, time_scale: float = 12, seed: int = 0) -> None:
-        command = [sys.executable, "-m", "drivers.sim.cli", "--tree", str(tree), "--json"]
-        command += ["--world", REHEARSAL, "--time-scale", str(time_scale), "--seed", str(seed)]
-        command += ["--until-stdin-closes", *more]
-        self.process = subprocess.Popen(
-            command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
+    def __init__(self, tree: Path, *more: str, time_scale: float = 12) -> None:
+        words = [*CELL, "--tree", tree, "--json", "--until-stdin-closes", *REHEARSAL]
+        words += ["--time-scale", time_scale, "--seed", "0", *more]
+        self.process = started(words, stdin=subprocess.PIPE, stderr=None)
         assert self.process.stdout is not None
         self.endpoints = json.loads(self.process.stdout.readline())
 
-    def __enter__(self) -> "RunningCell":
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         with self.process as process:
             assert process.stdin is not None
             process.stdin.close()
@@ -76,22 +70,12 @@ class Notices:
 
 def runtime_command(tree: Path, cell: RunningCell, journal: Path, *more: str) -> list[str]:
     """`grasp-runtime` on a running cell."""
-    command = [
-        sys.executable,
-        "-m",
-        "runtime.cli",
-        "--tree",
-        str(tree),
-        "--activate",
-        "--tips",
-        "straight",
-    ]
-    command += ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
-    return [*command, "--journal", str(journal), *more]
+    words = [*RUNTIME, "--tree", str(tree), "--activate", "--tips", "straight"]
+    words += ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
+    return [*words, "--journal", str(journal), *more]
 
 
 def calibrate_command(cell: RunningCell, output: Path, *more: str) -> list[str]:
     """`grasp-calibrate width` on a running cell."""
-    code = "import sys, runtime.cli as cli; sys.exit(cli.calibrate())"
-    command = [sys.executable, "-c", code, "width", "--port", cell.endpoints["gripper"]]
-    return [*command, "--gripper", "S/N-1", "-o", str(output), *more]
+    words = [*CALIBRATE, "width", "--port", cell.endpoints["gripper"]]
+    return [*words, "--gripper", "S/N-1", "-o", str(output), *more]

@@ -43,26 +43,15 @@ def small_table() -> Table:
                                                   -> 35..37 mm: leaf 2, not resolved
     ```
     """
-    root = Node(
-        Squeeze(0, 0, 0, *JAWS, 12_000),
-        (
-            Branch(20_000, 21_000, 22_000, 600_000, ~0),
-            Branch(29_000, 30_000, 31_000, 400_000, 1),
-        ),
-    )
-    second = Node(
-        Squeeze(1_000, -2_000, 1_570_796, *JAWS, 9_000),
-        (
-            Branch(20_000, 21_000, 22_000, 750_000, ~1),
-            Branch(35_000, 36_000, 37_000, 250_000, ~2),
-        ),
-    )
+    across = Branch(20_000, 21_000, 22_000, 600_000, ~0), Branch(29_000, 30_000, 31_000, 400_000, 1)
+    along = Branch(20_000, 21_000, 22_000, 750_000, ~1), Branch(35_000, 36_000, 37_000, 250_000, ~2)
+    root = Node(Squeeze(0, 0, 0, *JAWS, 12_000), across)
+    second = Node(Squeeze(1_000, -2_000, 1_570_796, *JAWS, 9_000), along)
+    wide = Covariance(90, -4, 60, 3, 0, 40)
     leaves = (
         Leaf(0, 500, 0, TIGHT, 999_000, 6_000, True, (), 320, 940),
         Leaf(-1_200, -2_000, 1_571_000, TIGHT, 995_000, 3_000, True, (), 410, 1_250),
-        Leaf(
-            0, 0, 643_000, Covariance(90, -4, 60, 3, 0, 40), 610_000, 1_000, False, (), 2_200, 9_800
-        ),
+        Leaf(0, 0, 643_000, wide, 610_000, 1_000, False, (), 2_200, 9_800),
     )
     predicted = Prediction(958_000, 10_000, 1_400_000, 0, 340, 1_020)
     return Table(
@@ -74,12 +63,11 @@ def two_squeeze_table() -> Table:
     """The small table, whose parts nearly always take both squeezes and are located."""
     table = small_table()
     shares = ((1, 999_999), (999_999, 1))
-    nodes = []
-    for node, likely in zip(table.nodes, shares, strict=True):
+    for index, (node, likely) in enumerate(zip(table.nodes, shares, strict=True)):
         pairs = zip(node.branches, likely, strict=True)
         branches = tuple(branch._replace(probability_ppm=ppm) for branch, ppm in pairs)
-        nodes.append(node._replace(branches=branches))
-    return replace(table, nodes=tuple(nodes))
+        table = with_node(table, index, node._replace(branches=branches))
+    return table
 
 
 HAND = Hypothesis("left hand", 400_000, 10_571, 2)
@@ -116,15 +104,10 @@ def every_field_table() -> Table:
     others = (LeafPose(400, 0, -643_000), LeafPose(0, -300, 2_500_000))
     ambiguous = table.leaves[2]._replace(alternatives=others)
     both = table.leaves[1]._replace(alternatives=(LeafPose(-1_200, -2_000, -1_571_000),))
-    return replace(
-        table,
-        nodes=(
-            root._replace(release=Place(2_000, -500)),
-            second._replace(squeeze=squeeze, contact_um=37_500),
-        ),
-        leaves=(table.leaves[0], both, ambiguous),
-        goal=replace(GOAL, kind="modes", modes=2, tolerance=Tolerance(2_500, 2_500, 87_000)),
-    )
+    goal = replace(GOAL, kind="modes", modes=2, tolerance=Tolerance(2_500, 2_500, 87_000))
+    root = root._replace(release=Place(2_000, -500))
+    nodes = (root, second._replace(squeeze=squeeze, contact_um=37_500))
+    return replace(table, nodes=nodes, leaves=(table.leaves[0], both, ambiguous), goal=goal)
 
 
 def with_job(table: Table, job: str) -> Table:
@@ -162,14 +145,14 @@ def with_leaf(table: Table, index: int, leaf: Leaf) -> Table:
 
 
 def random_table(seed: int, nodes: int) -> Table:
-    """A table of so many nodes, numbered breadth first, with two to four branches each."""
+    """A table of so many nodes, numbered breadth first, with one to four branches each, which may overlap."""
     random = Random(seed)
     records: list[Node] = []
     leaves: list[Leaf] = []
     result = 1
     for index in range(nodes):
         targets = []
-        for number in range(random.randint(2, 4)):
+        for number in range(random.randint(1, 4)):
             if result < nodes and (random.random() < 0.5 or (result == index + 1 and number == 0)):
                 targets.append(result)
                 result += 1
@@ -180,38 +163,8 @@ def random_table(seed: int, nodes: int) -> Table:
     limits = replace(LIMITS, max_depth=64)
     trials = sum(leaf.trials for leaf in leaves)
     predicted = Prediction(990_000, trials, 2_860_000, 300)
-    return Table(
-        "squeezetree test",
-        NO_JOB,
-        GRIPPER,
-        GOAL,
-        limits,
-        tuple(records),
-        tuple(leaves),
-        predicted,
-        None,
-    )
-
-
-def breadth_first(table: Table) -> Table:
-    """The same tree, its nodes and leaves numbered as a table's are."""
-    nodes, leaves = [0], list[int]()
-    for index in nodes:  # grows while it is walked
-        for branch in table.nodes[index].branches:
-            (nodes if branch.target >= 0 else leaves).append(branch.target)
-    numbers = {old: new for new, old in enumerate(nodes)} | {
-        old: ~new for new, old in enumerate(leaves)
-    }
-
-    def moved(node: Node) -> Node:
-        branches = (branch._replace(target=numbers[branch.target]) for branch in node.branches)
-        return node._replace(branches=tuple(branches))
-
-    return replace(
-        table,
-        nodes=tuple(moved(table.nodes[old]) for old in nodes),
-        leaves=tuple(table.leaves[~old] for old in leaves),
-    )
+    drawn = {"nodes": tuple(records), "leaves": tuple(leaves), "predicted": predicted}
+    return replace(small_table(), limits=limits, **drawn)
 
 
 def _random_squeeze(random: Random) -> Squeeze:
@@ -225,8 +178,8 @@ def _random_branches(random: Random, targets: list[int]) -> tuple[Branch, ...]:
     shares = [high - low for low, high in zip([0, *cuts], [*cuts, 1_000_000], strict=True)]
     branches, reached = [], random.randint(10_000, 20_000)
     for target, share in zip(targets, shares, strict=True):
-        low = reached + random.randint(0, 4_000)
-        expected = low + random.randint(400, 1_200)
+        low = reached + random.randint(-300, 4_000)
+        expected = max(low, reached) + random.randint(400, 1_200)
         reached = expected + random.randint(400, 1_200)
         branches.append(Branch(low, expected, reached, share, target))
     return tuple(branches)
@@ -234,14 +187,8 @@ def _random_branches(random: Random, targets: list[int]) -> tuple[Branch, ...]:
 
 def _random_leaf(random: Random) -> Leaf:
     x, y = (random.randint(-12_000, 12_000) for _ in range(2))
-    covariance = Covariance(
-        xx=random.randint(0, 120),
-        xy=random.randint(-40, 40),
-        yy=random.randint(0, 120),
-        xt=random.randint(-30, 30),
-        yt=random.randint(-30, 30),
-        tt=random.randint(0, 60),
-    )
+    most = ((0, 120), (-40, 40), (0, 120), (-30, 30), (-30, 30), (0, 60))
+    covariance = Covariance(*(random.randint(low, high) for low, high in most))
     theta = random.randint(-3_141_592, 3_141_592)
     trials = random.randint(0, 300)
     success_ppm = round(1e6 * (trials - (trials > 200)) / trials) if trials else 1_000_000

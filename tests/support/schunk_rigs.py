@@ -1,11 +1,11 @@
 """SCHUNK grippers, simulated: on a pseudo-terminal, and on a line in virtual time whose answers go astray."""
 
-import contextlib
 import math
 import random
 import threading
 
-from drivers import connect
+from gripper_rigs import SCALE, GripperRig
+
 from drivers.clock import Pace
 from drivers.schunk.gripper import Gripper
 from drivers.schunk.link import SchunkLink
@@ -19,9 +19,6 @@ from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import SimulatedTime
 from runtime.table import PROFILES
-
-SCALE = 20.0
-CONTACT_UM = 21_370
 
 
 class Part(Surroundings):
@@ -41,24 +38,21 @@ class Part(Surroundings):
         self.releases += 1
 
 
-class SchunkRig:
+class SchunkRig(GripperRig):
     """A gripper on a pseudo-terminal; it is patient, since wall time on a busy machine proves nothing."""
 
-    contact_um = CONTACT_UM
+    contact_um = 21_370
 
-    def __init__(self, model="schunk-egu", scale=SCALE, silence_s=math.inf):
+    def __init__(self, model="schunk-egu", scale=SCALE):
         self.scale = scale
         self.time = SimulatedTime(scale, threading.Event())
         self.part = Part()
         profile = PROFILES[model]
-        self.model = SchunkModel(random.Random(1), self.part, profile, silence_s)
+        self.model = SchunkModel(random.Random(1), self.part, profile, math.inf)
         self.slave = RtuSlave(SchunkRegisters(self.model, self.time.now), None, UNIT)
         self.port = PtyPort(self.slave, threading.RLock(), self.time)
         self.port.start()
-
-    def open(self, **options):
-        port = f"schunk://{self.port.path}"
-        return contextlib.closing(connect.gripper(port, time_scale=self.scale, **options))
+        self.name = f"schunk://{self.port.path}"
 
     def put_part(self):
         self.part.width_mm = self.contact_um / 1000
@@ -68,12 +62,6 @@ class SchunkRig:
 
     def commands(self):
         return list(self.model.written)
-
-    def silence(self):
-        self.slave.feed = lambda data: []
-
-    def close(self):
-        self.port.close()
 
 
 class Line(CleanLine):

@@ -1,18 +1,12 @@
 """`grasp-runtime` as a process that serves others, for tests."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
-from waiting import WAIT_S
-
-ROOT = Path(__file__).parents[2]
+from programs import RUNTIME, WAIT_S, Closing, started
 
 
-class ServedRun:
+class ServedRun(Closing):
     """A run that serves; `port` is where it answers, and its journal is in the folder.
 
     Args:
@@ -23,11 +17,9 @@ class ServedRun:
 
     def __init__(self, folder: Path, ready: str, *words: str) -> None:
         self.journal, self._output = folder / "journal.jsonl", folder / "output.jsonl"
-        command = [sys.executable, "-m", "runtime.cli", "--json", "--journal", str(self.journal)]
+        words = (*RUNTIME, "--json", "--journal", str(self.journal), *words)
         with self._output.open("w") as output:  # a pipe that is not read would hold it up
-            self.process = subprocess.Popen(
-                [*command, *words], cwd=ROOT, text=True, stdout=output, stderr=subprocess.PIPE
-            )
+            self.process = started(words, stdout=output)
         assert self.process.stderr is not None
         line = ""
         while ready not in line:
@@ -43,15 +35,7 @@ class ServedRun:
         parts = [json.loads(line) for line in self._output.read_text().splitlines()]
         return self.process.returncode, parts, err
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
         if self.process.poll() is None:
             self.process.kill()
             self.process.communicate()

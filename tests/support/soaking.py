@@ -2,8 +2,8 @@
 
 import importlib
 import sys
-from pathlib import Path
 
+from programs import REHEARSAL, ROOT
 from sample_tables import small_table
 
 from drivers.sim.physics.scene import Setting, table_geometry
@@ -11,7 +11,7 @@ from runtime.devices import rehearsal
 from runtime.execution.executor import RunOptions
 from runtime.table import Table
 
-SCRIPT = Path(__file__).parents[2] / "tools" / "soak"
+SCRIPT = ROOT / "tools" / "soak"
 
 sys.path.insert(0, str(SCRIPT.parent))
 soak_run = importlib.import_module("soak_run")
@@ -20,7 +20,7 @@ soak_run = importlib.import_module("soak_run")
 def small_setting(table: Table | None = None) -> Setting:
     """A rehearsal of the small table, or of another."""
     table = table or small_table()
-    return Setting(table, table_geometry(table), "runtime.devices.rehearsal:make", rehearsal.make)
+    return Setting(table, table_geometry(table), REHEARSAL[1], rehearsal.make)
 
 
 def small_soak(

@@ -11,9 +11,8 @@ from runtime.traversal.results import PartResult
 
 CALIBRATION = Calibration(GRIPPER.profile)
 CONTACT, ARRIVED = 2, 3
-AT_21, AT_30, AT_36, AT_60 = (
-    (count_of(width), CONTACT) for width in (21_000, 30_000, 36_000, 60_000)
-)
+WIDTHS = (21_000, 30_000, 36_000, 60_000)
+AT_21, AT_30, AT_36, AT_60 = ((count_of(width), CONTACT) for width in WIDTHS)
 EMPTY = (229, ARRIVED)
 CLOSED = (229, CONTACT)  # on something thinner than a count
 ARC = TipArc()
@@ -22,10 +21,8 @@ ARC = TipArc()
 def run(
     rig: FakeCell, options: RunOptions, table: Table | None = None, phases: list | None = None
 ) -> PartResult:
-    console = Deaf()
-    console.phase = lambda part, phase, node: (
-        None if phases is None else phases.append((phase, node))
-    )
+    console, seen = Deaf(), [] if phases is None else phases
+    console.phase = lambda part, phase, node: seen.append((phase, node))
     return Executor(table or small_table(), rig.cell, console, options).run_part(1)
 
 
@@ -34,15 +31,11 @@ def meeting(stop: int) -> FakeCell:
     rig = fake_cell([])
 
     def meet(width_um: int, speed_mm_s: float, force_n: float) -> None:
-        position_counts = SETTINGS.request(width_um)
+        asked = SETTINGS.request(width_um)
         settings = SETTINGS.speed(speed_mm_s), SETTINGS.force(force_n)
-        rig.log.call("gripper", "move", position_counts, *settings)
-        count, flag = (
-            (stop, CONTACT) if position_counts > stop else (max(position_counts, 3), ARRIVED)
-        )
-        rig.gripper.now = State(
-            object_flag=flag, echo_counts=position_counts, position_counts=count
-        )
+        rig.log.call("gripper", "move", asked, *settings)
+        count, flag = (stop, CONTACT) if asked > stop else (max(asked, 3), ARRIVED)
+        rig.gripper.now = State(object_flag=flag, echo_counts=asked, position_counts=count)
 
     rig.gripper.move = meet
     return rig

@@ -120,15 +120,13 @@ class FunctionBlock:
             values = [_fitted(kind, self._value(each.element)) for each in item.init.value.elements]
             assert len(values) == size, "as many values as the array has"
             return kind, values
-        return kind, first if item.init.value is None else _fitted(
-            kind, self._value(item.init.value)
-        )
+        if item.init.value is None:
+            return kind, first
+        return kind, _fitted(kind, self._value(item.init.value))
 
     def _run(self, statements: Any) -> bool:
         """Execute a list of statements; whether it ended with EXIT."""
-        return any(
-            self._left(statement) for statement in (statements.statements if statements else ())
-        )
+        return any(map(self._left, statements.statements if statements else ()))
 
     def _left(self, statement: Any) -> bool:
         """Execute a statement; whether EXIT ends the statements that it stands among."""
@@ -188,9 +186,8 @@ class FunctionBlock:
         if isinstance(expression, st.MultiElementVariable):
             return self._value(expression.name)[self._index(expression)]
         if isinstance(expression, st.FunctionCall):
-            return FUNCTIONS[str(expression.name)](
-                *(self._value(each.value) for each in expression.parameters)
-            )
+            given = (self._value(each.value) for each in expression.parameters)
+            return FUNCTIONS[str(expression.name)](*given)
         if isinstance(expression, st.ParenthesizedExpression):
             return self._value(expression.expr)
         if isinstance(expression, st.UnaryOperation):

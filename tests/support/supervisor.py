@@ -6,8 +6,7 @@ from collections.abc import Coroutine
 from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from asyncua import Client, Node, ua
 from asyncua.crypto.cert_gen import (
@@ -19,6 +18,7 @@ from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtendedKeyUsageOID
+from programs import Closing
 from waiting import WAIT_S, until
 
 from runtime.plc.address_space import NAMESPACE, SYSTEM
@@ -38,9 +38,8 @@ def passport(folder: Path, name: str) -> Passport:
     """A new self-signed certificate."""
     key = generate_private_key()
     names = [x509.UniformResourceIdentifier(URI), x509.DNSName("localhost")]
-    certificate = generate_self_signed_app_certificate(
-        key, name, {}, names, [ExtendedKeyUsageOID.CLIENT_AUTH]
-    )
+    use = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    certificate = generate_self_signed_app_certificate(key, name, {}, names, use)
     files = Passport(folder / name / "client.der", folder / f"{name}.pem")
     files.certificate.parent.mkdir()
     files.certificate.write_bytes(certificate.public_bytes(Encoding.DER))
@@ -48,7 +47,7 @@ def passport(folder: Path, name: str) -> Passport:
     return files
 
 
-class Supervisor:
+class Supervisor(Closing):
     """A client that is connected; with a passport over the encrypted endpoint."""
 
     def __init__(
@@ -143,9 +142,8 @@ class Supervisor:
         return dict(zip(names, self.call(f"{RESULTS}/GetResultById", job), strict=True))
 
     async def _outputs(self) -> Any:
-        parent = await self.client.nodes.objects.get_child(
-            [f"{self._index}:{name}" for name in (SYSTEM, RESULTS, "GetResultById")]
-        )
+        steps = [f"{self._index}:{name}" for name in (SYSTEM, RESULTS, "GetResultById")]
+        parent = await self.client.nodes.objects.get_child(steps)
         return await (await parent.get_child("0:OutputArguments")).read_value()
 
     def release(self, handle: int) -> None:
@@ -164,15 +162,7 @@ class Supervisor:
         self._loop.call_soon_threadsafe(self.client.uaclient.protocol.transport.abort)
         self._end_loop()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
         if self._loop.is_closed():
             return
         with suppress(Exception):  # of a server that is gone

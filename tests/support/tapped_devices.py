@@ -28,8 +28,10 @@ def crc(data: bytes) -> bytes:
 class TappedGripper:
     """Answers reads with one input block, at slave id 9; other slaves and every write meet silence."""
 
-    def __init__(self, block: bytes = ACTIVE_OPEN, unit: int = 9) -> None:
-        self.block, self.unit = block, unit
+    unit = 9
+
+    def __init__(self) -> None:
+        self.block = ACTIVE_OPEN
         self.heard = bytearray()
         self.functions: list[int] = []
         self._master, self._slave = os.openpty()

@@ -22,9 +22,7 @@ class Toy:
     @classmethod
     def drawn(cls, rng, actions, size, readings):
         """One at random."""
-        return cls(
-            rng.integers(size, size=(actions, size)), rng.integers(readings, size=(actions, size))
-        )
+        return cls(*(rng.integers(most, size=(actions, size)) for most in (size, readings)))
 
     def squeeze(self, parts, placements, rng):
         """As `planner.bound.histories.Squeeze`; x of a placement is the number of the action."""
@@ -54,11 +52,8 @@ class Toy:
             for action in range(self.actions):
                 total = {(len(states), 0)}
                 for reading in {int(self.reading[action, s]) for s in states}:
-                    here = [
-                        int(self.after[action, s])
-                        for s in states
-                        if self.reading[action, s] == reading
-                    ]
+                    alike = [s for s in states if self.reading[action, s] == reading]
+                    here = [int(self.after[action, s]) for s in alike]
                     further = after(tuple(sorted(here)), left - 1)
                     total = {(a + c, b + d) for a, b in total for c, d in further}
                 result |= total

@@ -1,24 +1,20 @@
 """Tables for tests and benchmarks: those that are committed, and one of every job in `trees/`."""
 
-from pathlib import Path
+from programs import ROOT, TREES
 
 from planner.compile import compile_job
 from planner.job import model as job_file
 from runtime.table import Table, TableFile, dump, load
 from runtime.table.codec import FORMAT
 
-ROOT = Path(__file__).parents[2]
-TREES = ROOT / "trees"
 KEPT = ROOT / "out" / f"tables-{FORMAT}"
 NAMES = sorted(path.parent.name for path in TREES.glob("*/job.toml"))
 
 
 def committed() -> dict[str, Table]:
     """The tables in `trees/` and the golden ones of the tests, by name."""
-    paths = [
-        *sorted(TREES.glob("*/*.msgpack")),
-        *sorted((ROOT / "tests" / "golden").glob("*.msgpack")),
-    ]
+    golden = ROOT / "tests" / "golden"
+    paths = [*sorted(TREES.glob("*/*.msgpack")), *sorted(golden.glob("*.msgpack"))]
     return {path.stem: load(path).table for path in paths}
 
 

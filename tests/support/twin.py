@@ -7,17 +7,14 @@ so that nothing is touched at a jump; where no mode is consistent the part is he
 `planner.mechanics`. Meant for polygons of few vertices.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
 import shapely
-from contact_problems import (
-    ContactProblem,
-)
+from contact_problems import ContactProblem
 from lcp_twin import motions
+from problems import place
 from scipy.integrate import solve_ivp
 
 REACH_MM = 0.01
@@ -72,31 +69,19 @@ def squeeze(part: Part, pose: np.ndarray) -> Result:
         last[:] = s, *q
         return 1.0
 
+    steps = {"max_step": 0.05, "rtol": 1e-5, "atol": 1e-5}
     try:
-        solve_ivp(
-            velocity,
-            (closed, end),
-            np.array(pose),
-            events=remember,
-            max_step=0.05,
-            rtol=1e-5,
-            atol=1e-5,
-        )
+        solve_ivp(velocity, (closed, end), np.array(pose), events=remember, **steps)
     except HeldError:
         return Result(last[1:].copy(), 2.0 * (end - last[0]), True)
     return Result(last[1:].copy(), 0.0, False)
-
-
-def _place(outline: np.ndarray, q: np.ndarray) -> np.ndarray:
-    c, s = math.cos(q[2]), math.sin(q[2])
-    return outline @ np.array([[c, s], [-s, c]]) + q[:2]
 
 
 def _first_touch(part: Part, pose: np.ndarray) -> float:
     """How far the fingers close before one of them touches."""
     opening, length, _ = part.jaws[:3]
     strip = shapely.box(-length / 2, -opening, length / 2, opening)
-    between = shapely.Polygon(_place(part.outline, pose)).intersection(strip)
+    between = shapely.Polygon(place(part.outline, pose)).intersection(strip)
     if between.is_empty:
         return math.inf
     _, low, _, high = between.bounds
@@ -105,32 +90,36 @@ def _first_touch(part: Part, pose: np.ndarray) -> float:
 
 def _velocity(part: Part, s: float, q: np.ndarray) -> np.ndarray:
     """d(x, y, theta) / ds with both fingers closing at unit speed."""
-    result = sorted(_contacts(part, s, q))[:MOST_CONTACTS]
-    if not result:
+    touched = sorted(_contacts(part, s, q))[:MOST_CONTACTS]
+    if not touched:
         return np.zeros(3)
-    c, sine = math.cos(q[2]), math.sin(q[2])
-    turn = np.array([[c, -sine, 0.0], [sine, c, 0.0], [0.0, 0.0, 1.0]])
-    gap, finger, px, py, nx, ny = np.array(result).T
-    problem = ContactProblem(
-        A=turn @ part.A @ turn.T,
-        rho=part.rho,
-        points=np.column_stack([px, py]) - q[:2],
-        normals=np.column_stack([nx, ny]),
-        advance=np.column_stack([0.0 * finger, -finger]),
-        gap=np.maximum(gap / REACH_MM, -1.0),
-        mu=np.full(len(gap), part.mu),
-    )
-    consistent = motions(problem)
+    gap, finger, *places = np.array(touched).T
+    advance = np.column_stack([0.0 * finger, -finger])
+    return rate(part, q, np.array(places).T, advance, np.maximum(gap / REACH_MM, -1.0))
+
+
+def rate(
+    part: Part, q: np.ndarray, places: np.ndarray, advance: np.ndarray, gap: np.ndarray
+) -> np.ndarray:
+    """How fast a part at q moves that is touched at places (m, 4), each a point and the normal into it.
+
+    Raises:
+        HeldError: no motion is consistent.
+    """
+    c, s = math.cos(q[2]), math.sin(q[2])
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    A, mu = turn @ part.A @ turn.T, np.full(len(gap), part.mu)
+    points = places[:, :2] - q[:2]
+    consistent = motions(ContactProblem(A, part.rho, points, places[:, 2:], advance, gap, mu))
     if len(consistent) == 0:
         raise HeldError
-    V = consistent[0]
-    return np.array([V[0], V[1], V[2] / part.rho])
+    return consistent[0] / [1.0, 1.0, part.rho]
 
 
 def _contacts(part: Part, s: float, q: np.ndarray) -> list[tuple[float, ...]]:
     """All pairs of features about to touch: (gap, finger, point x, y, normal x, y)."""
     opening, length, thickness = part.jaws[:3]
-    half, points = length / 2, _place(part.outline, q)
+    half, points = length / 2, place(part.outline, q)
     result: list[tuple[float, ...]] = []
     for finger in (1, -1):
         face = finger * (opening / 2 - s)

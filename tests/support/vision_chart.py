@@ -18,8 +18,8 @@ LOCATED = Answer(1, 0, -1500, 250, 900_000, 1, 1, 20, 65535, 1.25)
 class Line:
     """A server that listens to nobody: its methods are called from here, and parts end when asked to."""
 
-    def __init__(self, listener: socket.socket, *, digests: tuple[int, ...] = (1, 2)) -> None:
-        self.exchange = Exchange(Station(digests, beats=False), clock := SystemClock())
+    def __init__(self, listener: socket.socket) -> None:
+        self.exchange = Exchange(Station((1, 2), beats=False), clock := SystemClock())
         self.panel = Panel(OFFERS, Configuration("linear map", ""), self.exchange.glance)
         self.exchange.watch = self.panel.see
         self.server = OpcUaServer(listener, self.exchange, clock, self.panel, None)
@@ -48,16 +48,8 @@ def line() -> Iterator[Line]:
 
 
 def _key(seen: Glance) -> tuple[object, ...]:
-    job = seen.order is not None
-    return (
-        seen.state,
-        job,
-        seen.answer.outcome,
-        seen.enabled,
-        seen.ended,
-        bool(seen.error_id),
-        seen.table,
-    )
+    flags = seen.order is not None, seen.enabled, seen.ended, bool(seen.error_id)
+    return (seen.state, seen.answer.outcome, seen.table, *flags)
 
 
 def explored() -> Iterator[tuple[Glance, str, Glance]]:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-WAIT_S = 60.0
+WAIT_S = 120.0  # generous: the machine may have other work
 
 T = TypeVar("T")
 

@@ -9,7 +9,8 @@ from squeezes import AT_21, AT_30, AT_36
 from runtime.devices.clock import SystemClock
 from runtime.execution import session
 from runtime.execution.executor import Cell, RunOptions
-from runtime.journal.chain import SEGMENT_BYTES, Journal
+from runtime.journal.chain import SEGMENT_BYTES, Journal, records, verify
+from runtime.journal.replay import Replay
 from runtime.monitoring.console import Objects
 from runtime.table import Calibration, dumps
 from runtime.traversal.decision import Policy
@@ -29,19 +30,21 @@ def write_run(
     on_reject, on_unresolved = policy.texts()
     table = small_table()
     with Journal(path, SystemClock().stamp, SystemClock().uptime, segment_bytes) as journal:
-        fields: dict[str, object] = {
-            "port": "memory",
-            "on_reject": on_reject,
-            "on_unresolved": on_unresolved,
-        }
+        fields: dict[str, object] = {"on_reject": on_reject, "on_unresolved": on_unresolved}
+        fields["port"] = "memory"
         if calibration is not None:
             fields["calibration_um"] = list(calibration.points_um)
         journal.header(dumps(table), fields)
         cell = Cell(rig.gripper, rig.arm, rig.cell.clock, journal)
-        session.run_journalled(
-            table, cell, None, Quiet(), count=4, activate=False, options=RunOptions(policy)
-        )
+        run = {"count": 4, "activate": False, "options": RunOptions(policy)}
+        session.run_journalled(table, cell, None, Quiet(), **run)
     return path
+
+
+def assert_sound(journal: Path) -> None:
+    """A journal verifies, has its last record, and its decisions are derived again."""
+    assert verify(journal).closed
+    assert list(Replay().follow(records(journal))) == []
 
 
 class Quiet(Objects):

@@ -74,7 +74,8 @@ def test_a_slice_of_the_files_that_are_almost_right_ends_as_commands_must():
 
 def test_a_command_that_hangs_or_ends_otherwise_is_found(monkeypatch):
     def end(code, err=""):
-        monkeypatch.setattr(hostile_inputs, "_within", lambda result: (code, err))
+        seen = hostile_inputs.Ended(code, "", err)
+        monkeypatch.setattr(hostile_inputs, "_within", lambda result: seen)
 
     result = hostile_inputs.case(7, 1)
     for code, err in (

@@ -8,7 +8,6 @@ from dataclasses import replace
 import msgpack
 import numpy as np
 import pytest
-from grown_tables import grown_table
 from sample_tables import (
     changed,
     every_field_table,
@@ -61,9 +60,8 @@ def with_field(path: str, value: object, table: Table | None = None) -> bytes:
         pushing_table(several_table()),
         random_table(1, 1),
         random_table(2, 300),
-        grown_table(3, 150),
     ],
-    ids=["small", "every field", "pushes", "pushes several", "one node", "300 nodes", "150 nodes"],
+    ids=["small", "every field", "pushes", "pushes several", "one node", "300 nodes"],
 )
 def test_a_table_comes_back_as_it_is(table):
     data = dumps(table)

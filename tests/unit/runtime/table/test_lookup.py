@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import pytest
 from counting import by_count
-from grown_tables import grown_table
 from sample_tables import GRIPPER, every_field_table, random_table, small_table
 
 from runtime.table import (
@@ -23,7 +22,7 @@ LINE = Calibration(GRIPPER.profile)
 WORN = Calibration(
     GRIPPER.profile, tuple((x, max(0, x - 260 - x // 300)) for x in (-9_000, 0, 86_000))
 )
-TABLES = [small_table(), every_field_table(), random_table(1, 60), grown_table(1, 120)]
+TABLES = [small_table(), every_field_table(), random_table(1, 60), random_table(2, 120)]
 
 
 def slow_decision(node: Node, width_um: int, object_detected: bool) -> int:

@@ -1,0 +1,37 @@
+"""Parts of benchmarks that no result of theirs would show to be broken."""
+
+import numpy as np
+import pytest
+from drifting import squeezed
+from programs import ROOT, TABLE
+
+from planner.evaluation.expectation import readings
+from planner.evaluation.trials import Program
+from planner.job import model as job_file
+from runtime.table import load
+
+
+@pytest.fixture(autouse=True)
+def _benches(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "tests" / "bench")
+
+
+def test_random_widths_are_mostly_rejected_and_less_so_after_a_planned_first_one():
+    from bench_rejects import random_widths
+
+    program, rng = Program.of(load(TABLE).table), np.random.default_rng(1)
+    any_width, planned_first = (random_widths(program, rng, first) for first in (False, True))
+    assert 0.0 < any_width < planned_first < 1.0
+
+
+def test_bound_of_a_drift_of_readings_flags_what_differs_and_little_else():
+    from drift_trials import WITHIN, bound
+
+    table = load(TABLE).table
+    job = job_file.from_canonical(table.job)
+    one, other = (squeezed(table, job, 40 * WITHIN, seed) for seed in (1, 2))
+    shares = readings(one, table) + 1.0
+    assert bound(np.log(shares / shares), one, other)["nats_in_50"] == 0.0
+    likelier = np.zeros(shares.shape)
+    likelier[0] = 1.0  # as if each first reading told of the drift
+    assert bound(likelier, one, other)["nats_in_50"] == pytest.approx(WITHIN)

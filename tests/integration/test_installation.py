@@ -1,0 +1,102 @@
+"""What an installation loads, lacks and takes for itself: no heavy library for a cell, no foreign folder."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from programs import REHEARSAL, TABLE, ended
+
+HEAVY = ("numpy", "scipy", "numba", "sklearn", "cv2", "planner.job.model", "runtime.plc")
+HEAVY += ("asyncua", "cryptography", "zipfile", "importlib.metadata", "runtime.signing")
+CHECK = f"import sys; print([name for name in {HEAVY} if name in sys.modules])"
+
+
+def loaded_after(code: str) -> str:
+    """What of HEAVY a fresh interpreter has loaded after some code; the last line it prints."""
+    done = ended([sys.executable, "-c", f"{code}\n{CHECK}"])
+    assert done.code == 0, done.err
+    return done.out.splitlines()[-1]
+
+
+def test_a_run_and_a_check_load_nothing_heavy(tree: Path, tmp_path: Path) -> None:
+    words = ["--tree", str(tree), "--port", "sim", "--time-scale", "60"]
+    words += ["--journal", str(tmp_path / "journal.jsonl")]
+    code = f"import runtime.cli\nassert runtime.cli.main({words!r}) in (0, 10)\n"
+    code += f"assert runtime.cli.main(['--tree', {str(tree)!r}, '--check']) == 0"
+    assert loaded_after(code) == "[]"
+
+
+def test_modbus_loads_nothing_of_opc_ua() -> None:
+    assert loaded_after("import runtime.commands.plc, sys; del sys.modules['runtime.plc']") == "[]"
+
+
+def test_the_check_would_see_it() -> None:
+    numpy = "import sys, types; sys.modules['numpy'] = types.ModuleType('numpy')"
+    assert loaded_after(numpy) == "['numpy']"
+
+
+PLANNER = "compile_job simulate evaluate expect identify report init studio try_part"
+CALLS = [
+    *(("numpy", f"planner.commands:{command}", "", "planner") for command in PLANNER.split()),
+    ("cv2", "drivers.camera.commands:audit", "['judge']", "audit"),
+    ("cv2", "drivers.camera.commands:calibrate", "['camera']", "audit"),
+    ("cv2", "drivers.sim.cli:main", f"['--tree', {str(TABLE)!r}, '--camera']", "audit"),
+    ("shtab", "runtime.commands.squeezetree:main", "['--print-completion', 'bash']", "completion"),
+]
+EACH = """
+import contextlib, importlib, io, sys
+for blocked, target, given, extra in CALLS:
+    sys.modules[blocked], kept = None, sys.modules.get(blocked)
+    module, _, function = target.partition(":")
+    said, code = io.StringIO(), None
+    with contextlib.redirect_stderr(said):
+        try:
+            code = getattr(importlib.import_module(module), function)(*([eval(given)] if given else []))
+        except SystemExit as end:
+            code = end.code
+    assert code == 2, (target, code)
+    assert said.getvalue().count("\\n") == 1, said.getvalue()
+    assert f"squeezetree[{extra}]" in said.getvalue(), said.getvalue()
+    del sys.modules[blocked]
+for word in ("report", "study"):
+    sys.modules["numpy"] = sys.modules["cv2"] = None
+    assert importlib.import_module("drivers.camera.commands").audit([word, "none.jsonl"]) == 24
+"""
+
+
+def test_without_its_library_each_command_names_the_extra_in_one_line():
+    """Report and study of audits need neither numpy nor OpenCV."""
+    code, _, err = ended([sys.executable, "-c", f"CALLS = {CALLS!r}\n{EACH}"])
+    assert code == 0, err
+    assert err.count("none.jsonl") == 2
+
+
+def test_without_gymnasium_the_environment_names_its_extra():
+    code = "import sys; sys.modules['gymnasium'] = None; import planner.gym"
+    _, _, err = ended([sys.executable, "-c", code])
+    assert "pip install 'squeezetree[gym]'" in err.splitlines()[-1]
+
+
+WORLD = "from runtime.shell.worlds import find_factory; find_factory('planner.world:make')"
+RUN = "--tree small.msgpack --journal journal.jsonl --port sim --time-scale 20"
+
+
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [
+        ("plan-init", ["--help"]),
+        ("grasp-audit", ["--help"]),
+        (Path(sys.executable).name, ["-P", "-c", WORLD]),
+        # It starts a cell, too.
+        ("grasp-runtime", [*RUN.split(), *REHEARSAL]),
+    ],
+)
+def test_command_beside_foreign_folders_starts(
+    program: str, words: list[str], tree: Path, tmp_path: Path
+) -> None:
+    for package in ("planner", "runtime", "drivers"):
+        (tmp_path / package).mkdir()
+        foreign = "raise SystemExit('a foreign module was imported')\n"
+        (tmp_path / package / "__init__.py").write_text(foreign)
+    done = ended([Path(sys.executable).with_name(program), *words], cwd=tmp_path)
+    assert done.code == 0, done.err

@@ -1,0 +1,76 @@
+"""The project's programs as tests run them: in this process, or as processes of their own."""
+
+import contextlib
+import io
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+from waiting import WAIT_S
+
+ROOT = Path(__file__).parents[2]
+TREES = ROOT / "trees"
+JOB, TABLE = (TREES / "rectangle" / name for name in ("job.toml", "rectangle.msgpack"))
+RUNTIME, CELL = ((sys.executable, "-m", name) for name in ("runtime.cli", "drivers.sim.cli"))
+REHEARSAL = ("--world", "runtime.devices.rehearsal:make")
+VIRTUAL = ("--port", "sim", "--time-scale", "max")  # a simulated cell in virtual time
+
+
+class Closing:
+    """What is closed at the end of a `with`."""
+
+    def close(self) -> None:
+        """Free what is held."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Ended(NamedTuple):
+    """How a program ended: its exit code and what it printed."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def one_line(self) -> bool:
+        """Whether all that it says of an error is a line."""
+        return self.err.count("\n") == 1 and "Traceback" not in self.err
+
+
+def called(main: Callable[[list[str]], Any], *words: object) -> Ended:
+    """How a program ends in this process."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            code = main([str(word) for word in words])
+        except SystemExit as end:
+            code = end.code
+    return Ended(code, out.getvalue(), err.getvalue())
+
+
+def document(main: Callable[[list[str]], Any], *words: object) -> Any:
+    """What a program prints as JSON; it ends with 0."""
+    ended = called(main, *words)
+    assert ended.code == 0, ended
+    return json.loads(ended.out)
+
+
+def started(words: Iterable[object], **options: Any) -> "subprocess.Popen[str]":
+    """A process whose output goes to pipes, unless options of `Popen` say otherwise."""
+    streams = {"cwd": ROOT, "text": True, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen([str(word) for word in words], **(streams | options))
+
+
+def ended(words: Iterable[object], **options: Any) -> Ended:
+    """How a process ends, killed after `WAIT_S`; with options of `subprocess.run`."""
+    usual = {"cwd": ROOT, "text": True, "capture_output": True, "timeout": WAIT_S, "check": False}
+    done = subprocess.run([str(word) for word in words], **(usual | options))
+    return Ended(done.returncode, done.stdout, done.stderr)
