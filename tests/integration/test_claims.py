@@ -12,7 +12,7 @@ import pytest
 from counting import width_um
 from fake_cell import Deaf, fake_cell
 from programs import JOB, called, document
-from sample_tables import every_field_table, random_table, small_table, with_leaf
+from sample_tables import changed, every_field_table, random_table, small_table
 
 from planner.belief.metric import Mode
 from planner.belief.observation import Partition
@@ -182,7 +182,7 @@ def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path) -> None:
 
 def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
     table = small_table()
-    untried = with_leaf(table, 0, table.leaves[0]._replace(success_ppm=1_000_000, trials=0))
+    untried = changed(table, {"leaves.0.success_ppm": 1_000_000, "leaves.0.trials": 0})
     step = Step(1, 0, table.nodes[0].squeeze, 174, 20_969, ~0, None)
     result = PartResult.of(1, Outcome.LEAF, [step], None)
     Lines(untried).part(result, None)

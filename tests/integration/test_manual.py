@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from programs import RUNTIME, WAIT_S, ended, started
-from sample_tables import small_table, with_node
+from sample_tables import changed, small_table
 from written_journals import assert_sound
 
 from drivers import connect, manual
@@ -52,7 +52,7 @@ def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(
     words: list[object], tree: Path
 ) -> None:
     table = small_table()
-    dump(with_node(table, 0, table.nodes[0]._replace(release=Place(5_000, 0))), tree)
+    dump(changed(table, {"nodes.0.release": Place(5_000, 0)}), tree)
     said = ("", "", "29,9", "", "", "", "", "", "21.1", "", "")
     code, (part,), asked = run([*words, "--tips", "57.15,5"], *said)
     assert (code, part["leaf"]) == (0, 1)

@@ -66,7 +66,7 @@ def two_squeeze_table() -> Table:
     for index, (node, likely) in enumerate(zip(table.nodes, shares, strict=True)):
         pairs = zip(node.branches, likely, strict=True)
         branches = tuple(branch._replace(probability_ppm=ppm) for branch, ppm in pairs)
-        table = with_node(table, index, node._replace(branches=branches))
+        table = changed(table, {f"nodes.{index}.branches": branches})
     return table
 
 
@@ -132,16 +132,6 @@ def _changed(record: Any, path: list[str], value: object) -> Any:
         return tuple(items)
     field = {name: _changed(getattr(record, name), rest, value)}
     return record._replace(**field) if isinstance(record, tuple) else replace(record, **field)
-
-
-def with_node(table: Table, index: int, node: Node) -> Table:
-    """The same table with one node replaced."""
-    return replace(table, nodes=(*table.nodes[:index], node, *table.nodes[index + 1 :]))
-
-
-def with_leaf(table: Table, index: int, leaf: Leaf) -> Table:
-    """The same table with one leaf replaced."""
-    return replace(table, leaves=(*table.leaves[:index], leaf, *table.leaves[index + 1 :]))
 
 
 def random_table(seed: int, nodes: int) -> Table:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from sample_tables import random_table, small_table, with_leaf
+from sample_tables import changed, random_table, small_table
 
 from planner.evaluation.judge import claimed, judge, metric_of_table
 from planner.evaluation.leaves import NO_LEAF, nearest_leaf, reliability
@@ -66,7 +66,7 @@ def test_orientation_alone_forgets_the_place():
 def test_any_of_a_leafs_modes_will_do():
     far = LeafPose(9_000, 0, 0)
     leaf = small_table().leaves[LEAF]._replace(alternatives=(far,))
-    table = with_leaf(with_goal(kind="modes", modes=2), LEAF, leaf)
+    table = changed(with_goal(kind="modes", modes=2), {f"leaves.{LEAF}": leaf})
     pose = np.array([[9.0, 1.0, 0.0]])
     assert judge(table, np.array([LEAF]), pose).error_mm == pytest.approx(1.0)
     assert judge(table, np.array([LEAF]), pose).within.all()

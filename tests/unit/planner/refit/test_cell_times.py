@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from sample_tables import small_table, with_job, with_node
+from sample_tables import changed, small_table, with_job
 
 from planner.refit.cell_times import Timed, learned
 from runtime.table import Schedule, Squeezed, job_of
@@ -19,7 +19,7 @@ CELL = {
 def test_learned_values_are_those_of_the_cell_that_took_the_seconds() -> None:
     root = small_table().nodes[0]
     narrow = root._replace(squeeze=root.squeeze._replace(opening_um=40_000))
-    table = with_job(with_node(small_table(), 0, narrow), '{"part":{"height_mm":16.0}}')
+    table = with_job(changed(small_table(), {"nodes.0": narrow}), '{"part":{"height_mm":16.0}}')
     schedule = Schedule.of(table, job_of(table))
     cell = replace(schedule, timing=replace(schedule.timing, **CELL))
     squeezes = [
