@@ -20,8 +20,8 @@ from drivers.schunk.link import SchunkLink
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.faulty import FaultyDhModel, FaultyGripper, FaultySchunkModel
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
-from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
-from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
+from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws
+from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.devices.jaws import Fingers, Surroundings
 from drivers.sim.devices.schunk import SchunkModel
 from drivers.sim.devices.schunk_registers import SchunkRegisters
@@ -29,7 +29,7 @@ from drivers.sim.faults import Desk
 from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.modbus import Registers
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
-from drivers.sim.wire.serving import Lock, Server, SimulatedTime
+from drivers.sim.wire.serving import HOST, Site
 from drivers.stream import Stream
 from runtime.shell.errors import UsageError
 from runtime.table import same_model
@@ -47,15 +47,13 @@ class Mount(NamedTuple):
 class Bench(NamedTuple):
     """Inputs for serving a gripper's ports."""
 
-    lock: Lock  # held while bytes are served
-    time: SimulatedTime
+    site: Site
     line: Callable[..., CleanLine]  # line to the gripper; `checked=False`: its frames have no CRC
 
 
 class Ports(NamedTuple):
     """Addresses of a gripper; a host uses one of them."""
 
-    servers: list[Server]
     path: str  # of the serial port
     port: str  # the same for `drivers.connect`
     others: Mapping[str, str] = MappingProxyType({})
@@ -84,9 +82,10 @@ class Simulator:
         return RtuSlave(self.registers(device, now), line, self.unit)
 
     def ports(self, device: Any, bench: Bench) -> Ports:
-        """The ports of the device."""
-        pty = PtyPort(self.slave(device, bench.time.now, bench.line()), bench.lock, bench.time)
-        return Ports([pty], pty.path, f"{self.scheme}{pty.path}")
+        """Opens the ports of the device."""
+        site, line = bench
+        pty = PtyPort(self.slave(device, site.now, line()), site)
+        return Ports(pty.path, f"{self.scheme}{pty.path}")
 
     def driver(
         self, stream: Stream, pace: Pace, report: Report, profile: GripperProfile
@@ -99,17 +98,18 @@ class RobotiqSimulator(Simulator):
     """A Robotiq gripper also has TCP ports, and the URCap."""
 
     def ports(self, device: Any, bench: Bench) -> Ports:
-        """The ports of the device."""
-        lock, time, now = bench.lock, bench.time, bench.time.now
-        serial = super().ports(device, bench)
-        rtu_tcp = TcpPort(self.slave(device, now, bench.line()), lock, time)
-        slave = MbapSlave(GripperRegisters(device, now, TCP), bench.line(checked=False))
-        tcp = TcpPort(slave, lock, time, lambda: stop_jaws(device, now))
-        urcap = UrcapPort(Urcap(device, now), lock)
-        others = {"gripper_tcp": tcp.url, "gripper_rtu_tcp": f"rtu+{rtu_tcp.url}"}
-        others["gripper_urcap"] = urcap.url
-        servers = [*serial.servers, rtu_tcp, tcp, urcap]
-        return serial._replace(servers=servers, others=others)
+        """Opens the ports of the device."""
+        site, line = bench
+        rtu = open_port(self.slave(device, site.now, line()), site)
+        slave = MbapSlave(GripperRegisters(device, site.now, TCP), line(checked=False))
+        tcp = open_port(slave, site, lambda: stop_jaws(device, site.now))
+        urcap = site.answer_lines(Urcap(device, site.now).answer, MAX_LINE)
+        others = {
+            "gripper_tcp": f"tcp://{HOST}:{tcp}",
+            "gripper_rtu_tcp": f"rtu+tcp://{HOST}:{rtu}",
+            "gripper_urcap": f"urcap://{HOST}:{urcap}",
+        }
+        return super().ports(device, bench)._replace(others=others)
 
 
 ROBOTIQ = RobotiqSimulator(

@@ -57,11 +57,15 @@ class Station:
         pipe = subprocess.PIPE
         process = subprocess.Popen(command, cwd=ROOT, stdout=pipe, stderr=pipe, text=True)
         deadline = time.monotonic() + WAIT_S
+
+        def struck() -> bool:
+            if strikes := when():
+                process.send_signal(number)
+            return strikes
+
         while process.poll() is None and time.monotonic() < deadline:
-            with self.cell._lock:
-                if when():
-                    process.send_signal(number)
-                    break
+            if self.cell.call(struck):
+                break
             time.sleep(0.001)
         out, err = process.communicate(timeout=WAIT_S)
         return process.returncode, out, err
@@ -74,10 +78,13 @@ class Station:
 
     def stands(self) -> tuple[float, float, float, float]:
         """Where the arm is, and the opening."""
-        with self.cell._lock:
+
+        def look() -> tuple[float, float, float, float]:
             now_s = self.cell.works.now()
             x_mm, y_mm, z_mm, _ = self.cell.works.arm.pose_at(now_s)
             return x_mm, y_mm, z_mm, self.gripper.opening_mm(now_s)
+
+        return self.cell.call(look)
 
     def sound(self) -> bool:
         return verify(self.journal).closed and not list(Replay().follow(records(self.journal)))
@@ -136,8 +143,7 @@ def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_d
 
 def test_a_gripper_that_lost_its_power_with_a_part_in_it_is_not_activated(station) -> None:
     station.strike(signal.SIGINT, station.grips, "--activate")
-    with station.cell._lock:
-        station.gripper.power_cycle(station.cell.works.now())
+    station.cell.call(lambda: station.gripper.power_cycle(station.cell.works.now()))
     said = is_refused(station, 20, "--activate")
     assert "cannot tell" in said
     assert "--jaws-empty" in said

@@ -20,7 +20,7 @@ from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
 from drivers.sim.devices.ur_controller import UrModel
 from drivers.sim.devices.ur_ports import served
-from drivers.sim.wire.serving import SimulatedTime
+from drivers.sim.wire.serving import Site
 
 SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
@@ -42,10 +42,9 @@ class Abb:
 
     def __init__(self):
         self.model = ArmModel(BASE)
-        time = SimulatedTime(SCALE, threading.Event())
-        self.now = time.now
-        self.server = ArmServer(self.model, threading.RLock(), time)
-        self.server.start()
+        self.site = Site(SCALE)
+        self.now = self.site.now
+        self.server = ArmServer(self.model, self.site)
 
     @property
     def url(self):
@@ -72,7 +71,7 @@ class Abb:
         )
 
     def close(self):
-        self.server.close()
+        self.site.close()
 
 
 class AbbWithBase(Abb):
@@ -106,11 +105,9 @@ class Ur(ModelRig):
     def __init__(self):
         self.arm = ArmModel(BASE)
         self.model = UrModel(self.arm, BASE)
-        time = SimulatedTime(SCALE, threading.Event())
-        self.now, lock = time.now, threading.RLock()
-        self.script, self.rtde = served(self.model, lock, time)
-        self.script.start()
-        self.rtde.start()
+        self.site = Site(SCALE)
+        self.now = self.site.now
+        self.script_port, self.rtde = served(self.model, self.site)
 
     @property
     def url(self):
@@ -120,8 +117,7 @@ class Ur(ModelRig):
         self.rtde.mute = True
 
     def close(self):
-        self.rtde.close()
-        self.script.close()
+        self.site.close()
 
 
 class OmniCoreRig(ModelRig):
@@ -130,7 +126,8 @@ class OmniCoreRig(ModelRig):
     def __init__(self, *, digest=False):
         self.arm = ArmModel(BASE)
         self.model = OmniCore(self.arm)
-        self.now = SimulatedTime(SCALE, threading.Event()).now
+        self.site = Site(SCALE)
+        self.now = self.site.now
         self.server = RwsServer(
             self.model, threading.RLock(), self.now, certificate(), digest=digest
         )
@@ -147,6 +144,7 @@ class OmniCoreRig(ModelRig):
     def close(self):
         os.environ.pop(rws.CERTIFICATE, None)
         self.server.close()
+        self.site.close()
 
 
 @cache

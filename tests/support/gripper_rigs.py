@@ -6,7 +6,6 @@ A new make is one more class here with `open`, `contact`, `commands` and `silenc
 
 import contextlib
 import random
-import threading
 
 from can_node import CanNode
 
@@ -16,10 +15,10 @@ from drivers.robotiq.canopen import CanMap
 from drivers.robotiq.frames import TCP
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
-from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
-from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
+from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws
+from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
-from drivers.sim.wire.serving import SimulatedTime
+from drivers.sim.wire.serving import Site
 from runtime.table import profile_of
 
 SCALE = 20.0
@@ -31,36 +30,32 @@ class Robotiq:
     contact_um = 20969  # count 174
 
     def __init__(self, bus: str, channel: str = "contract") -> None:
-        self.time = SimulatedTime(SCALE, threading.Event())
-        self.now = self.time.now
-        self.holds = False
-        self.lock = threading.RLock()
+        self.site = Site(SCALE)
+        self.now = self.site.now
+        self.holds, self.mute = False, False
         self.model = GripperModel(random.Random(1), self)
-        self.port, self.name = self._port(bus, channel)
-        self.port.start()
-        self.heard, self.deaf = True, False
+        self.node = None
+        self.name = self._opened(bus, channel)
 
-    def _port(self, bus: str, channel: str):
-        if bus == "pty":
-            self.slave = RtuSlave(GripperRegisters(self.model, self.now))
-            port = PtyPort(self.slave, self.lock, self.time)
-            return port, port.path
+    def _opened(self, bus: str, channel: str) -> str:
+        """Opens the port; returns its name for the driver."""
         if bus == "can":
-            node = CanNode(self.model, self.lock, self.now, CanMap(channel, "virtual"))
-            return node, f"can:{channel}?interface=virtual"
+            self.node = CanNode(self.model, self.now, CanMap(channel, "virtual"))
+            return f"can:{channel}?interface=virtual"
         if bus.startswith("urcap"):
-            ends = b"" if bus.endswith("bare") else b"\n"
-            port = UrcapPort(Urcap(self.model, self.now, ends), self.lock)
-            return port, port.url
-        if bus == "rtu+tcp":
-            self.slave = RtuSlave(GripperRegisters(self.model, self.now))
-            port = TcpPort(self.slave, self.lock, self.time)
-        else:
-            self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP))
-            port = TcpPort(
-                self.slave, self.lock, self.time, lambda: stop_jaws(self.model, self.now)
+            urcap = Urcap(self.model, self.now, b"" if bus.endswith("bare") else b"\n")
+            port = self.site.answer_lines(
+                lambda line: b"" if self.mute else urcap.answer(line), MAX_LINE
             )
-        return port, f"{bus}://127.0.0.1:{port.port}"
+            return f"urcap://127.0.0.1:{port}"
+        if bus == "tcp":
+            self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP))
+            port = open_port(self.slave, self.site, lambda: stop_jaws(self.model, self.now))
+            return f"tcp://127.0.0.1:{port}"
+        self.slave = RtuSlave(GripperRegisters(self.model, self.now))
+        if bus == "pty":
+            return PtyPort(self.slave, self.site).path
+        return f"{bus}://127.0.0.1:{open_port(self.slave, self.site)}"
 
     # what the fingers meet: drivers.sim.devices.jaws.Surroundings
     def closing(self):
@@ -88,15 +83,16 @@ class Robotiq:
 
     def silence(self):
         """From now on nothing is answered."""
+        self.mute = True
         if hasattr(self, "slave"):
             self.slave.feed = lambda data: []
-        elif hasattr(self.port, "urcap"):
-            self.port.urcap.answer = lambda line: None
-        else:
-            self.port.close()
+        elif self.node is not None:
+            self.node.close()
 
     def close(self):
-        self.port.close()
+        if self.node is not None:
+            self.node.close()
+        self.site.close()
 
 
 RIGS = {bus: lambda bus=bus: Robotiq(bus) for bus in ("pty", "tcp", "urcap", "can")}
@@ -109,14 +105,12 @@ class Dh:
         self.profile, self.scale = profile_of(model), scale
         self.contact_um = self.profile.reading_um(321)
         self.holds = False
-        time = SimulatedTime(scale, threading.Event())
-        self.now = time.now
+        self.site = Site(scale)
+        self.now = self.site.now
         self.device = DhModel(random.Random(1), self, self.profile)
-        self.slave = RtuSlave(DhRegisters(self.device, time.now), line, dh.UNIT)
-        self.lock = threading.RLock()
-        self.port = PtyPort(self.slave, self.lock, time)
-        self.name = f"dh://{self.port.path}"
-        self.port.start()
+        self.slave = RtuSlave(DhRegisters(self.device, self.now), line, dh.UNIT)
+        self.path = PtyPort(self.slave, self.site).path
+        self.name = f"dh://{self.path}"
 
     # what the fingers meet: drivers.sim.devices.jaws.Surroundings
     def closing(self):
@@ -149,7 +143,7 @@ class Dh:
         self.slave.feed = lambda data: []
 
     def close(self):
-        self.port.close()
+        self.site.close()
 
 
 RIGS |= {"dh-ag95": lambda: Dh(scale=80.0)}  # its slowest closing takes 50 s

@@ -3,7 +3,6 @@
 import contextlib
 import math
 import random
-import threading
 
 from drivers import connect
 from drivers.clock import Pace
@@ -17,7 +16,7 @@ from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import GripperPort
 from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
-from drivers.sim.wire.serving import SimulatedTime
+from drivers.sim.wire.serving import Site
 from runtime.table import PROFILES
 
 SCALE = 20.0
@@ -48,16 +47,15 @@ class SchunkRig:
 
     def __init__(self, model="schunk-egu", scale=SCALE, silence_s=math.inf):
         self.scale = scale
-        self.time = SimulatedTime(scale, threading.Event())
+        self.site = Site(scale)
         self.part = Part()
         profile = PROFILES[model]
         self.model = SchunkModel(random.Random(1), self.part, profile, silence_s)
-        self.slave = RtuSlave(SchunkRegisters(self.model, self.time.now), None, UNIT)
-        self.port = PtyPort(self.slave, threading.RLock(), self.time)
-        self.port.start()
+        self.slave = RtuSlave(SchunkRegisters(self.model, self.site.now), None, UNIT)
+        self.path = PtyPort(self.slave, self.site).path
 
     def open(self, **options):
-        port = f"schunk://{self.port.path}"
+        port = f"schunk://{self.path}"
         return contextlib.closing(connect.gripper(port, time_scale=self.scale, **options))
 
     def put_part(self):
@@ -73,7 +71,7 @@ class SchunkRig:
         self.slave.feed = lambda data: []
 
     def close(self):
-        self.port.close()
+        self.site.close()
 
 
 class Line(CleanLine):
