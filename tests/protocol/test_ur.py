@@ -266,5 +266,5 @@ def test_move_paused_and_resumed_arrives(rig):
             rig.site.call(lambda: rig.model.play(rig.now()))
 
         arm._await_start = interrupted
-        arm.move_linear(*TARGET, 5.0)
+        arm.move_linear(*TARGET, 20.0)
         assert rig.truth() == pytest.approx(TARGET, abs=1e-3)

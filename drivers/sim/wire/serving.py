@@ -5,13 +5,13 @@ import selectors
 import socketserver
 import threading
 import time
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any, Self, TypeVar
 
 HOST = "127.0.0.1"
 MOST_BYTES = 4096  # of a line, where a port has no limit of its own
 Result = TypeVar("Result")
-Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
+Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, Any, None]]
 
 
 class Site:
@@ -33,7 +33,7 @@ class Site:
         # Waits of the default selector are whole milliseconds.
         self._loop = asyncio.SelectorEventLoop(selectors.SelectSelector())
         self._servers: dict[int, asyncio.Server] = {}
-        self._tasks: list[asyncio.Task[None]] = []
+        self._tasks = set[asyncio.Task[None]]()
         self._thread = threading.Thread(target=self._run, name="site", daemon=True)
         self._thread.start()
 
@@ -88,13 +88,17 @@ class Site:
             OSError: the port is taken.
         """
 
-        async def client(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        async def served(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             try:
-                await self._guarded(serve(reader, writer))
+                await serve(reader, writer)
             finally:
                 writer.close()
 
-        server = self._wait(asyncio.start_server(client, host, port, limit=most_bytes - 1))
+        # No coroutine: asyncio would report each one that is cancelled at the end.
+        def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            self._begin(served(reader, writer))
+
+        server = self._wait(asyncio.start_server(connected, host, port, limit=most_bytes - 1))
         number: int = server.sockets[0].getsockname()[1]
         self._servers[number] = server
         return number
@@ -115,13 +119,17 @@ class Site:
 
     def begin(self, work: Coroutine[Any, Any, None]) -> None:
         """Runs a coroutine until the site is closed."""
-        task = self.call(self._loop.create_task, self._guarded(work))
-        self._tasks.append(task)
+        self.call(self._begin, work)
+
+    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
+        task = self._loop.create_task(self._guarded(work))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
     def _wait(self, work: Coroutine[Any, Any, Result]) -> Result:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()
 
-    async def _guarded(self, work: Awaitable[None]) -> None:
+    async def _guarded(self, work: Coroutine[Any, Any, None]) -> None:
         """Runs what serves a client; a client that has gone, or sends endless lines, is no failure."""
         try:
             await work
