@@ -79,7 +79,6 @@ class Cell(Site):
         self._camera: CameraServer | None = None
         if rig is not None:
             self._camera = CameraServer(rig.watcher(lambda: self.call(self.works.look), seed))
-            self._camera.start()
             self.endpoints["camera"] = self._camera.url
 
     def close(self) -> None:

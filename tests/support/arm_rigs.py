@@ -131,7 +131,6 @@ class OmniCoreRig(ModelRig):
         self.server = RwsServer(
             self.model, threading.RLock(), self.now, certificate(), digest=digest
         )
-        self.server.start()
         os.environ[rws.CERTIFICATE] = certificate()
 
     @property

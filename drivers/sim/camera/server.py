@@ -23,13 +23,6 @@ class CameraServer(LibraryServer):
         super().__init__(server)
         self.url = f"http://{HOST}:{server.server_port}/picture.jpg"
 
-    def __enter__(self) -> "CameraServer":
-        self.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
 
 class _Handler(BaseHTTPRequestHandler):
     def __init__(self, take: Callable[[], bytes], *call: Any) -> None:

@@ -4,6 +4,7 @@ import asyncio
 import os
 import tty
 from collections.abc import Callable
+from functools import partial
 
 from drivers.robotiq.frames import RTU
 from drivers.sim.wire.line import BYTE_S, CleanLine, Outbox, Piece
@@ -125,7 +126,7 @@ class PtyPort:
         tty.setraw(self._ends[1])
         os.set_blocking(self._ends[0], False)
         self.path = os.ttyname(self._ends[1])
-        site.begin(self._serve(slave, site))
+        site.call(site.begin, partial(self._serve, slave, site))
 
     async def _serve(self, slave: RtuSlave, site: Site) -> None:
         # The slave end stays open here, too: else the master end reports an error whenever a client

@@ -6,11 +6,13 @@ import socketserver
 import threading
 import time
 from collections.abc import Callable, Coroutine
+from functools import partial
 from typing import Any, Self, TypeVar
 
 HOST = "127.0.0.1"
 MOST_BYTES = 4096  # of a line, where a port has no limit of its own
 Result = TypeVar("Result")
+Work = Callable[[], Coroutine[Any, Any, None]]
 Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, Any, None]]
 
 
@@ -88,15 +90,9 @@ class Site:
             OSError: the port is taken.
         """
 
-        async def served(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            try:
-                await serve(reader, writer)
-            finally:
-                writer.close()
-
         # No coroutine: asyncio would report each one that is cancelled at the end.
         def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            self._begin(served(reader, writer))
+            self.begin(partial(serve, reader, writer)).add_done_callback(lambda _: writer.close())
 
         server = self._wait(asyncio.start_server(connected, host, port, limit=most_bytes - 1))
         number: int = server.sockets[0].getsockname()[1]
@@ -114,25 +110,23 @@ class Site:
         return self.listen(serve, most_bytes=most_bytes)
 
     def shut(self, port: int) -> None:
-        """Accepts no further client at a port."""
+        """Accepts no further client at a port; to be called on the loop."""
         self._servers.pop(port).close()
 
-    def begin(self, work: Coroutine[Any, Any, None]) -> None:
-        """Runs a coroutine until the site is closed."""
-        self.call(self._begin, work)
-
-    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
+    def begin(self, work: Work) -> asyncio.Task[None]:
+        """Runs what serves a device, until it ends or the site is closed; to be called on the loop."""
         task = self._loop.create_task(self._guarded(work))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+        return task
 
     def _wait(self, work: Coroutine[Any, Any, Result]) -> Result:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()
 
-    async def _guarded(self, work: Coroutine[Any, Any, None]) -> None:
+    async def _guarded(self, work: Work) -> None:
         """Runs what serves a client; a client that has gone, or sends endless lines, is no failure."""
         try:
-            await work
+            await work()
         except (OSError, EOFError, asyncio.LimitOverrunError):
             pass
         except Exception as error:
@@ -147,19 +141,19 @@ class Site:
 
 
 class LibraryServer:
-    """A server of the standard library in a thread, from `start` to `close`."""
+    """A server of the standard library, which serves in a thread until it is closed."""
 
     def __init__(self, server: socketserver.TCPServer) -> None:
         self._server = server
-        self._thread = threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True)
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
 
-    def start(self) -> None:
-        """Serves until closed."""
-        self._thread.start()
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Stops serving."""
-        if self._thread.is_alive():
-            self._server.shutdown()
-            self._thread.join()
+        self._server.shutdown()
         self._server.server_close()
