@@ -1,6 +1,5 @@
 """A simulated cell in real time: gripper and arm behind their real protocols, with a part."""
 
-import random
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.devices.ur_controller import UrModel
 from drivers.sim.devices.ur_ports import served
 from drivers.sim.faults import Listed
-from drivers.sim.grippers import Bench, Mount, simulator
+from drivers.sim.grippers import simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import open_port
 from drivers.sim.wire.line import CleanLine
@@ -37,9 +36,9 @@ class LoneGripper(Site):
 
     def __init__(self, model: str, seed: int, time_scale: float = 1.0) -> None:
         super().__init__(time_scale)
-        mount = Mount(profile_of(model), random.Random(f"{seed}/gripper"), Surroundings())
-        self.device = simulator(model).device(mount)
-        ports = simulator(model).ports(self.device, Bench(self, lambda **_: CleanLine()))
+        make = simulator(model)
+        device = make.device(profile_of(model), seed, Surroundings())
+        ports = make.ports(device, self, lambda **_: CleanLine())
         self.endpoints = {"gripper": ports.path, "port": ports.port, **ports.others}
 
 
@@ -60,7 +59,7 @@ class Cell(Site):
     ) -> None:
         super().__init__(time_scale)
         self.works = Workcell(setting, seed, self.now, faults)
-        gripper = self.works.simulator.ports(self.works.gripper, Bench(self, self.works.line))
+        gripper = self.works.simulator.ports(self.works.gripper, self, self.works.line)
         arm = ArmServer(self.works.arm, self, self.works.arm_stands)
         _, rtde = served(UrModel(self.works.arm, ARM_BASE, self.works.arm_stands), self)
         logger = ArmLogger(self._look_at_arm, self)

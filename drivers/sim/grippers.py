@@ -35,22 +35,6 @@ from runtime.shell.errors import UsageError
 from runtime.table import same_model
 
 
-class Mount(NamedTuple):
-    """Inputs for creating a gripper's device."""
-
-    profile: GripperProfile
-    rng: random.Random  # draws its lags
-    surroundings: Surroundings  # what the fingers may meet
-    desk: Desk | None = None  # gives the device's faults; None: never
-
-
-class Bench(NamedTuple):
-    """Inputs for serving a gripper's ports."""
-
-    site: Site
-    line: Callable[..., CleanLine]  # line to the gripper; `checked=False`: its frames have no CRC
-
-
 class Ports(NamedTuple):
     """Addresses of a gripper; a host uses one of them."""
 
@@ -72,18 +56,38 @@ class Simulator:
     link: Callable[[Stream, Pace, Report], Any]  # link of the driver, on that line
     gripper: Callable[[Any, Pace, Report, GripperProfile], Gripper]  # the driver, on that link
 
-    def device(self, mount: Mount) -> Fingers:
-        """The device."""
-        parts = (mount.rng, mount.surroundings, mount.profile)
-        return self.model(*parts) if mount.desk is None else self.faulty(*parts, mount.desk)
+    def device(
+        self,
+        profile: GripperProfile,
+        seed: int,
+        surroundings: Surroundings,
+        desk: Desk | None = None,
+    ) -> Fingers:
+        """The device.
+
+        Args:
+            profile: of its model.
+            seed: of its lags.
+            surroundings: what the fingers may meet.
+            desk: gives the device's faults; None: never.
+        """
+        lags = random.Random(f"{seed}/gripper")
+        if desk is None:
+            return self.model(lags, surroundings, profile)
+        return self.faulty(lags, surroundings, profile, desk)
 
     def slave(self, device: Any, now: Callable[[], float], line: CleanLine) -> RtuSlave:
         """The device on a serial line."""
         return RtuSlave(self.registers(device, now), line, self.unit)
 
-    def ports(self, device: Any, bench: Bench) -> Ports:
-        """Opens the ports of the device."""
-        site, line = bench
+    def ports(self, device: Any, site: Site, line: Callable[..., CleanLine]) -> Ports:
+        """Opens the ports of the device.
+
+        Args:
+            device: the gripper.
+            site: where it is served.
+            line: makes a line to the gripper; `checked=False`: its frames have no CRC.
+        """
         pty = PtyPort(self.slave(device, site.now, line()), site)
         return Ports(pty.path, f"{self.scheme}{pty.path}")
 
@@ -97,9 +101,8 @@ class Simulator:
 class RobotiqSimulator(Simulator):
     """A Robotiq gripper also has TCP ports, and the URCap."""
 
-    def ports(self, device: Any, bench: Bench) -> Ports:
+    def ports(self, device: Any, site: Site, line: Callable[..., CleanLine]) -> Ports:
         """Opens the ports of the device."""
-        site, line = bench
         rtu = open_port(self.slave(device, site.now, line()), site)
         slave = MbapSlave(GripperRegisters(device, site.now, TCP), line(checked=False))
         tcp = open_port(slave, site, lambda: stop_jaws(device, site.now))
@@ -109,7 +112,7 @@ class RobotiqSimulator(Simulator):
             "gripper_rtu_tcp": f"rtu+tcp://{HOST}:{rtu}",
             "gripper_urcap": f"urcap://{HOST}:{urcap}",
         }
-        return super().ports(device, bench)._replace(others=others)
+        return super().ports(device, site, line)._replace(others=others)
 
 
 ROBOTIQ = RobotiqSimulator(

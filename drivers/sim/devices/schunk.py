@@ -188,8 +188,6 @@ class SchunkModel(Fingers):
     def _log(self, text: str) -> None:
         self._messages = [*self._messages[1 - MESSAGES :], f"{self._now:.3f} s: {text}"]
 
-    # -- what the cell asks for -------------------------------------------------------------------
-
     # -- mishaps ----------------------------------------------------------------------------------
 
     def power_cycle(self, now_s: float) -> None:

@@ -9,6 +9,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from drivers.errors import LinkError, shown
 from drivers.ports import Truth
@@ -18,19 +19,6 @@ from runtime.shell import strict_json
 
 ANSWER_S = 10.0
 MAX_LINE = 4096
-
-
-def truth_of(said: Mapping[str, object]) -> Truth:
-    """The ground truth in the scene's answer to "truth"."""
-    x, y, theta = (
-        math.nan if said[name] is None else float(str(said[name]))
-        for name in ("x_mm", "y_mm", "theta_rad")
-    )
-    squeezes, crashes = int(str(said["squeezes"])), int(str(said["crashes"]))
-    status, covered = str(said["status"]), said.get("covered") is True
-    return Truth(
-        x, y, theta, squeezes, crashes, status, covered, int(str(said.get("hypothesis", 0)))
-    )
 
 
 class Feeder:
@@ -45,7 +33,9 @@ class Feeder:
 
     def truth(self) -> Truth:
         """The true pose of the part; raises LinkError where the cell is gone, or refuses."""
-        return truth_of(self._ask("truth"))
+        said: Mapping[str, Any] = self._ask("truth")
+        nowhere = dict.fromkeys((name for name, value in said.items() if value is None), math.nan)
+        return Truth(**{**said, **nowhere})
 
     def close(self) -> None:
         """Disconnects; the cell continues."""
