@@ -104,7 +104,7 @@ class RobotiqSimulator(Simulator):
     def ports(self, device: Any, site: Site, line: Callable[..., CleanLine]) -> Ports:
         """Opens the ports of the device."""
         rtu = open_port(self.slave(device, site.now, line()), site)
-        slave = MbapSlave(GripperRegisters(device, site.now, TCP), line(checked=False))
+        slave = MbapSlave(GripperRegisters(device, site.now, TCP), line(checked=False), TCP.unit)
         tcp = open_port(slave, site, lambda: stop_jaws(device, site.now))
         urcap = site.answer_lines(Urcap(device, site.now).answer, MAX_LINE)
         others = {

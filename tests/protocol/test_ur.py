@@ -26,6 +26,7 @@ from drivers.ur import arm as ur_arm
 from drivers.ur import rtde, script
 
 TARGET = (40.0, -30.0, 60.0, 0.5)
+PAUSED = 4  # runtime state
 
 
 @pytest.fixture
@@ -77,7 +78,8 @@ def test_a_protective_stop_on_the_way_is_no_arrival(rig):
         wait = arm._await_end
 
         def stopped(budget_s):
-            rig.site.call(lambda: rig.model.protective_stop(rig.now()))
+            rig.site.call(lambda: rig.model._halt(rig.now()))
+            rig.model.safety_bits = PROTECTIVE_STOP
             wait(budget_s)
 
         arm._await_end = stopped
@@ -230,25 +232,32 @@ def test_a_simulated_controller_survives_noise(rig):
     assert rig.moves == 1
 
 
+def hold(rig, **changed):
+    """Let the controller show no progress from now on, and these fields."""
+    frozen = rig.model.fields(rig.now())
+    frozen |= {name: (frozen[name][0], (value,)) for name, value in changed.items()}
+    rig.model.fields = lambda now_s: frozen
+
+
 @pytest.mark.parametrize(
-    ("hinder", "reason"),
+    ("changed", "reason"),
     [
-        (lambda model, now: model.pause(now), "the program is paused on the pendant"),
-        (lambda model, now: model.slide(0.0, now), "the speed slider stands at 0 %; raise it"),
-        (lambda model, now: model.slide(0.06, now), "the speed slider was lowered to 6 %"),
+        ({"runtime_state": PAUSED}, "the program is paused on the pendant"),
+        ({"target_speed_fraction": 0.0}, "the speed slider stands at 0 %; raise it"),
+        ({"target_speed_fraction": 0.06}, "the speed slider was lowered to 6 %"),
     ],
     ids=["paused", "slider at 0", "slider lowered"],
 )
-def test_move_held_up_on_the_pendant_names_what_holds_it(rig, hinder, reason):
+def test_move_held_up_on_the_pendant_names_what_holds_it(rig, changed, reason):
     with rig.open() as arm:
         arm.pose()
         began = arm._await_start
 
-        def hindered():
+        def held():
             began()
-            rig.site.call(lambda: hinder(rig.model, rig.now()))
+            rig.site.call(lambda: hold(rig, **changed))
 
-        arm._await_start = hindered
+        arm._await_start = held
         with pytest.raises(ArmError, match=f"not there after .*{reason}.*look at the pendant"):
             arm.move_linear(*TARGET, 5.0)  # still under way when it is held up
 
@@ -260,10 +269,9 @@ def test_move_paused_and_resumed_arrives(rig):
 
         def interrupted():
             began()
-            rig.site.call(lambda: rig.model.pause(rig.now()))
-            assert arm._read().runtime_state == 4
-            rig.site.call(lambda: rig.model.slide(0.5, rig.now()))
-            rig.site.call(lambda: rig.model.play(rig.now()))
+            rig.site.call(lambda: hold(rig, runtime_state=PAUSED))
+            assert arm._read().runtime_state == PAUSED
+            rig.site.call(lambda: delattr(rig.model, "fields"))
 
         arm._await_start = interrupted
         arm.move_linear(*TARGET, 20.0)

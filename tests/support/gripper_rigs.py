@@ -49,7 +49,7 @@ class Robotiq:
             )
             return f"urcap://127.0.0.1:{port}"
         if bus == "tcp":
-            self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP))
+            self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP), unit=TCP.unit)
             port = open_port(self.slave, self.site, lambda: stop_jaws(self.model, self.now))
             return f"tcp://127.0.0.1:{port}"
         self.slave = RtuSlave(GripperRegisters(self.model, self.now))

@@ -9,13 +9,11 @@ from collections.abc import Callable
 
 from drivers.abb.codec import Pose
 from drivers.sim.devices import rapid
-from drivers.sim.devices.arm import Answer, ArmModel
+from drivers.sim.devices.arm import ACCEPT_S, MAX_STRING, Answer, ArmModel
 from drivers.sim.wire.serving import HOST, Site
 
-ACCEPT_S = 0.5  # simulated: WaitTime after SocketAccept in ServerCreateAndConnect
 LOGGER_WAIT_S = 0.1  # loggerWaitTime as shipped
 SEND_S = 0.5  # wall; a client of the logger that reads nothing is disconnected
-MAX_STRING = 80  # SocketReceive \Str accepts so much at once
 
 
 class ArmServer:

@@ -7,7 +7,6 @@ import asyncio
 import contextlib
 from collections.abc import Callable
 
-from drivers.robotiq.frames import TCP
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.wire.line import UnpluggedError
 from drivers.sim.wire.modbus import answer
@@ -19,8 +18,6 @@ HEADER = 7  # MBAP: transaction, protocol 0, length, unit
 
 class MbapSlave(Slave):
     """Modbus TCP framing; another protocol gets no answer, too."""
-
-    usual_unit = TCP.unit
 
     @property
     def pending(self) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from drivers.sim.devices.arm import Answer, ArmModel
+from drivers.sim.devices.arm import ACCEPT_S, MAX_STRING, Answer, ArmModel
 from drivers.sim.devices.rapid import RapidError
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.wire.line import BYTE_S, Outbox, UnpluggedError
@@ -15,8 +15,6 @@ from drivers.stream import port_error
 
 FRAME_GAP_S = 0.002  # silence that ends a frame (Modbus over serial line 1.02, 2.5.1.1: 1.75 ms)
 TURNAROUND_S = 0.001  # of the gripper, and of the network to the arm's controller
-ACCEPT_S = 0.5  # delay of SERVER.mod after it has accepted a client
-MAX_STRING = 80  # SocketReceive \\Str accepts so much at once
 
 
 class VirtualPort:

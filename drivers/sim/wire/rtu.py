@@ -22,15 +22,13 @@ class Slave:
     Args:
         registers: of the slave.
         line: carries its frames.
-        unit: its slave id; None: the usual one of a Robotiq gripper.
+        unit: its slave id; by default the usual one of a Robotiq gripper.
     """
 
-    usual_unit: int
-
     def __init__(
-        self, registers: Registers, line: CleanLine | None = None, unit: int | None = None
+        self, registers: Registers, line: CleanLine | None = None, unit: int = RTU.unit
     ) -> None:
-        self.unit = self.usual_unit if unit is None else unit
+        self.unit = unit
         self._registers = registers
         self._line = line or CleanLine()
         self._buffer = bytearray()
@@ -68,8 +66,6 @@ class Slave:
 
 class RtuSlave(Slave):
     """RTU frames with CRC."""
-
-    usual_unit = RTU.unit
 
     def reply(self, frame: bytes) -> bytes | None:
         """The answer, or None for silence: wrong id, bad CRC, unknown function or address."""
