@@ -240,13 +240,11 @@ class GripperRegisters:
         self._now = now
         self._output = wiring.output
         self._input = wiring.input
-        self._functions = FUNCTIONS[wiring]
+        self.functions = FUNCTIONS[wiring]
 
-    def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` is spoken here and all registers lie in one of the blocks."""
-        return function in self._functions and (
-            _inside(address, count, self._input) or _inside(address, count, self._output)
-        )
+    def serves(self, address: int, count: int) -> bool:
+        """Whether all registers lie in one of the blocks."""
+        return _inside(address, count, self._input) or _inside(address, count, self._output)
 
     def read(self, address: int, count: int) -> bytes:
         """Registers of the input block, or of the output block as last written."""
@@ -256,9 +254,9 @@ class GripperRegisters:
             block, base = self._device.read_output(), self._output
         return block[2 * (address - base) : 2 * (address - base + count)]
 
-    def write(self, function: int, address: int, data: bytes) -> bool:
+    def write(self, address: int, data: bytes) -> bool:
         """Write to the output block; the input block cannot be written."""
-        if function not in self._functions or not _inside(address, len(data) // 2, self._output):
+        if not _inside(address, len(data) // 2, self._output):
             return False
         self._device.write_output(2 * (address - self._output), data, self._now())
         return True
