@@ -58,7 +58,7 @@ class DhModel(Fingers):
         self._forget()
 
     def _forget(self) -> None:
-        """State after a power failure: the fingers stay where they are, uninitialised."""
+        """State after a power failure: uninitialised."""
         self._halt(Grip.AT_POSITION)
         self._show(Grip.AT_POSITION)
         self._initialised = Initialised.NO
@@ -100,11 +100,6 @@ class DhModel(Fingers):
         return min(max(round(dh.FULL * share), 0), dh.FULL)
 
     # -- mishaps ----------------------------------------------------------------------------------
-
-    def power_cycle(self, now_s: float) -> None:
-        """A short power failure."""
-        self.advance(now_s)
-        self._forget()
 
     def _dropped(self) -> None:
         """The held part is lost: the fingers close on, to the requested position."""

@@ -70,7 +70,7 @@ class GripperModel(Fingers):
         self._forget()
 
     def _forget(self) -> None:
-        """State after a power failure: nothing was written, the jaws stay where they are."""
+        """State after a power failure: nothing was written, the screw drive holds the jaws."""
         self._output = bytearray(16)
         self._request = unpack(OUTPUT_FIELDS, self._output)
         self._show(robotiq.OBJ_MOVING)
@@ -138,11 +138,6 @@ class GripperModel(Fingers):
         """Starts the automatic release, as rATR with rARD for opening."""
         self.advance(now_s)
         self._release(opens=True)
-
-    def power_cycle(self, now_s: float) -> None:
-        """A short power failure: all volatile state is gone, the screw drive holds the jaws."""
-        self.advance(now_s)
-        self._forget()
 
     def _dropped(self) -> None:
         """The held part is lost: the jaws close on, to the requested position."""

@@ -103,8 +103,8 @@ class Fingers(ABC):
         """The held part has slipped out."""
 
     @abstractmethod
-    def power_cycle(self, now_s: float) -> None:
-        """A short power failure."""
+    def _forget(self) -> None:
+        """Takes the state after a power failure: the fingers stay where they are."""
 
     def advance(self, now_s: float) -> None:
         """Advances time to `now_s`."""
@@ -123,6 +123,11 @@ class Fingers(ABC):
         changes = (moment for moment in states if moment > self._shown_s)
         coming = min(self._ends_s, *changes, math.inf)
         return math.ceil(coming / self.CYCLE_S) * self.CYCLE_S if coming < math.inf else coming
+
+    def power_cycle(self, now_s: float) -> None:
+        """A short power failure: all volatile state is gone."""
+        self.advance(now_s)
+        self._forget()
 
     def lose_object(self, now_s: float) -> None:
         """The held part slips out."""
