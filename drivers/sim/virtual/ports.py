@@ -60,7 +60,7 @@ class GripperPort(VirtualPort):
     def __init__(self, slave: RtuSlave, clock: VirtualClock) -> None:
         super().__init__("virtual gripper", clock)
         self._slave = slave
-        self._outbox = Outbox(clock.at, self._arrive)
+        self._outbox = Outbox(BYTE_S, clock.at, self._arrive)
         self._sent_s = 0.0
 
     def open(self) -> "GripperPort":

@@ -12,6 +12,7 @@ from drivers.sim.faults import Channel, Desk
 from drivers.sim.wire.modbus import crc16
 
 BYTE_S = 10 / BAUD  # 8N1
+NETWORK_BYTE_S = 8 / 100e6  # 100 Mbit/s
 
 
 class Piece(NamedTuple):
@@ -100,15 +101,18 @@ class Outbox:
     """Delivers pieces, each at its time, one after the other.
 
     Args:
+        byte_s: duration of a byte.
         at: schedules a call for a moment.
         deliver: receives the data of a piece that has arrived.
     """
 
     def __init__(
         self,
+        byte_s: float,
         at: Callable[[float, Callable[[], object]], None],
         deliver: Callable[[bytes], object],
     ) -> None:
+        self._byte_s = byte_s
         self._at = at
         self._deliver = deliver
         self._free_s = 0.0
@@ -117,7 +121,7 @@ class Outbox:
         """Sends pieces; each has arrived once its bytes have crossed the line."""
         for piece in pieces:
             start_s = now_s + piece.delay_s if piece.delay_s else max(now_s, self._free_s)
-            whole_s = start_s + len(piece.data) * BYTE_S
+            whole_s = start_s + len(piece.data) * self._byte_s
             if not piece.delay_s:
                 self._free_s = whole_s
             self._at(whole_s, partial(self._deliver, piece.data))

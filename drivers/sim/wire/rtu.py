@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 
 from drivers.robotiq.frames import RTU
-from drivers.sim.wire.line import BYTE_S, CleanLine, Outbox, Piece
+from drivers.sim.wire.line import BYTE_S, NETWORK_BYTE_S, CleanLine, Outbox, Piece
 from drivers.sim.wire.modbus import Registers, answer, crc16, frame_length
 from drivers.sim.wire.serving import Site
 
@@ -82,7 +82,11 @@ class RtuSlave(Slave):
 
 
 async def exchange(
-    slave: Slave, reader: asyncio.StreamReader, write: Callable[[bytes], object], site: Site
+    slave: Slave,
+    reader: asyncio.StreamReader,
+    write: Callable[[bytes], object],
+    site: Site,
+    byte_s: float = NETWORK_BYTE_S,
 ) -> None:
     """Serves one client of a device until it leaves.
 
@@ -91,11 +95,12 @@ async def exchange(
         reader: data from the client.
         write: sends data to the client.
         site: simulated time.
+        byte_s: duration of a byte, simulated seconds.
 
     Raises:
         OSError: the connection broke, or the fault schedule has unplugged it.
     """
-    outbox = Outbox(site.at, write)
+    outbox = Outbox(byte_s, site.at, write)
     while True:
         try:
             async with asyncio.timeout(GAP_S if slave.pending else None):
@@ -106,7 +111,7 @@ async def exchange(
         if not data:
             return
         pieces = slave.feed(data)
-        outbox.put(pieces, site.now() + len(data) * BYTE_S)
+        outbox.put(pieces, site.now() + len(data) * byte_s)
 
 
 class PtyPort:
@@ -139,6 +144,6 @@ class PtyPort:
             loop, reader = asyncio.get_running_loop(), asyncio.StreamReader()
             loop.add_reader(master, lambda: reader.feed_data(master.read(CHUNK) or b""))
             try:
-                await exchange(slave, reader, write, site)
+                await exchange(slave, reader, write, site, BYTE_S)
             finally:
                 loop.remove_reader(master)

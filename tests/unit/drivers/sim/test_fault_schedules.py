@@ -142,7 +142,7 @@ def test_the_unit_of_a_modbus_tcp_frame_is_its_seventh_byte():
 
 def test_an_outbox_keeps_the_order_of_arrival():
     clock, arrived = VirtualClock(), []
-    box = Outbox(clock.at, lambda data: arrived.append((clock.now(), data)))
+    box = Outbox(BYTE_S, clock.at, lambda data: arrived.append((clock.now(), data)))
     box.put([Piece(b"late", 1.0), Piece(b"ab"), Piece(b"cd")], 10.0)
     clock.advance(20.0)
     assert arrived == [
