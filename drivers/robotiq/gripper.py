@@ -3,13 +3,14 @@
 After the 2F-85 manual ([M18] p54-62) and Robotiq's own SDK (`gripper.cpp`, `gripper_state.cpp`).
 """
 
+from typing import Protocol
+
 from drivers.errors import GripperFault
 from drivers.polling import Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.counts import Counts
 from drivers.robotiq.faults import MAJOR, PRIORITY, fault, fault_text
-from drivers.robotiq.link import Link
 from drivers.robotiq.registers import OUTPUT_FIELDS, Reading, decode, pack, speed_mm_s_of
 
 # Reset, sweep and report together ([SDK] gripper.cpp; 5 s was too short for some).
@@ -19,6 +20,25 @@ SETTLE_COUNTS = 1.0
 # Distance from the request above which gOBJ 3 contradicts the count (open ends at 3 to 13).
 ARRIVED_COUNTS = 12
 COMM_SILENCE = 0x09
+
+
+class Link(Protocol):
+    """The two register blocks, on any bus.
+
+    In both directions a LinkTimeout means that there was no valid answer, and any other LinkError that the
+    connection is gone or the device refuses.
+    """
+
+    endpoint: str
+
+    def read(self) -> bytes:
+        """Reads the input block, 6 bytes; may retry."""
+
+    def write(self, block: bytes) -> None:
+        """Writes the output block, 6 bytes, exactly once; after a timeout its arrival is unknown."""
+
+    def close(self) -> None:
+        """Closes the link without moving anything."""
 
 
 class Gripper(PolledGripper[Reading, int]):

@@ -1,9 +1,7 @@
 """A simulated cell in real time: gripper and arm behind their real protocols, with a part."""
 
-import random
-import threading
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from drivers.abb.codec import Pose
 from drivers.sim.camera.server import CameraServer
@@ -12,12 +10,11 @@ from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.devices.ur_controller import UrModel
 from drivers.sim.devices.ur_ports import served
 from drivers.sim.faults import Listed
-from drivers.sim.grippers import Bench, Mount, simulator
+from drivers.sim.grippers import simulator
 from drivers.sim.physics.scene import Setting
-from drivers.sim.physics.scene_protocol import SceneServer
-from drivers.sim.physics.tabletop import Look
+from drivers.sim.physics.scene_protocol import open_port
 from drivers.sim.wire.line import CleanLine
-from drivers.sim.wire.serving import Server, SimulatedTime
+from drivers.sim.wire.serving import HOST, Site
 from drivers.sim.workcell import ARM_BASE, Workcell
 from runtime.table import profile_of
 
@@ -28,60 +25,24 @@ if TYPE_CHECKING:
 REACH_MM = 580  # of the simulated arm, behind every controller
 
 
-class Serving:
-    """Servers that share a lock and a time; they serve while the context lasts, or until `stopped` is set.
-
-    Attributes:
-        endpoints: their addresses.
-    """
-
-    endpoints: dict[str, str]
-    _servers: list[Server]
-
-    def __init__(self, time_scale: float) -> None:
-        self.stopped = threading.Event()
-        self._lock = threading.RLock()
-        self._time = SimulatedTime(time_scale, self.stopped)
-
-    def __enter__(self) -> Self:
-        for server in self._servers:
-            server.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.stopped.set()
-        for server in self._servers:
-            server.close()
-
-
-class LoneGripper(Serving):
+class LoneGripper(Site):
     """A simulated gripper of some model, with nothing between its fingers.
 
     Args:
         model: one of `drivers.sim.grippers.SIMULATORS`.
         seed: of its lags.
         time_scale: simulated seconds per wall second.
-        surroundings: what the fingers may meet; None: nothing.
     """
 
-    def __init__(
-        self,
-        model: str,
-        seed: int,
-        time_scale: float = 1.0,
-        surroundings: Surroundings | None = None,
-    ) -> None:
+    def __init__(self, model: str, seed: int, time_scale: float = 1.0) -> None:
         super().__init__(time_scale)
-        lags = random.Random(f"{seed}/gripper")
-        mount = Mount(profile_of(model), lags, surroundings or Surroundings())
-        self.device = simulator(model).device(mount)
-        bench = Bench(self._lock, self._time, lambda **_: CleanLine())
-        ports = simulator(model).ports(self.device, bench)
-        self._servers = ports.servers
+        make = simulator(model)
+        device = make.device(profile_of(model), seed, Surroundings())
+        ports = make.ports(device, self, lambda **_: CleanLine())
         self.endpoints = {"gripper": ports.path, "port": ports.port, **ports.others}
 
 
-class Cell(Serving):
+class Cell(Site):
     """Gripper on the ports of its make, arm and scene on TCP ports, joined by a world.
 
     Gripper and arm are one device each: a host uses one of their ports only. Arguments as for `Workcell`;
@@ -97,43 +58,40 @@ class Cell(Serving):
         rig: "Rig | None" = None,
     ) -> None:
         super().__init__(time_scale)
-        self.works = Workcell(setting, seed, self._time.now, faults)
-        bench = Bench(self._lock, self._time, self.works.line)
-        gripper = self.works.simulator.ports(self.works.gripper, bench)
-        arm = ArmServer(self.works.arm, self._lock, self._time, self.works.arm_stands)
-        ur = UrModel(self.works.arm, ARM_BASE, self.works.arm_stands)
-        ur_script, ur_rtde = served(ur, self._lock, self._time)
-        logger = ArmLogger(self._look_at_arm, self._time)
-        scene = SceneServer(self._answer, self.stopped)
-        self._servers: list[Server] = [*gripper.servers, arm, ur_script, ur_rtde, logger, scene]
+        self.works = Workcell(setting, seed, self.now, faults)
+        gripper = self.works.simulator.ports(self.works.gripper, self, self.works.line)
+        arm = ArmServer(self.works.arm, self, self.works.arm_stands)
+        _, rtde = served(UrModel(self.works.arm, ARM_BASE, self.works.arm_stands), self)
+        logger = ArmLogger(self._look_at_arm, self)
+        scene = open_port(self._answer, self)
         # Addresses of its devices, for `drivers.connect`.
         base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
         self.endpoints = {
             "gripper": gripper.port,
             "arm": f"{arm.url}?base={base}",
-            "scene": scene.url,
+            "scene": f"tcp://{HOST}:{scene}",
             "world": setting.world,
             "arm_logger": logger.url,
             **gripper.others,
-            "arm_ur": f"ur://127.0.0.1:{ur_rtde.port}?base={base}&reach={REACH_MM}",
+            "arm_ur": f"ur://{HOST}:{rtde.port}?base={base}&reach={REACH_MM}",
         }
+        self._camera: CameraServer | None = None
         if rig is not None:
-            camera = CameraServer(rig.watcher(self._look, seed))
-            self._servers.append(camera)
-            self.endpoints["camera"] = camera.url
+            self._camera = CameraServer(rig.watcher(lambda: self.call(self.works.look), seed))
+            self.endpoints["camera"] = self._camera.url
+
+    def close(self) -> None:
+        """Stops serving, and disconnects all clients."""
+        if self._camera is not None:
+            self._camera.close()
+        super().close()
 
     def _look_at_arm(self) -> tuple[Pose, tuple[float, ...]]:
-        with self._lock:
-            now_s = self._time.now()
-            return self.works.arm.pose_at(now_s), self.works.arm.joints_at(now_s)
-
-    def _look(self) -> Look:
-        with self._lock:
-            return self.works.look()
+        now_s = self.now()
+        return self.works.arm.pose_at(now_s), self.works.arm.joints_at(now_s)
 
     def _answer(self, what: str) -> Mapping[str, object]:
-        with self._lock:
-            said = self.works.answer(what)
+        said = self.works.answer(what)
         if said is None and what == "quit":
             return {"quit": True}
         return said or {"error": f"cannot {what}; next_part, truth and quit are known"}

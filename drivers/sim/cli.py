@@ -6,12 +6,13 @@ import os
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from drivers.sim.cell import Cell, LoneGripper, Serving
+from drivers.sim.cell import Cell, LoneGripper
 from drivers.sim.faults import parse
 from drivers.sim.grippers import SIMULATORS
 from drivers.sim.physics.scene import REHEARSAL, Block, Setting, load, warm_up
@@ -105,19 +106,9 @@ def _refuse_other_devices(options: argparse.Namespace) -> None:
             )
 
 
-def _run(serving: Serving, options: argparse.Namespace) -> int:
-    """Serves until asked to end; returns the exit code."""
-    failures: list[str] = []
+def _run(serving: Cell | LoneGripper, options: argparse.Namespace) -> int:
+    """Serves until asked to end, or a port fails, so that no device stays mute; returns the exit code."""
     with serving as running:
-
-        def give_up(failed: threading.ExceptHookArgs) -> None:
-            """Ends the cell after a server thread failed, so that no device stays mute."""
-            failures.append(one_line(failed.exc_value))
-            if options.debug:
-                threading.__excepthook__(failed)
-            running.stopped.set()
-
-        threading.excepthook = give_up
         signal.signal(signal.SIGTERM, lambda *_: running.stopped.set())
         if options.until_stdin_closes:
             threading.Thread(target=_watch_stdin, args=(running.stopped,), daemon=True).start()
@@ -127,9 +118,11 @@ def _run(serving: Serving, options: argparse.Namespace) -> int:
             lines = (f"{name:16}{value}" for name, value in running.endpoints.items())
             print("\n".join(lines), flush=True)
         running.stopped.wait()
-    for failure in failures[:1]:
-        tell("grasp-cell", f"stopped: {failure}")
-    return 1 if failures else 0
+    for failure in running.failures[:1]:
+        if options.debug:
+            traceback.print_exception(failure)
+        tell("grasp-cell", f"stopped: {one_line(failure)}")
+    return 1 if running.failures else 0
 
 
 def _block(text: str) -> Block:

@@ -20,8 +20,8 @@ from drivers.schunk.link import SchunkLink
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.faulty import FaultyDhModel, FaultyGripper, FaultySchunkModel
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
-from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
-from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
+from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws
+from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.devices.jaws import Fingers, Surroundings
 from drivers.sim.devices.schunk import SchunkModel
 from drivers.sim.devices.schunk_registers import SchunkRegisters
@@ -29,33 +29,15 @@ from drivers.sim.faults import Desk
 from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.modbus import Registers
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
-from drivers.sim.wire.serving import Lock, Server, SimulatedTime
+from drivers.sim.wire.serving import HOST, Site
 from drivers.stream import Stream
 from runtime.shell.errors import UsageError
 from runtime.table import same_model
 
 
-class Mount(NamedTuple):
-    """Inputs for creating a gripper's device."""
-
-    profile: GripperProfile
-    rng: random.Random  # draws its lags
-    surroundings: Surroundings  # what the fingers may meet
-    desk: Desk | None = None  # gives the device's faults; None: never
-
-
-class Bench(NamedTuple):
-    """Inputs for serving a gripper's ports."""
-
-    lock: Lock  # held while bytes are served
-    time: SimulatedTime
-    line: Callable[..., CleanLine]  # line to the gripper; `checked=False`: its frames have no CRC
-
-
 class Ports(NamedTuple):
     """Addresses of a gripper; a host uses one of them."""
 
-    servers: list[Server]
     path: str  # of the serial port
     port: str  # the same for `drivers.connect`
     others: Mapping[str, str] = MappingProxyType({})
@@ -74,19 +56,40 @@ class Simulator:
     link: Callable[[Stream, Pace, Report], Any]  # link of the driver, on that line
     gripper: Callable[[Any, Pace, Report, GripperProfile], Gripper]  # the driver, on that link
 
-    def device(self, mount: Mount) -> Fingers:
-        """The device."""
-        parts = (mount.rng, mount.surroundings, mount.profile)
-        return self.model(*parts) if mount.desk is None else self.faulty(*parts, mount.desk)
+    def device(
+        self,
+        profile: GripperProfile,
+        seed: int,
+        surroundings: Surroundings,
+        desk: Desk | None = None,
+    ) -> Fingers:
+        """The device.
+
+        Args:
+            profile: of its model.
+            seed: of its lags.
+            surroundings: what the fingers may meet.
+            desk: gives the device's faults; None: never.
+        """
+        lags = random.Random(f"{seed}/gripper")
+        if desk is None:
+            return self.model(lags, surroundings, profile)
+        return self.faulty(lags, surroundings, profile, desk)
 
     def slave(self, device: Any, now: Callable[[], float], line: CleanLine) -> RtuSlave:
         """The device on a serial line."""
         return RtuSlave(self.registers(device, now), line, self.unit)
 
-    def ports(self, device: Any, bench: Bench) -> Ports:
-        """The ports of the device."""
-        pty = PtyPort(self.slave(device, bench.time.now, bench.line()), bench.lock, bench.time)
-        return Ports([pty], pty.path, f"{self.scheme}{pty.path}")
+    def ports(self, device: Any, site: Site, line: Callable[..., CleanLine]) -> Ports:
+        """Opens the ports of the device.
+
+        Args:
+            device: the gripper.
+            site: where it is served.
+            line: makes a line to the gripper; `checked=False`: its frames have no CRC.
+        """
+        pty = PtyPort(self.slave(device, site.now, line()), site)
+        return Ports(pty.path, f"{self.scheme}{pty.path}")
 
     def driver(
         self, stream: Stream, pace: Pace, report: Report, profile: GripperProfile
@@ -98,18 +101,18 @@ class Simulator:
 class RobotiqSimulator(Simulator):
     """A Robotiq gripper also has TCP ports, and the URCap."""
 
-    def ports(self, device: Any, bench: Bench) -> Ports:
-        """The ports of the device."""
-        lock, time, now = bench.lock, bench.time, bench.time.now
-        serial = super().ports(device, bench)
-        rtu_tcp = TcpPort(self.slave(device, now, bench.line()), lock, time)
-        slave = MbapSlave(GripperRegisters(device, now, TCP), bench.line(checked=False))
-        tcp = TcpPort(slave, lock, time, lambda: stop_jaws(device, now))
-        urcap = UrcapPort(Urcap(device, now), lock)
-        others = {"gripper_tcp": tcp.url, "gripper_rtu_tcp": f"rtu+{rtu_tcp.url}"}
-        others["gripper_urcap"] = urcap.url
-        servers = [*serial.servers, rtu_tcp, tcp, urcap]
-        return serial._replace(servers=servers, others=others)
+    def ports(self, device: Any, site: Site, line: Callable[..., CleanLine]) -> Ports:
+        """Opens the ports of the device."""
+        rtu = open_port(self.slave(device, site.now, line()), site)
+        slave = MbapSlave(GripperRegisters(device, site.now, TCP), line(checked=False), TCP.unit)
+        tcp = open_port(slave, site, lambda: stop_jaws(device, site.now))
+        urcap = site.answer_lines(Urcap(device, site.now).answer, MAX_LINE)
+        others = {
+            "gripper_tcp": f"tcp://{HOST}:{tcp}",
+            "gripper_rtu_tcp": f"rtu+tcp://{HOST}:{rtu}",
+            "gripper_urcap": f"urcap://{HOST}:{urcap}",
+        }
+        return super().ports(device, site, line)._replace(others=others)
 
 
 ROBOTIQ = RobotiqSimulator(

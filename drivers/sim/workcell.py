@@ -10,7 +10,7 @@ from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.faulty import FaultyArm
 from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.faults import Desk, Listed
-from drivers.sim.grippers import Mount, simulator
+from drivers.sim.grippers import simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.tabletop import Look, TableTop, Vice
 from drivers.sim.wire.line import CleanLine, FaultyLine
@@ -48,10 +48,9 @@ class Workcell(Surroundings):
         ramps = None
         if (line := geometry.acceleration_mm_s2) is not None:
             ramps = (line, math.degrees(line / geometry.turn_radius_mm))
-        lags = random.Random(f"{seed}/gripper")
-        mount = Mount(self.profile, lags, self, self.desk if self._faulty else None)
         self.simulator = simulator(self.profile.model)
-        self.gripper = self.simulator.device(mount)
+        desk = self.desk if self._faulty else None
+        self.gripper = self.simulator.device(self.profile, seed, self, desk)
         self.arm: ArmModel
         if self._faulty:
             self.arm = FaultyArm(random.Random(f"{seed}/arm"), ARM_BASE, self.desk, ramps)

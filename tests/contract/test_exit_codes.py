@@ -1,14 +1,14 @@
 """The exit codes are few, and OUTCOMES.md and the error classes have the same."""
 
 import importlib
-import re
 from pathlib import Path
+
+from documents import rows, section
 
 from runtime.shell.errors import ExpectedError
 from runtime.shell.exit_codes import ExitCode
 
 ROOT = Path(__file__).parents[2]
-ROW = re.compile(r"^\| (\d+) \| ([^|]+) \|", re.MULTILINE)
 MODULES = ("runtime.shell.errors", "planner.errors", "runtime.errors", "drivers.errors")
 RETURNED = {ExitCode.DONE, ExitCode.NOT_LOCATED, ExitCode.UNDECIDED, ExitCode.INTERRUPTED}
 """Codes that a command returns, and no error carries."""
@@ -27,8 +27,8 @@ def test_exit_codes_are_at_most_twelve_beside_success_and_interrupt():
 
 def test_outcomes_list_each_code_with_its_sentence():
     text = (ROOT / "runtime" / "OUTCOMES.md").read_text(encoding="utf-8")
-    section = text.partition("## Exit codes\n")[2].partition("\n## ")[0]
-    assert ROW.findall(section) == [(str(code.value), code.sentence) for code in ExitCode]
+    listed = [row[:2] for row in rows(section(text, "Exit codes"))]
+    assert listed == [[str(code.value), code.sentence] for code in ExitCode]
 
 
 def test_error_classes_carry_every_code_that_no_command_returns():

@@ -65,13 +65,12 @@ def test_activation_cut_short_and_stopped_stands_still_and_may_begin_anew(bus):
 
 def test_closing_a_modbus_tcp_link_stops_the_jaws_and_no_other_does():
     for bus in ("rtu+tcp", "tcp"):
-        rig = Robotiq(bus)
-        with rig.open() as gripper:
-            gripper.activate()
-            gripper.move(-1, 20.0, 20.0)
-        threading.Event().wait(0.15)
-        assert bool(rig.model.read_output()[0] & 0x08) == (bus != "tcp")
-        rig.close()
+        with contextlib.closing(Robotiq(bus)) as rig:
+            with rig.open() as gripper:
+                gripper.activate()
+                gripper.move(-1, 20.0, 20.0)
+            threading.Event().wait(0.15)
+            assert bool(rig.model.read_output()[0] & 0x08) == (bus != "tcp")
 
 
 @pytest.mark.parametrize(
@@ -93,48 +92,42 @@ def test_port_that_nobody_serves_is_refused_in_one_line(port, sentence):
 
 
 def test_gripper_of_another_profile_than_asked_for_is_refused_and_closed(monkeypatch):
-    gripper = Robotiq("pty")
 
     def stubborn(makes, *settings, profile, **options):
         return modbus.gripper(*settings, profile=None, **options)
 
     monkeypatch.setattr(connect, "_opened", stubborn)
-    try:
+    with contextlib.closing(Robotiq("pty")) as gripper:
         with pytest.raises(PortError, match="is a robotiq-2f-85, not a hand-e"):
             connect.gripper(gripper.name, PROFILES["hand-e"])
         with contextlib.closing(connect.gripper(gripper.name)) as again:
             assert again.profile.model == "robotiq-2f-85"
-    finally:
-        gripper.close()
 
 
 def test_a_port_has_one_owner():
-    gripper = Robotiq("pty")
-    try:
-        with gripper.open(), pytest.raises(PortError, match="in use"):
-            connect.gripper(gripper.name)
-    finally:
-        gripper.close()
+    with (
+        contextlib.closing(Robotiq("pty")) as gripper,
+        gripper.open(),
+        pytest.raises(PortError, match="in use"),
+    ):
+        connect.gripper(gripper.name)
 
 
 def test_a_silent_line_times_out_and_the_next_answer_is_not_stale(monkeypatch):
     """The slave is deaf for a moment; afterwards driver and device are in step again."""
-    device = Robotiq("pty")
-    try:
-        lines = []
-        with device.open(report=lambda kind, fields: lines.append(fields["incident"])) as gripper:
-            gripper.activate()
-            feed, device.slave.feed = device.slave.feed, lambda data: []
-            with monkeypatch.context() as soon:
-                soon.setattr(links, "LINK_TIMEOUT_S", 0.05)
-                with pytest.raises(LinkTimeout):
-                    gripper.state()
-            device.slave.feed = feed
-            gripper.move(width_um(77), 150.0, 20.0)
-            assert gripper.wait().width_um == width_um(77)
-            assert lines == [*["no answer", "read repeated"] * 2, "no answer"]
-    finally:
-        device.close()
+    lines = []
+    report = lambda kind, fields: lines.append(fields["incident"])  # noqa: E731
+    with contextlib.closing(Robotiq("pty")) as device, device.open(report=report) as gripper:
+        gripper.activate()
+        feed, device.slave.feed = device.slave.feed, lambda data: []
+        with monkeypatch.context() as soon:
+            soon.setattr(links, "LINK_TIMEOUT_S", 0.05)
+            with pytest.raises(LinkTimeout):
+                gripper.state()
+        device.slave.feed = feed
+        gripper.move(width_um(77), 150.0, 20.0)
+        assert gripper.wait().width_um == width_um(77)
+    assert lines == [*["no answer", "read repeated"] * 2, "no answer"]
 
 
 def test_an_unplugged_adapter_is_not_reopened():

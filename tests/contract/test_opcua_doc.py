@@ -1,9 +1,9 @@
 """The section on OPC UA in tools/docs/plc.md shows states, chart, nodes and limits of the code."""
 
-import re
 from pathlib import Path
 from typing import get_type_hints
 
+from documents import rows, section
 from vision_chart import line
 
 from runtime.plc import admission, opcua
@@ -13,20 +13,12 @@ from runtime.plc.panel import MOST_RESULTS
 from runtime.plc.vision import STOP_REASONS, VIEW, Result
 
 PAGE = (Path(__file__).parents[2] / "tools" / "docs" / "plc.md").read_text()
-SECTION = PAGE[PAGE.index("## OPC UA") :]
+SECTION = section(PAGE, "OPC UA")
 PROSE = " ".join(SECTION.split())
 
 
-def rows(first: str) -> list[list[str]]:
-    """The cells of the table whose head begins with a word, without that head."""
-    (table,) = re.findall(
-        rf"^\| {re.escape(first)} \|.*\n\| ---.*\n((?:\|.*\n?)+)", SECTION, re.MULTILINE
-    )
-    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in table.splitlines()]
-
-
 def test_section_shows_the_states_in_the_order_in_which_they_hold():
-    assert rows("shown while") == [
+    assert rows(SECTION, "shown while") == [
         [
             row.when,
             row.state.outer,
@@ -51,12 +43,12 @@ def test_section_names_every_method_with_its_arguments():
                 "the variables of `LastResult`" if whole else ", ".join(outputs),
             ]
         )
-    assert [row[:3] for row in rows("method")] == sorted(expected)
+    assert [row[:3] for row in rows(SECTION, "method")] == sorted(expected)
 
 
 def test_section_names_every_variable_of_a_result():
     kinds = get_type_hints(Result)
-    assert [row[:2] for row in rows("`LastResult/`")] == [
+    assert [row[:2] for row in rows(SECTION, "`LastResult/`")] == [
         [f"`{name}`", TYPES[kinds[name]].name] for name in Result._fields
     ]
 

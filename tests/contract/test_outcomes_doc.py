@@ -4,6 +4,7 @@ import re
 import shlex
 from pathlib import Path
 
+from documents import rows, section
 from soaking import soak_run
 
 from drivers.sim.faults import KINDS
@@ -17,14 +18,6 @@ TEXT = (ROOT / "runtime" / "OUTCOMES.md").read_text()
 UNIT = (ROOT / "tools" / "systemd" / "squeezetree@.service").read_text()
 
 
-def rows(title: str) -> list[list[str]]:
-    """The cells of a section's table, without its head."""
-    match = re.search(rf"^## {title}$(.*?)(?=^## |\Z)", TEXT, re.MULTILINE | re.DOTALL)
-    assert match is not None, f"OUTCOMES.md has no section {title}"
-    lines = [line for line in match[1].splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
-
-
 def setting(name: str) -> str:
     """A setting of the unit."""
     (value,) = re.findall(rf"^{name}=(.*)$", UNIT, re.MULTILINE)
@@ -32,18 +25,20 @@ def setting(name: str) -> str:
 
 
 def test_the_states_are_those_of_the_loop():
-    assert [row[0].strip("`") for row in rows("States")] == [phase.value for phase in Phase]
+    assert [row[0].strip("`") for row in rows(section(TEXT, "States"))] == [
+        phase.value for phase in Phase
+    ]
 
 
 def test_the_outcomes_have_their_codes():
-    record = {row[0].strip("`"): row[1] for row in rows("Outcomes")}
+    record = {row[0].strip("`"): row[1] for row in rows(section(TEXT, "Outcomes"))}
     assert record == {
         outcome.value: str(EXIT_CODES.get(outcome, "the device's")) for outcome in Outcome
     }
 
 
 def test_the_faults_are_the_codes_of_devices_and_disk():
-    codes = {int(row[0]) for row in rows("Faults")}
+    codes = {int(row[0]) for row in rows(section(TEXT, "Faults"))}
     assert codes == {ExitCode.DEVICE, ExitCode.UNREACHABLE, ExitCode.JOURNAL}
     assert f"{len(KINDS)} classes" in TEXT
 

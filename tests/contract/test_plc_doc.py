@@ -3,20 +3,14 @@
 import re
 from pathlib import Path
 
+from documents import rows
+
 from runtime.commands import plc
 from runtime.plc import modbus
 from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State
 from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, WRITTEN
 
 PAGE = (Path(__file__).parents[2] / "tools" / "docs" / "plc.md").read_text()
-
-
-def rows(first: str) -> list[list[str]]:
-    """The cells of the table whose head begins with a word, without that head."""
-    (table,) = re.findall(
-        rf"^\| {re.escape(first)} \|.*\n\| ---.*\n((?:\|.*\n)+)", PAGE, re.MULTILINE
-    )
-    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in table.splitlines()]
 
 
 def shown(state: State, event: Event) -> str:
@@ -37,8 +31,8 @@ def test_page_shows_the_table_of_the_code():
         + [shown(state, event) for event in events]
         for state in State
     ]
-    assert rows("state") == expected
-    refused = dict(rows("event"))
+    assert rows(PAGE, "state") == expected
+    refused = dict(rows(PAGE, "event"))
     assert {*events, *map(Event, refused)} == set(Event)
     for name, error in refused.items():
         for state in State:
@@ -65,7 +59,7 @@ def test_page_lists_every_register():
 
 
 def test_page_explains_every_error_and_limit():
-    explained = [row[0] for row in rows("`error_id`")]
+    explained = [row[0] for row in rows(PAGE, "`error_id`")]
     assert explained == ["1, 20, 21, 24, 40", *(str(error.value) for error in Error if error)]
     seconds = modbus.KEEPALIVE.values()
     idle, interval, count = seconds

@@ -8,6 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 import pytest
+from documents import rows, section
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("planner", "runtime", "drivers", "tools", "tests")
@@ -18,17 +19,11 @@ MOST_PARAMETERS = 8
 SCRIPT = b"#!/usr/bin/env python3"
 
 
-def rows(title: str) -> list[list[str]]:
-    """The cells of a section's table, without its head."""
-    section = GLOSSARY.read_text().partition(f"## {title}\n")[2].partition("\n## ")[0]
-    lines = [line for line in section.splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
-
-
-NAMES = {name.strip("`"): (where, better) for name, where, better in rows("Names")}
+TERMS, NAMES_ROWS = (rows(section(GLOSSARY.read_text(), title)) for title in ("Terms", "Names"))
+NAMES = {name.strip("`"): (where, better) for name, where, better in NAMES_ROWS}
 WORDS = {
     word: term
-    for term, _, replaced in rows("Terms")
+    for term, _, replaced in TERMS
     for word in re.split(r", (?![^(]*\))", replaced)
     if "(" not in word and word != "-"
 }
@@ -126,6 +121,6 @@ def test_docstrings_use_the_terms_of_the_glossary(folder):
 
 
 def test_glossary_states_a_meaning_for_each_term():
-    assert all(all(row) for row in rows("Terms"))
-    assert len({term for term, *_ in rows("Terms")}) == len(rows("Terms"))
+    assert all(all(row) for row in TERMS)
+    assert len({term for term, *_ in TERMS}) == len(TERMS)
     assert WORDS.keys() >= {"hasty"}

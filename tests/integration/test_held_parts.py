@@ -45,11 +45,15 @@ class Station:
         """Start, and send a signal while the gripper waits to answer in the state asked for."""
         process = started([*RUNTIME, *self.words(*words)])
         deadline = time.monotonic() + WAIT_S
+
+        def struck() -> bool:
+            if strikes := when():
+                process.send_signal(number)
+            return strikes
+
         while process.poll() is None and time.monotonic() < deadline:
-            with self.cell._lock:
-                if when():
-                    process.send_signal(number)
-                    break
+            if self.cell.call(struck):
+                break
             time.sleep(0.001)
         out, err = process.communicate(timeout=WAIT_S)
         return Ended(process.returncode, out, err)
@@ -62,10 +66,13 @@ class Station:
 
     def stands(self) -> tuple[float, float, float, float]:
         """Where the arm is, and the opening."""
-        with self.cell._lock:
+
+        def look() -> tuple[float, float, float, float]:
             now_s = self.cell.works.now()
             x_mm, y_mm, z_mm, _ = self.cell.works.arm.pose_at(now_s)
             return x_mm, y_mm, z_mm, self.gripper.opening_mm(now_s)
+
+        return self.cell.call(look)
 
 
 @pytest.fixture
@@ -123,8 +130,7 @@ def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_d
 
 def test_a_gripper_that_lost_its_power_with_a_part_in_it_is_not_activated(station) -> None:
     station.strike(signal.SIGINT, station.grips, "--activate")
-    with station.cell._lock:
-        station.gripper.power_cycle(station.cell.works.now())
+    station.cell.call(lambda: station.gripper.power_cycle(station.cell.works.now()))
     said = is_refused(station, 20, "--activate")
     assert "cannot tell" in said
     assert "--jaws-empty" in said
@@ -172,7 +178,7 @@ def test_a_part_of_long_ago_is_not_gone_on_with(station) -> None:
     assert "--resume-within" in said
 
 
-class LosesForces(CleanLine):
+class LosesForces:
     """Loses the first write of each block that raises the force and nothing else."""
 
     def __init__(self, station: Station) -> None:
@@ -192,9 +198,11 @@ class LosesForces(CleanLine):
         return False
 
 
-def test_a_force_that_was_lost_on_the_way_is_written_again(station) -> None:
+def test_a_force_that_was_lost_on_the_way_is_written_again(
+    station, monkeypatch: pytest.MonkeyPatch
+) -> None:
     line = LosesForces(station)
-    station.cell._servers[0]._slave._line = line
+    monkeypatch.setattr(CleanLine, "hears", lambda _, frame: line.hears(frame))
     # What is carried is held with the table's force, what is only squeezed with the least one.
     code, out, err = station.run("--activate", "--force", "regulated", "--deliver", "20,-10,0")
     assert code in (0, 10), (out, err)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.modbus.framing import RtuFraming
-from drivers.robotiq.frames import RTU, read_request
+from drivers.robotiq.frames import RTU, TCP, read_request
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_tcp import MbapSlave
 from drivers.sim.wire.modbus import crc16
@@ -41,7 +41,7 @@ def test_arbitrary_bytes_do_nothing(data) -> None:
 @CASES
 @given(st.lists(st.binary(max_size=60), max_size=5))
 def test_feed_tcp_slave_arbitrary_bytes_raises_nothing(pieces) -> None:
-    slave = MbapSlave(GripperRegisters(GripperModel(random.Random(1)), lambda: 0.01))
+    slave = MbapSlave(GripperRegisters(GripperModel(random.Random(1)), lambda: 0.01), unit=TCP.unit)
     for piece in pieces:
         slave.feed(piece)
 

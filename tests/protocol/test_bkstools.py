@@ -30,7 +30,7 @@ def run(rig, tmp_path):
     """A script of bkstools, or a file, run on the gripper; what it printed."""
 
     def run(what, *arguments):
-        host = f"{rig.port.path},12,115200,8N1"
+        host = f"{rig.path},12,115200,8N1"
         if what.endswith(".py"):
             command = [SUPPORT / what, host, *arguments]
         else:
@@ -71,7 +71,9 @@ def test_bks_move_goes_to_absolute_and_relative_widths(rig, run):
     reached = [float(width) for width in re.findall(r"reached (\S+) mm", said)]
     assert reached == pytest.approx([30.0, 60.0, 70.0, 70.0], abs=0.2)  # it looks while they settle
     assert "Gripper reported 0 errors and 0 warnings" in said
-    assert rig.model.opening_mm(rig.time.now()) == pytest.approx(70.0, abs=1e-3)
+    assert rig.site.call(lambda: rig.model.opening_mm(rig.site.now())) == pytest.approx(
+        70.0, abs=1e-3
+    )
 
 
 @pytest.mark.timeout(300)
@@ -80,7 +82,7 @@ def test_bks_grip_grips_a_part_and_releases_it_and_messages_come_newest_first(ri
     rig.part.width_mm = 91.237
     assert "Workpiece gripped at 91.2 mm" in run("bks_grip", "--force=100")
     assert "Release postion reached at 96.2 mm" in run("bks_grip", "--release")
-    rig.model.fail(0x74, rig.time.now())
+    rig.site.call(lambda: rig.model.fail(0x74, rig.site.now()))
     said = run("bks_get_system_messages", "-i", "0-2")
     first, second, third = re.findall(r"\d{3}: '(.*)'", said)
     assert "motor supply is too low" in first

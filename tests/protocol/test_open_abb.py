@@ -7,7 +7,6 @@ import math
 import random
 import select
 import socket
-import threading
 import time
 
 import pytest
@@ -16,7 +15,7 @@ from drivers.abb.codec import Pose
 from drivers.sim.devices import rapid
 from drivers.sim.devices.arm import HAND_DOWN, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
-from drivers.sim.wire.serving import SimulatedTime
+from drivers.sim.wire.serving import Site
 
 SCALE = 50.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
@@ -131,10 +130,9 @@ class Served:
 
     def __init__(self):
         self.model = ArmModel(BASE)
-        time = SimulatedTime(SCALE, threading.Event())
-        self.now = time.now
-        self.server = ArmServer(self.model, threading.RLock(), time)
-        self.server.start()
+        self.site = Site(SCALE)
+        self.now = self.site.now
+        self.server = ArmServer(self.model, self.site)
         self.clients = []
 
     def client(self):
@@ -146,7 +144,7 @@ class Served:
     def close(self):
         for client in self.clients:
             client.close()
-        self.server.close()
+        self.site.close()
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ def device():
 
 @pytest.fixture
 def client(device):
-    result = AG95(device.port.path)
+    result = AG95(device.path)
     yield result
     result.ser.close()
 
@@ -50,8 +50,7 @@ def test_client_is_answered_caught_for_a_part_and_dropped_once_it_slips(device, 
     client.set_pos(0)
     assert settled(client) == 2
     assert client.read_pos() == 321
-    with device.lock:
-        device.device.lose_object(device.now())
+    device.site.call(lambda: device.device.lose_object(device.now()))
     until = time.monotonic() + WAIT_S
     while client.read_state() != 3:
         assert time.monotonic() < until
@@ -59,7 +58,7 @@ def test_client_is_answered_caught_for_a_part_and_dropped_once_it_slips(device, 
 
 
 def test_client_of_the_pge_series_waits_until_the_fingers_are_there(device):
-    client = PGE(device.port.path)
+    client = PGE(device.path)
     try:
         client.init_dir(0)
         client.init_feedback()

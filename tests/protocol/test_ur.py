@@ -21,11 +21,12 @@ from drivers.errors import ArmError
 from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.ur_controller import PROTECTIVE_STOP, UrModel
 from drivers.sim.devices.ur_ports import RtdePort
-from drivers.sim.wire.serving import SimulatedTime
+from drivers.sim.wire.serving import Site
 from drivers.ur import arm as ur_arm
 from drivers.ur import rtde, script
 
 TARGET = (40.0, -30.0, 60.0, 0.5)
+PAUSED = 4  # runtime state
 
 
 @pytest.fixture
@@ -77,7 +78,8 @@ def test_a_protective_stop_on_the_way_is_no_arrival(rig):
         wait = arm._await_end
 
         def stopped(budget_s):
-            rig.model.protective_stop(rig.now())
+            rig.site.call(lambda: rig.model._halt(rig.now()))
+            rig.model.safety_bits = PROTECTIVE_STOP
             wait(budget_s)
 
         arm._await_end = stopped
@@ -93,7 +95,8 @@ def test_another_program_on_the_way_is_reported(rig):
         wait = arm._await_end
 
         def intruded(budget_s):
-            rig.model.take(script.move(7, BASE, BASE, "v=1").decode(), rig.now())
+            program = script.move(7, BASE, BASE, "v=1").decode()
+            rig.site.call(lambda: rig.model.take(program, rig.now()))
             wait(budget_s)
 
         arm._await_end = intruded
@@ -191,11 +194,8 @@ def test_ur_rtdes_receiver_reads_the_simulated_controller():
     host = f"127.{os.getpid() >> 8 & 255}.{os.getpid() & 255}.7"
     arm = ArmModel(BASE)
     model = UrModel(arm, BASE)
-    port = RtdePort(
-        model, threading.RLock(), SimulatedTime(1.0, threading.Event()), (host, rtde.PORT)
-    )
-    port.start()
-    try:
+    with Site() as site:
+        RtdePort(model, site, rtde.PORT, host)
         ran = subprocess.run(
             [sys.executable, "-c", RECEIVER, host],
             capture_output=True,
@@ -203,8 +203,6 @@ def test_ur_rtdes_receiver_reads_the_simulated_controller():
             timeout=60,
             check=True,
         )
-    finally:
-        port.close()
     pose, joints, *states = json.loads(ran.stdout.splitlines()[-1])
     assert script.frame(pose)[:3] == pytest.approx((300.0, 0.0, 100.0), abs=1e-6)
     assert joints == pytest.approx([math.radians(angle) for angle in arm.joints_at(0.0)], abs=1e-9)
@@ -225,7 +223,7 @@ def test_noise_on_rtde_is_an_error_and_nothing_else():
 
 def test_a_simulated_controller_survives_noise(rig):
     rng = random.Random(8)
-    for port in (rig.rtde.port, rig.script.port):
+    for port in (rig.rtde.port, rig.script_port):
         for _ in range(20):
             with socket.create_connection(("127.0.0.1", port)) as client:
                 client.sendall(rng.randbytes(rng.randrange(1, 60)) + b"\nend\n")
@@ -234,27 +232,34 @@ def test_a_simulated_controller_survives_noise(rig):
     assert rig.moves == 1
 
 
+def hold(rig, **changed):
+    """Let the controller show no progress from now on, and these fields."""
+    frozen = rig.model.fields(rig.now())
+    frozen |= {name: (frozen[name][0], (value,)) for name, value in changed.items()}
+    rig.model.fields = lambda now_s: frozen
+
+
 @pytest.mark.parametrize(
-    ("hinder", "reason"),
+    ("changed", "reason"),
     [
-        (lambda model, now: model.pause(now), "the program is paused on the pendant"),
-        (lambda model, now: model.slide(0.0, now), "the speed slider stands at 0 %; raise it"),
-        (lambda model, now: model.slide(0.06, now), "the speed slider was lowered to 6 %"),
+        ({"runtime_state": PAUSED}, "the program is paused on the pendant"),
+        ({"target_speed_fraction": 0.0}, "the speed slider stands at 0 %; raise it"),
+        ({"target_speed_fraction": 0.06}, "the speed slider was lowered to 6 %"),
     ],
     ids=["paused", "slider at 0", "slider lowered"],
 )
-def test_move_held_up_on_the_pendant_names_what_holds_it(rig, hinder, reason):
+def test_move_held_up_on_the_pendant_names_what_holds_it(rig, changed, reason):
     with rig.open() as arm:
         arm.pose()
         began = arm._await_start
 
-        def hindered():
+        def held():
             began()
-            hinder(rig.model, rig.now())
+            rig.site.call(lambda: hold(rig, **changed))
 
-        arm._await_start = hindered
+        arm._await_start = held
         with pytest.raises(ArmError, match=f"not there after .*{reason}.*look at the pendant"):
-            arm.move_linear(*TARGET, 100.0)
+            arm.move_linear(*TARGET, 5.0)  # still under way when it is held up
 
 
 def test_move_paused_and_resumed_arrives(rig):
@@ -264,11 +269,10 @@ def test_move_paused_and_resumed_arrives(rig):
 
         def interrupted():
             began()
-            rig.model.pause(rig.now())
-            assert arm._read().runtime_state == 4
-            rig.model.slide(0.5, rig.now())
-            rig.model.play(rig.now())
+            rig.site.call(lambda: hold(rig, runtime_state=PAUSED))
+            assert arm._read().runtime_state == PAUSED
+            rig.site.call(lambda: delattr(rig.model, "fields"))
 
         arm._await_start = interrupted
-        arm.move_linear(*TARGET, 50.0)
+        arm.move_linear(*TARGET, 20.0)
         assert rig.truth() == pytest.approx(TARGET, abs=1e-3)

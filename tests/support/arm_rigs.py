@@ -20,7 +20,7 @@ from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
 from drivers.sim.devices.ur_controller import UrModel
 from drivers.sim.devices.ur_ports import served
-from drivers.sim.wire.serving import SimulatedTime
+from drivers.sim.wire.serving import Site
 
 SCALE = 40.0
 BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
@@ -55,10 +55,9 @@ class Abb(ArmRig):
 
     def __init__(self):
         self.model = self.arm = ArmModel(BASE)
-        time = SimulatedTime(SCALE, threading.Event())
-        self.now = time.now
-        self.server = ArmServer(self.model, threading.RLock(), time)
-        self.server.start()
+        self.site = Site(SCALE)
+        self.now = self.site.now
+        self.server = ArmServer(self.model, self.site)
 
     @property
     def url(self):
@@ -72,7 +71,7 @@ class Abb(ArmRig):
         self.model.execute = lambda text, now: Answer(None, math.inf)
 
     def close(self):
-        self.server.close()
+        self.site.close()
 
 
 class AbbWithBase(Abb):
@@ -87,11 +86,9 @@ class Ur(ArmRig):
     def __init__(self):
         self.arm = ArmModel(BASE)
         self.model = UrModel(self.arm, BASE)
-        time = SimulatedTime(SCALE, threading.Event())
-        self.now, lock = time.now, threading.RLock()
-        self.script, self.rtde = served(self.model, lock, time)
-        self.script.start()
-        self.rtde.start()
+        self.site = Site(SCALE)
+        self.now = self.site.now
+        self.script_port, self.rtde = served(self.model, self.site)
 
     @property
     def url(self):
@@ -101,8 +98,7 @@ class Ur(ArmRig):
         self.rtde.mute = True
 
     def close(self):
-        self.rtde.close()
-        self.script.close()
+        self.site.close()
 
 
 class OmniCoreRig(ArmRig):
@@ -111,10 +107,10 @@ class OmniCoreRig(ArmRig):
     def __init__(self, *, digest=False):
         self.arm = ArmModel(BASE)
         self.model = OmniCore(self.arm)
-        self.now = SimulatedTime(SCALE, threading.Event()).now
+        self.site = Site(SCALE)
+        self.now = self.site.now
         lock, pem = threading.RLock(), certificate()
         self.server = RwsServer(self.model, lock, self.now, pem, digest=digest)
-        self.server.start()
         os.environ[rws.CERTIFICATE] = pem
 
     @property
@@ -127,6 +123,7 @@ class OmniCoreRig(ArmRig):
     def close(self):
         os.environ.pop(rws.CERTIFICATE, None)
         self.server.close()
+        self.site.close()
 
 
 @cache

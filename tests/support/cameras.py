@@ -1,10 +1,12 @@
 """Simulated cameras for tests, small enough to be quick: half a webcam, at half its distance."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from drivers.camera.calibration.file import CameraCalibration, Reference, Trust
+from drivers.camera.vision.arrays import Picture
 from drivers.camera.vision.lens import Lens
 from drivers.camera.vision.plane import View
 from drivers.camera.vision.tag_file import PartTag
@@ -12,6 +14,7 @@ from drivers.sim.camera.cards import Card, lying
 from drivers.sim.camera.optics import Optics, webcam
 from drivers.sim.camera.render import Flaws
 from drivers.sim.camera.rig import Rig
+from runtime.shell.errors import UnreachableError
 from runtime.table import GoalSpec
 
 SIZE = (960, 540)
@@ -30,6 +33,25 @@ def camera(*, below: bool = True) -> Optics:
 def rig(optics: Optics, **flaws: object) -> Rig:
     """The camera with its reference tags and the part's."""
     return Rig(optics, Flaws(**flaws), NUMBER, SIDE_MM, (2.0, -1.0, 0.3), REFERENCES)
+
+
+class Shown:
+    """A source whose pictures a function takes; one that fails where it gives None."""
+
+    def __init__(self, take: Callable[[], Picture | None]) -> None:
+        self._take = take
+
+    def picture(self, until: float) -> Picture:
+        del until
+        picture = self._take()
+        if picture is None:
+            raise UnreachableError(
+                "camera /dev/video0 has not sent a picture yet; check power and cable"
+            )
+        return picture
+
+    def close(self) -> None:
+        pass
 
 
 def stain(pose: tuple[float, float, float], size_mm: tuple[float, float]) -> Card:

@@ -3,7 +3,6 @@
 A node that is asked for an object it does not have aborts, as CiA 301 has it; only the two objects exist.
 """
 
-import threading
 from collections.abc import Callable
 
 import canopen
@@ -19,20 +18,12 @@ class CanNode:
 
     Args:
         device: the gripper.
-        lock: held while a byte is served.
         now: simulated seconds.
         where: bus, node and objects.
     """
 
-    def __init__(
-        self,
-        device: GripperModel,
-        lock: "threading.RLock | threading.Lock",
-        now: Callable[[], float],
-        where: CanMap,
-    ) -> None:
+    def __init__(self, device: GripperModel, now: Callable[[], float], where: CanMap) -> None:
         self._device = device
-        self._lock = lock
         self._now = now
         self._where = where
         self._network = canopen.Network()
@@ -40,10 +31,7 @@ class CanNode:
         self._node = canopen.LocalNode(where.node, dictionary(where))
         self._node.add_read_callback(self._read)  # type: ignore[no-untyped-call]
         self._node.add_write_callback(self._write)  # type: ignore[no-untyped-call]
-
-    def start(self) -> None:
-        """Go on the bus."""
-        self._network.connect(interface=self._where.interface, channel=self._where.channel)
+        self._network.connect(interface=where.interface, channel=where.channel)
         self._network.add_node(self._node)
 
     def close(self) -> None:
@@ -55,18 +43,16 @@ class CanNode:
         byte = subindex - 1
         if not 0 <= byte < BLOCK_BYTES:
             return None
-        with self._lock:
-            if index == self._where.input:
-                return self._device.read_input(self._now())[byte]
-            return self._device.read_output()[byte]
+        if index == self._where.input:
+            return self._device.read_input(self._now())[byte]
+        return self._device.read_output()[byte]
 
     def _write(
         self, *, index: int, subindex: int, od: objectdictionary.ODVariable, data: bytes
     ) -> None:
         del od
         if index == self._where.output:
-            with self._lock:
-                self._device.write_output(subindex - 1, data, self._now())
+            self._device.write_output(subindex - 1, data, self._now())
 
 
 def dictionary(where: CanMap) -> canopen.ObjectDictionary:

@@ -3,12 +3,11 @@
 import random
 from typing import NamedTuple
 
-from counting import PROFILE, SETTINGS, count_of
+from counting import PROFILE, SETTINGS, count_of, width_um
 
 from drivers.clock import Pace
 from drivers.robotiq.gripper import Gripper
 from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.devices.jaws import Jaws
 
 TRANSACTION_S = 0.006
 
@@ -43,7 +42,7 @@ class DirectLink:
 
     def closing(self):
         self.asked += 1
-        return None if self.contact is None else Jaws().opening_at(self.contact)
+        return None if self.contact is None else width_um(self.contact) / 1000.0
 
     def gripped(self):
         pass

@@ -41,6 +41,21 @@ def blocks(page: Path) -> list[Block]:
     return results
 
 
+def section(page: str, title: str) -> str:
+    """The section of a page below a heading of the second level."""
+    _, heading, rest = page.partition(f"## {title}\n")
+    assert heading, f"there is no section {title}"
+    return rest.partition("\n## ")[0]
+
+
+def rows(text: str, first: str = "") -> list[list[str]]:
+    """The cells of the one table whose head begins with a word, without that head."""
+    (table,) = re.findall(
+        rf"^\| {re.escape(first)}.*\n\| ---.*\n((?:\|.*\n?)+)", text, re.MULTILINE
+    )
+    return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in table.splitlines()]
+
+
 def shims(folder: Path, before: Mapping[str, str] = EMPTY) -> Path:
     """The project's commands as programs in a folder, installed or not; of some, statements to run before."""
     folder.mkdir()

@@ -6,7 +6,6 @@ A new make is one more class here with `open`, `contact`, `commands` and `silenc
 
 import contextlib
 import random
-import threading
 
 from can_node import CanNode
 
@@ -16,18 +15,18 @@ from drivers.robotiq.canopen import CanMap
 from drivers.robotiq.frames import TCP
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
-from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
-from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
+from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws
+from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
-from drivers.sim.wire.serving import SimulatedTime
+from drivers.sim.wire.serving import Site
 from runtime.table import profile_of
 
 SCALE = 20.0
 
 
 class GripperRig(Surroundings):
-    """A simulated gripper and what is between its fingers; a subclass makes `name`, `port` and a slave."""
+    """A simulated gripper and what is between its fingers; a subclass makes `name`, `site` and a slave."""
 
     profile, scale = None, SCALE
     holds = False
@@ -47,7 +46,7 @@ class GripperRig(Surroundings):
         self.slave.feed = lambda data: []
 
     def close(self):
-        self.port.close()
+        self.site.close()
 
 
 class Robotiq(GripperRig):
@@ -55,33 +54,32 @@ class Robotiq(GripperRig):
 
     contact_um = 20969  # count 174
 
-    def __init__(self, bus: str) -> None:
-        self.time = SimulatedTime(SCALE, threading.Event())
-        self.now = self.time.now
-        self.lock = threading.RLock()
+    def __init__(self, bus: str, channel: str = "contract") -> None:
+        self.site = Site(SCALE)
+        self.now = self.site.now
+        self.mute, self.node = False, None
         self.model = GripperModel(random.Random(1), self)
-        self.port, self.name = self._port(bus)
-        self.port.start()
+        self.name = self._opened(bus, channel)
 
-    def _port(self, bus: str):
-        if bus == "pty":
-            self.slave = RtuSlave(GripperRegisters(self.model, self.now))
-            port = PtyPort(self.slave, self.lock, self.time)
-            return port, port.path
+    def _opened(self, bus: str, channel: str) -> str:
+        """Opens the port; returns its name for the driver."""
         if bus == "can":
-            node = CanNode(self.model, self.lock, self.now, CanMap("contract", "virtual"))
-            return node, "can:contract?interface=virtual"
+            self.node = CanNode(self.model, self.now, CanMap(channel, "virtual"))
+            return f"can:{channel}?interface=virtual"
         if bus.startswith("urcap"):
-            ends = b"" if bus.endswith("bare") else b"\n"
-            port = UrcapPort(Urcap(self.model, self.now, ends), self.lock)
-            return port, port.url
-        if bus == "rtu+tcp":
-            self.slave, left = RtuSlave(GripperRegisters(self.model, self.now)), ()
-        else:
-            self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP))
-            left = (lambda: stop_jaws(self.model, self.now),)
-        port = TcpPort(self.slave, self.lock, self.time, *left)
-        return port, f"{bus}://127.0.0.1:{port.port}"
+            urcap = Urcap(self.model, self.now, b"" if bus.endswith("bare") else b"\n")
+            port = self.site.answer_lines(
+                lambda line: b"" if self.mute else urcap.answer(line), MAX_LINE
+            )
+            return f"urcap://127.0.0.1:{port}"
+        if bus == "tcp":
+            self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP), unit=TCP.unit)
+            port = open_port(self.slave, self.site, lambda: stop_jaws(self.model, self.now))
+            return f"tcp://127.0.0.1:{port}"
+        self.slave = RtuSlave(GripperRegisters(self.model, self.now))
+        if bus == "pty":
+            return PtyPort(self.slave, self.site).path
+        return f"{bus}://127.0.0.1:{open_port(self.slave, self.site)}"
 
     def commanded(self):
         """Whether anything was ever written to it."""
@@ -92,12 +90,16 @@ class Robotiq(GripperRig):
         return bytes(self.model.read_output())
 
     def silence(self):
-        if hasattr(self, "slave"):
+        self.mute = True
+        if self.node is not None:
+            self.node.close()
+        elif hasattr(self, "slave"):
             super().silence()
-        elif hasattr(self.port, "urcap"):
-            self.port.urcap.answer = lambda line: None
-        else:
-            self.port.close()
+
+    def close(self):
+        if self.node is not None:
+            self.node.close()
+        super().close()
 
 
 RIGS = {bus: lambda bus=bus: Robotiq(bus) for bus in ("pty", "tcp", "urcap", "can")}
@@ -109,14 +111,12 @@ class Dh(GripperRig):
     def __init__(self, model: str = "dh-ag95", scale: float = SCALE) -> None:
         self.profile, self.scale = profile_of(model), scale
         self.contact_um = self.profile.reading_um(321)
-        time = SimulatedTime(scale, threading.Event())
-        self.now = time.now
+        self.site = Site(scale)
+        self.now = self.site.now
         self.device = DhModel(random.Random(1), self, self.profile)
-        self.slave = RtuSlave(DhRegisters(self.device, time.now), None, dh.UNIT)
-        self.lock = threading.RLock()
-        self.port = PtyPort(self.slave, self.lock, time)
-        self.name = f"dh://{self.port.path}"
-        self.port.start()
+        self.slave = RtuSlave(DhRegisters(self.device, self.now), None, dh.UNIT)
+        self.path = PtyPort(self.slave, self.site).path
+        self.name = f"dh://{self.path}"
 
     def commanded(self):
         """Whether anything was ever written to it."""

@@ -11,6 +11,7 @@ import re
 import ssl
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -20,7 +21,7 @@ from drivers.abb.codec import Pose
 from drivers.abb.omnicore import MODULE, POINTER, ROUTINE, SYMBOL, TASK, UNIT
 from drivers.abb.rws import ACCEPT, FACTORY, FORM
 from drivers.sim.devices.arm import ArmModel, HaltError
-from drivers.sim.wire.serving import LibraryServer, Lock
+from drivers.sim.wire.serving import LibraryServer
 
 MAIN = ("Module1", "main")  # whoever programmed the cell before
 REALM = "validusers@robapi.abb"
@@ -179,7 +180,7 @@ class RwsServer(LibraryServer):
     def __init__(
         self,
         model: OmniCore,
-        lock: Lock,
+        lock: AbstractContextManager[object],
         now: Callable[[], float],
         certificate: str,
         *,
@@ -187,13 +188,14 @@ class RwsServer(LibraryServer):
     ) -> None:
         self.mute = False
         self.requests = 0
+        self._stopped = threading.Event()
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(certificate)
         http = _Http(("127.0.0.1", 0), _handler(self, model, lock, now, digest=digest))
         # The handshake is the handler's: a client that only connects must not keep others waiting.
         late = {"do_handshake_on_connect": False}
         http.socket = context.wrap_socket(http.socket, server_side=True, **late)
-        super().__init__("rws", threading.Event(), http)
+        super().__init__(http)
         self.port: int = http.server_address[1]
         self.url = f"omnicore://127.0.0.1:{self.port}"
 
@@ -209,7 +211,12 @@ class RwsServer(LibraryServer):
 
 
 def _handler(
-    server: RwsServer, model: OmniCore, lock: Lock, now: Callable[[], float], *, digest: bool
+    server: RwsServer,
+    model: OmniCore,
+    lock: AbstractContextManager[object],
+    now: Callable[[], float],
+    *,
+    digest: bool,
 ) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"

@@ -2,7 +2,6 @@
 
 import math
 import random
-import threading
 
 from gripper_rigs import SCALE, GripperRig
 
@@ -17,7 +16,7 @@ from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import GripperPort
 from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
-from drivers.sim.wire.serving import SimulatedTime
+from drivers.sim.wire.serving import Site
 from runtime.table import PROFILES
 
 
@@ -45,14 +44,13 @@ class SchunkRig(GripperRig):
 
     def __init__(self, model="schunk-egu", scale=SCALE):
         self.scale = scale
-        self.time = SimulatedTime(scale, threading.Event())
+        self.site = Site(scale)
         self.part = Part()
         profile = PROFILES[model]
         self.model = SchunkModel(random.Random(1), self.part, profile, math.inf)
-        self.slave = RtuSlave(SchunkRegisters(self.model, self.time.now), None, UNIT)
-        self.port = PtyPort(self.slave, threading.RLock(), self.time)
-        self.port.start()
-        self.name = f"schunk://{self.port.path}"
+        self.slave = RtuSlave(SchunkRegisters(self.model, self.site.now), None, UNIT)
+        self.path = PtyPort(self.slave, self.site).path
+        self.name = f"schunk://{self.path}"
 
     def put_part(self):
         self.part.width_mm = self.contact_um / 1000

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from drivers.sim.wire.serving import LibraryServer
+from drivers.sim.wire.serving import HOST, LibraryServer
 
 
 class CameraServer(LibraryServer):
@@ -19,16 +19,9 @@ class CameraServer(LibraryServer):
             with lock:
                 return take()
 
-        server = ThreadingHTTPServer(("127.0.0.1", 0), lambda *call: _Handler(locked, *call))
-        super().__init__("camera", threading.Event(), server)
-        self.url = f"http://127.0.0.1:{server.server_port}/picture.jpg"
-
-    def __enter__(self) -> "CameraServer":
-        self.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        server = ThreadingHTTPServer((HOST, 0), lambda *call: _Handler(locked, *call))
+        super().__init__(server)
+        self.url = f"http://{HOST}:{server.server_port}/picture.jpg"
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -9,6 +9,8 @@ from drivers.abb.codec import IDENTITY, Pose, Quaternion
 from drivers.abb.kinematics import compose, invert
 from drivers.sim.devices import rapid
 
+ACCEPT_S = 0.5  # WaitTime after SocketAccept in ServerCreateAndConnect
+MAX_STRING = 80  # SocketReceive \Str accepts so much at once
 MAX_BUFFER = 512
 JOINT_SPEED_DEG_S = 250.0  # IRB 120, slowest of its main axes
 UNIT_TOLERANCE = 1e-3  # deviation from unit length that RAPID accepts in a quaternion

@@ -34,7 +34,6 @@ READABLE = {
     for first, count in (dh.CONTROL, dh.STATUS, dh.SETTINGS)
     for register in range(first, first + count)
 }
-FUNCTIONS = {3, 6, 16}
 DEFAULTS = {dh.FORCE: 100, dh.SPEED: 100, dh.DIRECTION + 1: dh.UNIT}  # the rest is 0
 
 
@@ -59,7 +58,7 @@ class DhModel(Fingers):
         self._forget()
 
     def _forget(self) -> None:
-        """State after a power failure: the fingers stay where they are, uninitialised."""
+        """State after a power failure: uninitialised."""
         self._halt(Grip.AT_POSITION)
         self._show(Grip.AT_POSITION)
         self._initialised = Initialised.NO
@@ -101,11 +100,6 @@ class DhModel(Fingers):
         return min(max(round(dh.FULL * share), 0), dh.FULL)
 
     # -- mishaps ----------------------------------------------------------------------------------
-
-    def power_cycle(self, now_s: float) -> None:
-        """A short power failure."""
-        self.advance(now_s)
-        self._forget()
 
     def _dropped(self) -> None:
         """The held part is lost: the fingers close on, to the requested position."""
@@ -159,13 +153,15 @@ class DhRegisters:
         now: simulated seconds.
     """
 
+    functions = frozenset({3, 6, 16})
+
     def __init__(self, device: DhModel, now: Callable[[], float]) -> None:
         self._device = device
         self._now = now
 
-    def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` is supported and these registers exist."""
-        return function in FUNCTIONS and READABLE.issuperset(range(address, address + count))
+    def serves(self, address: int, count: int) -> bool:
+        """Whether these registers exist."""
+        return READABLE.issuperset(range(address, address + count))
 
     def read(self, address: int, count: int) -> bytes:
         """Reads `count` registers."""
@@ -174,12 +170,10 @@ class DhRegisters:
         words = [self._device.read(address + step, now_s) for step in range(count)]
         return struct.pack(f">{count}H", *words)
 
-    def write(self, function: int, address: int, data: bytes) -> bool:
+    def write(self, address: int, data: bytes) -> bool:
         """Writes registers in order, or none where one is refused."""
         words = dict(enumerate(struct.unpack(f">{len(data) // 2}H", data), address))
-        taken = function in FUNCTIONS and all(
-            word in ALLOWED.get(register, ()) for register, word in words.items()
-        )
+        taken = all(word in ALLOWED.get(register, ()) for register, word in words.items())
         if taken:
             self._device.heard(now_s := self._now())
             for register, word in words.items():

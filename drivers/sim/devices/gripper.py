@@ -10,10 +10,13 @@ from functools import lru_cache
 
 from drivers.ports import GripperProfile
 from drivers.robotiq import registers as robotiq
+from drivers.robotiq.counts import MODEL
 from drivers.robotiq.faults import MAJOR, fault_text
 from drivers.robotiq.frames import RTU, TCP, Wiring
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_mm_s_of, unpack
-from drivers.sim.devices.jaws import Fingers, Jaws, Surroundings
+from drivers.sim.devices.jaws import Fingers, Surroundings
+from runtime.shell.errors import UsageError
+from runtime.table import PROFILES
 
 CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
 SILENCE_S = 1.0  # then fault 0x09 until traffic returns ([SDK] fault_status.hpp)
@@ -43,7 +46,10 @@ class GripperModel(Fingers):
     Args:
         rng: draws the lags of gOBJ behind the echo ([SDK] gripper.cpp waits for it).
         surroundings: what the fingers may meet.
-        profile: of a model that counts; None: a 2F-85.
+        profile: of a model that counts.
+
+    Raises:
+        UsageError: its readings are not counts.
     """
 
     CLOSING = 1.0
@@ -53,15 +59,18 @@ class GripperModel(Fingers):
         self,
         rng: random.Random,
         surroundings: Surroundings | None = None,
-        profile: GripperProfile | None = None,
+        profile: GripperProfile = PROFILES[MODEL],
     ) -> None:
-        self.jaws = Jaws() if profile is None else Jaws.of(profile)
-        super().__init__(rng, surroundings, float(self.jaws.count_open))
+        if profile.counts is None:
+            raise UsageError(f"there is no simulated gripper {profile.model}")
+        self._open, self._closed = profile.counts
+        self._counts_per_mm = (self._closed - self._open) / (profile.stroke_um / 1000.0)
+        super().__init__(rng, surroundings, float(self._open))
         self._heard_s = self._silent_until_s = 0.0
         self._forget()
 
     def _forget(self) -> None:
-        """State after a power failure: nothing was written, the jaws stay where they are."""
+        """State after a power failure: nothing was written, the screw drive holds the jaws."""
         self._output = bytearray(16)
         self._request = unpack(OUTPUT_FIELDS, self._output)
         self._show(robotiq.OBJ_MOVING)
@@ -112,10 +121,11 @@ class GripperModel(Fingers):
     def opening_mm(self, now_s: float) -> float:
         """True distance between the fingers."""
         self.advance(now_s)
-        return self.jaws.opening_at(self._here())
+        return (self._closed - self._here()) / self._counts_per_mm
 
     def _met_at(self, width_mm: float) -> float:
-        return self.jaws.count_at(width_mm)
+        count = round(self._closed - width_mm * self._counts_per_mm)
+        return min(max(count, self._open), self._closed)
 
     # -- mishaps ----------------------------------------------------------------------------------
 
@@ -128,11 +138,6 @@ class GripperModel(Fingers):
         """Starts the automatic release, as rATR with rARD for opening."""
         self.advance(now_s)
         self._release(opens=True)
-
-    def power_cycle(self, now_s: float) -> None:
-        """A short power failure: all volatile state is gone, the screw drive holds the jaws."""
-        self.advance(now_s)
-        self._forget()
 
     def _dropped(self) -> None:
         """The held part is lost: the jaws close on, to the requested position."""
@@ -154,8 +159,8 @@ class GripperModel(Fingers):
         elif not old["rACT"]:
             self._reset(FAULT_DELAYED if new["rGTO"] else 0)
             self._status = robotiq.STA_ACTIVATING
-            self._legs = [self.jaws.count_closed, self.jaws.count_open]
-            self._drive(float(self.jaws.count_open), SWEEP_MM_S)
+            self._legs = [self._closed, self._open]
+            self._drive(float(self._open), SWEEP_MM_S)
         elif self._latched():
             pass
         elif new["rATR"]:
@@ -169,18 +174,18 @@ class GripperModel(Fingers):
 
     def _release(self, *, opens: bool) -> None:
         self._reset(FAULT_RELEASING)
-        self._drive(float(self.jaws.count_open if opens else self.jaws.count_closed), RELEASE_MM_S)
+        self._drive(float(self._open if opens else self._closed), RELEASE_MM_S)
 
     def _go(self, *, meets: bool = True) -> None:
         shown = self._flag.at(self._now)
-        target = float(min(max(self._request["rPR"], self.jaws.count_open), self.jaws.count_closed))
+        target = float(min(max(self._request["rPR"], self._open), self._closed))
         self._drive(target, speed_mm_s_of(self._request["rSP"]), meets=meets)
         self._follow(shown)
 
     # -- motion -----------------------------------------------------------------------------------
 
     def _drive(self, target: float, speed_mm_s: float, *, meets: bool = True) -> None:
-        speed = speed_mm_s * self.jaws.counts_per_mm
+        speed = speed_mm_s * self._counts_per_mm
         outcomes = robotiq.OBJ_AT_REQUEST, robotiq.OBJ_CONTACT_CLOSING
         self._start(target, speed, outcomes, meets=meets)
 
@@ -230,13 +235,11 @@ class GripperRegisters:
         self._now = now
         self._output = wiring.output
         self._input = wiring.input
-        self._functions = FUNCTIONS[wiring]
+        self.functions = FUNCTIONS[wiring]
 
-    def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` is spoken here and all registers lie in one of the blocks."""
-        return function in self._functions and (
-            _inside(address, count, self._input) or _inside(address, count, self._output)
-        )
+    def serves(self, address: int, count: int) -> bool:
+        """Whether all registers lie in one of the blocks."""
+        return _inside(address, count, self._input) or _inside(address, count, self._output)
 
     def read(self, address: int, count: int) -> bytes:
         """Registers of the input block, or of the output block as last written."""
@@ -246,9 +249,9 @@ class GripperRegisters:
             block, base = self._device.read_output(), self._output
         return block[2 * (address - base) : 2 * (address - base + count)]
 
-    def write(self, function: int, address: int, data: bytes) -> bool:
+    def write(self, address: int, data: bytes) -> bool:
         """Write to the output block; the input block cannot be written."""
-        if function not in self._functions or not _inside(address, len(data) // 2, self._output):
+        if not _inside(address, len(data) // 2, self._output):
             return False
         self._device.write_output(2 * (address - self._output), data, self._now())
         return True

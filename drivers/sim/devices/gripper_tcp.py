@@ -3,24 +3,21 @@
 Over Modbus TCP the blocks start at 0, the unit is 2, and closing the connection stops the jaws ([M200] p66).
 """
 
-import socket
-import threading
+import asyncio
+import contextlib
 from collections.abc import Callable
 
-from drivers.robotiq.frames import TCP
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.wire.line import UnpluggedError
 from drivers.sim.wire.modbus import answer
 from drivers.sim.wire.rtu import Slave, exchange
-from drivers.sim.wire.serving import Lock, SimulatedTime, TcpServer
+from drivers.sim.wire.serving import Site
 
 HEADER = 7  # MBAP: transaction, protocol 0, length, unit
 
 
 class MbapSlave(Slave):
     """Modbus TCP framing; another protocol gets no answer, too."""
-
-    usual_unit = TCP.unit
 
     @property
     def pending(self) -> bool:
@@ -48,36 +45,24 @@ def stop_jaws(device: GripperModel, now: Callable[[], float]) -> None:
     device.write_output(0, bytes((action,)), now())
 
 
-class TcpPort(TcpServer):
-    """The gripper on a TCP port.
+def open_port(slave: Slave, site: Site, left: Callable[[], None] = lambda: None) -> int:
+    """Opens a TCP port that serves one client after the other; returns its number.
 
     Args:
         slave: the device.
-        lock: held while bytes are served.
-        time: simulated time, for late answers.
-        hung_up: called when a client leaves.
+        site: where it is served.
+        left: called when a client has left.
     """
+    turn = asyncio.Lock()
 
-    def __init__(
-        self,
-        slave: Slave,
-        lock: Lock,
-        time: SimulatedTime,
-        hung_up: Callable[[], None] = lambda: None,
-    ) -> None:
-        super().__init__("gripper", threading.Event())
-        self._slave = slave
-        self._lock = lock
-        self._time = time
-        self._hung_up = hung_up
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        async with turn:
+            try:
+                with contextlib.suppress(ConnectionError):
+                    await exchange(slave, reader, writer.write, site)
+                left()
+            except UnpluggedError:
+                site.shut(port)
 
-    def _left(self) -> None:
-        if not self._stopped.is_set():
-            with self._lock:
-                self._hung_up()
-
-    def _serve(self, client: socket.socket) -> None:
-        try:
-            exchange(self._slave, client.fileno(), self._lock, self._time, self._stopped)
-        except UnpluggedError:
-            self._stopped.set()
+    port = site.listen(serve)
+    return port

@@ -1,15 +1,11 @@
-"""The simulated gripper behind Robotiq's URCap: `GET` and `SET` lines on a TCP port, many clients at once."""
+"""The simulated gripper behind Robotiq's URCap: answers to `GET` and `SET` lines."""
 
-import contextlib
-import socketserver
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack
 from drivers.robotiq.urcap import READ
 from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.wire.serving import LibraryServer, Lock, ThreadForEach
 
 FLAGS = {"ACT": "rACT", "GTO": "rGTO", "ATR": "rATR", "ADR": "rARD"}
 OUTPUTS = {**FLAGS, "POS": "rPR", "SPE": "rSP", "FOR": "rFR"}
@@ -26,8 +22,8 @@ class Urcap:
     # Suffix of the answer to a question; an acknowledgement has none.
     line_end: bytes = b"\n"
 
-    def answer(self, line: bytes) -> bytes | None:
-        """The answer; None: silence."""
+    def answer(self, line: bytes) -> bytes:
+        """The answer."""
         match line.decode("latin-1").split():
             case ["GET", name] if name in READ:
                 fields = unpack(INPUT_FIELDS, self.device.read_input(self.now()))
@@ -48,30 +44,3 @@ class Urcap:
             image[OUTPUTS[name]] = int(text)
         self.device.write_output(0, pack(OUTPUT_FIELDS, image), self.now())
         return True
-
-
-class UrcapPort(LibraryServer):
-    """The URCap on a TCP port, a thread for each client.
-
-    Args:
-        urcap: answers lines.
-        lock: held while a line is served.
-    """
-
-    def __init__(self, urcap: Urcap, lock: Lock) -> None:
-        class Client(socketserver.StreamRequestHandler):
-            """Answers one client's lines."""
-
-            disable_nagle_algorithm = True
-
-            def handle(self) -> None:
-                with contextlib.suppress(OSError):
-                    while (line := self.rfile.readline(MAX_LINE)).endswith(b"\n"):
-                        with lock:
-                            said = urcap.answer(line)
-                        self.wfile.write(said or b"")
-
-        server = ThreadForEach(("127.0.0.1", 0), Client)
-        super().__init__("urcap", threading.Event(), server)
-        self.urcap = urcap
-        self.url = f"urcap://127.0.0.1:{server.server_address[1]}"

@@ -3,44 +3,9 @@
 import math
 import random
 from abc import ABC, abstractmethod
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
-from drivers.ports import GripperProfile
 from drivers.robotiq.registers import OBJ_MOVING
-from runtime.shell.errors import UsageError
-
-
-class Jaws(NamedTuple):
-    """The mechanics: opening between the end stops, linear in counts."""
-
-    opening_mm: float = 85.0
-    count_open: int = 3
-    count_closed: int = 230
-
-    @classmethod
-    def of(cls, profile: GripperProfile) -> Self:
-        """The jaws of a gripper that counts.
-
-        Raises:
-            UsageError: its readings are not counts.
-        """
-        if profile.counts is None:
-            raise UsageError(f"there is no simulated gripper {profile.model}")
-        return cls(profile.stroke_um / 1000.0, *profile.counts)
-
-    @property
-    def counts_per_mm(self) -> float:
-        """Encoder counts per mm of opening."""
-        return (self.count_closed - self.count_open) / self.opening_mm
-
-    def opening_at(self, counts: float) -> float:
-        """Distance of the fingers in mm at a count."""
-        return (self.count_closed - counts) / self.counts_per_mm
-
-    def count_at(self, opening_mm: float) -> int:
-        """Encoder count at an opening, clamped to the end stops."""
-        count = round(self.count_closed - opening_mm * self.counts_per_mm)
-        return min(max(count, self.count_open), self.count_closed)
 
 
 class Surroundings:
@@ -138,8 +103,8 @@ class Fingers(ABC):
         """The held part has slipped out."""
 
     @abstractmethod
-    def power_cycle(self, now_s: float) -> None:
-        """A short power failure."""
+    def _forget(self) -> None:
+        """Takes the state after a power failure: the fingers stay where they are."""
 
     def advance(self, now_s: float) -> None:
         """Advances time to `now_s`."""
@@ -158,6 +123,11 @@ class Fingers(ABC):
         changes = (moment for moment in states if moment > self._shown_s)
         coming = min(self._ends_s, *changes, math.inf)
         return math.ceil(coming / self.CYCLE_S) * self.CYCLE_S if coming < math.inf else coming
+
+    def power_cycle(self, now_s: float) -> None:
+        """A short power failure: all volatile state is gone."""
+        self.advance(now_s)
+        self._forget()
 
     def lose_object(self, now_s: float) -> None:
         """The held part slips out."""

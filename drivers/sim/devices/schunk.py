@@ -84,10 +84,10 @@ class SchunkModel(Fingers):
         self._positioning = False  # whether the last command was a move, not a grip
         self._messages: list[str] = []
         self._settings: dict[str, tuple[float | bytes, ...]] = {}
-        self._power_up()
+        self._forget()
 
-    def _power_up(self) -> None:
-        """State after a power failure: the brake holds, every control bit reads as set ([DUMP])."""
+    def _forget(self) -> None:
+        """State after a power failure: not acknowledged, every control bit reads as set ([DUMP])."""
         self._settings = {name: one.unpack(bytes(216)) for name, one in PARAMETERS.items()}
         self._settings.update({name: (value,) for name, value in self._facts().items()})
         self._control, self._output = Control(0xFFFFFFFF), Output(Control(0xFFFFFFFF))
@@ -188,14 +188,7 @@ class SchunkModel(Fingers):
     def _log(self, text: str) -> None:
         self._messages = [*self._messages[1 - MESSAGES :], f"{self._now:.3f} s: {text}"]
 
-    # -- what the cell asks for -------------------------------------------------------------------
-
     # -- mishaps ----------------------------------------------------------------------------------
-
-    def power_cycle(self, now_s: float) -> None:
-        """A short power failure, after which the start has to be acknowledged again."""
-        self.advance(now_s)
-        self._power_up()
 
     def fail(self, code: int, now_s: float) -> None:
         """An error: the fingers stop, and the brake holds them until it is acknowledged."""

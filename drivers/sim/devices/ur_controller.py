@@ -18,7 +18,7 @@ STATEMENT = re.compile(r"(\w+)\((.*)\)")
 POSE = re.compile(r"p\[([^\]]*)\]")
 NORMAL, PROTECTIVE_STOP = 0b1, 0b100
 POWERED, RUNS = 0b1, 0b10
-STOPPED, PLAYING, PAUSED = 1, 2, 4  # runtime states
+STOPPED, PLAYING = 1, 2  # runtime states
 Fields = dict[str, tuple[str, tuple[float, ...]]]
 
 
@@ -44,9 +44,6 @@ class UrModel:
         self._events: list[tuple[float, int, int]] = []
         self._ends_s = 0.0
         self._motion_ends_s = 0.0
-        self._motion = ""  # arguments of the last `movel`
-        self._paused = False
-        self._held_s: float | None = None  # since when the program is paused
 
     def take(self, program: str, now_s: float) -> None:
         """Receives a program on the secondary interface."""
@@ -55,7 +52,6 @@ class UrModel:
             return
         self.advance(now_s)
         self._halt(now_s)
-        self._paused, self._held_s = False, None
         at_s = now_s
         for name, words in statements:
             at_s = self._run(name, words, at_s)
@@ -65,35 +61,11 @@ class UrModel:
 
     def advance(self, now_s: float) -> None:
         """Advances time."""
-        if self._held_s is not None:
-            return
         while self._events and self._events[0][0] <= now_s:
             _, register, value = self._events.pop(0)
             self.registers[register] = value
         if self._motion_ends_s <= now_s:
             self._executed()
-
-    def pause(self, now_s: float) -> None:
-        """A person pauses the program on the pendant."""
-        self._hold(now_s)
-        self._paused = True
-
-    def play(self, now_s: float) -> None:
-        """A person resumes it."""
-        self._paused = False
-        self._go_on(now_s)
-
-    def slide(self, fraction: float, now_s: float) -> None:
-        """A person moves the speed slider; at 0 the program runs, and the arm stands."""
-        self._hold(now_s)
-        self.speed_fraction = fraction
-        self._go_on(now_s)
-
-    def protective_stop(self, now_s: float) -> None:
-        """A protective stop: the program ends, the arm stands."""
-        self.advance(now_s)
-        self._halt(now_s)
-        self.safety_bits = PROTECTIVE_STOP
 
     def fields(self, now_s: float) -> Fields:
         """All available output fields, with their types."""
@@ -102,9 +74,9 @@ class UrModel:
         vector = _vector(pose)
         speed = tuple((b - a) / 2.0 for a, b in zip(pose[:3], soon[:3], strict=True))
         turning = turn_between(pose.rotation, soon.rotation) / 0.002
-        runs = self._held_s is not None or now_s < self._ends_s
+        runs = now_s < self._ends_s
         bits = POWERED | (RUNS if runs else 0)
-        state = PAUSED if self._paused else PLAYING if runs else STOPPED
+        state = PLAYING if runs else STOPPED
         joints = tuple(math.radians(angle) for angle in self._arm.joints_at(now_s))
         fields: Fields = {
             "timestamp": ("DOUBLE", (now_s,)),
@@ -126,25 +98,6 @@ class UrModel:
         """The active tool in the base frame."""
         return compose(self._arm.flange_at(now_s), self._tool)
 
-    def _hold(self, now_s: float) -> None:
-        if self._held_s is None:
-            self.advance(now_s)
-            if now_s < self._ends_s:
-                self._held_s = now_s
-                self._arm.stop(now_s)
-
-    def _go_on(self, now_s: float) -> None:
-        """Continues the rest of the program, delayed by as long as the arm stood."""
-        if self._held_s is None or self._paused or self.speed_fraction <= 0.0:
-            return
-        before_s, later_s = self._motion_ends_s, now_s - self._held_s
-        if self._held_s < before_s:
-            target = compose(self._base, _pose(self._motion))
-            self._motion_ends_s = self._arm.line(target, self._speed(self._motion, now_s), now_s)
-            later_s = self._motion_ends_s - before_s
-        self._events = [(at_s + later_s, register, value) for at_s, register, value in self._events]
-        self._ends_s, self._held_s = self._ends_s + later_s, None
-
     def _halt(self, now_s: float) -> None:
         self._events.clear()
         self._arm.stop(now_s)
@@ -159,7 +112,6 @@ class UrModel:
             self._events.append((at_s, register, value))
         elif name == "movel":
             self._arm.frames(self._tool, IDENTITY)
-            self._motion = words
             try:
                 at_s = self._motion_ends_s = self._arm.line(
                     compose(self._base, _pose(words)), self._speed(words, at_s), at_s

@@ -5,35 +5,20 @@ status, and hypothesis (pose null where the world has none); `{"do":"quit"}`
 ends the cell. A real cell has no scene.
 """
 
-import contextlib
 import json
 import math
-import socketserver
-import threading
 import time
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from drivers.errors import LinkError, shown
 from drivers.ports import Truth
-from drivers.sim.wire.serving import LibraryServer, ThreadForEach
+from drivers.sim.wire.serving import Site
 from drivers.stream import open_tcp
 from runtime.shell import strict_json
 
 ANSWER_S = 10.0
 MAX_LINE = 4096
-
-
-def truth_of(said: Mapping[str, object]) -> Truth:
-    """The ground truth in the scene's answer to "truth"."""
-    x, y, theta = (
-        math.nan if said[name] is None else float(str(said[name]))
-        for name in ("x_mm", "y_mm", "theta_rad")
-    )
-    squeezes, crashes = int(str(said["squeezes"])), int(str(said["crashes"]))
-    status, covered = str(said["status"]), said.get("covered") is True
-    return Truth(
-        x, y, theta, squeezes, crashes, status, covered, int(str(said.get("hypothesis", 0)))
-    )
 
 
 class Feeder:
@@ -48,7 +33,9 @@ class Feeder:
 
     def truth(self) -> Truth:
         """The true pose of the part; raises LinkError where the cell is gone, or refuses."""
-        return truth_of(self._ask("truth"))
+        said: Mapping[str, Any] = self._ask("truth")
+        nowhere = dict.fromkeys((name for name, value in said.items() if value is None), math.nan)
+        return Truth(**{**said, **nowhere})
 
     def close(self) -> None:
         """Disconnects; the cell continues."""
@@ -92,26 +79,16 @@ class Scene(Feeder):
         return line
 
 
-class SceneServer(LibraryServer):
-    """Answers scene requests of any number of clients, in a thread each; the cell sets `stopped`."""
+def open_port(answer: Callable[[str], Mapping[str, object]], site: Site) -> int:
+    """Opens a TCP port that answers scene requests; a request to quit stops the site. Returns its number."""
 
-    def __init__(
-        self, answer: Callable[[str], Mapping[str, object]], stopped: threading.Event
-    ) -> None:
-        class Client(socketserver.StreamRequestHandler):
-            """Answers one client's lines."""
+    def answered(line: bytes) -> bytes:
+        said = _reply(line, answer)
+        if "quit" in said:
+            site.stopped.set()
+        return json.dumps(said).encode() + b"\n"
 
-            def handle(self) -> None:
-                with contextlib.suppress(ConnectionError):
-                    while (line := self.rfile.readline(MAX_LINE)).endswith(b"\n"):
-                        said = _reply(line, answer)
-                        self.wfile.write(json.dumps(said).encode() + b"\n")
-                        if "quit" in said:
-                            stopped.set()
-
-        server = ThreadForEach(("127.0.0.1", 0), Client)
-        super().__init__("scene", stopped, server)
-        self.url = f"tcp://127.0.0.1:{server.server_address[1]}"
+    return site.answer_lines(answered, MAX_LINE)
 
 
 def _reply(line: bytes, answer: Callable[[str], Mapping[str, object]]) -> Mapping[str, object]:

@@ -125,7 +125,7 @@ class TableTop:
 
     def truth(self) -> dict[str, object]:
         """The ground truth, for the scene protocol."""
-        x, y, theta = self.pose if self.truthful else (None, None, None)
+        x, y, theta = map(float, self.pose) if self.truthful else (None, None, None)
         return {
             "x_mm": x,
             "y_mm": y,

@@ -17,7 +17,7 @@ class VirtualClock(Clock):
 
     def __init__(self) -> None:
         self._now = 0.0
-        self._coming: list[tuple[float, int, Callable[[], None]]] = []
+        self._coming: list[tuple[float, int, Callable[[], object]]] = []
         self._number = itertools.count()
         self._watched: list[Callable[[], float]] = []
 
@@ -55,7 +55,7 @@ class VirtualClock(Clock):
         change = min((watch() for watch in self._watched), default=math.inf) + AFTER_S
         self.advance(min(max(self._now + seconds, change), until))
 
-    def at(self, moment: float, happens: Callable[[], None]) -> None:
+    def at(self, moment: float, happens: Callable[[], object]) -> None:
         """Schedules an event."""
         heapq.heappush(self._coming, (moment, next(self._number), happens))
 

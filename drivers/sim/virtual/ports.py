@@ -4,18 +4,17 @@ import errno
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
-from drivers.sim.devices.arm import Answer, ArmModel
+from drivers.sim.devices.arm import ACCEPT_S, MAX_STRING, Answer, ArmModel
 from drivers.sim.devices.rapid import RapidError
 from drivers.sim.virtual.clock import VirtualClock
-from drivers.sim.wire.line import Outbox, Piece, UnpluggedError
-from drivers.sim.wire.rtu import BYTE_S, RtuSlave
+from drivers.sim.wire.line import BYTE_S, Outbox, UnpluggedError
+from drivers.sim.wire.rtu import RtuSlave
 from drivers.stream import port_error
 
 FRAME_GAP_S = 0.002  # silence that ends a frame (Modbus over serial line 1.02, 2.5.1.1: 1.75 ms)
 TURNAROUND_S = 0.001  # of the gripper, and of the network to the arm's controller
-ACCEPT_S = 0.5  # delay of SERVER.mod after it has accepted a client
-MAX_STRING = 80  # SocketReceive \\Str accepts so much at once
 
 
 class VirtualPort:
@@ -29,23 +28,26 @@ class VirtualPort:
     def __init__(self, endpoint: str, clock: VirtualClock) -> None:
         self.endpoint = endpoint
         self._clock = clock
-        self._outbox = Outbox()
+        self._arrived = b""
         self._gone: OSError | None = None
 
     def receive(self, seconds: float) -> bytes:
         """Data that has arrived; events during the wait may send more."""
         until = self._clock.now() + max(seconds, 0.0)
-        while not (data := self._outbox.due(self._clock.now())):
+        while not self._arrived:
             self._check()
             if self._clock.now() >= until:
                 break
-            arrives_s = until if self._outbox.next_s is None else self._outbox.next_s
-            self._clock.advance(min(arrives_s, self._clock.next_s, until))
+            self._clock.advance(min(self._clock.next_s, until))
+        data, self._arrived = self._arrived, b""
         return data
 
     def close(self) -> None:
         """Closes the port."""
         self._gone = self._gone or OSError("the port was closed")
+
+    def _arrive(self, data: bytes) -> None:
+        self._arrived += data
 
     def _check(self) -> None:
         if self._gone is not None:
@@ -58,6 +60,7 @@ class GripperPort(VirtualPort):
     def __init__(self, slave: RtuSlave, clock: VirtualClock) -> None:
         super().__init__("virtual gripper", clock)
         self._slave = slave
+        self._outbox = Outbox(BYTE_S, clock.at, self._arrive)
         self._sent_s = 0.0
 
     def open(self) -> "GripperPort":
@@ -81,7 +84,7 @@ class GripperPort(VirtualPort):
         except UnpluggedError as error:
             self._gone = error
             raise
-        self._outbox.put(pieces, self._sent_s + TURNAROUND_S, BYTE_S)
+        self._outbox.put(pieces, self._sent_s + TURNAROUND_S)
 
 
 @dataclass
@@ -147,5 +150,5 @@ class ArmConnection(VirtualPort):
     def arrives(self, text: str, moment: float) -> bool:
         """Delivers a text at a moment; returns False where the client is gone."""
         if self._gone is None and text:
-            self._outbox.put([Piece(text.encode("latin-1"))], moment + TURNAROUND_S)
+            self._clock.at(moment + TURNAROUND_S, partial(self._arrive, text.encode("latin-1")))
         return self._gone is None

@@ -2,11 +2,17 @@
 
 import errno
 import random
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
+from drivers.robotiq.modbus import BAUD
 from drivers.sim.faults import Channel, Desk
 from drivers.sim.wire.modbus import crc16
+
+BYTE_S = 10 / BAUD  # 8N1
+NETWORK_BYTE_S = 8 / 100e6  # 100 Mbit/s
 
 
 class Piece(NamedTuple):
@@ -92,30 +98,30 @@ def _cut(reply: bytes, length: int) -> bytes:
 
 
 class Outbox:
-    """Pieces to send, each at its time, one after the other."""
+    """Delivers pieces, each at its time, one after the other.
 
-    def __init__(self) -> None:
-        self._waiting: list[tuple[float, bytes]] = []
+    Args:
+        byte_s: duration of a byte.
+        at: schedules a call for a moment.
+        deliver: receives the data of a piece that has arrived.
+    """
+
+    def __init__(
+        self,
+        byte_s: float,
+        at: Callable[[float, Callable[[], object]], None],
+        deliver: Callable[[bytes], object],
+    ) -> None:
+        self._byte_s = byte_s
+        self._at = at
+        self._deliver = deliver
         self._free_s = 0.0
 
-    def put(self, pieces: list[Piece], now_s: float, byte_s: float = 0.0) -> None:
-        """Adds pieces; each has arrived once its bytes have crossed a line of that speed."""
+    def put(self, pieces: list[Piece], now_s: float) -> None:
+        """Sends pieces; each has arrived once its bytes have crossed the line."""
         for piece in pieces:
             start_s = now_s + piece.delay_s if piece.delay_s else max(now_s, self._free_s)
-            whole_s = start_s + len(piece.data) * byte_s
+            whole_s = start_s + len(piece.data) * self._byte_s
             if not piece.delay_s:
                 self._free_s = whole_s
-            self._waiting.append((whole_s, piece.data))
-        self._waiting.sort(key=lambda waiting: waiting[0])
-
-    def due(self, now_s: float) -> bytes:
-        """All data that has arrived."""
-        arrived = b""
-        while self._waiting and self._waiting[0][0] <= now_s:
-            arrived += self._waiting.pop(0)[1]
-        return arrived
-
-    @property
-    def next_s(self) -> float | None:
-        """When the next piece arrives; None: there is none."""
-        return self._waiting[0][0] if self._waiting else None
+            self._at(whole_s, partial(self._deliver, piece.data))

@@ -3,7 +3,6 @@
 A gripper never sends exception frames: unsupported requests get no answer ([M16] p55, [ME] p53).
 """
 
-import struct
 from functools import lru_cache
 from typing import Protocol
 
@@ -15,37 +14,40 @@ MAX_REGISTERS = 125  # Modbus application protocol 1.1b3, 6.3
 class Registers(Protocol):
     """The registers of a slave."""
 
-    def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` is supported and these registers exist."""
+    functions: frozenset[int]  # codes of the functions that it supports
+
+    def serves(self, address: int, count: int) -> bool:
+        """Whether these registers exist."""
 
     def read(self, address: int, count: int) -> bytes:
         """Reads `count` registers."""
 
-    def write(self, function: int, address: int, data: bytes) -> bool:
+    def write(self, address: int, data: bytes) -> bool:
         """Writes registers; returns False where that is refused."""
 
 
 def answer(pdu: bytes, registers: Registers) -> bytes | None:
     """The reply to one request (function code first), or None for silence."""
-    match pdu[:1]:
-        case b"\x03" | b"\x04" if len(pdu) == 5:
-            return _read(pdu[0], pdu[1:], registers)
-        case b"\x06" if len(pdu) == 5:
-            return pdu if registers.write(6, _word(pdu, 1), pdu[3:]) else None
-        case b"\x10" if _counted(pdu[3:]):
-            return pdu[:5] if registers.write(16, _word(pdu, 1), pdu[6:]) else None
-        case b"\x17" if _counted(pdu[7:]) and registers.serves(23, _word(pdu, 1), _word(pdu, 3)):
+    if not pdu or pdu[0] not in registers.functions:
+        return None
+    match pdu[0]:
+        case 3 | 4 if len(pdu) == 5:
+            return _read(pdu, registers)
+        case 6 if len(pdu) == 5:
+            return pdu if registers.write(_word(pdu, 1), pdu[3:]) else None
+        case 16 if _counted(pdu[3:]):
+            return pdu[:5] if registers.write(_word(pdu, 1), pdu[6:]) else None
+        case 23 if _counted(pdu[7:]) and registers.serves(_word(pdu, 1), _word(pdu, 3)):
             # The write takes effect first, and the reading shows it ([M18] p54).
-            written = registers.write(23, _word(pdu, 5), pdu[10:])
-            return _read(23, pdu[1:5], registers) if written else None
+            return _read(pdu, registers) if registers.write(_word(pdu, 5), pdu[10:]) else None
     return None
 
 
-def _read(function: int, span: bytes, registers: Registers) -> bytes | None:
-    address, count = struct.unpack(">HH", span)
-    if not 1 <= count <= MAX_REGISTERS or not registers.serves(function, address, count):
+def _read(pdu: bytes, registers: Registers) -> bytes | None:
+    address, count = _word(pdu, 1), _word(pdu, 3)
+    if not 1 <= count <= MAX_REGISTERS or not registers.serves(address, count):
         return None
-    return bytes((function, 2 * count)) + registers.read(address, count)
+    return bytes((pdu[0], 2 * count)) + registers.read(address, count)
 
 
 def _counted(tail: bytes) -> bool:

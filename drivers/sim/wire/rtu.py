@@ -1,21 +1,19 @@
 """An RTU slave on a pseudo-terminal: frames in, frames out, silence where the real device is silent."""
 
-import contextlib
+import asyncio
 import os
-import select
-import threading
 import tty
+from collections.abc import Callable
+from functools import partial
 
 from drivers.robotiq.frames import RTU
-from drivers.robotiq.modbus import BAUD
-from drivers.sim.wire.line import CleanLine, Outbox, Piece, UnpluggedError
+from drivers.sim.wire.line import BYTE_S, NETWORK_BYTE_S, CleanLine, Outbox, Piece
 from drivers.sim.wire.modbus import Registers, answer, crc16, frame_length
-from drivers.sim.wire.serving import Lock, Server, SimulatedTime
+from drivers.sim.wire.serving import Site
 
 # Wall; the line's own 0.3 ms of silence between frames is below what a scheduler keeps.
 GAP_S = 0.010
-IDLE_S = 0.05  # wall; between two checks whether the server is to stop
-BYTE_S = 10 / BAUD  # 8N1
+CHUNK = 1024
 
 
 class Slave:
@@ -24,15 +22,13 @@ class Slave:
     Args:
         registers: of the slave.
         line: carries its frames.
-        unit: its slave id; None: the usual one of a Robotiq gripper.
+        unit: its slave id; by default the usual one of a Robotiq gripper.
     """
 
-    usual_unit: int
-
     def __init__(
-        self, registers: Registers, line: CleanLine | None = None, unit: int | None = None
+        self, registers: Registers, line: CleanLine | None = None, unit: int = RTU.unit
     ) -> None:
-        self.unit = self.usual_unit if unit is None else unit
+        self.unit = unit
         self._registers = registers
         self._line = line or CleanLine()
         self._buffer = bytearray()
@@ -71,8 +67,6 @@ class Slave:
 class RtuSlave(Slave):
     """RTU frames with CRC."""
 
-    usual_unit = RTU.unit
-
     def reply(self, frame: bytes) -> bytes | None:
         """The answer, or None for silence: wrong id, bad CRC, unknown function or address."""
         if len(frame) < 4 or frame[0] != self.unit or crc16(frame[:-2]) != frame[-2:]:
@@ -87,76 +81,69 @@ class RtuSlave(Slave):
         return frame_length(self._buffer)
 
 
-def exchange(
+async def exchange(
     slave: Slave,
-    descriptor: int,
-    lock: Lock,
-    time: SimulatedTime,
-    stopped: threading.Event,
-    byte_s: float = 0.0,
+    reader: asyncio.StreamReader,
+    write: Callable[[bytes], object],
+    site: Site,
+    byte_s: float = NETWORK_BYTE_S,
 ) -> None:
-    """Serves data on a descriptor until its other end is closed or the server stops.
+    """Serves one client of a device until it leaves.
 
     Args:
         slave: the device.
-        descriptor: of a terminal or a socket.
-        lock: held while bytes are served.
-        time: simulated time, for the delay of answers.
-        stopped: ends it.
+        reader: data from the client.
+        write: sends data to the client.
+        site: simulated time.
         byte_s: duration of a byte, simulated seconds.
 
     Raises:
         OSError: the connection broke, or the fault schedule has unplugged it.
     """
-    outbox = Outbox()
-    while not stopped.is_set():
-        wait = GAP_S if slave.pending else IDLE_S
-        if outbox.next_s is not None:
-            wait = max(min(wait, time.wall(outbox.next_s - time.now())), 0.0)
-        if select.select([descriptor], [], [], wait)[0]:
-            if not (data := os.read(descriptor, 1024)):
-                return
-            with lock:
-                pieces = slave.feed(data)
-            outbox.put(pieces, time.now() + len(data) * byte_s, byte_s)
-        elif slave.pending:
+    outbox = Outbox(byte_s, site.at, write)
+    while True:
+        try:
+            async with asyncio.timeout(GAP_S if slave.pending else None):
+                data = await reader.read(CHUNK)
+        except TimeoutError:
             slave.silence()
-        os.write(descriptor, outbox.due(time.now()))
+            continue
+        if not data:
+            return
+        pieces = slave.feed(data)
+        outbox.put(pieces, site.now() + len(data) * byte_s)
 
 
-class PtyPort(Server):
-    """An RTU slave behind a pseudo-terminal; `path` is what a master opens.
+class PtyPort:
+    """An RTU slave behind a pseudo-terminal; `path` is what a master opens, until the line is unplugged.
 
     Args:
         slave: the device.
-        lock: held while a frame is served.
-        time: simulated time, for the bytes on a 115200 baud line.
+        site: where it is served.
     """
 
-    def __init__(self, slave: RtuSlave, lock: Lock, time: SimulatedTime) -> None:
-        super().__init__("gripper", threading.Event())
-        self._slave = slave
-        self._lock = lock
-        self._time = time
-        # The slave end stays open here, too: else the master end reports an error whenever a client
-        # leaves.
+    def __init__(self, slave: RtuSlave, site: Site) -> None:
         self._ends = os.openpty()
         tty.setraw(self._ends[1])
+        os.set_blocking(self._ends[0], False)
         self.path = os.ttyname(self._ends[1])
+        site.call(site.begin, partial(self._serve, slave, site))
 
-    def close(self) -> None:
-        """Stops serving; the path disappears."""
-        super().close()
-        self._unplug()
+    async def _serve(self, slave: RtuSlave, site: Site) -> None:
+        # The slave end stays open here, too: else the master end reports an error whenever a client
+        # leaves.
+        with (
+            os.fdopen(self._ends[0], "r+b", buffering=0) as master,
+            os.fdopen(self._ends[1], "r+b", buffering=0),
+        ):
 
-    def _run(self) -> None:
-        with contextlib.suppress(UnpluggedError):
-            exchange(self._slave, self._ends[0], self._lock, self._time, self._stopped, BYTE_S)
-        self._unplug()
+            def write(data: bytes) -> None:
+                if not master.closed:  # a late answer
+                    master.write(data)
 
-    def _unplug(self) -> None:
-        """Closes both ends, like a pulled adapter."""
-        for descriptor in self._ends:
-            with contextlib.suppress(OSError):
-                os.close(descriptor)
-        self._ends = (-1, -1)
+            loop, reader = asyncio.get_running_loop(), asyncio.StreamReader()
+            loop.add_reader(master, lambda: reader.feed_data(master.read(CHUNK) or b""))
+            try:
+                await exchange(slave, reader, write, site, BYTE_S)
+            finally:
+                loop.remove_reader(master)

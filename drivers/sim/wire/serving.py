@@ -1,137 +1,159 @@
-"""Simulated time from the machine's clock, and servers on local TCP ports."""
+"""Where simulated devices are served: simulated time, and an event loop in a thread."""
 
-import contextlib
-import select
-import socket
+import asyncio
+import selectors
 import socketserver
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Coroutine
+from functools import partial
+from typing import Any, Self, TypeVar
 
-Lock = contextlib.AbstractContextManager[object]
+HOST = "127.0.0.1"
+MOST_BYTES = 4096  # of a line, where a port has no limit of its own
+Result = TypeVar("Result")
+Work = Callable[[], Coroutine[Any, Any, None]]
+Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, Any, None]]
 
 
-class SimulatedTime:
-    """Simulated seconds: wall time since the start, times the scale.
+class Site:
+    """Simulated time, and an event loop in a thread that makes all calls to the devices, one after the other.
 
     Args:
         scale: simulated seconds per wall second.
-        stopped: set when the cell stops; ends every pause early.
+
+    Attributes:
+        stopped: set where the devices are to be served no longer.
+        failures: exceptions of ports that are not the client's fault; they set `stopped`.
     """
 
-    def __init__(self, scale: float, stopped: threading.Event) -> None:
-        self.stopped = stopped
+    def __init__(self, scale: float = 1.0) -> None:
+        self.stopped = threading.Event()
+        self.failures: list[Exception] = []
         self._scale = scale
         self._start = time.monotonic()
-
-    def now(self) -> float:
-        """Simulated seconds since the cell came up."""
-        return (time.monotonic() - self._start) * self._scale
-
-    def sleep(self, seconds: float) -> None:
-        """Sleeps for `seconds` of simulated time, or until the cell stops."""
-        self.stopped.wait(seconds / self._scale)
-
-    def wall(self, seconds: float) -> float:
-        """Wall seconds of simulated ones."""
-        return seconds / self._scale
-
-
-class Server:
-    """A thread that serves until it is closed.
-
-    Args:
-        name: of the thread.
-        stopped: ends it; set by `close`.
-    """
-
-    def __init__(self, name: str, stopped: threading.Event) -> None:
-        self._stopped = stopped
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-
-    def start(self) -> None:
-        """Serves until closed."""
+        # Waits of the default selector are whole milliseconds.
+        self._loop = asyncio.SelectorEventLoop(selectors.SelectSelector())
+        self._servers: dict[int, asyncio.Server] = {}
+        self._tasks = set[asyncio.Task[None]]()
+        self._thread = threading.Thread(target=self._run, name="site", daemon=True)
         self._thread.start()
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def close(self) -> None:
-        """Stops serving."""
-        self._stopped.set()
-        if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._thread.join()
+        """Stops serving, and disconnects all clients."""
+        self.stopped.set()
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+
+    def now(self) -> float:
+        """Simulated seconds since the start."""
+        return (time.monotonic() - self._start) * self._scale
+
+    async def sleep(self, seconds: float) -> None:
+        """Sleeps for `seconds` of simulated time."""
+        await asyncio.sleep(seconds / self._scale)
+
+    def at(self, moment: float, happens: Callable[[], object]) -> None:
+        """Schedules a call for a moment of simulated time."""
+        self._loop.call_at(self._start + moment / self._scale, happens)
+
+    def call(self, function: Callable[..., Result], *arguments: object) -> Result:
+        """Makes a call to a device from another thread, and returns its result."""
+
+        async def called() -> Result:
+            return function(*arguments)
+
+        return self._wait(called())
+
+    def listen(
+        self, serve: Serve, port: int = 0, host: str = HOST, most_bytes: int = MOST_BYTES
+    ) -> int:
+        """Opens a TCP port, and serves each client until it leaves.
+
+        Args:
+            serve: one client; its connection is closed afterwards.
+            port: number of the port; 0: any.
+            host: its address.
+            most_bytes: longest line of a client.
+
+        Returns:
+            Number of the port.
+
+        Raises:
+            OSError: the port is taken.
+        """
+
+        # No coroutine: asyncio would report each one that is cancelled at the end.
+        def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            self.begin(partial(serve, reader, writer)).add_done_callback(lambda _: writer.close())
+
+        server = self._wait(asyncio.start_server(connected, host, port, limit=most_bytes - 1))
+        number: int = server.sockets[0].getsockname()[1]
+        self._servers[number] = server
+        return number
+
+    def answer_lines(self, answer: Callable[[bytes], bytes], most_bytes: int) -> int:
+        """Opens a TCP port that answers each line; returns its number."""
+
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            while True:
+                writer.write(answer(await reader.readuntil()))
+                await writer.drain()
+
+        return self.listen(serve, most_bytes=most_bytes)
+
+    def shut(self, port: int) -> None:
+        """Accepts no further client at a port; to be called on the loop."""
+        self._servers.pop(port).close()
+
+    def begin(self, work: Work) -> asyncio.Task[None]:
+        """Runs what serves a device, until it ends or the site is closed; to be called on the loop."""
+        task = self._loop.create_task(self._guarded(work))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+    def _wait(self, work: Coroutine[Any, Any, Result]) -> Result:
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result()
+
+    async def _guarded(self, work: Work) -> None:
+        """Runs what serves a client; a client that has gone, or sends endless lines, is no failure."""
+        try:
+            await work()
+        except (OSError, EOFError, asyncio.LimitOverrunError):
+            pass
+        except Exception as error:
+            self.failures.append(error)
+            self.stopped.set()
 
     def _run(self) -> None:
-        raise NotImplementedError
+        with asyncio.Runner(loop_factory=lambda: self._loop):
+            self._loop.run_forever()
+            for port in [*self._servers]:
+                self.shut(port)
 
 
-class ThreadForEach(socketserver.ThreadingTCPServer):
-    """A server of the standard library with a thread for each client, which is not waited for."""
+class LibraryServer:
+    """A server of the standard library, which serves in a thread until it is closed."""
 
-    daemon_threads = True
-    block_on_close = False
-
-    def handle_error(self, *_: object) -> None:
-        """Let a failure reach the thread's end, where the cell hears of it."""
-        raise
-
-
-class LibraryServer(Server):
-    """A server of the standard library."""
-
-    def __init__(self, name: str, stopped: threading.Event, server: socketserver.TCPServer) -> None:
-        super().__init__(name, stopped)
+    def __init__(self, server: socketserver.TCPServer) -> None:
         self._server = server
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Stops serving."""
-        if self._thread.is_alive():
-            self._server.shutdown()
-        super().close()
+        self._server.shutdown()
         self._server.server_close()
-
-    def _run(self) -> None:
-        self._server.serve_forever(0.05)
-
-
-class TcpServer(Server):
-    """Serves one client after another on a TCP port; subclasses implement how."""
-
-    def __init__(
-        self, name: str, stopped: threading.Event, address: tuple[str, int] = ("127.0.0.1", 0)
-    ) -> None:
-        super().__init__(name, stopped)
-        self._listener = socket.create_server(address)
-        self.port: int = self._listener.getsockname()[1]
-        self.url = f"tcp://127.0.0.1:{self.port}"
-
-    def close(self) -> None:
-        """Stops serving."""
-        super().close()
-        self._listener.close()
-
-    def _run(self) -> None:
-        while not self._stopped.is_set():
-            if self._readable([self._listener]):
-                client, _ = self._listener.accept()
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                with client, contextlib.suppress(OSError):
-                    self._serve(client)
-                self._left()
-        self._listener.close()
-
-    def _serve(self, client: socket.socket) -> None:
-        """Serves one client until it leaves, which may raise an OSError, or the server stops."""
-        raise NotImplementedError
-
-    def _left(self) -> None:
-        """The client was served, and its connection is closed."""
-
-    def _received(self, client: socket.socket, most: int = 4096) -> Iterator[bytes]:
-        """Data from a client, until it leaves or the server stops."""
-        while not self._stopped.is_set():
-            if self._readable([client]):
-                if not (data := client.recv(most)):
-                    return
-                yield data
-
-    def _readable(self, sockets: list[socket.socket], seconds: float = 0.1) -> list[socket.socket]:
-        return select.select(sockets, [], [], seconds)[0]

@@ -238,21 +238,19 @@ class Impostor:
 )
 @pytest.mark.usefixtures("impatient")
 def test_whoever_is_no_open_abb_server_is_refused(answer, message):
-    impostor = Impostor(answer)
-    try:
-        with pytest.raises(ArmError, match=message):
-            connect.arm(impostor.url, time_scale=SCALE)
-    finally:
-        impostor.close()
+    with (
+        contextlib.closing(Impostor(answer)) as impostor,
+        pytest.raises(ArmError, match=message),
+    ):
+        connect.arm(impostor.url, time_scale=SCALE)
 
 
 def test_a_server_that_hangs_up_is_tried_again_and_then_given_up():
-    impostor = Impostor(b"", answers=0)
-    try:
-        with pytest.raises(ArmError, match="connection broke"):
-            connect.arm(impostor.url, time_scale=SCALE)
-    finally:
-        impostor.close()
+    with (
+        contextlib.closing(Impostor(b"", answers=0)) as impostor,
+        pytest.raises(ArmError, match="connection broke"),
+    ):
+        connect.arm(impostor.url, time_scale=SCALE)
 
 
 def test_a_turn_is_as_fast_as_the_radius_allows_that_is_asked_for(rig):

@@ -46,8 +46,7 @@ class Recorder:
 @pytest.fixture
 def device():
     result = Recorder()
-    node = CanNode(result, threading.RLock(), lambda: 1.0, WHERE)
-    node.start()
+    node = CanNode(result, lambda: 1.0, WHERE)
     yield result
     node.close()
 

@@ -10,19 +10,33 @@ from drivers.robotiq.registers import OUTPUT_FIELDS, unpack
 from drivers.sim.devices.gripper import GripperModel
 
 
+def lose(link, times=1, before=lambda block: None):
+    """Lose the next writes; `before` is what happens first."""
+
+    def lost(block):
+        nonlocal times
+        before(block)
+        times -= 1
+        if not times:
+            link.on_write = None
+        raise LinkTimeout("lost")
+
+    link.on_write = lost
+
+
+def arrive(link):
+    """A function that lets a write arrive."""
+    return lambda block: link.model.write_output(0, block, link.clock.time)
+
+
+def power_cycle(link):
+    link.model = GripperModel(random.Random(9), link)
+
+
 def test_a_write_that_arrived_without_its_answer_is_written_again_and_changes_nothing():
     link, gripper = active(contact=174)
-    lost = [True, True]
-
-    def lose_answer(block):
-        link.model.write_output(0, block, link.clock.time)
-        link.clock.sleep(0.4)  # the fingers are on their way, or have met the part
-        if lost:
-            lost.pop()
-            raise LinkTimeout("lost")
-        return True
-
-    link.on_write = lose_answer
+    # The fingers are on their way, or have met the part.
+    lose(link, 2, lambda block: (arrive(link)(block), link.clock.sleep(0.4)))
     gripper.move(255, 255, 0)
     assert len(link.writes) == 3
     assert len(set(link.writes)) == 1
@@ -35,12 +49,7 @@ def test_a_write_that_only_raises_the_force_is_repeated_when_it_is_lost():
     link, gripper = active(contact=174)
     gripper.move(255, 0, 0)
     gripper.wait()
-
-    def lose_request(block):
-        link.on_write = None
-        raise LinkTimeout("lost")
-
-    link.on_write = lose_request
+    lose(link)
     gripper.move(255, 0, 200)
     assert unpack(OUTPUT_FIELDS, link.model.read_output()[:6])["rFR"] == 200
     assert gripper.wait().position_counts == 174
@@ -48,12 +57,7 @@ def test_a_write_that_only_raises_the_force_is_repeated_when_it_is_lost():
 
 def test_a_write_that_is_never_acknowledged_is_no_command():
     link, gripper = active()
-
-    def lose_answer(block):
-        link.model.write_output(0, block, link.clock.time)
-        raise LinkTimeout("lost")
-
-    link.on_write = lose_answer
+    lose(link, 3, arrive(link))
     with pytest.raises(LinkTimeout):
         gripper.move(100, 255, 0)
     assert len(link.writes) == 3
@@ -61,30 +65,16 @@ def test_a_write_that_is_never_acknowledged_is_no_command():
 
 def test_a_write_that_did_not_arrive_is_repeated_once_after_a_look():
     link, gripper = active()
-
-    def lose_request(block):
-        link.on_write = None
-        raise LinkTimeout("lost")
-
-    link.on_write = lose_request
+    lose(link)
     gripper.move(100, 255, 0)
     assert len(link.writes) == 2
     assert gripper.wait().position_counts == 100
 
 
-def power_cycle(link):
-    link.model = GripperModel(random.Random(9), link)
-
-
 def test_a_write_lost_to_a_power_cut_is_not_repeated():
     """Repeating it would set rACT in a reset gripper: the activation sweep."""
     link, gripper = active()
-
-    def cut(block):
-        power_cycle(link)
-        raise LinkTimeout("lost")
-
-    link.on_write = cut
+    lose(link, before=lambda block: power_cycle(link))
     with pytest.raises(GripperFault, match="not active"):
         gripper.move(100, 255, 0)
     assert len(link.writes) == 1
@@ -94,15 +84,9 @@ def test_a_write_lost_to_a_power_cut_is_not_repeated():
 def test_a_stop_lost_to_a_power_cut_does_not_start_the_sweep():
     link, gripper = active(contact=174)
     gripper.move(255, 0, 0)
-
-    def cut(block):
-        power_cycle(link)
-        raise LinkTimeout("lost")
-
-    link.on_write = cut
+    lose(link, before=lambda block: power_cycle(link))
     with pytest.raises(GripperFault, match="not active"):
         gripper.stop()
-    link.on_write = None
     assert not gripper.state().activating
 
 

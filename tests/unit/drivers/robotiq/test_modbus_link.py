@@ -1,6 +1,7 @@
 """The Modbus link on a virtual clock: late, foreign and damaged answers, babbling lines, lost ports."""
 
 import random
+import struct
 
 import pytest
 from lines import Line
@@ -135,20 +136,8 @@ def test_the_number_of_registers_stays_within_the_block():
     for _ in range(4):
         with pytest.raises(LinkTimeout):
             channel.read()
-    assert [int.from_bytes(data[4:6], "big") for _, data in line.sent] == [
-        3,
-        4,
-        5,
-        6,
-        7,
-        8,
-        3,
-        4,
-        5,
-        6,
-        7,
-        8,
-    ]
+    counts = [int.from_bytes(data[4:6], "big") for _, data in line.sent]
+    assert counts == [*range(3, 9)] * 2
 
 
 def test_transactions_keep_their_distance():
@@ -210,12 +199,12 @@ def test_an_interrupted_transaction_is_not_answered_to_the_next():
 # -- Modbus TCP -----------------------------------------------------------------------------------
 
 
-def mbap(number, count=3, unit=2, status=STATUS, protocol=0):
-    pdu = bytes((4, 2 * count)) + (status + bytes(10))[: 2 * count]
-    head = (
-        number.to_bytes(2, "big") + protocol.to_bytes(2, "big") + (len(pdu) + 1).to_bytes(2, "big")
-    )
-    return head + bytes((unit,)) + pdu
+def enveloped(number, unit, pdu):
+    return struct.pack(">HHHB", number, 0, len(pdu) + 1, unit) + pdu
+
+
+def mbap(number, count=3, unit=2, status=STATUS):
+    return enveloped(number, unit, bytes((4, 2 * count)) + (status + bytes(10))[: 2 * count])
 
 
 def tcp_link(*script):
@@ -248,16 +237,6 @@ def test_an_acknowledgement_of_another_write_is_none():
         with pytest.raises(LinkTimeout):
             channel.write(bytes(6))
         assert len(line.sent) == 1
-
-
-def enveloped(number, unit, pdu):
-    return (
-        number.to_bytes(2, "big")
-        + b"\0\0"
-        + (len(pdu) + 1).to_bytes(2, "big")
-        + bytes((unit,))
-        + pdu
-    )
 
 
 def gateway(*codes):

@@ -4,10 +4,15 @@ import random
 
 import pytest
 
+from drivers.schunk.registers import PARAMETERS, Input
+from drivers.sim.devices.faulty import FaultySchunkModel
+from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.faults import Channel, Desk, Fault, Listed, parse
-from drivers.sim.wire.line import CleanLine, FaultyLine, Outbox, Piece, UnpluggedError
+from drivers.sim.virtual.clock import VirtualClock
+from drivers.sim.wire.line import BYTE_S, CleanLine, FaultyLine, Outbox, Piece, UnpluggedError
 from drivers.sim.wire.modbus import crc16
 from runtime.shell.errors import InputError, UsageError
+from runtime.table import PROFILES
 
 REQUEST = bytes.fromhex("090307D00003040E")
 BODY = bytes.fromhex("090306B90000FFBD00")
@@ -140,11 +145,20 @@ def test_the_unit_of_a_modbus_tcp_frame_is_its_seventh_byte():
 
 
 def test_an_outbox_keeps_the_order_of_arrival():
-    box = Outbox()
-    box.put([Piece(b"late", 1.0), Piece(b"ab"), Piece(b"cd")], 10.0, 0.1)
-    assert box.next_s == pytest.approx(10.2)
-    assert box.due(10.1) == b""
-    assert box.due(10.3) == b"ab"
-    assert box.due(10.5) == b"cd"
-    assert box.due(20.0) == b"late"
-    assert box.next_s is None
+    clock, arrived = VirtualClock(), []
+    box = Outbox(BYTE_S, clock.at, lambda data: arrived.append((clock.now(), data)))
+    box.put([Piece(b"late", 1.0), Piece(b"ab"), Piece(b"cd")], 10.0)
+    clock.advance(20.0)
+    assert arrived == [
+        (10.0 + 2 * BYTE_S, b"ab"),
+        (10.0 + 2 * BYTE_S + 2 * BYTE_S, b"cd"),
+        (11.0 + 4 * BYTE_S, b"late"),
+    ]
+
+
+@pytest.mark.parametrize(("kind", "error"), [("gflt_08", 0x6D), ("gflt_0e", 0x74)])
+def test_fault_of_a_schedule_is_an_error_of_the_gripper(kind, error):
+    desk = Desk(Listed((Fault(kind, at=0),)))
+    model = FaultySchunkModel(random.Random(1), Surroundings(), PROFILES["schunk-egu"], desk)
+    data = model.read("plc_sync_input", 0.1)
+    assert Input.of(PARAMETERS["plc_sync_input"].unpack(data)).error == error

@@ -13,6 +13,7 @@ from cameras import (
     NUMBER,
     RECTANGLE,
     SIDE_MM,
+    Shown,
     camera,
     part_tag,
     rig,
@@ -28,7 +29,6 @@ from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.optics import webcam
 from drivers.sim.camera.render import Flaws, render
 from drivers.sim.physics.tabletop import Look
-from runtime.shell.errors import UnreachableError
 from runtime.table import Tolerance
 
 BELOW = camera()
@@ -39,30 +39,13 @@ COORDINATE = st.floats(-20.0, 20.0)
 ANGLE = st.floats(-math.pi, math.pi)
 
 
-class Shown:
-    """A source that always shows the same picture, or fails."""
-
-    def __init__(self, picture):
-        self._picture = picture
-
-    def picture(self, until):
-        if self._picture is None:
-            raise UnreachableError(
-                "camera /dev/video0 has not sent a picture yet; check power and cable"
-            )
-        return self._picture
-
-    def close(self):
-        pass
-
-
 def shot(part=POSE, seed=1):
     return RIG.seen(Look(part), np.random.default_rng(seed))
 
 
 def audit(picture, predicted=POSE, calibration=None, pictures=None, subject=SUBJECT):
     known = calibration or true_calibration(BELOW)
-    auditor = Auditor(Shown(picture), known, [subject], pictures=pictures)
+    auditor = Auditor(Shown(lambda: picture), known, [subject], pictures=pictures)
     return auditor.audit(3, predicted, time.monotonic() + 1.0)
 
 
@@ -270,7 +253,7 @@ def test_tags_of_their_own_tell_parts_apart():
 
     def output(lies: int, said: str, *subjects):
         picture = RIG.seen(Look(POSE, hypothesis=lies), np.random.default_rng(1))
-        auditor = Auditor(Shown(picture), true_calibration(BELOW), subjects)
+        auditor = Auditor(Shown(lambda: picture), true_calibration(BELOW), subjects)
         answer = auditor.audit(3, POSE, time.monotonic() + 1.0, said)
         return answer.verdict, answer.fields().get("hypothesis")
 

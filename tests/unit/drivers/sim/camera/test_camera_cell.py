@@ -6,7 +6,7 @@ import shlex
 
 import numpy as np
 import pytest
-from cameras import GOAL, NUMBER, camera, part_tag, rig, true_calibration
+from cameras import GOAL, NUMBER, Shown, camera, part_tag, rig, true_calibration
 from soaking import small_setting
 
 from drivers.camera.audit.auditor import PASS, UNKNOWN, Auditor, Subject
@@ -50,19 +50,11 @@ def replace_world(setting):
     return setting._replace(world="lying", factory=lambda subject, seed: Lying())
 
 
-class Taken:
-    """A source of the pictures that a cell's camera takes."""
-
-    def __init__(self, top):
-        self._take = RIG.watcher(top.look, seed=1)
-
-    def picture(self, until):
-        return decoded(self._take(), "the cell's camera")
-
-
 def audited(top):
     """The audit's answer for a part that lies where its leaf says."""
-    auditor = Auditor(Taken(top), KNOWN, [Subject(GOAL, part_tag())])
+    take = RIG.watcher(top.look, seed=1)
+    source = Shown(lambda: decoded(take(), "the cell's camera"))
+    auditor = Auditor(source, KNOWN, [Subject(GOAL, part_tag())])
     return auditor.audit(1, top.pose, 0.0)
 
 
@@ -124,18 +116,8 @@ def test_pictures_for_a_calibration_make_one_that_finds_the_part(tmp_path):
     for each in (tag, other):
         assert np.hypot(each.on_part[0] - 2.0, each.on_part[1] + 1.0) < 0.1
     assert [reference.number for reference in fitted.references] == [580, 581, 582]
-    answer = Auditor(
-        Once(RIG.seen(Look(POSE), np.random.default_rng(4))), fitted, [Subject(GOAL, tag)]
-    ).audit(1, POSE, 0.0)
+    picture = RIG.seen(Look(POSE), np.random.default_rng(4))
+    auditor = Auditor(Shown(lambda: picture), fitted, [Subject(GOAL, tag)])
+    answer = auditor.audit(1, POSE, 0.0)
     assert answer.verdict == PASS
     assert answer.distance < 0.3
-
-
-class Once:
-    """A source of one picture."""
-
-    def __init__(self, picture):
-        self._picture = picture
-
-    def picture(self, until):
-        return self._picture

@@ -106,7 +106,7 @@ def test_value_that_a_register_does_not_take_is_refused_and_so_are_its_neighbour
 ):
     registers = DhRegisters(ready.model, lambda: ready.now)
     writes = ready.model.writes
-    assert not registers.write(6, register, value.to_bytes(2, "big"))
+    assert not registers.write(register, value.to_bytes(2, "big"))
     both = (50).to_bytes(2, "big") + value.to_bytes(2, "big")
-    assert not registers.write(16, register - 1, both)
+    assert not registers.write(register - 1, both)
     assert ready.model.writes == writes

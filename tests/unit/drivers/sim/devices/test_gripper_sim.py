@@ -3,10 +3,10 @@
 import random
 
 import pytest
+from counting import width_um
 
 from drivers.robotiq.registers import OUTPUT_FIELDS, decode, pack, speed_mm_s_of
 from drivers.sim.devices.gripper import CYCLE_S, GripperModel
-from drivers.sim.devices.jaws import Jaws
 
 
 class Bench:
@@ -21,7 +21,7 @@ class Bench:
 
     def closing(self):
         self.asked += 1
-        return None if self.contact is None else Jaws().opening_at(self.contact)
+        return None if self.contact is None else width_um(self.contact) / 1000.0
 
     def gripped(self):
         self.grips += 1
