@@ -75,11 +75,11 @@ class Covered:
         if not history:
             return self.first
         pilots, node = self._after(history), self._node(history)
-        proposed = self._actions.placements
+        options = [self._actions.placements]
         if len(pilots):
-            proposed = self._actions.options(subsample(pilots, BELIEF).states, self._metric)
+            options += self._actions.along_sides(subsample(pilots, BELIEF).states, self._metric)
         planned = [placement_of(self._nodes[node].squeeze)[None]] if node >= 0 else []
-        return np.concatenate([proposed, self._more, *planned])
+        return np.concatenate([self._actions.within(np.concatenate(options)), self._more, *planned])
 
     def _after(self, history: History) -> Belief:
         """The separate sample's parts that have a history; there may be none."""

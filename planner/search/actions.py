@@ -9,7 +9,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.metric import Metric, Mode
 from planner.belief.transition import Push
-from planner.frames import to_hand
+from planner.frames import to_hand, wrap
 from planner.job.model import Job
 from planner.search.proposals import Proposals, along, placed, proposals_of
 
@@ -18,6 +18,8 @@ LEAST_MODE = 0.1
 """Share of the belief below which a mode other than the first gets no placements."""
 ASIDE = (0.25, 0.5)
 """Shifts of the first squeeze along the fingers, in finger lengths."""
+ALONG = np.radians(15.0)
+"""Difference from a mode's angle up to which a pose lies along it."""
 ALIKE = 1e-3  # distance below which placements are equal [mm, mm, rad]
 
 Key: TypeAlias = tuple[tuple[int, ...], ...]
@@ -28,6 +30,15 @@ class Action(NamedTuple):
 
     placement: Array  # (3,) the hand frame to squeeze at, in the world [mm, mm, rad]
     pushes: tuple[Push, ...] = ()  # pushes before it
+
+
+class AlongSides(NamedTuple):
+    """Hand placements along a part's sides, for a belief; none where there are no proposals."""
+
+    about_modes: Array  # (k, 3) about its main modes
+    about_middles: (
+        Array  # (k, 3) about the middle of the poses along each: open jaws clear more there
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,20 +66,12 @@ class ActionSet:
         about = np.column_stack([np.tile(poses[:, :2].mean(axis=0), (len(angles), 1)), angles])
         return self.within(np.concatenate([self.placements, about]))
 
-    def options(self, states: Array, metric: Metric) -> Array:
-        """The fixed placements, and those along the part's sides about a belief's main modes.
-
-        Args:
-            states: (n, 3 or 4) of the belief [mm, mm, rad, hypothesis].
-            metric: of the goal.
-
-        Returns:
-            (k, 3) within the area; only the fixed ones where there are no proposals.
-        """
-        near = [
-            placed(proposals.relative, mode.pose) for proposals, mode in self._modes(states, metric)
-        ]
-        return self.within(np.concatenate([self.placements, *near])) if near else self.placements
+    def along_sides(self, states: Array, metric: Metric) -> AlongSides:
+        """The placements along the sides of the part for states (n, 3 or 4) [mm, mm, rad, hypothesis]."""
+        modes, none = self._modes(states, metric), self.placements[:0]
+        about = [placed(proposals.relative, mode.pose) for proposals, mode in modes]
+        middle = [placed(proposals.relative, middle_of(states, mode)) for proposals, mode in modes]
+        return AlongSides(*(np.concatenate([none, *each]) for each in (about, middle)))
 
     def scattered(self, states: Array, metric: Metric, n: int) -> Array:
         """Placements (k, 3), at most n, scattered about a belief's main modes; none without proposals."""
@@ -89,6 +92,13 @@ class ActionSet:
             (placements[:, :2] >= self.area[0]) & (placements[:, :2] <= self.area[1]), axis=1
         )
         return np.asarray(placements[inside])
+
+
+def middle_of(states: Array, mode: Mode) -> Array:
+    """A mode's pose (3,), moved to the middle of the states (n, 3 or 4) that lie at its angle or opposite."""
+    angle = mode.pose[2]
+    along = states[np.abs(wrap(states[:, 2] - angle, 2)) < ALONG, :2]
+    return np.array([*0.5 * (along.min(axis=0) + along.max(axis=0)), angle])
 
 
 def actions_of(job: Job) -> ActionSet:

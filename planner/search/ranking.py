@@ -148,10 +148,12 @@ class Ranking:
         """Grasp poses (k, 3) proposed for the belief `about`, at which open fingers clear `belief`."""
         if self.actions.first is not None and not belief.touched:
             return self.free(belief, self.actions.first)
-        options = self.actions.options(about.states, self.problem.metric)
+        sides = self.actions.along_sides(about.states, self.problem.metric)
+        clear = self._clear(belief, sides.about_modes, LEAST_CLEARANCE_MM)
+        options = [self.actions.placements, np.where(clear[:, None], *sides)]
         if belief.reading[0] == PUSHED:
-            options = np.concatenate([options, self.actions.followed(about.poses)])
-        return self.free(belief, options)
+            options.append(self.actions.followed(about.poses))
+        return self.free(belief, self.actions.within(np.concatenate(options)))
 
     def rank(self, asked: list[Asked], rng: np.random.Generator) -> list[Options]:
         """The best of every belief's grasp poses (k, 3), each judged by all its particles.

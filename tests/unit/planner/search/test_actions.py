@@ -8,11 +8,14 @@ import problems
 import pytest
 
 from planner.belief.metric import Metric
+from planner.belief.particles import Belief
 from planner.frames import to_hand
 from planner.job import model as job_file
 from planner.mechanics.clearance import free_placements, least_clearance
-from planner.search.actions import ActionSet
+from planner.problem import Problem
+from planner.search.actions import ActionSet, actions_of
 from planner.search.proposals import Proposals, placed, proposals_of, stable_angles
+from planner.search.ranking import Ranking
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
@@ -34,15 +37,30 @@ def test_free_placements_judge_as_the_least_clearance_does(name, least):
     assert not free.all()
 
 
-def test_proposals_stand_about_the_main_modes_and_within_the_area():
+def test_proposals_stand_about_the_main_modes_and_the_middle_along_each():
     metric = Metric(3.0, 10.0, 1)
     belief = np.repeat([[5.0, 0.0, 0.0], [-5.0, 0.0, np.pi]], [60, 40], axis=0)
     area = np.array([[-10.0, -10.0], [10.0, 10.0]])
     relative = np.array([[0.0, 0.0, 0.0], [7.0, 0.0, 0.5]])
     actions = ActionSet(np.zeros((1, 3)), (Proposals(relative),), area)
-    options = actions.options(belief, metric)
-    # About the first mode (5 + 7, 0) lies outside; about the second -5 - 7 does.
-    np.testing.assert_allclose(options[:, 0], [0.0, 5.0, -5.0], atol=1e-9)
+    sides = actions.along_sides(belief, metric)
+    np.testing.assert_allclose(sides.about_modes[:, 0], [5.0, 12.0, -5.0, -12.0], atol=1e-9)
+    np.testing.assert_allclose(sides.about_middles[:, 0], [0.0, 7.0, 0.0, -7.0], atol=1e-9)
+    np.testing.assert_allclose(sides.about_middles[:, 2], sides.about_modes[:, 2])
+    assert len(actions.within(sides.about_modes)) == 2
+
+
+def test_candidates_where_open_jaws_at_the_mode_hit_a_part_stand_at_the_middle(job):
+    problem = Problem.of(job, 1)
+    x = np.concatenate([np.linspace(15.0, 55.0, 41), np.full(40, 55.0)])  # most lie at one end
+    poses = np.column_stack([x, np.zeros((len(x), 2))])
+    held = Belief.of(poses, reading=np.zeros(len(x), np.int64))
+    grasps = Ranking(problem, actions_of(job)).candidates(held, held)
+    across = grasps[np.abs(np.cos(grasps[:, 2])) < 1e-6]
+    np.testing.assert_allclose(across[:, 0], 35.0)
+    assert len(across)
+    outline, jaws = problem.mixture.outlines[0], problem.mixture.jaws
+    assert all(least_clearance(outline, jaws, poses, grasp) > 0.0 for grasp in across)
 
 
 def width(outline, angle):
