@@ -21,7 +21,7 @@ from planner.part import tips
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files
-from runtime.shell.command import Parser, natural, positive_int, tell
+from runtime.shell.command import Parser, natural, tell
 from runtime.shell.command import seconds as seconds_text
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode
@@ -42,13 +42,7 @@ def parser() -> Parser:
     )
     add = built.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job file")
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="TREE.msgpack",
-        help="the table; with --vary a folder",
-    )
+    shell.add_output(built, "TREE.msgpack", "the table; with --vary a folder", required=False)
     add(
         "--vary",
         action="append",
@@ -57,12 +51,7 @@ def parser() -> Parser:
         help="one table for each value in place of the job's; given twice, for each combination",
     )
     add("--seed", type=natural, help="instead of the job's seed")
-    add(
-        "--trials",
-        type=positive_int,
-        default=EVALUATION_TRIALS,
-        help="parts squeezed to evaluate the table (default: %(default)s)",
-    )
+    shell.add_trials(built, EVALUATION_TRIALS, "parts squeezed to evaluate the table")
     add(
         "--budget",
         type=seconds_text,

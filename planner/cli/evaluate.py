@@ -53,9 +53,7 @@ def parser() -> Parser:
         help=f"parts squeezed (default: {DEFAULT_TRIALS}, with --ppm {DEFAULT_PPM_TRIALS})",
     )
     shell.add_takt(built)
-    built.add_argument(
-        "--seed", type=natural, default=0, help="of the trials (default: %(default)s)"
-    )
+    shell.add_seed(built, "of the trials")
     built.add_argument(
         "--worst",
         type=natural,

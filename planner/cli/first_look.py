@@ -75,16 +75,16 @@ def parser() -> Parser:
         f"{NAME} part.svg --units mm --gripper hand-e --radius 5 -o first/part.toml",
     )
     built.add_argument("drawing", type=Path, help=f"of the part: {', '.join(SUFFIXES)}")
-    built.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="JOB.toml",
-        help="the job file; table and picture go beside it (default: named after the drawing, and "
+    shell.add_output(
+        built,
+        "JOB.toml",
+        "the job file; table and picture go beside it (default: named after the drawing, and "
         "numbered where another job has the name, in this folder)",
+        required=False,
     )
     shell.add_drawing(built.add_argument_group("the drawing"))
-    add = built.add_argument_group("in place of defaults").add_argument
+    stated = built.add_argument_group("in place of defaults")
+    add = stated.add_argument
     add(
         "--radius",
         type=number,
@@ -104,13 +104,7 @@ def parser() -> Parser:
         "planned for --budget (default: half a minute), and write nothing",
     )
     add("--fingers", choices=FINGERS, help="finger pads (default: rubber)")
-    add(
-        "--distance",
-        type=number,
-        default=3.0,
-        metavar="MM",
-        help="how well the part must be located (default: %(default)s)",
-    )
+    shell.add_distance(stated)
     add(
         "--thickness",
         type=positive,

@@ -24,7 +24,7 @@ from planner.job import model as job_file
 from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.simulator import Simulator
-from runtime.shell.command import Parser, natural, number, positive, positive_int
+from runtime.shell.command import Parser, number, positive, positive_int
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import usable, write
 
@@ -186,7 +186,7 @@ def parser() -> Parser:
     )
     add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
     add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")
-    add("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
+    shell.add_output(built, "SURFACE.toml", "the limit surface", required=False)
     add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
     add(
         "--kind",
@@ -217,7 +217,7 @@ def parser() -> Parser:
         default=0.5,
         help="share of the pushes that a split fits to (default: %(default)g)",
     )
-    add("--seed", type=natural, default=0, help="of the splits (default: %(default)s)")
+    shell.add_seed(built, "of the splits")
     return built
 
 

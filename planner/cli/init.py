@@ -32,9 +32,7 @@ def parser() -> Parser:
         f"{NAME} bracket.stl --units mm --faces -o job.toml",
     )
     built.add_argument("outline", type=Path, help=f"the drawing: {', '.join(SUFFIXES)}")
-    built.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="JOB.toml", help="the job file"
-    )
+    shell.add_output(built, "JOB.toml", "the job file")
     built.add_argument("--force", action="store_true", help="overwrite it if it is there")
     shell.add_drawing(built.add_argument_group("the drawing"))
     built.add_argument(
@@ -60,13 +58,7 @@ def parser() -> Parser:
     )
     add("--gripper", choices=GRIPPERS, help="which one")
     add("--fingers", choices=FINGERS, help="finger pads")
-    add(
-        "--distance",
-        type=number,
-        default=3.0,
-        metavar="MM",
-        help="how well the part must be located (default: %(default)s)",
-    )
+    shell.add_distance(answers)
     return built
 
 

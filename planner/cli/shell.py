@@ -164,6 +164,32 @@ def check_squeezes_alone(table: Table, name: str, what: str) -> None:
         raise UsageError(f"{what} is for squeezes alone; {message}")
 
 
+def add_output(
+    parser: argparse.ArgumentParser, metavar: str, what: str, required: bool = True
+) -> None:
+    """Adds the option for the file or folder to write."""
+    add = parser.add_argument
+    add("-o", "--output", type=Path, required=required, metavar=metavar, help=what)
+
+
+def add_seed(parser: argparse.ArgumentParser, what: str) -> None:
+    """Adds the seed of what a command draws, 0 by default."""
+    shown = f"{what} (default: %(default)s)"
+    parser.add_argument("--seed", type=command.natural, default=0, help=shown)
+
+
+def add_trials(parser: argparse.ArgumentParser, default: int, what: str) -> None:
+    """Adds the number of simulated parts."""
+    shown = f"{what} (default: %(default)s)"
+    parser.add_argument("--trials", type=command.positive_int, default=default, help=shown)
+
+
+def add_distance(group: argparse._ArgumentGroup) -> None:
+    """Adds the goal of a new job."""
+    shown = "how well the part must be located (default: %(default)s)"
+    group.add_argument("--distance", type=command.number, default=3.0, metavar="MM", help=shown)
+
+
 def add_takt(parser: argparse.ArgumentParser) -> None:
     """The option that states a takt, in seconds."""
     parser.add_argument(

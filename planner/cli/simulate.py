@@ -204,14 +204,7 @@ def parser() -> Parser:
         metavar="MM",
         help=f"distance of the two fingers, for pushes without a column {pushes.FINGERS}; 0: one finger",
     )
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="OUT.csv",
-        help="the results; - for standard output",
-    )
+    shell.add_output(built, "OUT.csv", "the results; - for standard output")
     add(
         "--tip-radius-mm",
         type=positive,
