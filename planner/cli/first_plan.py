@@ -79,7 +79,7 @@ def in_mm(
 def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
     """The answers that a job needs, with those that are defaults."""
     taken, restrictions = list[str](), list[str]()
-    rooms = {name: room_mm(imported, preset) for name, preset in GRIPPERS.items()}
+    rooms = {name: room_mm(imported, name) for name in GRIPPERS}
     gripper, usual = arguments.gripper, next(iter(GRIPPERS))
     if gripper is None:
         widest = max(rooms, key=lambda name: rooms[name])
@@ -99,7 +99,7 @@ def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
         )
     radius = arguments.radius
     if radius is None:
-        radius = proposed_radius_mm(imported, GRIPPERS[gripper])
+        radius = proposed_radius_mm(imported, gripper)
         room = "" if radius >= MOST_RADIUS_MM else ", for the open jaws leave no more room"
         taken.append(f"its centre within {radius:g} mm of the expected place{room} (--radius)")
         if room:

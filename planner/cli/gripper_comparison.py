@@ -19,6 +19,7 @@ from planner.job.drafts import (
     GRIPPERS,
     Answers,
     draft,
+    opening_of,
     proposed_radius_mm,
     room_mm,
 )
@@ -36,11 +37,11 @@ def compare(arguments: argparse.Namespace) -> None:
         raise UsageError(f"--gripper {ALL} writes no job; leave out --output")
     imported, notes = imported_of(arguments)
     check_thickness(imported)
-    fitting = [name for name in GRIPPERS if room_mm(imported, GRIPPERS[name]) >= LEAST_ROOM_MM]
+    fitting = [name for name in GRIPPERS if room_mm(imported, name) >= LEAST_ROOM_MM]
     if not fitting:
         raise UsageError("no known gripper opens wide enough for the part")
     if arguments.radius is None:  # the same for all grippers
-        arguments.radius = min(proposed_radius_mm(imported, GRIPPERS[name]) for name in fitting)
+        arguments.radius = min(proposed_radius_mm(imported, name) for name in fitting)
     arguments.gripper = fitting[0]
     setting = setting_of(arguments, imported)
     if not arguments.json:
@@ -61,8 +62,8 @@ def compare(arguments: argparse.Namespace) -> None:
 
 def _small(arguments: argparse.Namespace, name: str) -> dict[str, Any]:
     """What there is to say of a gripper that does not open wide enough; its line is printed."""
-    step_mm = GRIPPERS[name].profile.resolution_um / 1000
-    reason = f"it opens to {GRIPPERS[name].opening_mm:g} mm, too little for the part"
+    step_mm = GRIPPERS[name].resolution_um / 1000
+    reason = f"it opens to {opening_of(name):g} mm, too little for the part"
     return _unplanned(arguments, name, step_mm, reason)
 
 

@@ -181,10 +181,10 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
         name = _ask(f"name of the part [{stem}]: ", lambda text: text or stem) if asking else stem
     gripper = arguments.gripper or _choice("gripper", GRIPPERS)
     fingers = arguments.fingers or _choice("fingers", FINGERS)
-    room = room_mm(imported, GRIPPERS[gripper])
+    room = room_mm(imported, gripper)
     radius = arguments.radius
     if radius is None:
-        proposed = proposed_radius_mm(imported, GRIPPERS[gripper])
+        proposed = proposed_radius_mm(imported, gripper)
         radius = _ask(
             f"its centre lies in a disc of radius [{proposed:g} mm]: ",
             lambda text: number(text) if text else proposed,

@@ -15,7 +15,7 @@ import shapely
 
 from planner.arrays import Array
 from planner.cli import first_look, first_plan, shell
-from planner.job.drafts import FINGERS, GRIPPERS, draft, room_mm
+from planner.job.drafts import FINGERS, GRIPPERS, draft, opening_of, room_mm
 from planner.part.importers.contours import LISTED, Contour
 from planner.part.importers.file import Imported, read_contours
 from planner.part.outline import reach, smallest_rectangle
@@ -41,9 +41,7 @@ def preview(words: Sequence[str]) -> dict[str, Any]:
         setting = first_plan.setting_of(arguments, imported)
         shown |= {**_part(imported), "assumed": [*notes, *setting.assumed]}
         shown |= _hand(setting.answers.gripper)
-        shown["rooms_mm"] = {
-            name: round(room_mm(imported, preset), 1) for name, preset in GRIPPERS.items()
-        }
+        shown["rooms_mm"] = {name: round(room_mm(imported, name), 1) for name in GRIPPERS}
         friction = FINGERS[setting.answers.fingers]
         shown["friction"] = {"low": friction.low, "high": friction.high}
         shown |= setting.answers._asdict()
@@ -103,14 +101,9 @@ def _part(imported: Imported) -> dict[str, Any]:
 
 
 def _hand(gripper: str) -> dict[str, Any]:
-    preset = GRIPPERS[gripper]
-    return {
-        "hand": {
-            "opening_mm": preset.opening_mm,
-            "length_mm": preset.finger_length_mm,
-            "width_mm": preset.finger_width_mm,
-        }
-    }
+    length_mm, width_mm = GRIPPERS[gripper].fingers_mm
+    opening_mm = opening_of(gripper)
+    return {"hand": {"opening_mm": opening_mm, "length_mm": length_mm, "width_mm": width_mm}}
 
 
 def _rounded(mm: float | Array) -> float:
