@@ -1,7 +1,7 @@
 """A rough plan from a drawing, shared by first look, preview and comparison of grippers."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import NamedTuple, TypeVar
@@ -128,24 +128,20 @@ def check_thickness(imported: Imported) -> None:
 
 
 def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
-    """The plan within the time until an answer [s]; if `patient`, in longer time where needed."""
-    search_s = answer_s - min(REST_S, REST * answer_s)
-    return _first_within(
-        job.replaced(search=QUICK), [search_s, SLOW_S] if patient else [search_s], report
-    )
-
-
-def _first_within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
-    """The plan of the first of several time budgets that suffices.
+    """The plan within the time until an answer [s]; if `patient`, in longer time where needed.
 
     Raises:
-        NoPlanError: none suffices, or no plan exists.
+        NoPlanError: the time does not suffice, or no plan exists.
     """
-    limit = Limit(budgets[0])
+    limit = Limit(answer_s - min(REST_S, REST * answer_s))
     try:
-        with shell.stopping(limit, NAME):
-            return compile_job(job, None, TRIALS, report, limit)
+        return _planned(job, limit, report)
     except NoPlanError as error:
-        if not error.cut_short or limit.asked or len(budgets) == 1:
+        if not (patient and error.cut_short) or limit.asked:
             raise
-    return _first_within(job, budgets[1:], report)
+    return _planned(job, Limit(SLOW_S), report)
+
+
+def _planned(job: Job, limit: Limit, report: Report) -> Plan:
+    with shell.stopping(limit, NAME):
+        return compile_job(job.replaced(search=QUICK), None, TRIALS, report, limit)

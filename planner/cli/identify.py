@@ -29,7 +29,6 @@ from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
-MOVED = ("moved_x_mm", "moved_y_mm", "turned_deg")
 MOST_SPLITS = 10  # of motions
 KINDS: tuple[Kind, ...] = ("ellipsoid", "quartic")
 FORMATS = """\
@@ -126,7 +125,7 @@ def _from_motions(arguments: argparse.Namespace) -> None:
     shell.check_one_part(job.hypothesis, str(arguments.job), "an identification")
     if arguments.output is not None:
         usable(arguments.output, path, *job_file.files(arguments.job))
-    rows = columns.read(path, (*tips.NAMES, *MOVED))
+    rows = columns.read(path, (*tips.NAMES, *tips.MOVED))
     if len(rows) < LEAST_PAIRS:
         raise InputError(f"{len(rows)} pushes; give at least {LEAST_PAIRS}", where=str(path))
     ways = tips.paths(rows[:, :4], job_file.centroid_as_drawn(arguments.job))
@@ -181,8 +180,8 @@ def parser() -> Parser:
         "--motions",
         type=Path,
         metavar="PUSHES.csv",
-        help=f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *MOVED))}, as plan-simulate "
-        "--push --tip-radius-mm has them; gives the tip's friction, too",
+        help=f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *tips.MOVED))}, as "
+        "plan-simulate --push --tip-radius-mm has them; gives the tip's friction, too",
     )
     add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
     add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")

@@ -6,6 +6,7 @@ outside, where it just touches, and goes the same way: of the corrections tried 
 agrees best with the measurements (decision 0049).
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from planner.mechanics.simulator import Pushed
 from runtime.shell.errors import InputError
 
 NAMES = ("tip_x_mm", "tip_y_mm", "way_x_mm", "way_y_mm")
+MOVED = ("moved_x_mm", "moved_y_mm", "turned_deg")
 OVERLAP = "overlap_mm"
 STATUS_NAMES = (*PUSH_NAMES, "untouched")
 UNTOUCHED = len(PUSH_NAMES)
@@ -42,13 +44,21 @@ def read(path: Path) -> Array:
         InputError: see `columns.read`; or an entry is out of range.
     """
     rows = columns.read(path, NAMES)
-    for number, row in enumerate(rows, 1):
-        far = np.abs(row) > MOST_MM
-        if far.any():
-            k = int(np.argmax(far))
-            problem = f"push {number}: {row[k]:g} is beyond {MOST_MM:g}; correct it"
-            raise InputError(problem, where=str(path), key=NAMES[k])
+    check_range(rows, NAMES, np.full(len(NAMES), MOST_MM), path)
     return rows
+
+
+def check_range(rows: Array, names: Sequence[str], most: Array, where: Path) -> None:
+    """Refuses pushes (n, k) with an entry whose magnitude is beyond that of its column (k,).
+
+    Raises:
+        InputError: names the push and the column.
+    """
+    far = np.argwhere(np.abs(rows) > most)
+    if len(far):
+        number, k = far[0]
+        problem = f"push {number + 1}: {rows[number, k]:g} is beyond {most[k]:g}; correct it"
+        raise InputError(problem, where=str(where), key=names[k])
 
 
 def paths(rows: Array, centroid: Array) -> Paths:
