@@ -116,9 +116,8 @@ def _single(arguments: argparse.Namespace) -> int:
         bound = advice = None
         with shell.spared("bound", notes, arguments.debug):
             bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
-        if not (
-            arguments.no_advice or plan.cut
-        ):  # what a longer search might contradict is not advised
+        # What a longer search might contradict is not advised.
+        if not (arguments.no_advice or plan.cut):
             with shell.spared("advice", notes, arguments.debug):
                 advice = counsel(plan.table, plan.evaluation, job, scheduler, report)
     figures = {
@@ -149,9 +148,8 @@ def _job(arguments: argparse.Namespace) -> Job:
     job = job_file.load(arguments.job)
     for option in ("baseline", "bound", "bound_dense"):
         if getattr(arguments, option):
-            shell.check_one_part(
-                job.hypothesis, str(arguments.job), f"--{option.replace('_', '-')}"
-            )
+            name = f"--{option.replace('_', '-')}"
+            shell.check_one_part(job.hypothesis, str(arguments.job), name)
     if job.actions.pushes and (arguments.bound or arguments.bound_dense):
         raise UsageError(
             f'--bound is for squeezes alone; {arguments.job} has actions.pushes = "belief"'

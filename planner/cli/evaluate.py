@@ -149,12 +149,8 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         evaluation = evaluate(table, real, worlds(real), trials, seed, scheduler, cell, report)
         # In each world that the job believes in, where the contact world represents them.
         cases = believed_cases(job) if arguments.world == DEFAULT_WORLD else []
-        contact, fewer = (
-            partial(ContactWorlds.of_job, seed=seed),
-            arguments.trials or BELIEVED_TRIALS,
-        )
-        lines = sweep(table, job, cases, contact, min(fewer, BELIEVED_TRIALS), seed, scheduler)
-        believed = worst_of(lines)
+        contact, fewer = partial(ContactWorlds.of_job, seed=seed), min(trials, BELIEVED_TRIALS)
+        believed = worst_of(sweep(table, job, cases, contact, fewer, seed, scheduler))
         others = real.foreign_parts
         if arguments.foreign_parts:
             others = (*others, *foreign.family(real))

@@ -26,11 +26,7 @@ from planner.diagnosis.alike import alike
 from planner.errors import FitError, NoPlanError
 from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
-from planner.job.drafts import (
-    FINGERS,
-    GRIPPERS,
-    draft,
-)
+from planner.job.drafts import FINGERS, GRIPPERS, draft
 from planner.job.model import Job
 from planner.part.importers.file import SUFFIXES
 from planner.part.outline import smallest_rectangle
@@ -59,10 +55,8 @@ LEAST_DONE = 0.9  # least share located among the finished parts, for that answe
 MOST_OPEN = 0.5  # share of unfinished parts above which there is no answer
 LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
 
-
-Spared = Callable[
-    [str], AbstractContextManager[None]
-]  # optional work, by name, that the answer can do without
+Spared = Callable[[str], AbstractContextManager[None]]
+"""Context of optional work, by name, that the answer can do without."""
 
 
 def parser() -> Parser:

@@ -42,9 +42,8 @@ class Setting(NamedTuple):
 
     answers: Answers
     assumed: list[str]  # what was assumed because it was not stated
-    restrictions: list[
-        str
-    ]  # what was assumed because the part is large, as clauses: "within 1 mm of ..."
+    # What was assumed because the part is large, as clauses: "within 1 mm of ...".
+    restrictions: list[str]
 
 
 def progress_of(

@@ -15,14 +15,7 @@ from planner.cli.first_plan import (
 )
 from planner.errors import NoPlanError
 from planner.job import model as job_file
-from planner.job.drafts import (
-    GRIPPERS,
-    Answers,
-    draft,
-    opening_of,
-    proposed_radius_mm,
-    room_mm,
-)
+from planner.job.drafts import GRIPPERS, Answers, draft, opening_of, proposed_radius_mm, room_mm
 from planner.part.importers.file import Imported
 from runtime.shell.errors import UsageError
 

@@ -103,20 +103,12 @@ def _identify(arguments: argparse.Namespace) -> None:
 
 
 def _from_motions(arguments: argparse.Namespace) -> None:
-    if (
-        arguments.job is None
-        or arguments.tip_radius_mm is None
-        or arguments.logs
-        or arguments.pairs
-    ):
+    needed = arguments.job, arguments.tip_radius_mm
+    if None in needed or arguments.logs or arguments.pairs:
         raise UsageError(
             "--motions needs --job and --tip-radius-mm, and goes without logs and --pairs"
         )
-    if (
-        arguments.figure is not None
-        or arguments.friction_n is not None
-        or arguments.kind == "quartic"
-    ):
+    if arguments.figure or arguments.friction_n or arguments.kind == "quartic":
         raise UsageError(
             "--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic"
         )
@@ -260,8 +252,10 @@ def _print(
 ) -> None:
     pairs, against = len(data.F), int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
     written = [str(path) for path in (arguments.output, arguments.figure) if path is not None]
-    figures = {"pairs": pairs, "against_motion": against, "splits": arguments.splits}
-    figures |= {
+    figures = {
+        "pairs": pairs,
+        "against_motion": against,
+        "splits": arguments.splits,
         "surfaces": [_figures(each) for each in fits],
         "best": best.kind,
         "written": written,

@@ -115,9 +115,8 @@ class Numbers:
         if not self.least <= len(value) <= self.most:
             count = str(self.least) if self.least == self.most else f"{self.least} to {self.most}"
             raise InputError(f"must have {count} entries, not {len(value)}")
-        array = np.array(
-            [self._entry(index, entry) for index, entry in enumerate(value)], dtype=np.float64
-        )
+        rows = [self._entry(index, entry) for index, entry in enumerate(value)]
+        array = np.array(rows, dtype=np.float64)
         array.setflags(write=False)
         return array
 
@@ -125,11 +124,9 @@ class Numbers:
         if self.columns and (not isinstance(entry, list | tuple) or len(entry) != self.columns):
             raise InputError(f"must be a list {self._shape()}; entry {index + 1} is {shown(entry)}")
         try:
-            return (
-                [self.item.read(number) for number in entry]
-                if self.columns
-                else self.item.read(entry)
-            )
+            if self.columns:
+                return [self.item.read(number) for number in entry]
+            return self.item.read(entry)
         except InputError as error:
             raise InputError(f"entry {index + 1} {error}") from None
 

@@ -9,7 +9,7 @@ from planner.evaluation.expectation import bins_of
 from planner.job.model import Job
 from planner.report.replay import Replay
 from planner.report.run_log import RunLog
-from planner.report.tree import Line, Panel, drawing, names_parts, percent, signed
+from planner.report.tree import Line, Panel, drawing, key_of, names_parts, percent, signed
 from runtime.pages.charts import Band, histogram
 from runtime.table import PPM, REJECT, Branch, Leaf, Node, Table, wilson_interval
 
@@ -194,11 +194,6 @@ def span_of(ways: list[Way]) -> tuple[float, float]:
     """The range of widths in the chart of a node [mm]."""
     low, high = min(way.low_mm for way in ways), max(way.high_mm for way in ways)
     return max(low - MARGIN_MM, 0.0), high + MARGIN_MM
-
-
-def key_of(target: int) -> str:
-    """The id of a node's or leaf's panel."""
-    return f"node-{target}" if target >= 0 else f"leaf-{~target}"
 
 
 def _all(place: Place) -> list[Place]:

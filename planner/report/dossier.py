@@ -26,7 +26,7 @@ from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
 from planner.report import canvas, leaf_poses, look, tree, worlds
 from planner.report import verdict as verdicts
-from planner.report.branches import Tree, key_of, span_of, tree_of
+from planner.report.branches import Tree, span_of, tree_of
 from planner.report.canvas import asset, template
 from planner.report.comparison import Comparison
 from planner.report.replay import Replay, replay
@@ -205,9 +205,9 @@ def _parts(table: Table, log: RunLog) -> list[dict[str, Any]]:
 def _part(table: Table, part: PartLog) -> dict[str, Any]:
     squeezes = [
         {
-            "node": key_of(each.node),
+            "node": tree.key_of(each.node),
             "width_mm": round(each.width_um / 1e3, 2),
-            "to": None if each.target is None else key_of(each.target),
+            "to": None if each.target is None else tree.key_of(each.target),
         }
         for each in part.squeezes
     ]

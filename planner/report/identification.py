@@ -16,10 +16,8 @@ MARKS = {"ellipsoid": "o", "quartic": "^"}
 AXES = ("fx / μN", "fy / μN", "τ / (ρ μN)")  # noqa: RUF001
 SECTIONS = ((0, 1), (0, 2), (1, 2))  # axes of each cross-section; the third is zero there
 
-NEAR = (
-    0.35  # distance from a section's plane, as a share of the length, below which wrenches are dark
-)
-
+# Distance from a section's plane, as a share of the length, below which wrenches are dark.
+NEAR = 0.35
 SIZE_IN = (7.4, 5.0)
 
 

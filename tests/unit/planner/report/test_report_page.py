@@ -12,9 +12,10 @@ from run_logs import chained, header, part
 from planner.cli import report
 from planner.job import model as job_file
 from planner.report import dossier, run_log
-from planner.report.branches import key_of, tree_of
+from planner.report.branches import tree_of
 from planner.report.replay import replay
 from planner.report.run_log import RunLog
+from planner.report.tree import key_of
 from runtime.table import dumps, load
 
 TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
