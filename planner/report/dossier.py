@@ -12,7 +12,6 @@ import numpy as np
 from markupsafe import Markup
 
 from planner.arrays import Array
-from planner.belief.particles import subsample
 from planner.bound.certificate import Certificate
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.foreign import OFTEN, tried
@@ -239,5 +238,5 @@ def _rejects(table: Table, job: Job, log: RunLog, beliefs: Replay, reach: float)
         )
         caption = f"Part {part.part}, node {node}: {reject_text(table, node, squeeze.width_um)}"
         shown = max(reach, 1.03 * float(np.abs(boxes).max()))
-        result.append(Reject(caption, subsample(states, look.OUTLINES), boxes, pose, shown))
+        result.append(Reject(caption, states, boxes, pose, shown))
     return result
