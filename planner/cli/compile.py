@@ -163,11 +163,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.vary, common)
     settings = Settings(
-        arguments.trials,
-        arguments.workers,
-        arguments.strip,
-        arguments.budget,
-        arguments.takt,
+        arguments.trials, arguments.workers, arguments.strip, arguments.budget, arguments.takt
     )
     with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
         read = job_file.files(arguments.job)

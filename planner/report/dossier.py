@@ -228,14 +228,12 @@ def _rejects(table: Table, job: Job, log: RunLog, beliefs: Replay, reach: float)
     for part, squeeze in [pair for pair in last if pair[1].target is None][-REJECTS:]:
         node, width_mm = squeeze.node, squeeze.width_um / 1e3
         visit = beliefs.visits[node]
-        boxes = canvas.placed(
-            canvas.finger_boxes(jaws, width_mm), placement_of(table.nodes[node].squeeze)
-        )
-        nearest = int(np.argmin(np.abs(visit.width_mm - width_mm))) if len(visit.width_mm) else None
-        states = beliefs.arrivals[node]
-        pose = (
-            np.zeros(3) if nearest is None else np.append(visit.after[nearest], states[nearest, 3:])
-        )
+        hand = placement_of(table.nodes[node].squeeze)
+        boxes = canvas.placed(canvas.finger_boxes(jaws, width_mm), hand)
+        states, pose = beliefs.arrivals[node], np.zeros(3)
+        if len(visit.width_mm):
+            nearest = int(np.argmin(np.abs(visit.width_mm - width_mm)))
+            pose = np.append(visit.after[nearest], states[nearest, 3:])
         caption = f"Part {part.part}, node {node}: {reject_text(table, node, squeeze.width_um)}"
         shown = max(reach, 1.03 * float(np.abs(boxes).max()))
         result.append(Reject(caption, states, boxes, pose, shown))

@@ -119,14 +119,7 @@ def _draw(axes: Axes, outline: Array, jaws: Array, states: Array) -> None:
         boxes = [box for state in rows for box in canvas.finger_boxes(jaws, float(state[3]))]
         canvas.polygons(axes, [*boxes, *canvas.outlines(outline, rows[:, :3])], color, width, order)
     marks = trail(states[:, :2])
-    axes.plot(
-        *marks.T,
-        "+",
-        color=canvas.BLUE,
-        markersize=4.5,
-        markeredgewidth=0.8,
-        zorder=4,
-    )
+    axes.plot(*marks.T, "+", color=canvas.BLUE, markersize=4.5, markeredgewidth=0.8, zorder=4)
 
 
 def timeline(states: Array) -> Array:

@@ -212,9 +212,8 @@ class _Tree:
         reach = spread + max(
             float(np.max(np.hypot(*alone.part.outline_mm.T))) for alone in job.alone
         )
-        self.reach = 1.03 * max(
-            reach, *(float(np.abs(self._fingers(target)).max()) for target in self.parent)
-        )
+        fingers = (float(np.abs(self._fingers(target)).max()) for target in self.parent)
+        self.reach = 1.03 * max(reach, *fingers)
 
     def node(self, index: int) -> Panel:
         node, arrivals = self.table.nodes[index], self.beliefs.arrivals[index]
@@ -224,15 +223,11 @@ class _Tree:
         label = f"Node {index}: {pushed}squeeze at {angle:.0f} degrees, {len(node.branches)} outcomes, {seen}"
         text = (44.0, 74.0, "middle")
         if self.style.sideways:  # in the lower corner without an arrow head
-            text = (
-                (3.0, 61.0, "start")
-                if np.sin(np.radians(2.0 * angle)) > 0.0
-                else (61.0, 61.0, "end")
-            )
+            left = np.sin(np.radians(2.0 * angle)) > 0.0
+            text = (3.0, 61.0, "start") if left else (61.0, 61.0, "end")
         lines = [f"{pushed}{signed(angle, 0)}°"]
-        return self._panel(
-            index, "node", label, arrivals, lines, text, _arrows(np.radians(angle)), None
-        )
+        arrows = _arrows(np.radians(angle))
+        return self._panel(index, "node", label, arrivals, lines, text, arrows, None)
 
     def leaf(self, index: int) -> Panel:
         leaf, poses = self.table.leaves[index], self.beliefs.leaves[index]
@@ -243,19 +238,10 @@ class _Tree:
         if self.style.sideways:
             text = (PANEL + 4.0, 35.0 - 5.5 * (len(lines) - 1), "start")
         kind = ("leaf" if leaf.trials else "untried") if leaf.resolved else "unresolved"
-        predicted = (
-            np.array([*predicted_pose(leaf), leaf.hypothesis]) if leaf.resolved and posed else None
-        )
-        return self._panel(
-            ~index,
-            kind,
-            leaf_label(index, leaf, name, posed),
-            poses,
-            lines,
-            text,
-            NOTHING,
-            predicted,
-        )
+        pose = np.array([*predicted_pose(leaf), leaf.hypothesis])
+        predicted = pose if leaf.resolved and posed else None
+        label = leaf_label(index, leaf, name, posed)
+        return self._panel(~index, kind, label, poses, lines, text, NOTHING, predicted)
 
     def line(self, target: int, step: tuple[int, int]) -> Line:
         index, number = step
