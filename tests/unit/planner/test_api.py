@@ -1,11 +1,11 @@
 """The table as arrays says what the runtime's own look-up says."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from counting import COUNTS, by_count, width_um
+from rectangle import JOB_PATH, TABLE_PATH
 
 from planner.api import Belief, ContactWorld, Job, Pomdp, Simulator, Table, evaluate, squeeze
 from planner.belief.metric import metric_of
@@ -17,12 +17,10 @@ from planner.world import Assorted, of_hypothesis
 from runtime.shell.errors import ExpectedError
 from runtime.table import REJECT, decision_map
 
-FOLDER = Path(__file__).parents[3] / "trees" / "rectangle"
-
 
 @pytest.fixture(scope="module")
 def table():
-    return Table.load(FOLDER / "rectangle.msgpack")
+    return Table.load(TABLE_PATH)
 
 
 def test_lookup_is_the_decision_of_the_runtime_for_every_reading_at_every_node(table):
@@ -39,8 +37,8 @@ def test_lookup_is_the_decision_of_the_runtime_for_every_reading_at_every_node(t
 
 def test_a_table_is_the_same_after_its_file(table, tmp_path):
     table.save(tmp_path / "again.msgpack")
-    assert (tmp_path / "again.msgpack").read_bytes() == (FOLDER / "rectangle.msgpack").read_bytes()
-    assert table.job == Job.load(FOLDER / "job.toml")
+    assert (tmp_path / "again.msgpack").read_bytes() == TABLE_PATH.read_bytes()
+    assert table.job == Job.load(JOB_PATH)
 
 
 def test_an_evaluation_is_that_of_the_seed_on_any_number_of_workers(table):
@@ -58,7 +56,7 @@ def test_a_table_without_its_job_says_so(table):
         evaluate(stripped, trials=10)
 
 
-JOB = Job.load(FOLDER / "job.toml")
+JOB = Job.load(JOB_PATH)
 RNG = np.random.default_rng(0)
 NAN = float("nan")
 
@@ -171,10 +169,8 @@ def traits_with(**changes: float) -> Traits:
         lambda world, model: squeeze(
             JOB, Belief(np.zeros((3, 3)), as_planned(2), np.zeros(3)), np.zeros(3), RNG
         ),
-        lambda world, model: evaluate(
-            Table.load(FOLDER / "rectangle.msgpack"), trials=10, workers=0
-        ),
-        lambda world, model: evaluate(Table.load(FOLDER / "rectangle.msgpack"), trials=10, seed=-1),
+        lambda world, model: evaluate(Table.load(TABLE_PATH), trials=10, workers=0),
+        lambda world, model: evaluate(Table.load(TABLE_PATH), trials=10, seed=-1),
         lambda world, model: compile_job(JOB, trials=-5),
         lambda world, model: of_hypothesis(Assorted([world, world]), -1),
         lambda world, model: Simulator.of_job(JOB, 1, NAN),

@@ -1,24 +1,20 @@
 """The generative model: its readings, its ends and its filter against what the rest of the planner says."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from planner.evaluation.trials import Program
 from planner.frames import to_hand
-from planner.job.model import load
 from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.pomdp import DECLARE, Pomdp
 from runtime import table as tables
 
-RECTANGLE = Path(__file__).parents[3] / "trees" / "rectangle"
 EVERY_READING = np.arange(228)
 
 
 @pytest.fixture(scope="module")
-def model():
-    return Pomdp.of_job(load(RECTANGLE / "job.toml"))
+def model(job):
+    return Pomdp.of_job(job)
 
 
 def declaring(poses):
@@ -63,8 +59,7 @@ def test_a_declared_pose_is_right_within_the_goal_and_under_the_symmetry(model):
     assert np.array_equal(sampled.states, states)
 
 
-def test_the_planned_table_solves_the_problem_as_well_as_it_says(model):
-    table = tables.load(RECTANGLE / "rectangle.msgpack").table
+def test_the_planned_table_solves_the_problem_as_well_as_it_says(model, table):
     program, rng, n = Program.of(table), np.random.default_rng(4), 3000
     states, node = model.initial(n, rng), np.zeros(n, np.int64)
     squeezes, right = 0, 0.0

@@ -1,11 +1,11 @@
 """plan-expect: what is read at each node, in several worlds; a change of friction shows by it."""
 
 import json
-from pathlib import Path
 
 import pytest
 from drifting import Drift, parts, squeezed
 from histories import watch
+from rectangle import TABLE_PATH
 
 from planner.cli import expect
 from planner.evaluation import cases, expectation
@@ -17,8 +17,7 @@ from runtime.table import load
 
 pytestmark = pytest.mark.slow
 
-TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
-LOADED = load(TREE)
+LOADED = load(TABLE_PATH)
 TABLE = LOADED.table
 JOB = job_file.from_canonical(str(TABLE.job))
 BEFORE, WITHIN = 200, 50
@@ -28,7 +27,7 @@ TRIALS = 30_000  # with fewer, chance in what is expected raises false alarms
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     path = tmp_path_factory.mktemp("expect") / "expected.json"
-    assert expect.main([str(TREE), "-o", str(path), "--trials", str(TRIALS)]) == 0
+    assert expect.main([str(TABLE_PATH), "-o", str(path), "--trials", str(TRIALS)]) == 0
     return path
 
 

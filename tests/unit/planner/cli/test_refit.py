@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rectangle import JOB_PATH as JOB
+from rectangle import TABLE_PATH as TREE
 from run_logs import chained, header, part
 
 from planner.cli import refit
@@ -13,10 +15,6 @@ from planner.evaluation.trials import encoder_of_table
 from planner.job import model
 from planner.refit.cells import Cells
 from runtime.table import load
-
-TREES = Path(__file__).parents[4] / "trees"
-TREE = TREES / "rectangle" / "rectangle.msgpack"
-JOB = TREES / "rectangle" / "job.toml"
 
 
 def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:

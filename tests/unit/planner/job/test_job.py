@@ -4,10 +4,10 @@ import hashlib
 import json
 import re
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
+from rectangle import JOB_PATH, TEXT, edited
 
 from planner.job import fields, schema
 from planner.job import model as job
@@ -15,18 +15,10 @@ from runtime.execution import delivery
 from runtime.shell.errors import InputError
 from runtime.table import PROFILES
 
-RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
-TEXT = RECTANGLE.read_text(encoding="utf-8")
-
-
-def edited(old: str, new: str) -> str:
-    assert TEXT.count(old) == 1, f"the test expects {old!r} once in the rectangle's job"
-    return TEXT.replace(old, new)
-
 
 @pytest.fixture
 def rectangle() -> job.Job:
-    return job.load(RECTANGLE)
+    return job.load(JOB_PATH)
 
 
 def test_canonical_text_round_trips_exactly(rectangle):
@@ -98,12 +90,6 @@ def test_unreadable_files_are_named(tmp_path):
 def test_canonical_text_that_is_not_a_json_object_is_refused(text):
     with pytest.raises(InputError, match="compile the job again"):
         job.from_canonical(text)
-
-
-def test_openings_beyond_the_gripper_are_refused():
-    text = RECTANGLE.read_text().replace("[goal]", "openings_mm = [90.0]\n[goal]")
-    with pytest.raises(InputError, match="more than opening_mm"):
-        job.parse(text)
 
 
 MOST_KEYS = 70  # besides those that go with one kind of pressure

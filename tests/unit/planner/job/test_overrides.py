@@ -1,18 +1,15 @@
 """Values of a job replaced on the command line: the same checks and words as for the file itself."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rectangle import JOB_PATH, TEXT
 
 from planner.errors import FitError, KeyNameError
 from planner.job import model as job
 from planner.job.overrides import changes_of, split, value_of
 from runtime.shell.errors import InputError, UsageError
 
-RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
-TEXT = RECTANGLE.read_text(encoding="utf-8")
 PARSED = job.parse(TEXT)
 
 
@@ -24,7 +21,7 @@ def test_overrides_of_a_path_a_text_or_a_job_equal_the_edited_file():
         TEXT.replace("radius_mm = 12.75", "radius_mm = 15").replace("seed = 1", "seed = 4")
     )
     changes = changes_of(f"{name}={value}" for name, value in RADIUS.items())
-    assert job.load(RECTANGLE, changes) == edited
+    assert job.load(JOB_PATH, changes) == edited
     assert job.parse(TEXT, changes=changes) == edited
     assert PARSED.replaced(**changes) == edited
 

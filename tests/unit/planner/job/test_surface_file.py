@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rectangle import TEXT
 
 from planner.errors import KeyNameError
 from planner.job import model as job
@@ -14,11 +15,10 @@ from runtime.shell.errors import InputError
 
 RHO = 10.0
 A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 1.6]])
-JOB = (Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml").read_text(encoding="utf-8")
 
 
 def job_with(pressure: str, where: str = "job") -> job.Job:
-    return job.parse(JOB.replace('kind = "boundary"', f'kind = "identified"\n{pressure}'), where)
+    return job.parse(TEXT.replace('kind = "boundary"', f'kind = "identified"\n{pressure}'), where)
 
 
 def write(path: Path, surface: dict[str, object]) -> None:
