@@ -198,9 +198,9 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
     )
     wanted, kept = arguments.trials or DEFAULT_PPM_TRIALS, arguments.resume
     identity = study.identity(_name_of_world(arguments))
-    sums = (
-        Sums.none(len(table.leaves)) if kept is None else resumed(kept, identity, len(table.leaves))
-    )
+    sums = Sums.none(len(table.leaves))
+    if kept is not None:
+        sums = resumed(kept, identity, len(table.leaves))
     with shell.progress(arguments.json, course.counted) as report:
         report("evaluate", sums.parts, wanted)
         for done in continued(study, sums, wanted, scheduler):
@@ -235,9 +235,8 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
         print(SWEEP_HEAD)
     lines = []
     worlds, trials = _worlds_of(arguments), arguments.trials or DEFAULT_TRIALS
-    for case, result in sweep(
-        table, job, standard_cases(job), worlds, trials, arguments.seed, scheduler
-    ):
+    cases = standard_cases(job)
+    for case, result in sweep(table, job, cases, worlds, trials, arguments.seed, scheduler):
         lines.append({"world": case.name, "set": case.stated(), **result.summary(arguments.takt)})
         if not arguments.json:
             print(sweep_row(case.name, result, arguments.takt), flush=True)
@@ -280,9 +279,8 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -
     error = figures["error_mm"]
     share = f"95 % within {error['p95']:.2f} mm" if error else ""
     takt = "" if takt_s is None else f"; {takt_text(figures)}"
-    spread = ", ".join(
-        f"{k}: {share:.1%}" for k, share in enumerate(taken / taken.sum()) if share > 0
-    )
+    counts = enumerate(taken / taken.sum())
+    spread = ", ".join(f"{k}: {share:.1%}" for k, share in counts if share > 0)
     shares = shares_of(figures)
     return [
         f"{figures['trials']} parts in {world}",
@@ -307,10 +305,11 @@ def _named(identities: leaves.Identities) -> list[str]:
     message = f"of the parts that were named ({figures['named_rate']:.2%})"
     lines = [f"{identities.right:7.2%}  right, {message}"]
     for truth, row in zip(identities.names, identities.named, strict=True):
-        wrong = (
-            (name, n) for name, n in zip(identities.names, row, strict=False) if n and name != truth
-        )
-        lines += [f"{n} of {row.sum()} {truth} were named {name}" for name, n in wrong]
+        lines += [
+            f"{n} of {row.sum()} {truth} were named {name}"
+            for name, n in zip(identities.names, row, strict=False)
+            if n and name != truth
+        ]
     return _block("identity", lines)
 
 

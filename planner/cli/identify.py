@@ -275,9 +275,8 @@ def _print(
             "pushes when fitted to all"
         )
     if written:
-        lines.append(
-            f"wrote {' and '.join(written)}" + (f": the {best.kind}" if arguments.output else "")
-        )
+        kind = f": the {best.kind}" if arguments.output else ""
+        lines.append(f"wrote {' and '.join(written)}{kind}")
     shell.answer(arguments.json, figures, *lines)
     if against and not arguments.json:
         words = f"in {against} of {pairs} pushes the wrench works against the motion; check signs and frames"

@@ -89,14 +89,12 @@ def _init(arguments: argparse.Namespace) -> None:
         "notes": imported.notes,
         **({"faces": [_figures_of(face) for face in faces]} if arguments.faces else {}),
     }
-    missing = (
-        "note: the part's thickness is not stated; state --thickness, or height_mm in the file"
-    )
     table = output.with_suffix(".msgpack")
-    next_step = f"wrote {output}; next: plan-compile {quoted(output)} -o {quoted(table)}"
-    shell.answer(
-        arguments.json, figures, *([missing] if answers.height_mm is None else ()), next_step
-    )
+    lines = [f"wrote {output}; next: plan-compile {quoted(output)} -o {quoted(table)}"]
+    if answers.height_mm is None:
+        advice = "state --thickness, or height_mm in the file"
+        lines.insert(0, f"note: the part's thickness is not stated; {advice}")
+    shell.answer(arguments.json, figures, *lines)
 
 
 def _drawing(arguments: argparse.Namespace) -> Options:
@@ -155,11 +153,8 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
 def _show(imported: Imported) -> None:
     width, height = imported.size_mm
     order = imported.symmetry
-    message = (
-        "none"
-        if order == 1
-        else f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
-    )
+    turn = f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
+    message = turn if order > 1 else "none"
     print(
         f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {message}"
     )

@@ -33,17 +33,16 @@ def preview(words: Sequence[str]) -> dict[str, Any]:
         arguments = _parsed(words)
         options = shell.drawing_of(arguments)
         listed, _ = first_plan.in_mm(read_contours, arguments.drawing, options)
-        shown["contours"] = [
-            _contour(number, contour) for number, contour in enumerate(listed[:LISTED], 1)
-        ]
+        numbered = enumerate(listed[:LISTED], 1)
+        shown["contours"] = [_contour(number, contour) for number, contour in numbered]
         shown["contour"] = options.contour or first_plan.LARGEST
         imported, notes = first_plan.imported_of(arguments)
         setting = first_plan.setting_of(arguments, imported)
         shown |= {**_part(imported), "assumed": [*notes, *setting.assumed]}
         shown |= _hand(setting.answers.gripper)
         shown["rooms_mm"] = {name: round(room_mm(imported, name), 1) for name in GRIPPERS}
-        friction = FINGERS[setting.answers.fingers]
-        shown["friction"] = {"low": friction.low, "high": friction.high}
+        pads = FINGERS[setting.answers.fingers]
+        shown["friction"] = {"low": pads.low, "high": pads.high}
         shown |= setting.answers._asdict()
         first_plan.check_thickness(imported)
         draft(imported, arguments.drawing.name, setting.answers)
@@ -75,9 +74,8 @@ def _parsed(words: Sequence[str]) -> Any:
 def _contour(number: int, contour: Contour) -> dict[str, Any]:
     width, height = np.ptp(contour.points, axis=0)
     low = contour.points.min(axis=0)
-    line = shapely.simplify(
-        shapely.linearrings(contour.points - low), FINENESS * max(width, height)
-    )
+    ring = shapely.linearrings(contour.points - low)
+    line = shapely.simplify(ring, FINENESS * max(width, height))
     return {
         "number": number,
         "width_mm": round(float(width), 2),

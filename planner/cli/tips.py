@@ -114,9 +114,8 @@ def _way_out(points: Array, radius_mm: float, outline: Array) -> tuple[Array, In
         if not len(rows) or round_ == ROUNDS:
             break
         deepest = tips[np.arange(len(rows)), depth.argmax(axis=1)]
-        nearest = shapely.line_interpolate_point(
-            edge, shapely.line_locate_point(edge, shapely.points(deepest))
-        )
+        along = shapely.line_locate_point(edge, shapely.points(deepest))
+        nearest = shapely.line_interpolate_point(edge, along)
         shift[rows] += shapely.get_coordinates(nearest) - deepest
     return shift, rows
 

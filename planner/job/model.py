@@ -74,11 +74,11 @@ class Job:
         return self._each(self.foreign)
 
     def _each(self, parts: Sequence[ForeignPart] | None) -> tuple[Job, ...]:
-        changes = (
-            {"part": p.part, "pressure": p.pressure, "friction": p.friction} for p in parts or ()
-        )
         alone = replace(self, hypothesis=None, foreign=None)
-        return tuple(replace(alone, **fields) for fields in changes)  # type: ignore[arg-type]
+        return tuple(
+            replace(alone, part=each.part, pressure=each.pressure, friction=each.friction)
+            for each in parts or ()
+        )
 
     @property
     def shares(self) -> tuple[float, ...]:
@@ -141,10 +141,8 @@ def files(path: str | Path) -> list[Path]:
     listed = [entry for entries in lists if isinstance(entries, list) for entry in entries]
     tables = [document, *(entry for entry in listed if isinstance(entry, dict))]
     stated = [table["pressure"] for table in tables if isinstance(table.get("pressure"), dict)]
-    named = [
-        table["surface_file"] for table in stated if isinstance(table.get("surface_file"), str)
-    ]
-    return [Path(path), *(Path(path).parent / name for name in named)]
+    names = [table.get("surface_file") for table in stated]
+    return [Path(path), *(Path(path).parent / name for name in names if isinstance(name, str))]
 
 
 def centroid_as_drawn(path: str | Path) -> Array:
@@ -166,9 +164,8 @@ def parse(text: str, where: str = "job", changes: Mapping[str, Any] | None = Non
         KeyNameError: an unknown or missing key or section.
         FitError: the part does not pass between the open fingers in any orientation.
     """
-    return of_document(
-        documents.changed(documents.from_toml(text, where), changes or {}, where), where, drawn=True
-    )
+    document = documents.changed(documents.from_toml(text, where), changes or {}, where)
+    return of_document(document, where, drawn=True)
 
 
 def from_canonical(text: str, where: str = "job text") -> Job:

@@ -122,9 +122,8 @@ def test_a_wrong_value_is_refused_at_its_place(old, new, section, key):
         job.parse(TEXT.replace(old, new, 1), "my.toml")
     error = caught.value
     assert (error.section, error.key, error.where) == (section, key, "my.toml")
-    assert str(error).startswith(
-        f"my.toml: [{section}] {key}: " if section else f"my.toml: {key}: "
-    )
+    place = f"[{section}] {key}" if section else key
+    assert str(error).startswith(f"my.toml: {place}: ")
     assert "\n" not in str(error)
     assert len(str(error)) < 250
 

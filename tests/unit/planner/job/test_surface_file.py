@@ -1,6 +1,5 @@
 """Limit surfaces as files, and in jobs in place of a pressure."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -50,12 +49,8 @@ def test_a_job_takes_the_file_and_keeps_what_it_holds(surfaces, kind):
     text = taken.canonical()
     assert "surface_file" not in text
     assert job.from_canonical(text) == taken
-    inline = {
-        key: values[key].tolist()
-        for key in ("ellipsoid", "quartic", "certificate")
-        if values[key] is not None
-    }
-    written = "\n".join(f"{key} = {json.dumps(value)}" for key, value in inline.items())
+    held = [key for key in ("ellipsoid", "quartic", "certificate") if values[key] is not None]
+    written = "\n".join(f"{key} = {values[key].tolist()}" for key in held)
     assert job_with(f"rho_mm = {RHO}\n{written}") == taken
 
 

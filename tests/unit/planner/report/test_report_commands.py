@@ -32,9 +32,8 @@ def test_poses_in_degrees_end_as_the_same_in_radians(poses: Path) -> None:
     radians = list(csv.DictReader(output.read_text().splitlines()))
     for row in radians:
         for name in ("theta", "final_theta"):
-            assert float(row[f"{name}_deg"]) == pytest.approx(
-                math.degrees(float(row[f"{name}_rad"]))
-            )
+            degrees = math.degrees(float(row[f"{name}_rad"]))
+            assert float(row[f"{name}_deg"]) == pytest.approx(degrees)
     lines = [f"{row['x_mm']},{row['y_mm']},{row['theta_deg']}" for row in radians]
     poses.write_text("\n".join(["x_mm,y_mm,theta_deg", *lines]) + "\n")
     assert run(poses, "--nominal", "--mu", "0.5") == 0

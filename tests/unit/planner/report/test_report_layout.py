@@ -31,9 +31,8 @@ def test_panels_of_a_row_keep_their_distance(table: Table) -> None:
     for depth in range(layout.rows):
         row = sorted(spot.x for spot in layout.spots.values() if spot.depth == depth)
         assert row
-        assert all(
-            right - left >= 2 * SIZES.panel + SIZES.margin - 1e-9 for left, right in pairwise(row)
-        )
+        least = 2 * SIZES.panel + SIZES.margin - 1e-9
+        assert all(right - left >= least for left, right in pairwise(row))
 
 
 def test_parents_stand_over_the_middle_of_their_children_in_order(table: Table) -> None:
