@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 import math
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -125,7 +126,7 @@ def _single(arguments: argparse.Namespace) -> int:
         "bytes": output.stat().st_size,
         **figures_of(plan, seconds, arguments.takt),
     }
-    lines = [_text(plan, job, figures), *(advice.lines() if advice else ())]
+    lines = [*_lines(plan, job, figures), *(advice.lines() if advice else ())]
     if bound:
         lines += bound.lines()
         figures |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
@@ -170,41 +171,41 @@ def _sweep(arguments: argparse.Namespace) -> int:
         return sweep.run(orders, arguments.output, read, settings, scheduler, arguments.json)
 
 
-def _text(plan: Plan, job: Job, figures: dict[str, Any]) -> str:
-    shares = shares_of(figures)
+def _lines(plan: Plan, job: Job, figures: dict[str, Any]) -> Iterator[str]:
+    shares, error = shares_of(figures), figures["error_mm"]
     low, high = figures["success_ci95"]
-    error = figures["error_mm"]
-    leaves, untried, thickness = f"{figures['leaves']} leaves", "", ""
+    if plan.cut:
+        yield plan.cut.line()
+    leaves = f"{figures['leaves']} leaves"
     if "pushes" in figures:
         leaves = f"{figures['pushes']} pushes before them, {leaves}"
     if figures["unresolved_leaves"]:
         leaves += f", {figures['unresolved_leaves']} of them unresolved"
+    yield f"{job.name}: {figures['nodes']} squeezes planned, {leaves}"
     if plan.untried:
-        untried = f"\nbranches that no trial took, and that are REJECT now: {plan.untried}"
+        yield f"branches that no trial took, and that are REJECT now: {plan.untried}"
     if figures["crashes"]:
-        untried += (
-            f"\nparts that a finger came down on, which count as failures: {figures['crashes']}"
-        )
-        untried += f" ({shares.crashed:.2f}%)"
+        crashes = f"{figures['crashes']} ({shares.crashed:.2f}%)"
+        yield f"parts that a finger came down on, which count as failures: {crashes}"
+    interval = f"(95 % interval {low:.2%} to {high:.2%})"
+    yield f"success {shares.located:.2f}% of {figures['trials']} fresh trials {interval}"
+    rest = f"unresolved {shares.unresolved:.2f}%, wrong {shares.wrong:.2f}%"
+    yield f"rejected {shares.rejected:.2f}%, {rest}"
+    squeezes = f"{figures['mean_squeezes']:.2f} squeezes a part"
+    most, seconds = plan.table.limits.max_depth, figures["seconds_mean"]
+    yield f"{squeezes}, {most} at most; about {seconds:.1f} s"
+    if "takt_s" in figures:
+        yield takt_text(figures)
+    yield f"error {error['median']:.2f} mm median, 95 % within {error['p95']:.2f} mm, where resolved"
     if job.part.height_mm is None:
         tips_mm = job.cell.squeeze_height_mm
-        thickness = (
-            f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
+        yield (
+            f"height_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
             f"{tips_mm + tips.MARGIN_MM:g} mm or more"
         )
-    takt = f"\n{takt_text(figures)}" if "takt_s" in figures else ""
-    cut = f"{plan.cut.line()}\n" if plan.cut else ""
-    thickness += "".join(f"\nwarning: {line}" for line in warnings_of(job))
-    return f"""\
-{cut}{job.name}: {figures["nodes"]} squeezes planned, {leaves}{untried}
-success {shares.located:.2f}% of {figures["trials"]} fresh trials \
-(95 % interval {low:.2%} to {high:.2%})
-rejected {shares.rejected:.2f}%, unresolved {shares.unresolved:.2f}%, \
-wrong {shares.wrong:.2f}%
-{figures["mean_squeezes"]:.2f} squeezes a part, {plan.table.limits.max_depth} at most; \
-about {figures["seconds_mean"]:.1f} s{takt}
-error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where resolved{thickness}
-wrote {figures["table"]} ({figures["bytes"]} bytes) after {figures["seconds"]:.1f} s"""
+    for line in warnings_of(job):
+        yield f"warning: {line}"
+    yield f"wrote {figures['table']} ({figures['bytes']} bytes) after {figures['seconds']:.1f} s"
 
 
 main = shell.main_of(parser, _compile)

@@ -39,7 +39,9 @@ def preview(words: Sequence[str]) -> dict[str, Any]:
         imported, notes = first_plan.imported_of(arguments)
         setting = first_plan.setting_of(arguments, imported)
         shown |= {**_part(imported), "assumed": [*notes, *setting.assumed]}
-        shown |= _hand(setting.answers.gripper)
+        length_mm, width_mm = GRIPPERS[setting.answers.gripper].fingers_mm
+        opening_mm = opening_of(setting.answers.gripper)
+        shown["hand"] = {"opening_mm": opening_mm, "length_mm": length_mm, "width_mm": width_mm}
         shown["rooms_mm"] = {name: round(room_mm(imported, name), 1) for name in GRIPPERS}
         pads = FINGERS[setting.answers.fingers]
         shown["friction"] = {"low": pads.low, "high": pads.high}
@@ -96,12 +98,6 @@ def _part(imported: Imported) -> dict[str, Any]:
         "symmetry": imported.symmetry,
         "datum": {"x_mm": _rounded(x), "y_mm": _rounded(y), "name": imported.origin_name},
     }
-
-
-def _hand(gripper: str) -> dict[str, Any]:
-    length_mm, width_mm = GRIPPERS[gripper].fingers_mm
-    opening_mm = opening_of(gripper)
-    return {"hand": {"opening_mm": opening_mm, "length_mm": length_mm, "width_mm": width_mm}}
 
 
 def _rounded(mm: float | Array) -> float:

@@ -97,7 +97,7 @@ def _refit(arguments: argparse.Namespace) -> None:
     ):
         effort = Effort(cells=arguments.cells)
         result = posterior(cells, seen, arguments.seed, scheduler, effort, report)
-        tried = _preview(cells, result, arguments.seed, scheduler)
+        wrong, rejected = _preview(cells, result, arguments.seed, scheduler)
     cell = cell_times.learned(loaded.table, timed(parts))
     changed = {**changes(result, cells), **({"cell": cell} if cell else {})}
     learned = edited(text, changed)
@@ -107,7 +107,7 @@ def _refit(arguments: argparse.Namespace) -> None:
             "its text cannot be edited; write each section once", where=str(arguments.job)
         )
     write(arguments.output, learned)
-    learned_of_each, (wrong, rejected) = findings(result, cells), tried
+    learned_of_each = findings(result, cells)
     figures = {
         "parts": seen.parts,
         "squeezes": int(seen.readings.sum()),

@@ -17,6 +17,7 @@ from planner.errors import KeyNameError
 from runtime.shell.errors import InputError
 from runtime.shell.plain_text import is_plain
 
+MOST_POSES = 100
 REQUIRED: Final = object()  # Default of a required field
 
 
@@ -141,14 +142,13 @@ class Poses:
     """Poses [x, y, angle] by name; mm, mm, degrees, each number within `item`."""
 
     item: Number
-    most: int = 100
     default: Any = REQUIRED
 
     def read(self, value: Any) -> dict[str, list[float]]:
         """The poses, in the order of their names."""
-        if not isinstance(value, dict) or not 1 <= len(value) <= self.most:
+        if not isinstance(value, dict) or not 1 <= len(value) <= MOST_POSES:
             raise InputError(
-                f"must be 1 to {self.most} lines name = [x, y, angle], not {shown(value)}"
+                f"must be 1 to {MOST_POSES} lines name = [x, y, angle], not {shown(value)}"
             )
         row = Numbers(self.item, least=3, most=3)
         result = {}

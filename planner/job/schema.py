@@ -94,8 +94,8 @@ class Gripper:
 Interval: TypeAlias = tuple[float, float]
 
 
-def _interval(low: float, high: float, default: tuple[float, float] = (0.0, 0.0)) -> Numbers:
-    return Numbers(Number(low, high), least=2, most=2, default=list(default))
+def _interval(low: float, high: float) -> Numbers:
+    return Numbers(Number(low, high), least=2, most=2, default=[0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
