@@ -113,7 +113,7 @@ def _from_motions(arguments: argparse.Namespace) -> None:
             "--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic"
         )
     path, radius_mm = arguments.motions, arguments.tip_radius_mm
-    job = job_file.load(arguments.job, {"gripper": {"opening_mm": 1000.0}})
+    job = job_file.load(arguments.job, tips.ANY_OPENING)
     shell.check_one_part(job.hypothesis, str(arguments.job), "an identification")
     if arguments.output is not None:
         usable(arguments.output, path, *job_file.files(arguments.job))
@@ -134,15 +134,17 @@ def _from_motions(arguments: argparse.Namespace) -> None:
         "median_error_mm": round(float(np.median(errors_mm)), 3),
         "held_out_error_mm": round(float(unseen.mean()), 3),
     }
+    written = list[str]()
     if arguments.output is not None:
         values = {"rho_mm": fitted.surface.rho_mm, "ellipsoid": fitted.surface.A}
         write(arguments.output, surface_file.dumps(values, {"motions": str(path), **figures}))
+        written.append(str(arguments.output))
     shell.answer(
         arguments.json,
-        {**figures, "written": [] if arguments.output is None else [str(arguments.output)]},
+        {**figures, "written": written},
         f"{len(rows)} pushes: friction of the tip {fitted.friction:.3f}; median error "
         f"{np.median(errors_mm):.2f} mm, {unseen.mean():.2f} mm on halves that were not fitted to",
-        *([] if arguments.output is None else [f"wrote {arguments.output}: the ellipsoid"]),
+        *(f"wrote {name}: the ellipsoid" for name in written),
     )
 
 

@@ -23,7 +23,6 @@ from runtime.shell.files import usable, words_of
 NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
 PICTURES = {"figure": shell.PICTURES, "html": (".html",)}  # what they may end in
-ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pass between the jaws
 IN_DEGREES = ("x_mm", "y_mm", "theta_deg")  # the same poses
 # Final pose and width, then the angles again, in degrees.
 RESULTS = (
@@ -54,7 +53,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
     _check_options(arguments, pictures)
     for name, path in pictures.items():
         shell.checked_suffix(f"--{name}", path, PICTURES[name])
-    job = job_file.load(arguments.job, ANY_OPENING if arguments.push else None)
+    job = job_file.load(arguments.job, tips.ANY_OPENING if arguments.push else None)
     shell.check_one_part(job.hypothesis, str(arguments.job), "a simulation")
     listed: Path = arguments.poses or arguments.push
     read = (*job_file.files(arguments.job), listed)

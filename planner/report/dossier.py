@@ -224,8 +224,7 @@ def _part(table: Table, part: PartLog) -> dict[str, Any]:
 def _rejects(table: Table, job: Job, log: RunLog, beliefs: Replay, reach: float) -> list[Reject]:
     """The latest rejected readings of a journal."""
     jaws, result = jaws_of(job.gripper), []
-    last = [(part, part.squeezes[-1]) for part in log.parts if part.squeezes]
-    for part, squeeze in [pair for pair in last if pair[1].target is None][-REJECTS:]:
+    for part, squeeze in log.rejects()[-REJECTS:]:
         node, width_mm = squeeze.node, squeeze.width_um / 1e3
         visit = beliefs.visits[node]
         hand = placement_of(table.nodes[node].squeeze)

@@ -208,8 +208,7 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
     message += f", {wrong} of them found elsewhere by the audit" if wrong else ""
     others = Counter(part.outcome for part in log.parts if part.outcome != "leaf")
     message += "".join(f", {number} {outcome}" for outcome, number in others.most_common())
-    last = [part.squeezes[-1] for part in log.parts if part.squeezes]
-    rejects = [squeeze for squeeze in last if squeeze.target is None]
+    rejects = [squeeze for _, squeeze in log.rejects()]
     if rejects:  # the readings at the node that rejected most parts
         node = Counter(squeeze.node for squeeze in rejects).most_common(1)[0][0]
         widths = sorted(squeeze.width_um for squeeze in rejects if squeeze.node == node)
