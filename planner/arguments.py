@@ -108,9 +108,8 @@ def _array(values: ArrayLike, name: str) -> Array:
 
 
 def _within(array: Array, name: str, least: float, most: float) -> Array:
-    if array.size and not (
-        least <= array.min() and array.max() <= most
-    ):  # negated, so that nan is refused
+    # Negated, so that nan is refused.
+    if array.size and not (least <= array.min() and array.max() <= most):
         wrong = array[~((array >= least) & (array <= most))].flat[0]
         raise ValueError(f"{name} holds {wrong:g}; pass finite numbers from {least:g} to {most:g}")
     return array

@@ -44,10 +44,8 @@ def _command(name: str, module: str = "") -> Callable[[], int]:
     def run() -> int:
         missing = missing_input(sys.argv[1:])
         if missing is not None and find_spec("numpy"):
-            tell(
-                f"plan-{name}",
-                f"{missing}: cannot be read: No such file or directory; check the path",
-            )
+            problem = "cannot be read: No such file or directory; check the path"
+            tell(f"plan-{name}", f"{missing}: {problem}")
             return ExitCode.INPUT
         return entry(f"plan-{name}", f"planner.cli.{module or name}", "planner")
 

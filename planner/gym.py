@@ -75,18 +75,15 @@ class Episodes:
         self.model = model
         self.states = np.zeros((arguments.count(number, "num_envs"), 4))
         self.squeezes = np.zeros(number, np.int64)
-        self.box = (
-            _box(model.job) if kind == "box" else None
-        )  # (2, 4) bounds of an action; None for a set
+        # (2, 4) bounds of an action; None for a set.
+        self.box = _box(model.job) if kind == "box" else None
 
     @property
     def action_space(self) -> spaces.Discrete | spaces.Box:
         """Action space of one episode."""
-        return (
-            spaces.Discrete(len(self.model.actions))
-            if self.box is None
-            else spaces.Box(-1.0, 1.0, (4,))
-        )
+        if self.box is None:
+            return spaces.Discrete(len(self.model.actions))
+        return spaces.Box(-1.0, 1.0, (4,))
 
     def chosen(self, actions: Actions) -> Array:
         """Converts actions of the space, (n,) or (n, 4), to actions (n, 4) of the problem.
@@ -95,9 +92,8 @@ class Episodes:
             ValueError: an action is not in the space.
         """
         if self.box is None:
-            return np.asarray(
-                self.model.actions[arguments.indices(actions, "actions", len(self.model.actions))]
-            )
+            listed = self.model.actions
+            return np.asarray(listed[arguments.indices(actions, "actions", len(listed))])
         actions = arguments.rows(actions, "actions", 4, least=-1.0, most=1.0)
         return np.asarray(self.box.mean(axis=0) + 0.5 * (self.box[1] - self.box[0]) * actions)
 
@@ -118,11 +114,8 @@ class Episodes:
         counts, rewards = np.full(n, 0, np.int64), np.zeros(n)
         ended, cut = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
         sampled = self.model.sample(self.states[rows], self.chosen(actions[rows]), rng)
-        self.states[rows], counts[rows], rewards[rows] = (
-            sampled.states,
-            sampled.observations,
-            sampled.rewards,
-        )
+        self.states[rows], counts[rows] = sampled.states, sampled.observations
+        rewards[rows] = sampled.rewards
         self.squeezes[rows] += sampled.rewards < 0.0
         ended[rows] = sampled.ended
         cut[rows] = ~sampled.ended & (self.squeezes[rows] > self.model.job.search.max_depth)
@@ -240,10 +233,8 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
         return counts, rewards, ended, cut, self._info()
 
     def _info(self) -> dict[str, Any]:
-        return {
-            "pose": self._episodes.states[:, :3].copy(),
-            "_pose": np.ones(self.num_envs, np.bool_),
-        }
+        poses = self._episodes.states[:, :3].copy()
+        return {"pose": poses, "_pose": np.ones(self.num_envs, np.bool_)}
 
 
 gymnasium.register(

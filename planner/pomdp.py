@@ -31,10 +31,8 @@ from planner.search.actions import actions_of
 
 SQUEEZE, DECLARE = 0.0, 1.0  # use of an action's pose; from midway on it declares
 MOST_CANDIDATES = 64
-TRIED, SQUEEZED = (
-    4000,
-    3,
-)  # parts, and random squeezes of each, that yield the candidate poses
+# Parts, and random squeezes of each, that yield the candidate poses.
+TRIED, SQUEEZED = 4000, 3
 SEED_CANDIDATES = 0x43414E44
 
 
@@ -73,26 +71,19 @@ class Pomdp:
         """
         if job.hypothesis:
             raise ValueError(f"{job.name}: this problem is of one part; pass one of `job.alone`")
-        simulator, metric, success = (
-            Simulator.of_job(job, workers),
-            metric_of(job),
-            FAILURE,
-        )
-        squeezes = np.column_stack(
-            [actions_of(job).placements, np.full(len(actions_of(job)), SQUEEZE)]
-        )
-        model = cls(job, simulator, encoder_of(job), metric, success, len(squeezes), squeezes)
+        simulator, metric = Simulator.of_job(job, workers), metric_of(job)
+        placements = actions_of(job).placements
+        squeezes = np.column_stack([placements, np.full(len(placements), SQUEEZE)])
+        model = cls(job, simulator, encoder_of(job), metric, FAILURE, len(squeezes), squeezes)
         # Candidates are the commonest poses of parts after some squeezes, the commonest first.
         rng = np.random.default_rng([job.seed, SEED_CANDIDATES])
         states = model.initial(TRIED, rng)
         for _ in range(SQUEEZED):
-            states = model.sample(
-                states, squeezes[rng.integers(len(squeezes), size=TRIED)], rng
-            ).states
+            drawn = squeezes[rng.integers(len(squeezes), size=TRIED)]
+            states = model.sample(states, drawn, rng).states
         modes = metric.main_modes(states[:, :3], MOST_CANDIDATES)
-        return replace(
-            model, actions=np.concatenate([squeezes, [[*mode.pose, DECLARE] for mode in modes]])
-        )
+        declarations = [[*mode.pose, DECLARE] for mode in modes]
+        return replace(model, actions=np.concatenate([squeezes, declarations]))
 
     def initial(self, n: int, rng: np.random.Generator) -> Array:
         """Draws n states (n, 4) from the job's uncertainty, jaws open."""

@@ -129,9 +129,8 @@ class ContactWorld:
         jaws = self._simulator.jaws.copy()
         jaws[0] = arguments.number(opening_mm, "opening_mm", 0.0, jaws[0])
         pose = arguments.row(pose_hand, "pose_hand", 3)[None]
-        return (
-            least_clearance(self._simulator.outline, jaws, pose, np.zeros(3), margin_mm=0.0) < 0.0
-        )
+        outline = self._simulator.outline
+        return least_clearance(outline, jaws, pose, np.zeros(3), margin_mm=0.0) < 0.0
 
 
 class Assorted:
@@ -178,12 +177,7 @@ class ContactWorlds(Worlds):
         if len(self.simulators) == 1:
             return ContactWorld.of_simulator(self.simulators[0], stream)
         numbered = enumerate(self.simulators)
-        return Assorted(
-            [
-                ContactWorld.of_simulator(simulator, [*stream, number])
-                for number, simulator in numbered
-            ]
-        )
+        return Assorted([ContactWorld.of_simulator(each, [*stream, k]) for k, each in numbered])
 
 
 make = ContactWorld  # the world factory: `make(job, seed)`

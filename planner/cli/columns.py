@@ -5,6 +5,7 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -45,22 +46,25 @@ def read(path: Path, names: Sequence[str], defaults: Mapping[str, float] | None 
     return np.array(rows, dtype=np.float64).reshape(-1, len(names) + len(defaults))
 
 
-def write(
-    path: Path,
-    names: Sequence[str],
-    numbers: Array,
-    words: Sequence[str],
-    further: Array | None = None,
-) -> None:
-    """Writes rows of numbers (n, k), a word and further numbers (n, m), under a header of all the names."""
-    after = np.empty((len(numbers), 0)) if further is None else further
+Table: TypeAlias = dict[str, Array | list[str]]
+"""Columns of numbers or words by their names."""
+
+
+def named(names: Sequence[str], rows: Array) -> Table:
+    """The columns of rows (n, k) by their names."""
+    return dict(zip(names, rows.T, strict=True))
+
+
+def write(path: Path, table: Table) -> None:
+    """Writes columns under a header of their names."""
+    texts = (
+        [f"{value:.9g}" for value in column] if isinstance(column, np.ndarray) else column
+        for column in table.values()
+    )
     with writing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(names)
-        for row, word, rest in zip(numbers, words, after, strict=True):
-            writer.writerow(
-                [*(f"{value:.9g}" for value in row), word, *(f"{value:.9g}" for value in rest)]
-            )
+        writer.writerow(table)
+        writer.writerows(zip(*texts, strict=True))
 
 
 def _number(text: str | None, name: str, where: str, line: int) -> float:

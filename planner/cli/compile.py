@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 import math
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from planner.part import tips
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files
-from runtime.shell.command import Parser, natural, positive_int, tell
+from runtime.shell.command import Parser, natural, tell
 from runtime.shell.command import seconds as seconds_text
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode
@@ -42,13 +43,7 @@ def parser() -> Parser:
     )
     add = built.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job file")
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="TREE.msgpack",
-        help="the table; with --vary a folder",
-    )
+    shell.add_output(built, "TREE.msgpack", "the table; with --vary a folder", required=False)
     add(
         "--vary",
         action="append",
@@ -57,12 +52,7 @@ def parser() -> Parser:
         help="one table for each value in place of the job's; given twice, for each combination",
     )
     add("--seed", type=natural, help="instead of the job's seed")
-    add(
-        "--trials",
-        type=positive_int,
-        default=EVALUATION_TRIALS,
-        help="parts squeezed to evaluate the table (default: %(default)s)",
-    )
+    shell.add_trials(built, EVALUATION_TRIALS, "parts squeezed to evaluate the table")
     add(
         "--budget",
         type=seconds_text,
@@ -127,9 +117,8 @@ def _single(arguments: argparse.Namespace) -> int:
         bound = advice = None
         with shell.spared("bound", notes, arguments.debug):
             bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
-        if not (
-            arguments.no_advice or plan.cut
-        ):  # what a longer search might contradict is not advised
+        # What a longer search might contradict is not advised.
+        if not (arguments.no_advice or plan.cut):
             with shell.spared("advice", notes, arguments.debug):
                 advice = counsel(plan.table, plan.evaluation, job, scheduler, report)
     figures = {
@@ -137,7 +126,7 @@ def _single(arguments: argparse.Namespace) -> int:
         "bytes": output.stat().st_size,
         **figures_of(plan, seconds, arguments.takt),
     }
-    lines = [_text(plan, job, figures), *(advice.lines() if advice else ())]
+    lines = [*_lines(plan, job, figures), *(advice.lines() if advice else ())]
     if bound:
         lines += bound.lines()
         figures |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
@@ -160,9 +149,8 @@ def _job(arguments: argparse.Namespace) -> Job:
     job = job_file.load(arguments.job)
     for option in ("baseline", "bound", "bound_dense"):
         if getattr(arguments, option):
-            shell.check_one_part(
-                job.hypothesis, str(arguments.job), f"--{option.replace('_', '-')}"
-            )
+            name = f"--{option.replace('_', '-')}"
+            shell.check_one_part(job.hypothesis, str(arguments.job), name)
     if job.actions.pushes and (arguments.bound or arguments.bound_dense):
         raise UsageError(
             f'--bound is for squeezes alone; {arguments.job} has actions.pushes = "belief"'
@@ -176,52 +164,48 @@ def _sweep(arguments: argparse.Namespace) -> int:
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.vary, common)
     settings = Settings(
-        arguments.trials,
-        arguments.workers,
-        arguments.strip,
-        arguments.budget,
-        arguments.takt,
+        arguments.trials, arguments.workers, arguments.strip, arguments.budget, arguments.takt
     )
     with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
         read = job_file.files(arguments.job)
         return sweep.run(orders, arguments.output, read, settings, scheduler, arguments.json)
 
 
-def _text(plan: Plan, job: Job, figures: dict[str, Any]) -> str:
-    shares = shares_of(figures)
+def _lines(plan: Plan, job: Job, figures: dict[str, Any]) -> Iterator[str]:
+    shares, error = shares_of(figures), figures["error_mm"]
     low, high = figures["success_ci95"]
-    error = figures["error_mm"]
-    leaves, untried, thickness = f"{figures['leaves']} leaves", "", ""
+    if plan.cut:
+        yield plan.cut.line()
+    leaves = f"{figures['leaves']} leaves"
     if "pushes" in figures:
         leaves = f"{figures['pushes']} pushes before them, {leaves}"
     if figures["unresolved_leaves"]:
         leaves += f", {figures['unresolved_leaves']} of them unresolved"
+    yield f"{job.name}: {figures['nodes']} squeezes planned, {leaves}"
     if plan.untried:
-        untried = f"\nbranches that no trial took, and that are REJECT now: {plan.untried}"
+        yield f"branches that no trial took, and that are REJECT now: {plan.untried}"
     if figures["crashes"]:
-        untried += (
-            f"\nparts that a finger came down on, which count as failures: {figures['crashes']}"
-        )
-        untried += f" ({shares.crashed:.2f}%)"
+        crashes = f"{figures['crashes']} ({shares.crashed:.2f}%)"
+        yield f"parts that a finger came down on, which count as failures: {crashes}"
+    interval = f"(95 % interval {low:.2%} to {high:.2%})"
+    yield f"success {shares.located:.2f}% of {figures['trials']} fresh trials {interval}"
+    rest = f"unresolved {shares.unresolved:.2f}%, wrong {shares.wrong:.2f}%"
+    yield f"rejected {shares.rejected:.2f}%, {rest}"
+    squeezes = f"{figures['mean_squeezes']:.2f} squeezes a part"
+    most, seconds = plan.table.limits.max_depth, figures["seconds_mean"]
+    yield f"{squeezes}, {most} at most; about {seconds:.1f} s"
+    if "takt_s" in figures:
+        yield takt_text(figures)
+    yield f"error {error['median']:.2f} mm median, 95 % within {error['p95']:.2f} mm, where resolved"
     if job.part.height_mm is None:
         tips_mm = job.cell.squeeze_height_mm
-        thickness = (
-            f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
+        yield (
+            f"height_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
             f"{tips_mm + tips.MARGIN_MM:g} mm or more"
         )
-    takt = f"\n{takt_text(figures)}" if "takt_s" in figures else ""
-    cut = f"{plan.cut.line()}\n" if plan.cut else ""
-    thickness += "".join(f"\nwarning: {line}" for line in warnings_of(job))
-    return f"""\
-{cut}{job.name}: {figures["nodes"]} squeezes planned, {leaves}{untried}
-success {shares.located:.2f}% of {figures["trials"]} fresh trials \
-(95 % interval {low:.2%} to {high:.2%})
-rejected {shares.rejected:.2f}%, unresolved {shares.unresolved:.2f}%, \
-wrong {shares.wrong:.2f}%
-{figures["mean_squeezes"]:.2f} squeezes a part, {plan.table.limits.max_depth} at most; \
-about {figures["seconds_mean"]:.1f} s{takt}
-error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where resolved{thickness}
-wrote {figures["table"]} ({figures["bytes"]} bytes) after {figures["seconds"]:.1f} s"""
+    for line in warnings_of(job):
+        yield f"warning: {line}"
+    yield f"wrote {figures['table']} ({figures['bytes']} bytes) after {figures['seconds']:.1f} s"
 
 
 main = shell.main_of(parser, _compile)

@@ -56,7 +56,7 @@ def shown(
     if quiet:
         yield silent
     elif not console.is_terminal:
-        yield _lines(_Course(whole, clock), clock)
+        yield _spaced(_Course(whole, clock), LINES_S, 0.0, _sentence)
     else:
         columns = [
             bars.SpinnerColumn(),
@@ -100,47 +100,44 @@ class _Course:
         return "left: unknown"
 
 
-def _lines(course: _Course, clock: Callable[[], float]) -> Report:
-    last = clock()
-
-    def report(name: str, done: int, total: int, detail: str = "", /) -> None:
-        nonlocal last
-        course.heard(done, total)
-        if clock() - last < LINES_S:
-            return
-        last = clock()
-        share = f"{course.share:.0%} done, " if course.known else ""
-        words = [f"{share}{name}", f"{course.seconds:.0f} s so far", course.left()]
-        words += [detail] if detail else []
-        command.say(", ".join(words), sys.stderr)
-
-    return report
-
-
-def objects(whole: Whole = unknown, clock: Callable[[], float] = time.monotonic) -> Report:
+def objects(whole: Whole) -> Report:
     """Writes progress to standard error as JSON, one object a line.
 
     Keys: `stage`, `share` (0 to 1, or null), `seconds` so far, `left` and `detail`, for people.
     """
-    course = _Course(whole, clock)
-    last = -math.inf
+    return _spaced(_Course(whole, time.monotonic), OBJECTS_S, -math.inf, _object)
+
+
+def _spaced(
+    course: _Course, pause_s: float, last_s: float, line: Callable[[_Course, str, str], str]
+) -> Report:
+    """Writes lines to standard error with a pause between two; `last_s` is the time of the last one."""
 
     def report(name: str, done: int, total: int, detail: str = "", /) -> None:
-        nonlocal last
+        nonlocal last_s
         course.heard(done, total)
-        if clock() - last < OBJECTS_S:
-            return
-        last = clock()
-        figures = {
-            "stage": name,
-            "share": round(course.share, 3) if course.known else None,
-            "seconds": round(course.seconds, 1),
-            "left": course.left(),
-            "detail": detail,
-        }
-        command.say(json.dumps(figures), sys.stderr)
+        if course.seconds - last_s >= pause_s:
+            last_s = course.seconds
+            command.say(line(course, name, detail), sys.stderr)
 
     return report
+
+
+def _sentence(course: _Course, stage: str, detail: str) -> str:
+    share = f"{course.share:.0%} done, " if course.known else ""
+    words = [f"{share}{stage}", f"{course.seconds:.0f} s so far", course.left(), detail]
+    return ", ".join(filter(None, words))
+
+
+def _object(course: _Course, stage: str, detail: str) -> str:
+    figures = {
+        "stage": stage,
+        "share": round(course.share, 3) if course.known else None,
+        "seconds": round(course.seconds, 1),
+        "left": course.left(),
+        "detail": detail,
+    }
+    return json.dumps(figures)
 
 
 def _drawn(bar: bars.Progress, course: _Course) -> Report:

@@ -53,9 +53,7 @@ def parser() -> Parser:
         help=f"parts squeezed (default: {DEFAULT_TRIALS}, with --ppm {DEFAULT_PPM_TRIALS})",
     )
     shell.add_takt(built)
-    built.add_argument(
-        "--seed", type=natural, default=0, help="of the trials (default: %(default)s)"
-    )
+    shell.add_seed(built, "of the trials")
     built.add_argument(
         "--worst",
         type=natural,
@@ -151,12 +149,8 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         evaluation = evaluate(table, real, worlds(real), trials, seed, scheduler, cell, report)
         # In each world that the job believes in, where the contact world represents them.
         cases = believed_cases(job) if arguments.world == DEFAULT_WORLD else []
-        contact, fewer = (
-            partial(ContactWorlds.of_job, seed=seed),
-            arguments.trials or BELIEVED_TRIALS,
-        )
-        lines = sweep(table, job, cases, contact, min(fewer, BELIEVED_TRIALS), seed, scheduler)
-        believed = worst_of(lines)
+        contact, fewer = partial(ContactWorlds.of_job, seed=seed), min(trials, BELIEVED_TRIALS)
+        believed = worst_of(sweep(table, job, cases, contact, fewer, seed, scheduler))
         others = real.foreign_parts
         if arguments.foreign_parts:
             others = (*others, *foreign.family(real))
@@ -204,9 +198,9 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
     )
     wanted, kept = arguments.trials or DEFAULT_PPM_TRIALS, arguments.resume
     identity = study.identity(_name_of_world(arguments))
-    sums = (
-        Sums.none(len(table.leaves)) if kept is None else resumed(kept, identity, len(table.leaves))
-    )
+    sums = Sums.none(len(table.leaves))
+    if kept is not None:
+        sums = resumed(kept, identity, len(table.leaves))
     with shell.progress(arguments.json, course.counted) as report:
         report("evaluate", sums.parts, wanted)
         for done in continued(study, sums, wanted, scheduler):
@@ -241,9 +235,8 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
         print(SWEEP_HEAD)
     lines = []
     worlds, trials = _worlds_of(arguments), arguments.trials or DEFAULT_TRIALS
-    for case, result in sweep(
-        table, job, standard_cases(job), worlds, trials, arguments.seed, scheduler
-    ):
+    cases = standard_cases(job)
+    for case, result in sweep(table, job, cases, worlds, trials, arguments.seed, scheduler):
         lines.append({"world": case.name, "set": case.stated(), **result.summary(arguments.takt)})
         if not arguments.json:
             print(sweep_row(case.name, result, arguments.takt), flush=True)
@@ -286,9 +279,8 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -
     error = figures["error_mm"]
     share = f"95 % within {error['p95']:.2f} mm" if error else ""
     takt = "" if takt_s is None else f"; {takt_text(figures)}"
-    spread = ", ".join(
-        f"{k}: {share:.1%}" for k, share in enumerate(taken / taken.sum()) if share > 0
-    )
+    counts = enumerate(taken / taken.sum())
+    spread = ", ".join(f"{k}: {share:.1%}" for k, share in counts if share > 0)
     shares = shares_of(figures)
     return [
         f"{figures['trials']} parts in {world}",
@@ -313,10 +305,11 @@ def _named(identities: leaves.Identities) -> list[str]:
     message = f"of the parts that were named ({figures['named_rate']:.2%})"
     lines = [f"{identities.right:7.2%}  right, {message}"]
     for truth, row in zip(identities.names, identities.named, strict=True):
-        wrong = (
-            (name, n) for name, n in zip(identities.names, row, strict=False) if n and name != truth
-        )
-        lines += [f"{n} of {row.sum()} {truth} were named {name}" for name, n in wrong]
+        lines += [
+            f"{n} of {row.sum()} {truth} were named {name}"
+            for name, n in zip(identities.names, row, strict=False)
+            if n and name != truth
+        ]
     return _block("identity", lines)
 
 

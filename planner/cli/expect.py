@@ -2,13 +2,12 @@
 
 import argparse
 import json
-from pathlib import Path
 
 from planner.cli import shell
 from planner.evaluation.expectation import expected
 from planner.job import model as job_file
 from planner.work.scheduler import scheduler_of
-from runtime.shell.command import Parser, natural, positive_int
+from runtime.shell.command import Parser
 from runtime.shell.files import usable, write
 
 NAME = "plan-expect"
@@ -24,23 +23,9 @@ def parser() -> Parser:
         f"{NAME} trees/rectangle/rectangle.msgpack -o expected.json",
     )
     shell.add_table(command)
-    command.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="EXPECTED.json",
-        help="the file to write",
-    )
-    command.add_argument(
-        "--trials",
-        type=positive_int,
-        default=DEFAULT_TRIALS,
-        help="in each world (default: %(default)s)",
-    )
-    command.add_argument(
-        "--seed", type=natural, default=0, help="of the trials (default: %(default)s)"
-    )
+    shell.add_output(command, "EXPECTED.json", "the file to write")
+    shell.add_trials(command, DEFAULT_TRIALS, "in each world")
+    shell.add_seed(command, "of the trials")
     shell.add_scheduler(command)
     return command
 

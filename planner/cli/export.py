@@ -23,14 +23,7 @@ def parser() -> Parser:
     )
     built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     built.add_argument("--to", choices=tuple(FORMS), required=True, help="the form of the table")
-    built.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="DIR",
-        help="folder for the files, new or empty",
-    )
+    shell.add_output(built, "DIR", "folder for the files, new or empty")
     built.add_argument(
         "--prefix",
         metavar="NAME",

@@ -26,11 +26,7 @@ from planner.diagnosis.alike import alike
 from planner.errors import FitError, NoPlanError
 from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
-from planner.job.drafts import (
-    FINGERS,
-    GRIPPERS,
-    draft,
-)
+from planner.job.drafts import FINGERS, GRIPPERS, draft
 from planner.job.model import Job
 from planner.part.importers.file import SUFFIXES
 from planner.part.outline import smallest_rectangle
@@ -59,10 +55,8 @@ LEAST_DONE = 0.9  # least share located among the finished parts, for that answe
 MOST_OPEN = 0.5  # share of unfinished parts above which there is no answer
 LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
 
-
-Spared = Callable[
-    [str], AbstractContextManager[None]
-]  # optional work, by name, that the answer can do without
+Spared = Callable[[str], AbstractContextManager[None]]
+"""Context of optional work, by name, that the answer can do without."""
 
 
 def parser() -> Parser:
@@ -75,16 +69,16 @@ def parser() -> Parser:
         f"{NAME} part.svg --units mm --gripper hand-e --radius 5 -o first/part.toml",
     )
     built.add_argument("drawing", type=Path, help=f"of the part: {', '.join(SUFFIXES)}")
-    built.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="JOB.toml",
-        help="the job file; table and picture go beside it (default: named after the drawing, and "
+    shell.add_output(
+        built,
+        "JOB.toml",
+        "the job file; table and picture go beside it (default: named after the drawing, and "
         "numbered where another job has the name, in this folder)",
+        required=False,
     )
     shell.add_drawing(built.add_argument_group("the drawing"))
-    add = built.add_argument_group("in place of defaults").add_argument
+    stated = built.add_argument_group("in place of defaults")
+    add = stated.add_argument
     add(
         "--radius",
         type=number,
@@ -104,13 +98,7 @@ def parser() -> Parser:
         "planned for --budget (default: half a minute), and write nothing",
     )
     add("--fingers", choices=FINGERS, help="finger pads (default: rubber)")
-    add(
-        "--distance",
-        type=number,
-        default=3.0,
-        metavar="MM",
-        help="how well the part must be located (default: %(default)s)",
-    )
+    shell.add_distance(stated)
     add(
         "--thickness",
         type=positive,

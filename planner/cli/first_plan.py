@@ -1,7 +1,7 @@
 """A rough plan from a drawing, shared by first look, preview and comparison of grippers."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import NamedTuple, TypeVar
@@ -42,9 +42,8 @@ class Setting(NamedTuple):
 
     answers: Answers
     assumed: list[str]  # what was assumed because it was not stated
-    restrictions: list[
-        str
-    ]  # what was assumed because the part is large, as clauses: "within 1 mm of ..."
+    # What was assumed because the part is large, as clauses: "within 1 mm of ...".
+    restrictions: list[str]
 
 
 def progress_of(
@@ -79,7 +78,7 @@ def in_mm(
 def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
     """The answers that a job needs, with those that are defaults."""
     taken, restrictions = list[str](), list[str]()
-    rooms = {name: room_mm(imported, preset) for name, preset in GRIPPERS.items()}
+    rooms = {name: room_mm(imported, name) for name in GRIPPERS}
     gripper, usual = arguments.gripper, next(iter(GRIPPERS))
     if gripper is None:
         widest = max(rooms, key=lambda name: rooms[name])
@@ -99,7 +98,7 @@ def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
         )
     radius = arguments.radius
     if radius is None:
-        radius = proposed_radius_mm(imported, GRIPPERS[gripper])
+        radius = proposed_radius_mm(imported, gripper)
         room = "" if radius >= MOST_RADIUS_MM else ", for the open jaws leave no more room"
         taken.append(f"its centre within {radius:g} mm of the expected place{room} (--radius)")
         if room:
@@ -128,24 +127,20 @@ def check_thickness(imported: Imported) -> None:
 
 
 def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
-    """The plan within the time until an answer [s]; if `patient`, in longer time where needed."""
-    search_s = answer_s - min(REST_S, REST * answer_s)
-    return _first_within(
-        job.replaced(search=QUICK), [search_s, SLOW_S] if patient else [search_s], report
-    )
-
-
-def _first_within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
-    """The plan of the first of several time budgets that suffices.
+    """The plan within the time until an answer [s]; if `patient`, in longer time where needed.
 
     Raises:
-        NoPlanError: none suffices, or no plan exists.
+        NoPlanError: the time does not suffice, or no plan exists.
     """
-    limit = Limit(budgets[0])
+    limit = Limit(answer_s - min(REST_S, REST * answer_s))
     try:
-        with shell.stopping(limit, NAME):
-            return compile_job(job, None, TRIALS, report, limit)
+        return _planned(job, limit, report)
     except NoPlanError as error:
-        if not error.cut_short or limit.asked or len(budgets) == 1:
+        if not (patient and error.cut_short) or limit.asked:
             raise
-    return _first_within(job, budgets[1:], report)
+    return _planned(job, Limit(SLOW_S), report)
+
+
+def _planned(job: Job, limit: Limit, report: Report) -> Plan:
+    with shell.stopping(limit, NAME):
+        return compile_job(job.replaced(search=QUICK), None, TRIALS, report, limit)

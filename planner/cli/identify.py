@@ -24,12 +24,11 @@ from planner.job import model as job_file
 from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.simulator import Simulator
-from runtime.shell.command import Parser, natural, number, positive, positive_int
+from runtime.shell.command import Parser, number, positive, positive_int
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
-MOVED = ("moved_x_mm", "moved_y_mm", "turned_deg")
 MOST_SPLITS = 10  # of motions
 KINDS: tuple[Kind, ...] = ("ellipsoid", "quartic")
 FORMATS = """\
@@ -104,29 +103,21 @@ def _identify(arguments: argparse.Namespace) -> None:
 
 
 def _from_motions(arguments: argparse.Namespace) -> None:
-    if (
-        arguments.job is None
-        or arguments.tip_radius_mm is None
-        or arguments.logs
-        or arguments.pairs
-    ):
+    needed = arguments.job, arguments.tip_radius_mm
+    if None in needed or arguments.logs or arguments.pairs:
         raise UsageError(
             "--motions needs --job and --tip-radius-mm, and goes without logs and --pairs"
         )
-    if (
-        arguments.figure is not None
-        or arguments.friction_n is not None
-        or arguments.kind == "quartic"
-    ):
+    if arguments.figure or arguments.friction_n or arguments.kind == "quartic":
         raise UsageError(
             "--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic"
         )
     path, radius_mm = arguments.motions, arguments.tip_radius_mm
-    job = job_file.load(arguments.job, {"gripper": {"opening_mm": 1000.0}})
+    job = job_file.load(arguments.job, tips.ANY_OPENING)
     shell.check_one_part(job.hypothesis, str(arguments.job), "an identification")
     if arguments.output is not None:
         usable(arguments.output, path, *job_file.files(arguments.job))
-    rows = columns.read(path, (*tips.NAMES, *MOVED))
+    rows = columns.read(path, (*tips.NAMES, *tips.MOVED))
     if len(rows) < LEAST_PAIRS:
         raise InputError(f"{len(rows)} pushes; give at least {LEAST_PAIRS}", where=str(path))
     ways = tips.paths(rows[:, :4], job_file.centroid_as_drawn(arguments.job))
@@ -143,15 +134,17 @@ def _from_motions(arguments: argparse.Namespace) -> None:
         "median_error_mm": round(float(np.median(errors_mm)), 3),
         "held_out_error_mm": round(float(unseen.mean()), 3),
     }
+    written = list[str]()
     if arguments.output is not None:
         values = {"rho_mm": fitted.surface.rho_mm, "ellipsoid": fitted.surface.A}
         write(arguments.output, surface_file.dumps(values, {"motions": str(path), **figures}))
+        written.append(str(arguments.output))
     shell.answer(
         arguments.json,
-        {**figures, "written": [] if arguments.output is None else [str(arguments.output)]},
+        {**figures, "written": written},
         f"{len(rows)} pushes: friction of the tip {fitted.friction:.3f}; median error "
         f"{np.median(errors_mm):.2f} mm, {unseen.mean():.2f} mm on halves that were not fitted to",
-        *([] if arguments.output is None else [f"wrote {arguments.output}: the ellipsoid"]),
+        *(f"wrote {name}: the ellipsoid" for name in written),
     )
 
 
@@ -181,12 +174,12 @@ def parser() -> Parser:
         "--motions",
         type=Path,
         metavar="PUSHES.csv",
-        help=f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *MOVED))}, as plan-simulate "
-        "--push --tip-radius-mm has them; gives the tip's friction, too",
+        help=f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *tips.MOVED))}, as "
+        "plan-simulate --push --tip-radius-mm has them; gives the tip's friction, too",
     )
     add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
     add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")
-    add("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
+    shell.add_output(built, "SURFACE.toml", "the limit surface", required=False)
     add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
     add(
         "--kind",
@@ -217,7 +210,7 @@ def parser() -> Parser:
         default=0.5,
         help="share of the pushes that a split fits to (default: %(default)g)",
     )
-    add("--seed", type=natural, default=0, help="of the splits (default: %(default)s)")
+    shell.add_seed(built, "of the splits")
     return built
 
 
@@ -261,8 +254,10 @@ def _print(
 ) -> None:
     pairs, against = len(data.F), int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
     written = [str(path) for path in (arguments.output, arguments.figure) if path is not None]
-    figures = {"pairs": pairs, "against_motion": against, "splits": arguments.splits}
-    figures |= {
+    figures = {
+        "pairs": pairs,
+        "against_motion": against,
+        "splits": arguments.splits,
         "surfaces": [_figures(each) for each in fits],
         "best": best.kind,
         "written": written,
@@ -282,9 +277,8 @@ def _print(
             "pushes when fitted to all"
         )
     if written:
-        lines.append(
-            f"wrote {' and '.join(written)}" + (f": the {best.kind}" if arguments.output else "")
-        )
+        kind = f": the {best.kind}" if arguments.output else ""
+        lines.append(f"wrote {' and '.join(written)}{kind}")
     shell.answer(arguments.json, figures, *lines)
     if against and not arguments.json:
         words = f"in {against} of {pairs} pushes the wrench works against the motion; check signs and frames"

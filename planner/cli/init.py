@@ -32,9 +32,7 @@ def parser() -> Parser:
         f"{NAME} bracket.stl --units mm --faces -o job.toml",
     )
     built.add_argument("outline", type=Path, help=f"the drawing: {', '.join(SUFFIXES)}")
-    built.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="JOB.toml", help="the job file"
-    )
+    shell.add_output(built, "JOB.toml", "the job file")
     built.add_argument("--force", action="store_true", help="overwrite it if it is there")
     shell.add_drawing(built.add_argument_group("the drawing"))
     built.add_argument(
@@ -60,13 +58,7 @@ def parser() -> Parser:
     )
     add("--gripper", choices=GRIPPERS, help="which one")
     add("--fingers", choices=FINGERS, help="finger pads")
-    add(
-        "--distance",
-        type=number,
-        default=3.0,
-        metavar="MM",
-        help="how well the part must be located (default: %(default)s)",
-    )
+    shell.add_distance(answers)
     return built
 
 
@@ -97,14 +89,12 @@ def _init(arguments: argparse.Namespace) -> None:
         "notes": imported.notes,
         **({"faces": [_figures_of(face) for face in faces]} if arguments.faces else {}),
     }
-    missing = (
-        "note: the part's thickness is not stated; state --thickness, or height_mm in the file"
-    )
     table = output.with_suffix(".msgpack")
-    next_step = f"wrote {output}; next: plan-compile {quoted(output)} -o {quoted(table)}"
-    shell.answer(
-        arguments.json, figures, *([missing] if answers.height_mm is None else ()), next_step
-    )
+    lines = [f"wrote {output}; next: plan-compile {quoted(output)} -o {quoted(table)}"]
+    if answers.height_mm is None:
+        advice = "state --thickness, or height_mm in the file"
+        lines.insert(0, f"note: the part's thickness is not stated; {advice}")
+    shell.answer(arguments.json, figures, *lines)
 
 
 def _drawing(arguments: argparse.Namespace) -> Options:
@@ -163,11 +153,8 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
 def _show(imported: Imported) -> None:
     width, height = imported.size_mm
     order = imported.symmetry
-    message = (
-        "none"
-        if order == 1
-        else f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
-    )
+    turn = f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
+    message = turn if order > 1 else "none"
     print(
         f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {message}"
     )
@@ -189,10 +176,10 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
         name = _ask(f"name of the part [{stem}]: ", lambda text: text or stem) if asking else stem
     gripper = arguments.gripper or _choice("gripper", GRIPPERS)
     fingers = arguments.fingers or _choice("fingers", FINGERS)
-    room = room_mm(imported, GRIPPERS[gripper])
+    room = room_mm(imported, gripper)
     radius = arguments.radius
     if radius is None:
-        proposed = proposed_radius_mm(imported, GRIPPERS[gripper])
+        proposed = proposed_radius_mm(imported, gripper)
         radius = _ask(
             f"its centre lies in a disc of radius [{proposed:g} mm]: ",
             lambda text: number(text) if text else proposed,

@@ -15,7 +15,7 @@ import shapely
 
 from planner.arrays import Array
 from planner.cli import first_look, first_plan, shell
-from planner.job.drafts import FINGERS, GRIPPERS, draft, room_mm
+from planner.job.drafts import FINGERS, GRIPPERS, draft, opening_of, room_mm
 from planner.part.importers.contours import LISTED, Contour
 from planner.part.importers.file import Imported, read_contours
 from planner.part.outline import reach, smallest_rectangle
@@ -33,19 +33,18 @@ def preview(words: Sequence[str]) -> dict[str, Any]:
         arguments = _parsed(words)
         options = shell.drawing_of(arguments)
         listed, _ = first_plan.in_mm(read_contours, arguments.drawing, options)
-        shown["contours"] = [
-            _contour(number, contour) for number, contour in enumerate(listed[:LISTED], 1)
-        ]
+        numbered = enumerate(listed[:LISTED], 1)
+        shown["contours"] = [_contour(number, contour) for number, contour in numbered]
         shown["contour"] = options.contour or first_plan.LARGEST
         imported, notes = first_plan.imported_of(arguments)
         setting = first_plan.setting_of(arguments, imported)
         shown |= {**_part(imported), "assumed": [*notes, *setting.assumed]}
-        shown |= _hand(setting.answers.gripper)
-        shown["rooms_mm"] = {
-            name: round(room_mm(imported, preset), 1) for name, preset in GRIPPERS.items()
-        }
-        friction = FINGERS[setting.answers.fingers]
-        shown["friction"] = {"low": friction.low, "high": friction.high}
+        length_mm, width_mm = GRIPPERS[setting.answers.gripper].fingers_mm
+        opening_mm = opening_of(setting.answers.gripper)
+        shown["hand"] = {"opening_mm": opening_mm, "length_mm": length_mm, "width_mm": width_mm}
+        shown["rooms_mm"] = {name: round(room_mm(imported, name), 1) for name in GRIPPERS}
+        pads = FINGERS[setting.answers.fingers]
+        shown["friction"] = {"low": pads.low, "high": pads.high}
         shown |= setting.answers._asdict()
         first_plan.check_thickness(imported)
         draft(imported, arguments.drawing.name, setting.answers)
@@ -77,9 +76,8 @@ def _parsed(words: Sequence[str]) -> Any:
 def _contour(number: int, contour: Contour) -> dict[str, Any]:
     width, height = np.ptp(contour.points, axis=0)
     low = contour.points.min(axis=0)
-    line = shapely.simplify(
-        shapely.linearrings(contour.points - low), FINENESS * max(width, height)
-    )
+    ring = shapely.linearrings(contour.points - low)
+    line = shapely.simplify(ring, FINENESS * max(width, height))
     return {
         "number": number,
         "width_mm": round(float(width), 2),
@@ -99,17 +97,6 @@ def _part(imported: Imported) -> dict[str, Any]:
         "reach_mm": _rounded(reach(imported.outline_mm)),
         "symmetry": imported.symmetry,
         "datum": {"x_mm": _rounded(x), "y_mm": _rounded(y), "name": imported.origin_name},
-    }
-
-
-def _hand(gripper: str) -> dict[str, Any]:
-    preset = GRIPPERS[gripper]
-    return {
-        "hand": {
-            "opening_mm": preset.opening_mm,
-            "length_mm": preset.finger_length_mm,
-            "width_mm": preset.finger_width_mm,
-        }
     }
 
 

@@ -22,9 +22,8 @@ PLACES = ("push_x_mm", "push_y_mm", "approach_x", "approach_y", "cor_x_mm", "cor
 FINGERS = "fingers_mm"
 SHIFTS = {"shift_x_mm": 0.0, "shift_y_mm": 0.0}
 NAMES = (*PLACES, FINGERS, *SHIFTS)
-OUTPUTS = ("moved_x_mm", "moved_y_mm", "turned_deg", "status")
 MOST = np.array([1e4, 1e4, 1e4, 1e4, 1e4, 1e4, 360.0, 1e3, 1e4, 1e4])  # of entries
-BOUNDS = tuple(f"{name}_{end}" for name in OUTPUTS[:3] for end in ("low", "high"))
+BOUNDS = tuple(f"{name}_{end}" for name in tips.MOVED for end in ("low", "high"))
 SHARES = (0.05, 0.95)  # Quantiles of `BOUNDS`
 AT_ONCE = 100_000  # pushes whose mechanics are drawn together
 DEEPEST_MM = 1.0  # Depth at which a finger may start: coordinates on an edge are rounded
@@ -52,12 +51,8 @@ def read(path: Path, fingers_mm: float | None) -> Array:
         if FINGERS not in error.problem:
             raise
         raise KeyNameError(f"{error.problem}, or give --fingers-mm", where=error.where) from None
+    tips.check_range(rows, NAMES, MOST, path)
     for number, row in enumerate(rows, 1):
-        far = np.abs(row) > MOST
-        if far.any():
-            k = int(np.argmax(far))
-            problem = f"push {number}: {row[k]:g} is beyond {MOST[k]:g}; correct it"
-            raise InputError(problem, where=str(path), key=NAMES[k])
         if row[7] < 0.0:
             problem = f"push {number}: {row[7]:g} is no distance; 0 is a single finger"
             raise InputError(problem, where=str(path), key=FINGERS)

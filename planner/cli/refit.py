@@ -23,7 +23,7 @@ from planner.refit.posterior import Effort, Posterior, posterior
 from planner.report import run_log
 from planner.report.run_log import PartLog
 from planner.work.scheduler import Scheduler, scheduler_of
-from runtime.shell.command import Parser, natural, positive_int
+from runtime.shell.command import Parser, positive_int
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import quoted, usable, write
 from runtime.table import Table, TableFile, names_table
@@ -64,15 +64,8 @@ def parser() -> Parser:
         metavar="A.csv",
         help="measured poses as grasp-audit report --export writes them, one file for each journal",
     )
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="JOB2.toml",
-        help="the job file to write",
-    )
-    add("--seed", type=natural, default=0, help="of what is simulated (default: %(default)s)")
+    shell.add_output(command, "JOB2.toml", "the job file to write")
+    shell.add_seed(command, "of what is simulated")
     add(
         "--cells",
         type=positive_int,
@@ -104,7 +97,7 @@ def _refit(arguments: argparse.Namespace) -> None:
     ):
         effort = Effort(cells=arguments.cells)
         result = posterior(cells, seen, arguments.seed, scheduler, effort, report)
-        tried = _preview(cells, result, arguments.seed, scheduler)
+        wrong, rejected = _preview(cells, result, arguments.seed, scheduler)
     cell = cell_times.learned(loaded.table, timed(parts))
     changed = {**changes(result, cells), **({"cell": cell} if cell else {})}
     learned = edited(text, changed)
@@ -114,7 +107,7 @@ def _refit(arguments: argparse.Namespace) -> None:
             "its text cannot be edited; write each section once", where=str(arguments.job)
         )
     write(arguments.output, learned)
-    learned_of_each, (wrong, rejected) = findings(result, cells), tried
+    learned_of_each = findings(result, cells)
     figures = {
         "parts": seen.parts,
         "squeezes": int(seen.readings.sum()),

@@ -7,7 +7,7 @@ from planner.cli import bounds, shell
 from planner.job import model as job_file
 from planner.report import comparison, dossier, run_log
 from planner.report.run_log import RunLog
-from runtime.shell.command import Parser, natural, positive_int
+from runtime.shell.command import Parser
 from runtime.shell.errors import UsageError
 from runtime.shell.files import usable, write
 
@@ -26,9 +26,7 @@ def parser() -> Parser:
         f"{NAME} tree.msgpack -o sheet.html --sheet",
     )
     shell.add_table(built)
-    built.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="PAGE.html", help="the page"
-    )
+    shell.add_output(built, "PAGE.html", "the page")
     built.add_argument(
         "--journal", type=Path, metavar="J.jsonl", help="lay the runs of this journal over the tree"
     )
@@ -48,15 +46,8 @@ def parser() -> Parser:
     )
     shell.add_takt(built)
     bounds.add_options(built)
-    built.add_argument(
-        "--trials",
-        type=positive_int,
-        default=dossier.TRIALS,
-        help="parts sent through the table to draw its beliefs (default: %(default)s)",
-    )
-    built.add_argument(
-        "--seed", type=natural, default=0, help="of these parts (default: %(default)s)"
-    )
+    shell.add_trials(built, dossier.TRIALS, "parts sent through the table to draw its beliefs")
+    shell.add_seed(built, "of these parts")
     return built
 
 

@@ -164,6 +164,32 @@ def check_squeezes_alone(table: Table, name: str, what: str) -> None:
         raise UsageError(f"{what} is for squeezes alone; {message}")
 
 
+def add_output(
+    parser: argparse.ArgumentParser, metavar: str, what: str, required: bool = True
+) -> None:
+    """Adds the option for the file or folder to write."""
+    add = parser.add_argument
+    add("-o", "--output", type=Path, required=required, metavar=metavar, help=what)
+
+
+def add_seed(parser: argparse.ArgumentParser, what: str) -> None:
+    """Adds the seed of what a command draws, 0 by default."""
+    shown = f"{what} (default: %(default)s)"
+    parser.add_argument("--seed", type=command.natural, default=0, help=shown)
+
+
+def add_trials(parser: argparse.ArgumentParser, default: int, what: str) -> None:
+    """Adds the number of simulated parts."""
+    shown = f"{what} (default: %(default)s)"
+    parser.add_argument("--trials", type=command.positive_int, default=default, help=shown)
+
+
+def add_distance(group: argparse._ArgumentGroup) -> None:
+    """Adds the goal of a new job."""
+    shown = "how well the part must be located (default: %(default)s)"
+    group.add_argument("--distance", type=command.number, default=3.0, metavar="MM", help=shown)
+
+
 def add_takt(parser: argparse.ArgumentParser) -> None:
     """The option that states a takt, in seconds."""
     parser.add_argument(
@@ -198,9 +224,8 @@ def main_of(parser: Callable[[], Parser], body: Body) -> Callable[..., int]:
 
 def run(built: Parser, argv: Sequence[str] | None, body: Body) -> int:
     """Runs a command as `runtime.shell.command.run` does; a body that returns None succeeded."""
-    logging.lastResort = (
-        None  # a library's log of the error that it raises would repeat the message
-    )
+    # A library's log of the error that it raises would repeat the message.
+    logging.lastResort = None
     stopped = ExitCode.INTERRUPTED, "interrupted; nothing was written"
     return command.run(built, argv, lambda arguments: body(arguments) or 0, stopped)
 
@@ -231,22 +256,28 @@ def spared(what: str, notes: list[str], debug: bool = False) -> Iterator[None]:
 
 
 @contextmanager
+def _on_interrupt(hear: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Handles Ctrl-C by a function."""
+    usual = signal.signal(signal.SIGINT, hear)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)
+
+
+@contextmanager
 def stopping(limit: Limit, name: str) -> Iterator[None]:
     """Lets the first Ctrl-C end the work of a command with the result so far; the next one interrupts it."""
 
     def hear(number: int, frame: FrameType | None) -> None:
         if not limit.ask():
             signal.default_int_handler(number, frame)
-        with contextlib.suppress(
-            OSError
-        ):  # not through sys.stderr, which may be in the middle of a line
+        # Not through sys.stderr, which may be in the middle of a line.
+        with contextlib.suppress(OSError):
             os.write(2, f"{name}: {STOPPING}\n".encode())
 
-    usual = signal.signal(signal.SIGINT, hear)
-    try:
+    with _on_interrupt(hear):
         yield
-    finally:
-        signal.signal(signal.SIGINT, usual)
 
 
 @contextmanager
@@ -259,13 +290,11 @@ def compiling() -> Iterator[None]:
         heard = True
         signal.default_int_handler(number, frame)
 
-    usual = signal.signal(signal.SIGINT, hear)
-    try:
-        yield
-    except Exception:
-        if not heard:
-            raise
-    finally:
-        signal.signal(signal.SIGINT, usual)
+    with _on_interrupt(hear):
+        try:
+            yield
+        except Exception:
+            if not heard:
+                raise
     if heard:
         raise KeyboardInterrupt

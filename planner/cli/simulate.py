@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array
 from planner.cli import columns, pushes, shell, tips
 from planner.errors import KeyNameError
 from planner.job import model as job_file
@@ -23,15 +23,16 @@ from runtime.shell.files import usable, words_of
 NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
 PICTURES = {"figure": shell.PICTURES, "html": (".html",)}  # what they may end in
-ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pass between the jaws
 IN_DEGREES = ("x_mm", "y_mm", "theta_deg")  # the same poses
-RESULTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm")
-OUTPUTS = (
-    *RESULTS,
+# Final pose and width, then the angles again, in degrees.
+RESULTS = (
+    "final_x_mm",
+    "final_y_mm",
+    "final_theta_rad",
+    "width_mm",
     "theta_deg",
     "final_theta_deg",
-    "status",
-)  # the angles again, in degrees
+)
 MOST_RADIUS_MM, MOST_DRAWS = 1000.0, 100_000
 SAME_DEG = 1e-5  # rounding error between an angle in degrees and the same in radians
 
@@ -40,12 +41,10 @@ class Results(NamedTuple):
     """Results of n squeezes or pushes, ready to be written."""
 
     what: str  # "squeezes" or "pushes"
-    header: tuple[str, ...]  # of the numbers, the status and the further columns
-    numbers: Array  # (n, k)
-    status: IntArray  # (n,) index into `names`
+    table: columns.Table
+    status: list[str]  # (n,) each one of `names`
     names: tuple[str, ...]
     given_up: int  # number cut short
-    further: Array | None = None  # (n, m)
     drawn: tuple[Array, Parameters] | None = None  # poses (n, 3) and mechanics for pictures
 
 
@@ -54,7 +53,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
     _check_options(arguments, pictures)
     for name, path in pictures.items():
         shell.checked_suffix(f"--{name}", path, PICTURES[name])
-    job = job_file.load(arguments.job, ANY_OPENING if arguments.push else None)
+    job = job_file.load(arguments.job, tips.ANY_OPENING if arguments.push else None)
     shell.check_one_part(job.hypothesis, str(arguments.job), "a simulation")
     listed: Path = arguments.poses or arguments.push
     read = (*job_file.files(arguments.job), listed)
@@ -63,35 +62,20 @@ def _simulate(arguments: argparse.Namespace) -> None:
         outputs.append(usable(path, *read, *outputs))
     job = pushes.exact(job) if arguments.push else job
     simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
-    results = (
-        _squeezed(simulator, arguments, job)
-        if arguments.poses
-        else _pushed(simulator, arguments, job)
-    )
-    status, given_up, names, what = results.status, results.given_up, results.names, results.what
-    columns.write(
-        arguments.output,
-        results.header,
-        results.numbers,
-        [names[k] for k in status],
-        results.further,
-    )
+    results = (_squeezed if arguments.poses else _pushed)(simulator, arguments, job)
+    status, given_up, what = results.status, results.given_up, results.what
+    columns.write(arguments.output, results.table)
     if results.drawn is not None and pictures:
         draw(pictures, simulator, *results.drawn, f"{job.part.name}: {listed.name}")
-    tally = {name: int(np.sum(status == k)) for k, name in enumerate(names)}
+    tally = {name: status.count(name) for name in results.names}
     drawn = {name: str(path) for name, path in pictures.items()}
+    after = {"given_up": given_up, **drawn}
     counts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
     written = ", ".join((str(arguments.output), *drawn.values()))
     with redirect_stdout(words_of(arguments.output)):
         shell.answer(
             arguments.json,
-            {
-                "output": str(arguments.output),
-                what: len(status),
-                **tally,
-                "given_up": given_up,
-                **drawn,
-            },
+            {"output": str(arguments.output), what: len(status), **tally, **after},
             f"{len(status)} {what}: {counts or 'none'}; wrote {written}",
         )
     if given_up and not arguments.json:
@@ -116,56 +100,42 @@ def _squeezed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> 
     rolled = simulator.roll_out(poses, parameters)
     degrees = np.degrees(np.column_stack([poses[:, 2], rolled.poses[:, 2]]))
     numbers = np.column_stack([poses, rolled.poses, rolled.width_mm, degrees])
-    given_up, header = int(rolled.given_up.sum()), (*INPUTS, *OUTPUTS)
-    return Results(
-        "squeezes",
-        header,
-        numbers,
-        rolled.status,
-        STATUS_NAMES,
-        given_up,
-        None,
-        (poses, parameters),
-    )
+    status = [STATUS_NAMES[k] for k in rolled.status]
+    table: columns.Table = {**columns.named((*INPUTS, *RESULTS), numbers), "status": status}
+    given_up, drawn = int(rolled.given_up.sum()), (poses, parameters)
+    return Results("squeezes", table, status, STATUS_NAMES, given_up, drawn)
 
 
 def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Results:
-    path, centroid, outline = (
-        arguments.push,
-        job_file.centroid_as_drawn(arguments.job),
-        job.part.outline_mm,
-    )
-    radius = arguments.tip_radius_mm
-    columns_in: tuple[str, ...] = pushes.NAMES
+    path, outline, radius = arguments.push, job.part.outline_mm, arguments.tip_radius_mm
+    centroid = job_file.centroid_as_drawn(arguments.job)
     if radius is None or arguments.fingers_mm is not None:
         rows = pushes.read(path, arguments.fingers_mm)
-        ways = pushes.paths(rows, centroid)
+        stated, ways = columns.named(pushes.NAMES, rows), pushes.paths(rows, centroid)
     else:
-        rows, columns_in = tips.read(path), tips.NAMES
-        ways = tips.paths(rows, centroid)
-    n, further, header = len(rows), np.empty((len(rows), 0)), (*columns_in, *pushes.OUTPUTS)
+        rows = tips.read(path)
+        stated, ways = columns.named(tips.NAMES, rows), tips.paths(rows, centroid)
+    further: columns.Table = {}
     if radius is None:
         pushes.check_clear(ways, outline, path)
     else:
-        ways, overlap = tips.beside(ways, radius, outline, path)
-        further, header = overlap[:, None], (*header, tips.OVERLAP)
+        ways, further[tips.OVERLAP] = tips.beside(ways, radius, outline, path)
     if arguments.nominal:
-        pushed = simulator.push(ways, simulator.nominal(n, arguments.mu), radius or 0.0)
+        pushed = simulator.push(ways, simulator.nominal(len(rows), arguments.mu), radius or 0.0)
     else:
         pushed = pushes.draw(simulator, job, ways, radius or 0.0, _rng(arguments, job))
-    numbers = np.column_stack([rows, pushes.in_degrees(pushed.moved)])
     given_up = int(pushed.given_up.sum())
     if arguments.draws is not None:
         # A separate stream: the lines are the same with and without --draws.
         rng = _rng(arguments, job, arguments.draws)
         drawn = pushes.drawn(simulator, job, ways, radius or 0.0, arguments.draws, rng)
-        further, given_up = np.column_stack([further, drawn.bounds]), given_up + drawn.given_up
-        header = (*header, *pushes.BOUNDS)
-    if radius is None:
-        return Results("pushes", header, numbers, pushed.status, PUSH_NAMES, given_up, further)
-    return Results(
-        "pushes", header, numbers, tips.status(pushed), tips.STATUS_NAMES, given_up, further
-    )
+        further |= columns.named(pushes.BOUNDS, drawn.bounds)
+        given_up += drawn.given_up
+    names = PUSH_NAMES if radius is None else tips.STATUS_NAMES
+    status = [names[k] for k in (pushed.status if radius is None else tips.status(pushed))]
+    moved = columns.named(tips.MOVED, pushes.in_degrees(pushed.moved))
+    table: columns.Table = {**stated, **moved, "status": status, **further}
+    return Results("pushes", table, status, names, given_up)
 
 
 def parser() -> Parser:
@@ -204,14 +174,7 @@ def parser() -> Parser:
         metavar="MM",
         help=f"distance of the two fingers, for pushes without a column {pushes.FINGERS}; 0: one finger",
     )
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="OUT.csv",
-        help="the results; - for standard output",
-    )
+    shell.add_output(built, "OUT.csv", "the results; - for standard output")
     add(
         "--tip-radius-mm",
         type=positive,

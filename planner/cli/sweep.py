@@ -151,13 +151,10 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
 
 def figures_of(plan: Plan, seconds: float, takt_s: float | None = None) -> dict[str, Any]:
     """The figures of a plan and its compile time, in plain types; see `Evaluation.summary`."""
+    pushes = sum(len(node.pushes) for node in plan.table.nodes)
     return {
         "nodes": len(plan.table.nodes),
-        **(
-            {"pushes": pushes}
-            if (pushes := sum(len(node.pushes) for node in plan.table.nodes))
-            else {}
-        ),
+        **({"pushes": pushes} if pushes else {}),
         "leaves": len(plan.table.leaves),
         "untried_branches": plan.untried,
         "unresolved_leaves": sum(not leaf.resolved for leaf in plan.table.leaves),
@@ -252,8 +249,11 @@ def _show(orders: Sequence[Order], rows: Sequence[dict[str, Any]]) -> None:
             line += f", {takt_text(row)}" if "takt_s" in row else ""
             line += f", wrote {row['table']}"
             if row["cut_short"]:
-                line = f"cut short, {row['cut_short']['open_share']:.2%} of the parts still open; {line}"
-                success += f" (cut short, {row['cut_short']['open_share']:.2%} open)"
+                share = f"cut short, {row['cut_short']['open_share']:.2%}"
+                line, success = (
+                    f"{share} of the parts still open; {line}",
+                    f"{success} ({share} open)",
+                )
             seconds = f"{row['seconds']:.1f}"
             table.add_row(*values, success, squeezes, str(row["leaves"]), seconds, row["table"])
         if not console.is_terminal:

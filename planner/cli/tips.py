@@ -6,6 +6,7 @@ outside, where it just touches, and goes the same way: of the corrections tried 
 agrees best with the measurements (decision 0049).
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,8 +20,10 @@ from planner.mechanics.simulator import Pushed
 from runtime.shell.errors import InputError
 
 NAMES = ("tip_x_mm", "tip_y_mm", "way_x_mm", "way_y_mm")
+MOVED = ("moved_x_mm", "moved_y_mm", "turned_deg")
 OVERLAP = "overlap_mm"
 STATUS_NAMES = (*PUSH_NAMES, "untouched")
+ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pass between the jaws
 UNTOUCHED = len(PUSH_NAMES)
 MOST_MM = 1e4  # largest magnitude of an entry
 CLEAR_MM = 1e-3  # overlap that is tolerated
@@ -42,13 +45,21 @@ def read(path: Path) -> Array:
         InputError: see `columns.read`; or an entry is out of range.
     """
     rows = columns.read(path, NAMES)
-    for number, row in enumerate(rows, 1):
-        far = np.abs(row) > MOST_MM
-        if far.any():
-            k = int(np.argmax(far))
-            problem = f"push {number}: {row[k]:g} is beyond {MOST_MM:g}; correct it"
-            raise InputError(problem, where=str(path), key=NAMES[k])
+    check_range(rows, NAMES, np.full(len(NAMES), MOST_MM), path)
     return rows
+
+
+def check_range(rows: Array, names: Sequence[str], most: Array, where: Path) -> None:
+    """Refuses pushes (n, k) with an entry whose magnitude is beyond that of its column (k,).
+
+    Raises:
+        InputError: names the push and the column.
+    """
+    far = np.argwhere(np.abs(rows) > most)
+    if len(far):
+        number, k = far[0]
+        problem = f"push {number + 1}: {rows[number, k]:g} is beyond {most[k]:g}; correct it"
+        raise InputError(problem, where=str(where), key=names[k])
 
 
 def paths(rows: Array, centroid: Array) -> Paths:
@@ -104,9 +115,8 @@ def _way_out(points: Array, radius_mm: float, outline: Array) -> tuple[Array, In
         if not len(rows) or round_ == ROUNDS:
             break
         deepest = tips[np.arange(len(rows)), depth.argmax(axis=1)]
-        nearest = shapely.line_interpolate_point(
-            edge, shapely.line_locate_point(edge, shapely.points(deepest))
-        )
+        along = shapely.line_locate_point(edge, shapely.points(deepest))
+        nearest = shapely.line_interpolate_point(edge, along)
         shift[rows] += shapely.get_coordinates(nearest) - deepest
     return shift, rows
 

@@ -31,10 +31,8 @@ from runtime.table import (
     decision_map,
 )
 
-FELT, NOT_FELT = (
-    2,
-    3,
-)  # the object flag (gOBJ) of jaws that met something, and of jaws that met nothing
+# The object flag (gOBJ) of jaws that met something, and of jaws that met nothing.
+FELT, NOT_FELT = 2, 3
 NODE, LEAF, UNRESOLVED, REJECTED, FAULT = range(5)  # outcome of a reading, in vectors and programs
 VECTOR = ("node", "width_um", "object_flag", "outcome", "index", "release_x_um", "release_y_um")
 

@@ -15,10 +15,7 @@ def limits_of(job: Job, depth: int) -> Limits:
         max_force_mn=round(1e3 * job.gripper.profile.force_n[1]),
         max_speed_um_s=round(1e3 * cell.max_speed_mm_s),
         work_area_um=Area(
-            round(1e3 * x_min),
-            round(1e3 * y_min),
-            round(1e3 * x_max),
-            round(1e3 * y_max),
+            round(1e3 * x_min), round(1e3 * y_min), round(1e3 * x_max), round(1e3 * y_max)
         ),
         retreat_height_um=round(1e3 * cell.retreat_height_mm),
         squeeze_height_um=round(1e3 * cell.squeeze_height_mm),

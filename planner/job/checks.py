@@ -28,11 +28,9 @@ def place_outline(points: Array, drawn: bool) -> outline.Canonical:
         InputError: the outline is not a simple polygon, or is off the part's frame that it claims.
     """
     try:
-        return (
-            outline.canonical(points)
-            if drawn
-            else outline.Canonical(outline.checked(points), np.zeros(2))
-        )
+        if drawn:
+            return outline.canonical(points)
+        return outline.Canonical(outline.checked(points), np.zeros(2))
     except InputError as error:
         raise error.at(section="part", key="outline_mm") from None
 
@@ -57,9 +55,8 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
         problem = f"has {len(weights)} entries for {len(points)} points; give one weight a point"
         raise _conflict("pressure", "weights", problem)
     total = math.fsum(weights)
-    if (
-        abs(total - 1.0) > 1e-12
-    ):  # weights that are normalised already stay the same to the last bit
+    # Weights that are normalised already stay the same to the last bit.
+    if abs(total - 1.0) > 1e-12:
         weights = weights / total
     points.setflags(write=False)
     weights.setflags(write=False)
@@ -78,16 +75,15 @@ def complete_gripper(gripper: dict[str, Any]) -> None:
         known = ", ".join(PROFILES)
         problem = f"is {gripper['model'][:40]!r}, which is not known; there are {known}"
         raise _conflict("gripper", "model", problem) from error
-    if gripper["opening_mm"] is None:
-        gripper["opening_mm"] = profile.stroke_um / 1e3
+    usual = {
+        "opening_mm": profile.stroke_um / 1e3,
+        "noise_mm": profile.noise_um / 1e3,
+        "force_n": profile.usual_force_n,
+        "speed_mm_s": profile.usual_speed_mm_s,
+    }
+    gripper |= {key: value for key, value in usual.items() if gripper[key] is None}
     if gripper["resolution_mm"] is None:
         gripper["resolution_mm"] = gripper["opening_mm"] / profile.steps
-    if gripper["noise_mm"] is None:
-        gripper["noise_mm"] = profile.noise_um / 1e3
-    if gripper["force_n"] is None:
-        gripper["force_n"] = profile.usual_force_n
-    if gripper["speed_mm_s"] is None:
-        gripper["speed_mm_s"] = profile.usual_speed_mm_s
 
 
 def doubt_mm(resolution_mm: float, noise_mm: float) -> float:
@@ -116,16 +112,8 @@ def check_conflicts(values: Values) -> None:
     _check_heights(values["part"]["height_mm"], values["cell"])
     _check_actions(values["actions"], values["cell"])
     _check_openings(values["actions"], values["gripper"])
-    if values["actions"]["pushes"] == "belief" and values["search"]["method"] != "closed-loop":
-        problem = (
-            'is "belief", which the paper\'s methods do not know; leave method at "closed-loop"'
-        )
-        raise _conflict("actions", "pushes", problem)
-    if values["actions"]["pushes"] == "belief" and values["actions"]["proposals"] == "none":
-        problem = (
-            'is "belief", and hands must follow what was pushed; leave proposals at "belief", too'
-        )
-        raise _conflict("actions", "pushes", problem)
+    if values["actions"]["pushes"] == "belief":
+        _check_pushes(values["search"]["method"], values["actions"]["proposals"])
     _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"])
     if values["delivery"] is not None:
         _check_delivery(values)
@@ -244,6 +232,16 @@ def _check_actions(actions: dict[str, Any], cell: dict[str, Any]) -> None:
         x, y = centers[int(np.argmax(outside))]
         problem = f"({x:g}, {y:g}) lies outside work_area_mm of [cell]; move it or widen the area"
         raise _conflict("actions", "centers_mm", problem)
+
+
+def _check_pushes(method: str, proposals: str) -> None:
+    if method != "closed-loop":
+        problem = 'which the paper\'s methods do not know; leave method at "closed-loop"'
+    elif proposals == "none":
+        problem = 'and hands must follow what was pushed; leave proposals at "belief", too'
+    else:
+        return
+    raise _conflict("actions", "pushes", f'is "belief", {problem}')
 
 
 def _check_openings(actions: dict[str, Any], gripper: dict[str, Any]) -> None:

@@ -17,60 +17,10 @@ from planner.part.importers.file import Face, Imported
 from planner.part.outline import reach
 from planner.part.tips import tips_height_mm
 from runtime.shell.plain_text import cleaned
-from runtime.table import GripperProfile, selectable
+from runtime.table import selectable
 
+GRIPPERS = selectable()  # profiles by model
 MIDDLE_SHARE = 1 / 60  # of the stroke: distance from the hand's middle where the fingers may meet
-
-
-class GripperPreset(NamedTuple):
-    """A gripper in a new job."""
-
-    profile: GripperProfile
-    share_off: float = 0.11  # doubt of a finger's share of the closing, either way
-
-    @property
-    def model(self) -> str:
-        """Name of the gripper's model."""
-        return self.profile.model
-
-    @property
-    def opening_mm(self) -> float:
-        """Stroke."""
-        return self.profile.stroke_um / 1000
-
-    @property
-    def finger_length_mm(self) -> float:
-        """Extent of a fingertip across the closing direction."""
-        return self.profile.fingers_mm[0]
-
-    @property
-    def finger_width_mm(self) -> float:
-        """Extent of a fingertip along the closing direction."""
-        return self.profile.fingers_mm[1]
-
-    @property
-    def speed_mm_s(self) -> float:
-        """Initial closing speed."""
-        return self.profile.usual_speed_mm_s
-
-    @property
-    def force_n(self) -> float:
-        """Initial grip force."""
-        return self.profile.usual_force_n
-
-    @property
-    def encoder_off_mm(self) -> float:
-        """Default doubt of the error of its widths."""
-        profile = self.profile
-        return doubt_mm(profile.resolution_um / 1000, profile.noise_um / 1000)
-
-    @property
-    def middle_off_mm(self) -> float:
-        """How far from the hand's middle the fingers may meet."""
-        return round(MIDDLE_SHARE * self.opening_mm, 1)
-
-
-GRIPPERS = {model: GripperPreset(profile) for model, profile in selectable().items()}
 
 
 class Fingers(NamedTuple):
@@ -124,6 +74,7 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    profile, opening_mm = GRIPPERS[answers.gripper], opening_of(answers.gripper)
     environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
     thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
     tips = faces[0].cut_mm if faces else answers.tips_mm or tips_height_mm(thickness)
@@ -138,7 +89,10 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
         datum=[round(float(value), DECIMALS) + 0.0 for value in imported.origin_mm],
         datum_name=imported.origin_name,
         fingers=FINGERS[answers.fingers],
-        gripper=GRIPPERS[answers.gripper],
+        gripper=profile,
+        opening=opening_mm,
+        middle_off=round(MIDDLE_SHARE * opening_mm, 1),
+        encoder_off=doubt_mm(profile.resolution_um / 1000, profile.noise_um / 1000),
         radius=float(answers.radius_mm),
         turn=None if answers.turn_deg is None else float(answers.turn_deg),
         distance=float(answers.distance_mm),
@@ -167,14 +121,19 @@ def _shape(imported: Imported) -> dict[str, object]:
     }
 
 
-def room_mm(imported: Imported, gripper: GripperPreset) -> float:
+def opening_of(gripper: str) -> float:
+    """How wide a gripper opens [mm]."""
+    return GRIPPERS[gripper].stroke_um / 1000
+
+
+def room_mm(imported: Imported, gripper: str) -> float:
     """Distance of the part's centroid from the hand within which open fingers clear it at any angle [mm].
 
     Negative where the part, turned, is wider than the jaws open.
     """
-    return 0.5 * gripper.opening_mm - reach(imported.outline_mm)
+    return 0.5 * opening_of(gripper) - reach(imported.outline_mm)
 
 
-def proposed_radius_mm(imported: Imported, gripper: GripperPreset) -> float:
+def proposed_radius_mm(imported: Imported, gripper: str) -> float:
     """Default radius of the disc that contains the centroid [mm]."""
     return max(1.0, float(math.floor(min(MOST_RADIUS_MM, FITTING * room_mm(imported, gripper)))))

@@ -17,6 +17,7 @@ from planner.errors import KeyNameError
 from runtime.shell.errors import InputError
 from runtime.shell.plain_text import is_plain
 
+MOST_POSES = 100
 REQUIRED: Final = object()  # Default of a required field
 
 
@@ -115,9 +116,8 @@ class Numbers:
         if not self.least <= len(value) <= self.most:
             count = str(self.least) if self.least == self.most else f"{self.least} to {self.most}"
             raise InputError(f"must have {count} entries, not {len(value)}")
-        array = np.array(
-            [self._entry(index, entry) for index, entry in enumerate(value)], dtype=np.float64
-        )
+        rows = [self._entry(index, entry) for index, entry in enumerate(value)]
+        array = np.array(rows, dtype=np.float64)
         array.setflags(write=False)
         return array
 
@@ -125,11 +125,9 @@ class Numbers:
         if self.columns and (not isinstance(entry, list | tuple) or len(entry) != self.columns):
             raise InputError(f"must be a list {self._shape()}; entry {index + 1} is {shown(entry)}")
         try:
-            return (
-                [self.item.read(number) for number in entry]
-                if self.columns
-                else self.item.read(entry)
-            )
+            if self.columns:
+                return [self.item.read(number) for number in entry]
+            return self.item.read(entry)
         except InputError as error:
             raise InputError(f"entry {index + 1} {error}") from None
 
@@ -144,14 +142,13 @@ class Poses:
     """Poses [x, y, angle] by name; mm, mm, degrees, each number within `item`."""
 
     item: Number
-    most: int = 100
     default: Any = REQUIRED
 
     def read(self, value: Any) -> dict[str, list[float]]:
         """The poses, in the order of their names."""
-        if not isinstance(value, dict) or not 1 <= len(value) <= self.most:
+        if not isinstance(value, dict) or not 1 <= len(value) <= MOST_POSES:
             raise InputError(
-                f"must be 1 to {self.most} lines name = [x, y, angle], not {shown(value)}"
+                f"must be 1 to {MOST_POSES} lines name = [x, y, angle], not {shown(value)}"
             )
         row = Numbers(self.item, least=3, most=3)
         result = {}

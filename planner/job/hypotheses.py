@@ -26,9 +26,8 @@ KEY, FOREIGN = "hypothesis", "stranger"
 SECTIONS = ("part", "pressure", "friction")  # sections that a hypothesis may have
 MOST = 16
 TURNED_OVER = "turned over"  # suffix of the name of a part that lies on its other face
-TURN = np.array(
-    [1.0, -1.0, -1.0]
-)  # signs of fx, fy and torque after turning a part over about its x axis
+# Signs of fx, fy and torque after turning a part over about its x axis.
+TURN = np.array([1.0, -1.0, -1.0])
 
 _FIELDS: Mapping[str, Field] = {
     "name": Text(default=None),
@@ -87,21 +86,17 @@ def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
             'of a quartic goes with one face; drop faces = "either"', section="pressure"
         )
     if pressure.get("points_mm") is not None:
-        pressure["points_mm"] = (
-            np.array(pressure["points_mm"]) * np.array([1.0, -1.0]) + 0.0
-        ).tolist()
+        points = np.array(pressure["points_mm"]) * np.array([1.0, -1.0]) + 0.0
+        pressure["points_mm"] = points.tolist()
     if pressure.get("ellipsoid") is not None:
-        pressure["ellipsoid"] = (
-            TURN[:, None] * np.array(pressure["ellipsoid"]) * TURN + 0.0
-        ).tolist()
+        turned = TURN[:, None] * np.array(pressure["ellipsoid"]) * TURN + 0.0
+        pressure["ellipsoid"] = turned.tolist()
     part |= {"name": f"{part['name']}, {TURNED_OVER}", "outline_mm": mirrored.tolist()}
-    if (
-        part.get("datum") is not None
-    ):  # its y axis would be left-handed: that of the picks turns, too
+    # Its y axis would be left-handed: that of the picks turns, too.
+    if part.get("datum") is not None:
         part["datum"] = _mirrored(part["datum"])
-        part["picks"] = {
-            name: _mirrored(pick) for name, pick in (part.get("picks") or {}).items()
-        } or None
+        picks = {name: _mirrored(pick) for name, pick in (part.get("picks") or {}).items()}
+        part["picks"] = picks or None
     return {**document, "part": part, "pressure": pressure}
 
 
@@ -117,10 +112,8 @@ def _entries(
     """The share, if any, and the document of each entry of a list of parts."""
     if not isinstance(entries, list) or not least <= len(entries) <= MOST:
         raise InputError(f"must be {least} to {MOST} entries, each under [[{key}]]", section=key)
-    return [
-        _entry(key, f"{key} {number}", entry, common)
-        for number, entry in enumerate(entries, start=1)
-    ]
+    numbered = enumerate(entries, start=1)
+    return [_entry(key, f"{key} {number}", entry, common) for number, entry in numbered]
 
 
 def _entry(
@@ -129,9 +122,8 @@ def _entry(
     if not isinstance(entry, dict):
         raise InputError("must be a section of keys and values", section=where)
     sections = {section: entry[section] for section in SECTIONS if section in entry}
-    values = read_section(
-        {name: entry[name] for name in entry if name not in SECTIONS}, _FIELDS, where
-    )
+    alone = {name: value for name, value in entry.items() if name not in SECTIONS}
+    values = read_section(alone, _FIELDS, where)
     part = sections.get("part")
     if not isinstance(part, dict):
         raise KeyNameError(f"missing section part; add [{key}.part]", section=where)

@@ -74,11 +74,11 @@ class Job:
         return self._each(self.foreign)
 
     def _each(self, parts: Sequence[ForeignPart] | None) -> tuple[Job, ...]:
-        changes = (
-            {"part": p.part, "pressure": p.pressure, "friction": p.friction} for p in parts or ()
-        )
         alone = replace(self, hypothesis=None, foreign=None)
-        return tuple(replace(alone, **fields) for fields in changes)  # type: ignore[arg-type]
+        return tuple(
+            replace(alone, part=each.part, pressure=each.pressure, friction=each.friction)
+            for each in parts or ()
+        )
 
     @property
     def shares(self) -> tuple[float, ...]:
@@ -116,9 +116,8 @@ class Job:
             InputError: see `parse`.
         """
         document = documents.changed(_document(self), _plain(changes), where)
-        drawn = "outline_mm" in changes.get("part", ()) or "surface_file" in changes.get(
-            "pressure", ()
-        )
+        part, pressure = (changes.get(section, ()) for section in ("part", "pressure"))
+        drawn = "outline_mm" in part or "surface_file" in pressure
         return of_document(document, where, drawn)
 
     def __eq__(self, other: object) -> bool:
@@ -142,10 +141,8 @@ def files(path: str | Path) -> list[Path]:
     listed = [entry for entries in lists if isinstance(entries, list) for entry in entries]
     tables = [document, *(entry for entry in listed if isinstance(entry, dict))]
     stated = [table["pressure"] for table in tables if isinstance(table.get("pressure"), dict)]
-    named = [
-        table["surface_file"] for table in stated if isinstance(table.get("surface_file"), str)
-    ]
-    return [Path(path), *(Path(path).parent / name for name in named)]
+    names = [table.get("surface_file") for table in stated]
+    return [Path(path), *(Path(path).parent / name for name in names if isinstance(name, str))]
 
 
 def centroid_as_drawn(path: str | Path) -> Array:
@@ -167,9 +164,8 @@ def parse(text: str, where: str = "job", changes: Mapping[str, Any] | None = Non
         KeyNameError: an unknown or missing key or section.
         FitError: the part does not pass between the open fingers in any orientation.
     """
-    return of_document(
-        documents.changed(documents.from_toml(text, where), changes or {}, where), where, drawn=True
-    )
+    document = documents.changed(documents.from_toml(text, where), changes or {}, where)
+    return of_document(document, where, drawn=True)
 
 
 def from_canonical(text: str, where: str = "job text") -> Job:
@@ -198,26 +194,24 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     results: list[tuple[float, Job]] = []
     stated = hypotheses.stated(document)
     listed = [alone for _, alone in stated]
-    for (share, _), jobs in zip(
-        stated, _jobs(document, hypotheses.KEY, listed, where, drawn), strict=True
-    ):
+    named = _jobs(document, hypotheses.KEY, listed, where, drawn)
+    for (share, _), jobs in zip(stated, named, strict=True):
         results += [(share / len(jobs), job) for job in jobs]
     others = _jobs(document, hypotheses.FOREIGN, hypotheses.foreign(document), where, drawn)
-    foreign = (
-        tuple(ForeignPart(job.part, job.pressure, job.friction) for jobs in others for job in jobs)
-        or None
+    foreign = tuple(
+        ForeignPart(job.part, job.pressure, job.friction) for jobs in others for job in jobs
     )
-    first = results[0][1]
+    first = replace(results[0][1], foreign=foreign or None)
     job_checks.check_parts(first, [job.part.name for _, job in results])
     if len(results) == 1:
-        return replace(first, foreign=foreign)
+        return first
     lowest_mm = min(job.cell.squeeze_height_mm for _, job in results)
     search = first.search
     if "particles" not in document.get("search", {}):
         search = replace(search, particles=search.particles * len(results))
     parts = tuple(Hypothesis(job.part, job.pressure, job.friction, share) for share, job in results)
     cell = replace(first.cell, squeeze_height_mm=lowest_mm)
-    return replace(first, cell=cell, search=search, hypothesis=parts, foreign=foreign)
+    return replace(first, cell=cell, search=search, hypothesis=parts)
 
 
 def _jobs(

@@ -94,8 +94,8 @@ class Gripper:
 Interval: TypeAlias = tuple[float, float]
 
 
-def _interval(low: float, high: float, default: tuple[float, float] = (0.0, 0.0)) -> Numbers:
-    return Numbers(Number(low, high), least=2, most=2, default=list(default))
+def _interval(low: float, high: float) -> Numbers:
+    return Numbers(Number(low, high), least=2, most=2, default=[0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,9 +177,8 @@ class Goal:
         str, Text(("pose", "tolerances", "modes", "orientation", "identity"), default="pose")
     ]
     distance_mm: Annotated[float, Number(LEAST_MM, 100)]  # for "pose" and "modes"
-    confidence: Annotated[
-        float, Number(0, 1, above=True, below=True)
-    ]  # least probability of a leaf
+    # Least probability of a leaf.
+    confidence: Annotated[float, Number(0, 1, above=True, below=True)]
     # Bounds on x and y, for "tolerances".
     tolerance_mm: Annotated[
         tuple[float, float], Numbers(Number(LEAST_MM, 100), least=2, most=2, default=[2.5, 2.5])
@@ -217,27 +216,18 @@ class Cell:
         tuple[tuple[float, float], tuple[float, float]],
         Numbers(PLACE, columns=2, least=2, most=2, default=[[-150, -150], [150, 150]]),
     ]
-    retreat_height_mm: Annotated[
-        float, Number(0, MM, above=True, default=60.0)
-    ]  # tips between squeezes
+    # Tips between squeezes.
+    retreat_height_mm: Annotated[float, Number(0, MM, above=True, default=60.0)]
     squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # tips while squeezing
     arm_speed_mm_s: Annotated[float, Number(LEAST_RATE, 10_000, default=250.0)]
     max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # of closing
     # `runtime.table.timing.DEFAULTS` where None; so the job's text does not change with them.
-    arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)] = (
-        None
-    )
+    arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)]
     # Tips between two squeezes of one part; just above it if None.
-    regrasp_height_mm: Annotated[float | None, Number(0, MM, above=True, default=None)] = None
-    arm_answer_s: Annotated[float | None, Number(0, 10, default=None)] = (
-        None  # overhead of each motion
-    )
-    jaw_answer_s: Annotated[float | None, Number(0, 10, default=None)] = (
-        None  # overhead of each stroke
-    )
-    poll_s: Annotated[float | None, Number(0, 1, default=None)] = (
-        None  # between two polls of the gripper
-    )
+    regrasp_height_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]
+    arm_answer_s: Annotated[float | None, Number(0, 10, default=None)]  # overhead of each motion
+    jaw_answer_s: Annotated[float | None, Number(0, 10, default=None)]  # overhead of each stroke
+    poll_s: Annotated[float | None, Number(0, 1, default=None)]  # between two polls of the gripper
 
 
 @dataclass(frozen=True, slots=True, eq=False)

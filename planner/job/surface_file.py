@@ -48,12 +48,9 @@ def dumps(values: Mapping[str, Any], identification: Mapping[str, Any]) -> str:
     import tomlkit  # jobs that are read need it not
 
     kind = "quartic" if "quartic" in values else "ellipsoid"
-    head = {"format": FORMAT, "kind": kind, **values}
-    plain = {
-        key: value.tolist() if isinstance(value, np.ndarray) else value
-        for key, value in head.items()
-    }
-    return HEADER + tomlkit.dumps({**plain, IDENTIFICATION: identification})
+    plain = {key: np.asarray(value).tolist() for key, value in values.items()}
+    head = {"format": FORMAT, "kind": kind, **plain}
+    return HEADER + tomlkit.dumps({**head, IDENTIFICATION: identification})
 
 
 def load(path: Path) -> dict[str, Any]:
@@ -109,9 +106,8 @@ def check(values: Mapping[str, Any], section: str) -> None:
         KeyNameError: rho, the surface or the certificate of a quartic is missing.
         InputError: both an ellipsoid and a quartic, or not shown to be convex.
     """
-    ellipsoid, coefficients, certificate = (
-        values[k] for k in ("ellipsoid", "quartic", "certificate")
-    )
+    ellipsoid, coefficients = values["ellipsoid"], values["quartic"]
+    certificate = values["certificate"]
     if values["rho_mm"] is None:
         raise _missing("rho_mm", "the length that torques are divided by", section)
     if ellipsoid is None and coefficients is None:

@@ -18,9 +18,8 @@ class Answer(NamedTuple):
     most_squeezes: int
     worst: Weakest | None
     limits: list[str]  # what limits the plan, one sentence each
-    restrictions: list[
-        str
-    ]  # assumptions made because the part is large, as clauses: "within 1 mm of ..."
+    # Assumptions made because the part is large, as clauses: "within 1 mm of ...".
+    restrictions: list[str]
     confidence: float  # share of the parts that the goal requires
 
     def short_text(self) -> str:

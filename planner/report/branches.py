@@ -9,7 +9,7 @@ from planner.evaluation.expectation import bins_of
 from planner.job.model import Job
 from planner.report.replay import Replay
 from planner.report.run_log import RunLog
-from planner.report.tree import Line, Panel, drawing, names_parts, percent, signed
+from planner.report.tree import Line, Panel, drawing, key_of, names_parts, percent, signed
 from runtime.pages.charts import Band, histogram
 from runtime.table import PPM, REJECT, Branch, Leaf, Node, Table, wilson_interval
 
@@ -126,14 +126,11 @@ class _Places:
 
     def _node_facts(self, index: int, node: Node) -> dict[str, str]:
         squeeze = node.squeeze
-        x, y, opening, clearance = (
-            um / 1e3
-            for um in (squeeze.x_um, squeeze.y_um, squeeze.opening_um, squeeze.clearance_um)
-        )
+        opening, clearance = squeeze.opening_um / 1e3, squeeze.clearance_um / 1e3
         visits = self._visits(index)
         rejected = int((self.beliefs.visits[index].branch == REJECT).sum())
         facts = {
-            "hand": f"{x:.2f}, {y:.2f} mm, {_degrees(squeeze.angle_urad)}",
+            "hand": _pose_text(squeeze.x_um, squeeze.y_um, squeeze.angle_urad),
             "opening": f"{opening:.2f} mm, {clearance:.2f} mm clear of the parts",
             "closes": f"with {squeeze.force_mn / 1e3:.0f} N at {squeeze.speed_um_s / 1e3:.0f} mm/s",
             "parts here": f"{visits} of {self.trials} replayed ({percent(visits / self.trials)})",
@@ -172,21 +169,19 @@ class _Places:
 
     def _pose_facts(self, leaf: Leaf) -> dict[str, str]:
         x, y, turn = leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6
-        facts = {"pose": f"{x:.2f}, {y:.2f} mm, {_degrees(leaf.theta_urad)}"}
+        facts = {"pose": _pose_text(leaf.x_um, leaf.y_um, leaf.theta_urad)}
         part = self.job.alone[leaf.hypothesis].part
         if part.datum is not None:
             dx, dy, angle = part.datum
             at = complex(x, y) + np.exp(1j * turn) * complex(dx, dy)
-            facts["datum"] = (
-                f"{at.real:.2f}, {at.imag:.2f} mm, {signed(float(np.degrees(turn) + angle))}°"
-            )
+            degrees = signed(float(np.degrees(turn) + angle))
+            facts["datum"] = f"{at.real:.2f}, {at.imag:.2f} mm, {degrees}°"
         spread = np.sqrt(np.maximum([leaf.covariance.xx, leaf.covariance.yy], 0)) / 10
         angle = np.degrees(np.sqrt(max(leaf.covariance.tt, 0)) / 100)
         facts["spread"] = f"{spread[0]:.2f}, {spread[1]:.2f} mm, {angle:.1f}°"
         for number, pose in enumerate(leaf.alternatives):
-            facts["or at" if not number else f"or at ({number + 1})"] = (
-                f"{pose.x_um / 1e3:.2f}, {pose.y_um / 1e3:.2f} mm, {_degrees(pose.theta_urad)}"
-            )
+            place = f"or at ({number + 1})" if number else "or at"
+            facts[place] = _pose_text(pose.x_um, pose.y_um, pose.theta_urad)
         return facts
 
 
@@ -196,17 +191,16 @@ def span_of(ways: list[Way]) -> tuple[float, float]:
     return max(low - MARGIN_MM, 0.0), high + MARGIN_MM
 
 
-def key_of(target: int) -> str:
-    """The id of a node's or leaf's panel."""
-    return f"node-{target}" if target >= 0 else f"leaf-{~target}"
-
-
 def _all(place: Place) -> list[Place]:
     return [place, *(p for below in (*place.heavy, *place.light) for p in _all(below))]
 
 
 def _levels(place: Place) -> int:
     return 1 + max(map(_levels, place.heavy), default=0)
+
+
+def _pose_text(x_um: int, y_um: int, angle_urad: int) -> str:
+    return f"{x_um / 1e3:.2f}, {y_um / 1e3:.2f} mm, {_degrees(angle_urad)}"
 
 
 def _degrees(urad: int) -> str:

@@ -15,6 +15,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from planner.arrays import Array
+from planner.belief.particles import subsample
 from planner.frames import to_world
 from runtime.shell.files import writing
 
@@ -41,6 +42,7 @@ STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,
 }
 DPI = 200
+OUTLINES = 60  # most outlines of one belief on a page
 DARKNESS = 0.7  # of a place that all outlines of a belief cover
 # Metadata to omit from a file, by suffix, since they contain the date.
 UNSIGNED = {
@@ -154,6 +156,7 @@ def template(name: str) -> Template:
     environment.filters["transform"] = transform
     environment.filters["points"] = points
     environment.filters["part"] = part
+    environment.filters["few"] = lambda poses: subsample(poses, OUTLINES)
     environment.filters["overlay"] = lambda count: round(overlay_opacity(count, DARKNESS), 4)
     return environment.get_template(name)
 

@@ -12,7 +12,6 @@ import numpy as np
 from markupsafe import Markup
 
 from planner.arrays import Array
-from planner.belief.particles import subsample
 from planner.bound.certificate import Certificate
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.foreign import OFTEN, tried
@@ -26,7 +25,7 @@ from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
 from planner.report import canvas, leaf_poses, look, tree, worlds
 from planner.report import verdict as verdicts
-from planner.report.branches import Tree, key_of, span_of, tree_of
+from planner.report.branches import Tree, span_of, tree_of
 from planner.report.canvas import asset, template
 from planner.report.comparison import Comparison
 from planner.report.replay import Replay, replay
@@ -206,9 +205,9 @@ def _parts(table: Table, log: RunLog) -> list[dict[str, Any]]:
 def _part(table: Table, part: PartLog) -> dict[str, Any]:
     squeezes = [
         {
-            "node": key_of(each.node),
+            "node": tree.key_of(each.node),
             "width_mm": round(each.width_um / 1e3, 2),
-            "to": None if each.target is None else key_of(each.target),
+            "to": None if each.target is None else tree.key_of(each.target),
         }
         for each in part.squeezes
     ]
@@ -226,19 +225,16 @@ def _part(table: Table, part: PartLog) -> dict[str, Any]:
 def _rejects(table: Table, job: Job, log: RunLog, beliefs: Replay, reach: float) -> list[Reject]:
     """The latest rejected readings of a journal."""
     jaws, result = jaws_of(job.gripper), []
-    last = [(part, part.squeezes[-1]) for part in log.parts if part.squeezes]
-    for part, squeeze in [pair for pair in last if pair[1].target is None][-REJECTS:]:
+    for part, squeeze in log.rejects()[-REJECTS:]:
         node, width_mm = squeeze.node, squeeze.width_um / 1e3
         visit = beliefs.visits[node]
-        boxes = canvas.placed(
-            canvas.finger_boxes(jaws, width_mm), placement_of(table.nodes[node].squeeze)
-        )
-        nearest = int(np.argmin(np.abs(visit.width_mm - width_mm))) if len(visit.width_mm) else None
-        states = beliefs.arrivals[node]
-        pose = (
-            np.zeros(3) if nearest is None else np.append(visit.after[nearest], states[nearest, 3:])
-        )
+        hand = placement_of(table.nodes[node].squeeze)
+        boxes = canvas.placed(canvas.finger_boxes(jaws, width_mm), hand)
+        states, pose = beliefs.arrivals[node], np.zeros(3)
+        if len(visit.width_mm):
+            nearest = int(np.argmin(np.abs(visit.width_mm - width_mm)))
+            pose = np.append(visit.after[nearest], states[nearest, 3:])
         caption = f"Part {part.part}, node {node}: {reject_text(table, node, squeeze.width_um)}"
         shown = max(reach, 1.03 * float(np.abs(boxes).max()))
-        result.append(Reject(caption, subsample(states, look.OUTLINES), boxes, pose, shown))
+        result.append(Reject(caption, states, boxes, pose, shown))
     return result

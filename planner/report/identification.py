@@ -16,10 +16,8 @@ MARKS = {"ellipsoid": "o", "quartic": "^"}
 AXES = ("fx / μN", "fy / μN", "τ / (ρ μN)")  # noqa: RUF001
 SECTIONS = ((0, 1), (0, 2), (1, 2))  # axes of each cross-section; the third is zero there
 
-NEAR = (
-    0.35  # distance from a section's plane, as a share of the length, below which wrenches are dark
-)
-
+# Distance from a section's plane, as a share of the length, below which wrenches are dark.
+NEAR = 0.35
 SIZE_IN = (7.4, 5.0)
 
 
@@ -46,10 +44,10 @@ def heading(V: Array) -> Array:
     return np.asarray(np.degrees(np.arctan2(V[:, 1], V[:, 0])))
 
 
-def section(surface: Surface, plane: tuple[int, int], count: int = 241) -> Array:
-    """The closed curve (count, 2) in which a plane of two wrench axes cuts a limit surface."""
-    angle = np.linspace(0.0, 2.0 * np.pi, count)
-    directions = np.zeros((count, 3))
+def section(surface: Surface, plane: tuple[int, int]) -> Array:
+    """The closed curve (k, 2) in which a plane of two wrench axes cuts a limit surface."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 241)
+    directions = np.zeros((len(angle), 3))
     directions[:, plane[0]], directions[:, plane[1]] = np.cos(angle), np.sin(angle)
     if isinstance(surface, LimitSurface):
         reach = np.einsum("ki,ij,kj->k", directions, surface.A, directions) ** -0.5

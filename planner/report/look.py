@@ -1,58 +1,103 @@
 """The likeliest path through a table, step by step: possible poses after each squeeze, and one part."""
 
+from collections.abc import Collection
 from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.particles import subsample
 from planner.evaluation.trials import placement_of
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.report import canvas
-from planner.report.paper_figures import likeliest_path, track
 from planner.report.replay import Replay
 from runtime.table import Table
 
-OUTLINES = 60  # most outlines of one belief
 SQUEEZES = range(1, 4)  # most of them beside each other on a page
 
 
 class Scene(NamedTuple):
     """Possible poses of the parts at one moment, and the pose of one of them."""
 
-    caption: str
-    belief: Array  # (m, 4) states of the parts, as `with_hypothesis`
+    number: int  # of the squeeze; 0 before the first one
+    belief: Array  # (m, 3 or 4) states of the parts, as `with_hypothesis`
+    share: float  # of all parts
+    angle_deg: float  # of the hand that has squeezed
+    width_mm: float  # expected reading
     closed: Array  # (0 or 2, 4, 2) fingers, closed to the expected width [mm]
-    before: Array  # (4,) of the one part
+    before: Array  # (3 or 4,) state of the one part
     after: Array  # and after the squeeze
     holding: Array  # (0 or 2, 4, 2) fingers, closed to its width [mm]
 
+    @property
+    def caption(self) -> str:
+        """The moment in words."""
+        if not self.number:
+            return "Before: all parts"
+        squeeze = f"Squeeze {self.number} at {self.angle_deg:.0f}°"
+        return f"{squeeze} reads {self.width_mm:.1f} mm: {self.share:.0%} of the parts"
 
-def scenes(table: Table, job: Job, beliefs: Replay) -> list[Scene]:
-    """The moments before the first squeeze and after each."""
-    whole = likeliest_path(table, beliefs, SQUEEZES)
+
+class Step(NamedTuple):
+    """One squeeze on a path through a table: the node, and the branch of the reading."""
+
+    node: int
+    branch: int
+
+
+def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> list[Step]:
+    """The path from the root to a leaf that most parts take.
+
+    Its length is one of `squeezes`, where some part takes such a path.
+    """
+    results: list[tuple[int, list[Step]]] = []
+    waiting: list[tuple[int, list[Step]]] = [(0, [])]
+    while waiting:
+        index, path = waiting.pop()
+        for number, branch in enumerate(table.nodes[index].branches):
+            steps = [*path, Step(index, number)]
+            if branch.target >= 0:
+                waiting.append((branch.target, steps))
+            else:
+                results.append((len(beliefs.visits[index].through(number)), steps))
+    return max(results, key=lambda path: (path[0] > 0 and len(path[1]) in squeezes, path[0]))[1]
+
+
+def scenes(
+    table: Table, job: Job, beliefs: Replay, squeezes: Collection[int] = SQUEEZES
+) -> list[Scene]:
+    """The moments before the first squeeze and after each, on the likeliest path."""
+    whole = likeliest_path(table, beliefs, squeezes)
     # For a table that dismisses all parts, up to there.
     path = list(takewhile(lambda at: np.any(beliefs.visits[at.node].branch == at.branch), whole))
-    part = track(beliefs, path)
-    hypothesis = beliefs.arrivals[0][part.part, 3:]
-    poses = [np.append(pose, hypothesis) for pose in part.poses]
+    parts = _one_part(beliefs, path)
+    everything, first = beliefs.arrivals[0], parts[0] if parts else 0
+    hypothesis = everything[first, 3:]
+    before = np.append(beliefs.visits[0].before[first], hypothesis)
     none, jaws = np.empty((0, 4, 2)), jaws_of(job.gripper)
-    belief = subsample(beliefs.arrivals[0], OUTLINES)
-    result = [Scene("Before: all parts", belief, none, poses[0], poses[0], none)]
-    for k, step in enumerate(path):
-        node = table.nodes[step.node]
+    result = [Scene(0, everything, 1.0, 0.0, 0.0, none, before, before, none)]
+    for k, (step, number) in enumerate(zip(path, parts, strict=True), 1):
+        node, visit = table.nodes[step.node], beliefs.visits[step.node]
         branch, hand = node.branches[step.branch], placement_of(node.squeeze)
         target = branch.target
         states = beliefs.arrivals[target] if target >= 0 else beliefs.leaves[~target]
-        width_mm, share = branch.expected_um / 1e3, len(states) / len(beliefs.arrivals[0])
-        squeeze = f"Squeeze {k + 1} at {np.degrees(hand[2]):.0f}°"
-        caption = f"{squeeze} reads {width_mm:.1f} mm: {share:.0%} of the parts"
+        width_mm, share = branch.expected_um / 1e3, len(states) / len(everything)
         closed, holding = (
             canvas.placed(canvas.finger_boxes(jaws, width), hand)
-            for width in (width_mm, part.widths_mm[k])
+            for width in (width_mm, float(visit.width_mm[number]))
         )
-        states = subsample(states, OUTLINES)
-        result.append(Scene(caption, states, closed, poses[k], poses[k + 1], holding))
+        after = np.append(visit.after[number], hypothesis)
+        moved = closed, before, after, holding
+        result.append(Scene(k, states, share, float(np.degrees(hand[2])), width_mm, *moved))
+        before = after
     return result
+
+
+def _one_part(beliefs: Replay, path: list[Step]) -> list[int]:
+    """The number of one part among those at each node of a path that it took."""
+    part, numbers = 0, list[int]()
+    for step in reversed(path):
+        part = int(np.flatnonzero(beliefs.visits[step.node].branch == step.branch)[part])
+        numbers.append(part)
+    return numbers[::-1]

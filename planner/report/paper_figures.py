@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Sequence
 from math import ceil
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,11 +9,10 @@ from matplotlib.figure import Figure
 
 from planner.arrays import Array, IntArray
 from planner.belief.particles import subsample
-from planner.evaluation.trials import placement_of
 from planner.job.model import Job
-from planner.mechanics.clearance import jaws_of
 from planner.paper.subspaces import Subspaces
 from planner.report import canvas
+from planner.report.look import scenes
 from planner.report.replay import Replay
 from runtime.table import Table
 
@@ -24,39 +22,6 @@ WIDTH_IN = 8.3  # 800 pixels at a text of 8 to 9 points: fits a README without s
 FONT = 8.5
 
 COLUMNS = 4  # most panels beside each other
-
-
-class Step(NamedTuple):
-    """One squeeze on a path through a table: the node, and the branch of the reading."""
-
-    node: int
-    branch: int
-
-
-class Track(NamedTuple):
-    """One part on its path."""
-
-    part: int  # index among the parts at the root
-    poses: list[Array]  # (3,) before the first squeeze and after each [mm, mm, rad]
-    widths_mm: list[float]  # widths of its squeezes
-
-
-def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> list[Step]:
-    """The path from the root to a leaf that most parts take.
-
-    Its length is one of `squeezes`, where some part takes such a path.
-    """
-    results: list[tuple[int, list[Step]]] = []
-    waiting: list[tuple[int, list[Step]]] = [(0, [])]
-    while waiting:
-        index, path = waiting.pop()
-        for number, branch in enumerate(table.nodes[index].branches):
-            steps = [*path, Step(index, number)]
-            if branch.target >= 0:
-                waiting.append((branch.target, steps))
-            else:
-                results.append((len(beliefs.visits[index].through(number)), steps))
-    return max(results, key=lambda path: (path[0] > 0 and len(path[1]) in squeezes, path[0]))[1]
 
 
 def sequence(
@@ -70,62 +35,37 @@ def sequence(
 
     The part is drawn with its holes (n, 2) [mm] in the outline's frame.
     """
-    path = likeliest_path(table, beliefs, squeezes)
-    outline, jaws = job.part.outline_mm, jaws_of(job.gripper)
-    poses = [beliefs.visits[0].before] + [beliefs.visits[s.node].through(s.branch) for s in path]
-    part = track(beliefs, path)
-    expected = [table.nodes[s.node].branches[s.branch].expected_um / 1e3 for s in path]
-    hands = [placement_of(table.nodes[s.node].squeeze) for s in path]
-    boxes = [
-        canvas.placed(canvas.finger_boxes(jaws, w), h) for w, h in zip(expected, hands, strict=True)
-    ]
+    outline, moments = job.part.outline_mm, scenes(table, job, beliefs, squeezes)
     reach = float(np.max(np.hypot(*outline.T)))
-    spread = max(float(np.quantile(np.hypot(*belief[:, :2].T), 0.98)) for belief in poses)
-    half = 1.05 * max(spread + reach, *(float(np.abs(box).max()) for box in boxes))
+    spread = max(float(np.quantile(np.hypot(*each.belief[:, :2].T), 0.98)) for each in moments)
+    half = 1.05 * max(spread + reach, *(float(np.abs(each.closed).max()) for each in moments[1:]))
     turn = job.uncertainty.orientation_halfwidth_deg
     angle = "at any angle" if turn >= 180.0 else f"within {turn:g} degrees"
-    columns = len(poses)
+    columns = len(moments)
     result = canvas.blank(WIDTH_IN, 2 * (WIDTH_IN - 0.95) / columns + 0.86)
     grid = result.subplots(2, columns, sharex=True, sharey=True)
-    for k, (above, below) in enumerate(grid.T):
+    for k, ((above, below), moment) in enumerate(zip(grid.T, moments, strict=True)):
         for axes in (above, below):
             _frame(axes, half)
-        _density(above, outline, poses[k])
-        before = part.poses[max(k - 1, 0)]
-        canvas.polygons(below, canvas.outlines(outline, before[None]), canvas.GREY, 0.9)
+        _density(above, outline, moment.belief)
+        canvas.polygons(below, _outlines(outline, moment.before), canvas.GREY, 0.9)
         title = f"before\n{angle}, all parts"
         if k:
-            _fingers(above, boxes[k - 1])
-            _fingers(
-                below, canvas.placed(canvas.finger_boxes(jaws, part.widths_mm[k - 1]), hands[k - 1])
-            )
-            canvas.polygons(
-                below, canvas.outlines(outline, part.poses[k][None]), canvas.BLUE, 1.4, fill=0.25
-            )
+            _fingers(above, moment.closed)
+            _fingers(below, moment.holding)
+            canvas.polygons(below, _outlines(outline, moment.after), canvas.BLUE, 1.4, fill=0.25)
             for hole in holes:
-                canvas.polygons(below, canvas.outlines(hole, part.poses[k][None]), canvas.BLUE, 0.8)
-            percent = 100 * len(poses[k]) / len(poses[0])
+                canvas.polygons(below, _outlines(hole, moment.after), canvas.BLUE, 0.8)
+            percent = 100 * moment.share
             share = f"{percent:.{0 if percent >= 10 else 1}f} % of parts"
-            angle_deg, reads_mm = np.degrees(hands[k - 1][2]), expected[k - 1]
-            title = f"squeeze {k} at {angle_deg:.0f}°\nreads {reads_mm:.1f} mm, {share}"
+            title = (
+                f"squeeze {k} at {moment.angle_deg:.0f}°\nreads {moment.width_mm:.1f} mm, {share}"
+            )
         above.set_title(title, fontsize=FONT, pad=4.0)
     canvas.caption(result, "x / mm", "y / mm", FONT)
     grid[0, 0].set_ylabel("what is believed", fontsize=FONT)
     grid[1, 0].set_ylabel("where one part is", fontsize=FONT)
     return result
-
-
-def track(beliefs: Replay, path: Sequence[Step]) -> Track:
-    """One part that took a path from the root."""
-    part = 0
-    poses: list[Array] = []
-    widths: list[float] = []
-    for step in reversed(path):
-        visit = beliefs.visits[step.node]
-        part = int(np.flatnonzero(visit.branch == step.branch)[part])
-        poses.append(visit.after[part])
-        widths.append(float(visit.width_mm[part]))
-    return Track(part, [beliefs.visits[0].before[part], *reversed(poses)], widths[::-1])
 
 
 def subspaces(
@@ -158,6 +98,10 @@ def subspaces(
     return result
 
 
+def _outlines(outline: Array, state: Array) -> Array:
+    return canvas.outlines(outline, state[None, :3])
+
+
 def _frame(axes: Axes, half: float) -> None:
     axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
     axes.set_xticks([-40, -20, 0, 20, 40])
@@ -169,7 +113,7 @@ def _density(axes: Axes, outline: Array, poses: Array) -> None:
     """Draws a sample of the poses, so transparent that full overlap looks alike in all panels."""
     poses = subsample(poses, OUTLINES)
     fill = canvas.overlay_opacity(len(poses), DARKNESS)
-    shapes = canvas.outlines(outline, poses)
+    shapes = canvas.outlines(outline, poses[:, :3])
     canvas.polygons(axes, shapes, canvas.BLUE, 0.4, fill=fill, edge=min(0.8, 4.0 * fill))
 
 

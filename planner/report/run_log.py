@@ -62,6 +62,11 @@ class RunLog(NamedTuple):
         """Counts of each node's targets; None for rejected readings."""
         return Counter((each.node, each.target) for part in self.parts for each in part.squeezes)
 
+    def rejects(self) -> list[tuple[PartLog, Squeezed]]:
+        """The parts whose last reading was rejected, with that squeeze."""
+        last = [(part, part.squeezes[-1]) for part in self.parts if part.squeezes]
+        return [(part, squeeze) for part, squeeze in last if squeeze.target is None]
+
     def outcomes(self) -> Counter[str]:
         """Number of parts with each outcome."""
         return Counter(part.outcome for part in self.parts)

@@ -47,10 +47,8 @@ class Squeezed(NamedTuple):
 
 def along(states: Array, widths_mm: Array) -> Array:
     """The states (n, 4) of a squeeze (k, 4) at widths (n,) within it, interpolated between its steps."""
-    latest = states[::-1]
-    rising, rows = np.unique(
-        latest[:, 3], return_index=True
-    )  # of states of the same width, the last
+    latest = states[::-1]  # of states of the same width, the last counts
+    rising, rows = np.unique(latest[:, 3], return_index=True)
     columns = [np.interp(widths_mm, rising, latest[rows, j]) for j in range(3)]
     return np.stack([*columns, np.asarray(widths_mm, dtype=np.float64)], axis=-1)
 
@@ -121,15 +119,7 @@ def _draw(axes: Axes, outline: Array, jaws: Array, states: Array) -> None:
         boxes = [box for state in rows for box in canvas.finger_boxes(jaws, float(state[3]))]
         canvas.polygons(axes, [*boxes, *canvas.outlines(outline, rows[:, :3])], color, width, order)
     marks = trail(states[:, :2])
-    axes.plot(
-        marks[:, 0],
-        marks[:, 1],
-        "+",
-        color=canvas.BLUE,
-        markersize=4.5,
-        markeredgewidth=0.8,
-        zorder=4,
-    )
+    axes.plot(*marks.T, "+", color=canvas.BLUE, markersize=4.5, markeredgewidth=0.8, zorder=4)
 
 
 def timeline(states: Array) -> Array:

@@ -41,8 +41,7 @@ class Spot(NamedTuple):
 class Layout(NamedTuple):
     """The places of all panels."""
 
-    nodes: tuple[Spot, ...]  # one for each node of the table
-    leaves: tuple[Spot, ...]  # one for each leaf
+    spots: dict[int, Spot]  # by target: a node, or ~leaf
     rows: int  # number of depths
     width: float  # extent of the whole, from 0
 
@@ -67,12 +66,7 @@ def tidy(table: Table, sizes: Sizes) -> Layout:
         subtree, spot = waiting.pop()
         spots[subtree.target] = spot
         waiting.extend((child, Spot(spot.x + x, spot.depth + 1)) for x, child in subtree.children)
-    return Layout(
-        nodes=tuple(spots[index] for index in range(len(table.nodes))),
-        leaves=tuple(spots[~index] for index in range(len(table.leaves))),
-        rows=1 + max(spot.depth for spot in spots.values()),
-        width=right - left,
-    )
+    return Layout(spots, 1 + max(spot.depth for spot in spots.values()), right - left)
 
 
 def _subtree(table: Table, target: int, depth: int, sizes: Sizes) -> _Subtree:
@@ -218,9 +212,8 @@ class _Tree:
         reach = spread + max(
             float(np.max(np.hypot(*alone.part.outline_mm.T))) for alone in job.alone
         )
-        self.reach = 1.03 * max(
-            reach, *(float(np.abs(self._fingers(target)).max()) for target in self.parent)
-        )
+        fingers = (float(np.abs(self._fingers(target)).max()) for target in self.parent)
+        self.reach = 1.03 * max(reach, *fingers)
 
     def node(self, index: int) -> Panel:
         node, arrivals = self.table.nodes[index], self.beliefs.arrivals[index]
@@ -230,15 +223,11 @@ class _Tree:
         label = f"Node {index}: {pushed}squeeze at {angle:.0f} degrees, {len(node.branches)} outcomes, {seen}"
         text = (44.0, 74.0, "middle")
         if self.style.sideways:  # in the lower corner without an arrow head
-            text = (
-                (3.0, 61.0, "start")
-                if np.sin(np.radians(2.0 * angle)) > 0.0
-                else (61.0, 61.0, "end")
-            )
+            left = np.sin(np.radians(2.0 * angle)) > 0.0
+            text = (3.0, 61.0, "start") if left else (61.0, 61.0, "end")
         lines = [f"{pushed}{signed(angle, 0)}°"]
-        return self._panel(
-            index, "node", label, arrivals, lines, text, _arrows(np.radians(angle)), None
-        )
+        arrows = _arrows(np.radians(angle))
+        return self._panel(index, "node", label, arrivals, lines, text, arrows, None)
 
     def leaf(self, index: int) -> Panel:
         leaf, poses = self.table.leaves[index], self.beliefs.leaves[index]
@@ -249,19 +238,10 @@ class _Tree:
         if self.style.sideways:
             text = (PANEL + 4.0, 35.0 - 5.5 * (len(lines) - 1), "start")
         kind = ("leaf" if leaf.trials else "untried") if leaf.resolved else "unresolved"
-        predicted = (
-            np.array([*predicted_pose(leaf), leaf.hypothesis]) if leaf.resolved and posed else None
-        )
-        return self._panel(
-            ~index,
-            kind,
-            leaf_label(index, leaf, name, posed),
-            poses,
-            lines,
-            text,
-            NOTHING,
-            predicted,
-        )
+        pose = np.array([*predicted_pose(leaf), leaf.hypothesis])
+        predicted = pose if leaf.resolved and posed else None
+        label = leaf_label(index, leaf, name, posed)
+        return self._panel(~index, kind, label, poses, lines, text, NOTHING, predicted)
 
     def line(self, target: int, step: tuple[int, int]) -> Line:
         index, number = step
@@ -277,7 +257,9 @@ class _Tree:
             y0, y1 = y0 + 0.5 * PANEL, y1 - 0.5 * PANEL
             path = f"M{x0:.1f} {y0:.1f}V{y0 + bus:.1f}H{x1:.1f}V{y1:.1f}"
             x, y, share_y = x1, y0 + bus + 13.0, y0 + bus + 24.0
-        return Line(_key(target), path, 0.8 + 3.0 * share, x, y, interval, percent(share), share_y)
+        return Line(
+            key_of(target), path, 0.8 + 3.0 * share, x, y, interval, percent(share), share_y
+        )
 
     def _panel(
         self,
@@ -295,7 +277,18 @@ class _Tree:
         opacity = round(canvas.overlay_opacity(len(shown), canvas.DARKNESS), 4)
         fingers = self._fingers(target) if target in self.parent else NOTHING
         return Panel(
-            _key(target), kind, label, x, y, shown, opacity, fingers, lines, text, arrows, predicted
+            key_of(target),
+            kind,
+            label,
+            x,
+            y,
+            shown,
+            opacity,
+            fingers,
+            lines,
+            text,
+            arrows,
+            predicted,
         )
 
     def _fingers(self, target: int) -> Array:
@@ -306,7 +299,7 @@ class _Tree:
         return canvas.placed(boxes, placement_of(node.squeeze))
 
     def _middle(self, target: int) -> tuple[float, float]:
-        spot = self.layout.nodes[target] if target >= 0 else self.layout.leaves[~target]
+        spot = self.layout.spots[target]
         along = EDGE + spot.depth * (PANEL + self.style.gap) + 0.5 * PANEL
         return (along, EDGE + spot.x) if self.style.sideways else (EDGE + spot.x, along)
 
@@ -353,7 +346,8 @@ def signed(value: float, digits: int = 1) -> str:
     return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
-def _key(target: int) -> str:
+def key_of(target: int) -> str:
+    """The id of a node's or leaf's panel."""
     return f"node-{target}" if target >= 0 else f"leaf-{~target}"
 
 

@@ -99,12 +99,10 @@ def _conditions(lines: Sequence[Line]) -> list[str]:
     result = {}
     for condition in strictest.values():
         above, below = (strictest.get((condition.quantity, side)) for side in ("above", "below"))
-        between = (
-            above
-            and below
-            and f"{condition.quantity} stays between {above.bound:.3g} and {below.value()}"
-        )
-        result[condition.quantity] = between or condition.text()
+        text = condition.text()
+        if above and below:
+            text = f"{condition.quantity} stays between {above.bound:.3g} and {below.value()}"
+        result[condition.quantity] = text
     return list(result.values())
 
 
@@ -170,9 +168,8 @@ def aim(job: Job) -> str:
         return f"to {goal.tolerance_mm[0]:g} x {goal.tolerance_mm[1]:g} mm and {goal.tolerance_deg:g} degrees"
     if goal.kind == "orientation":
         return f"to {goal.tolerance_deg:g} degrees"
-    return f"to {goal.distance_mm:g} mm" + (
-        f" in one of {goal.modes} poses" if goal.kind == "modes" else ""
-    )
+    modes = f" in one of {goal.modes} poses" if goal.kind == "modes" else ""
+    return f"to {goal.distance_mm:g} mm{modes}"
 
 
 def percent(share: float) -> str:
@@ -200,9 +197,8 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
     if not total:
         return CellResult("fair", "no part was begun")
     located = sum(not part.failed for part in log.parts)
-    message = (
-        f"{located} of {total} parts {'named' if table.goal.kind == 'identity' else 'located'}"
-    )
+    done = "named" if table.goal.kind == "identity" else "located"
+    message = f"{located} of {total} parts {done}"
     names = Counter(
         part.name for part in log.parts if part.outcome == "leaf" and part.name is not None
     )
@@ -212,11 +208,7 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
     message += f", {wrong} of them found elsewhere by the audit" if wrong else ""
     others = Counter(part.outcome for part in log.parts if part.outcome != "leaf")
     message += "".join(f", {number} {outcome}" for outcome, number in others.most_common())
-    rejects = [
-        part.squeezes[-1]
-        for part in log.parts
-        if part.squeezes and part.squeezes[-1].target is None
-    ]
+    rejects = [squeeze for _, squeeze in log.rejects()]
     if rejects:  # the readings at the node that rejected most parts
         node = Counter(squeeze.node for squeeze in rejects).most_common(1)[0][0]
         widths = sorted(squeeze.width_um for squeeze in rejects if squeeze.node == node)

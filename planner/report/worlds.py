@@ -22,13 +22,11 @@ LEAST_TRIALS = 100  # the same where time is short
 TIMED_TRIALS = 200  # parts squeezed to estimate the duration of a world
 
 
-def evaluation_of(
-    table: Table, job: Job, trials: int, scheduler: Scheduler | None = None
-) -> Evaluation:
+def evaluation_of(table: Table, job: Job, trials: int) -> Evaluation:
     """Repeats the evaluation that gave a table its figures; with `trials` parts where it has none."""
     seed = job.seed + SEED_FIGURES
     worlds = ContactWorlds.of_job(job, seed)
-    return evaluate(table, job, worlds, table.predicted.trials or trials, seed, scheduler)
+    return evaluate(table, job, worlds, table.predicted.trials or trials, seed)
 
 
 def tried(
@@ -54,7 +52,7 @@ def tried(
     return lines
 
 
-def seconds_a_part(table: Table, job: Job, scheduler: Scheduler | None = None) -> float:
+def seconds_a_part(table: Table, job: Job, scheduler: Scheduler) -> float:
     """Seconds for the evaluation of a part, by a short trial."""
     began = time.monotonic()
     evaluate(table, job, ContactWorlds.of_job(job, job.seed), TIMED_TRIALS, job.seed, scheduler)
@@ -79,6 +77,5 @@ def untried(job: Job, lines: list[Line]) -> list[str]:
 
 def _cases(job: Job) -> list[Case]:
     """The job's own world first."""
-    return list(
-        {case.name: case for case in (*assumption_cases(job), *believed_cases(job))}.values()
-    )
+    cases = (*assumption_cases(job), *believed_cases(job))
+    return list({case.name: case for case in cases}.values())

@@ -27,6 +27,8 @@ MOST_MM = 10.0  # greatest radius of the disc
 LEAST_MM = 1.0  # least radius
 LONGEST_NAME = 80  # of a part in a job
 ERROR = "error of the program"
+RATES = ("success_rate", "wrong_rate", "reject_rate", "unresolved_rate")
+KEPT = (*RATES, "mean_squeezes", "seconds_mean", "error_mm", "crashes")  # of a plan's summary
 STYLE = """\
 .parts { display: grid; grid-template-columns: repeat(auto-fill, minmax(15em, 1fr)); gap: .8em }
 .parts figure { margin: 0; border: 1px solid var(--pale); border-radius: 6px; padding: .5em }
@@ -86,17 +88,7 @@ def _judged(item: Item) -> Figures:
     except NoPlanError as error:
         return figures | {"cut": error.cut_short} | reasons.no_plan(job, error)._asdict()
     summary = plan.evaluation.summary()
-    for key in (
-        "success_rate",
-        "wrong_rate",
-        "reject_rate",
-        "unresolved_rate",
-        "mean_squeezes",
-        "seconds_mean",
-        "error_mm",
-        "crashes",
-    ):
-        figures[key] = summary[key]
+    figures |= {key: summary[key] for key in KEPT}
     figures |= {"nodes": len(plan.table.nodes), "cut": plan.cut is not None}
     if summary["success_rate"] >= LOCATED:
         return figures | {"kind": None, "text": ""}
@@ -124,12 +116,8 @@ def page(rows: Sequence[Figures]) -> str:
 
 def _quantiles(rows: Sequence[Figures], key: str) -> list[float]:
     """The median and the 90th percentile; nan without data."""
-    values = [row[key] for row in rows if key in row]
-    return (
-        [float(value) for value in np.quantile(values, (0.5, 0.9))]
-        if values
-        else [math.nan, math.nan]
-    )
+    values = [row[key] for row in rows if key in row] or [math.nan]
+    return [float(value) for value in np.quantile(values, (0.5, 0.9))]
 
 
 def _thumbnail(outline: list[list[float]]) -> str:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from planner.job.drafts import FINGERS, GRIPPERS
+from planner.job.drafts import FINGERS, GRIPPERS, opening_of
 from planner.part.importers.file import SUFFIXES
 from planner.part.importers.pieces import UNITS_MM
 from planner.studio.film import film
@@ -63,9 +63,7 @@ class Answers:
             folder=self.folder.path.name or "/",
             suffixes=SUFFIXES,
             unit_options=[(unit, unit) for unit in UNITS_MM],
-            gripper_options=[
-                (name, f"{name}, {preset.opening_mm:g} mm") for name, preset in GRIPPERS.items()
-            ],
+            gripper_options=[(name, f"{name}, {opening_of(name):g} mm") for name in GRIPPERS],
             finger_options=[
                 (name, f"{pads.material}, {pads.low:g} to {pads.high:g}")
                 for name, pads in FINGERS.items()

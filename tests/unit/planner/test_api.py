@@ -1,28 +1,27 @@
 """The table as arrays says what the runtime's own look-up says."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from counting import COUNTS, by_count, width_um
+from rectangle import JOB_PATH, TABLE_PATH
 
 from planner.api import Belief, ContactWorld, Job, Pomdp, Simulator, Table, evaluate, squeeze
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of
+from planner.belief.transition import Outcomes
 from planner.compile import compile_job
-from planner.mechanics.simulator import RollOut
+from planner.mechanics.simulator import Parameters, RollOut
 from planner.mechanics.traits import Traits, as_planned
 from planner.world import Assorted, of_hypothesis
 from runtime.shell.errors import ExpectedError
 from runtime.table import REJECT, decision_map
 
-FOLDER = Path(__file__).parents[3] / "trees" / "rectangle"
-
 
 @pytest.fixture(scope="module")
 def table():
-    return Table.load(FOLDER / "rectangle.msgpack")
+    return Table.load(TABLE_PATH)
 
 
 def test_lookup_is_the_decision_of_the_runtime_for_every_reading_at_every_node(table):
@@ -31,16 +30,15 @@ def test_lookup_is_the_decision_of_the_runtime_for_every_reading_at_every_node(t
         result = table.lookup(np.full(COUNTS, number), widths)
         for count, branch in enumerate(by_count(decision_map(node, table.record.gripper))):
             target = None if branch == REJECT else node.branches[branch].target
-            expected = (
-                (-1, -1) if target is None else (target, -1) if target >= 0 else (-1, ~target)
-            )
-            assert (result.nodes[count], result.leaves[count]) == expected
+            leads = target if target is not None and target >= 0 else -1
+            ends = ~target if target is not None and target < 0 else -1
+            assert (result.nodes[count], result.leaves[count]) == (leads, ends)
 
 
 def test_a_table_is_the_same_after_its_file(table, tmp_path):
     table.save(tmp_path / "again.msgpack")
-    assert (tmp_path / "again.msgpack").read_bytes() == (FOLDER / "rectangle.msgpack").read_bytes()
-    assert table.job == Job.load(FOLDER / "job.toml")
+    assert (tmp_path / "again.msgpack").read_bytes() == TABLE_PATH.read_bytes()
+    assert table.job == Job.load(JOB_PATH)
 
 
 def test_an_evaluation_is_that_of_the_seed_on_any_number_of_workers(table):
@@ -58,7 +56,7 @@ def test_a_table_without_its_job_says_so(table):
         evaluate(stripped, trials=10)
 
 
-JOB = Job.load(FOLDER / "job.toml")
+JOB = Job.load(JOB_PATH)
 RNG = np.random.default_rng(0)
 NAN = float("nan")
 
@@ -136,10 +134,17 @@ def test_poses_that_are_none_reach_no_kernel(world, model, poses, said):
         calls[2]()
 
 
+def squeezed(belief: Belief) -> Outcomes:
+    return squeeze(JOB, belief, np.zeros(3), RNG, workers=1)
+
+
 def rolled_with(model: Pomdp, **changes: np.ndarray) -> RollOut:
     """Three squeezes with one of their parameters replaced."""
-    simulator = model.simulator
-    return simulator.roll_out(np.zeros((3, 3)), simulator.sample(3, RNG)._replace(**changes))
+    return rolled(model, model.simulator.sample(3, RNG)._replace(**changes))
+
+
+def rolled(model: Pomdp, parameters: Parameters) -> RollOut:
+    return model.simulator.roll_out(np.zeros((3, 3)), parameters)
 
 
 def traits_with(**changes: float) -> Traits:
@@ -159,22 +164,16 @@ def traits_with(**changes: float) -> Traits:
         lambda world, model: world.push_many(np.zeros((3, 3)), np.zeros(2), np.ones(3)),
         lambda world, model: world.squeeze_many(np.zeros((3, 3)), as_planned(2)),
         lambda world, model: world.collides((0.0, 0.0, 0.0), NAN),
-        lambda world, model: model.simulator.roll_out(
-            np.zeros((3, 3)), model.simulator.nominal(2, 0.5)
-        ),
+        lambda world, model: rolled(model, model.simulator.nominal(2, 0.5)),
         lambda world, model: model.simulator.nominal(2, NAN),
         lambda world, model: model.simulator.trace(np.zeros(3), np.full((3, 3), NAN), 0.5),
         lambda world, model: model.initial(-1, RNG),
         lambda world, model: model.likelihood(256, np.zeros((2, 4)), np.zeros(4)),
         lambda world, model: model.updated(np.zeros((2, 4)), np.zeros(4), 1.5, RNG),
-        lambda world, model: squeeze(JOB, Belief.of(np.zeros((0, 3))), np.zeros(3), RNG, workers=1),
-        lambda world, model: squeeze(
-            JOB, Belief(np.zeros((3, 3)), as_planned(2), np.zeros(3)), np.zeros(3), RNG
-        ),
-        lambda world, model: evaluate(
-            Table.load(FOLDER / "rectangle.msgpack"), trials=10, workers=0
-        ),
-        lambda world, model: evaluate(Table.load(FOLDER / "rectangle.msgpack"), trials=10, seed=-1),
+        lambda world, model: squeezed(Belief.of(np.zeros((0, 3)))),
+        lambda world, model: squeezed(Belief(np.zeros((3, 3)), as_planned(2), np.zeros(3))),
+        lambda world, model: evaluate(Table.load(TABLE_PATH), trials=10, workers=0),
+        lambda world, model: evaluate(Table.load(TABLE_PATH), trials=10, seed=-1),
         lambda world, model: compile_job(JOB, trials=-5),
         lambda world, model: of_hypothesis(Assorted([world, world]), -1),
         lambda world, model: Simulator.of_job(JOB, 1, NAN),

@@ -1,16 +1,15 @@
 """The environment keeps Gymnasium's rules, alone and in a batch, and is the same again with the same seed."""
 
 import warnings
-from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from rectangle import JOB_PATH
 
 import planner.gym
 
-JOB = Path(__file__).parents[3] / "trees" / "rectangle" / "job.toml"
 OPEN = 0  # read of open jaws
 
 
@@ -39,7 +38,9 @@ def episode(env, seed, steps=5):
 
 
 @pytest.mark.parametrize(
-    "arguments", [{}, {"actions": "box", "job": str(JOB)}, {"render_mode": "rgb_array"}], ids=str
+    "arguments",
+    [{}, {"actions": "box", "job": str(JOB_PATH)}, {"render_mode": "rgb_array"}],
+    ids=str,
 )
 def test_it_passes_the_checks_of_gymnasium(arguments):
     with warnings.catch_warnings():

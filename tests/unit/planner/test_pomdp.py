@@ -1,24 +1,20 @@
 """The generative model: its readings, its ends and its filter against what the rest of the planner says."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from planner.evaluation.trials import Program
 from planner.frames import to_hand
-from planner.job.model import load
 from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.pomdp import DECLARE, Pomdp
 from runtime import table as tables
 
-RECTANGLE = Path(__file__).parents[3] / "trees" / "rectangle"
 EVERY_READING = np.arange(228)
 
 
 @pytest.fixture(scope="module")
-def model():
-    return Pomdp.of_job(load(RECTANGLE / "job.toml"))
+def model(job):
+    return Pomdp.of_job(job)
 
 
 def declaring(poses):
@@ -28,13 +24,10 @@ def declaring(poses):
 def test_the_counts_of_a_width_are_as_likely_as_they_are_read(model):
     encoder, n = model.encoder, 200_000
     for width in (0.0, 0.2, 21.0, 33.3, encoder.opening_mm):
-        said = model.likelihood(
-            EVERY_READING, np.tile([0.0, 0.0, 0.0, width], (228, 1)), np.zeros(4)
-        )
-        read = (
-            np.bincount(encoder.read(np.full(n, width), np.random.default_rng(1)), minlength=228)
-            / n
-        )
+        states = np.tile([0.0, 0.0, 0.0, width], (228, 1))
+        said = model.likelihood(EVERY_READING, states, np.zeros(4))
+        counts = encoder.read(np.full(n, width), np.random.default_rng(1))
+        read = np.bincount(counts, minlength=228) / n
         assert said.sum() == pytest.approx(1.0, abs=1e-12)
         assert np.abs(read - said).max() < 5.0 * 0.5 / np.sqrt(n)
 
@@ -63,25 +56,20 @@ def test_a_declared_pose_is_right_within_the_goal_and_under_the_symmetry(model):
     assert np.array_equal(sampled.states, states)
 
 
-def test_the_planned_table_solves_the_problem_as_well_as_it_says(model):
-    table = tables.load(RECTANGLE / "rectangle.msgpack").table
+def test_the_planned_table_solves_the_problem_as_well_as_it_says(model, table):
     program, rng, n = Program.of(table), np.random.default_rng(4), 3000
     states, node = model.initial(n, rng), np.zeros(n, np.int64)
     squeezes, right = 0, 0.0
     while len(states):
-        sampled = model.sample(
-            states, np.column_stack([program.placement[node], np.zeros(len(node))]), rng
-        )
+        squeeze = np.column_stack([program.placement[node], np.zeros(len(node))])
+        sampled = model.sample(states, squeeze, rng)
         squeezes += len(states)
         reading = 2 * sampled.observations + (sampled.states[:, 3] > 0.0)
         node = program.target[program.segment(node, reading)]
         leaf = (node < 0) & (node > -len(table.leaves) - 1)
-        poses = np.array([tables.predicted_pose(table.leaves[~k]) for k in node[leaf]]).reshape(
-            -1, 3
-        )
-        right += (
-            model.sample(sampled.states[leaf], declaring(poses), rng).rewards.sum() / model.success
-        )
+        poses = np.reshape([tables.predicted_pose(table.leaves[~k]) for k in node[leaf]], (-1, 3))
+        rewards = model.sample(sampled.states[leaf], declaring(poses), rng).rewards
+        right += rewards.sum() / model.success
         states, node = sampled.states[node >= 0], node[node >= 0]
     assert right / n > table.predicted.success_ppm / 1e6 - 0.005
     assert squeezes / n == pytest.approx(table.predicted.mean_squeezes_ppm / 1e6, abs=0.06)
@@ -104,9 +92,8 @@ def test_a_belief_is_right_as_often_as_it_says(model):
         state, belief = model.initial(1, rng), model.initial(400, rng)
         for placement in rng.permutation(model.placements)[:3]:
             sampled = model.sample(state, model.actions[placement], rng)
-            belief = model.updated(
-                belief, model.actions[placement], int(sampled.observations[0]), rng
-            )
+            count = int(sampled.observations[0])
+            belief = model.updated(belief, model.actions[placement], count, rng)
             state = sampled.states
         mode = model.metric.mode(belief[:, :3])
         said.append(mode.ratio)

@@ -1,11 +1,11 @@
 """plan-expect: what is read at each node, in several worlds; a change of friction shows by it."""
 
 import json
-from pathlib import Path
 
 import pytest
 from drifting import Drift, parts, squeezed
 from histories import watch
+from rectangle import TABLE_PATH
 
 from planner.cli import expect
 from planner.evaluation import cases, expectation
@@ -17,8 +17,7 @@ from runtime.table import load
 
 pytestmark = pytest.mark.slow
 
-TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
-LOADED = load(TREE)
+LOADED = load(TABLE_PATH)
 TABLE = LOADED.table
 JOB = job_file.from_canonical(str(TABLE.job))
 BEFORE, WITHIN = 200, 50
@@ -28,16 +27,14 @@ TRIALS = 30_000  # with fewer, chance in what is expected raises false alarms
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     path = tmp_path_factory.mktemp("expect") / "expected.json"
-    assert expect.main([str(TREE), "-o", str(path), "--trials", str(TRIALS)]) == 0
+    assert expect.main([str(TABLE_PATH), "-o", str(path), "--trials", str(TRIALS)]) == 0
     return path
 
 
 def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tmp_path):
     assert len(load_expectation(written).names) == 1 + len(cases.FACTORS)
     record = json.loads(written.read_text())
-    assert [sum(world["readings"][0].values()) for world in record["worlds"]] == [TRIALS] * len(
-        record["worlds"]
-    )
+    assert {sum(world["readings"][0].values()) for world in record["worlds"]} == {TRIALS}
     again = list(expectation.expected(TABLE, JOB, TRIALS, 0, Threads(1)))
     assert json.loads(json.dumps(again)) == record["worlds"]
     assert (record["table_sha256"], record["trials"], record["seed"]) == (LOADED.digest, TRIALS, 0)

@@ -58,9 +58,8 @@ def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path)
     del shown["actions", "pushes"], shown["goal", "identify"]
     del shown["cell", "regrasp_height_mm"]
     profile = PROFILES["robotiq-2f-85"]  # what a job does not say of its gripper, it knows
-    assert shown.pop(("gripper", "resolution_mm")) == pytest.approx(
-        profile.resolution_um / 1e3, 1e-3
-    )
+    step_mm = profile.resolution_um / 1e3
+    assert shown.pop(("gripper", "resolution_mm")) == pytest.approx(step_mm, 1e-3)
     assert shown.pop(("gripper", "noise_mm")) == profile.noise_um / 1e3
     assert shown.pop(("doubt", "encoder_mm")) == [-1.1, 1.1]
     cell = {key: shown.pop(("cell", key)) for key in timing.DEFAULTS}
@@ -126,12 +125,8 @@ TALL = [(40.0, 20.0), (34.0, 14.0)]  # of a tapered block 30 mm high, its bottom
 )
 def test_a_solid_is_met_where_the_job_squeezes_it(tmp_path, stated, tips, length):
     (a, b), (c, d) = TALL
-    corners = [
-        (x * side, y * depth, z)
-        for z, side, depth in ((0, a, b), (30, c, d))
-        for x in (0, 1)
-        for y in (0, 1)
-    ]
+    levels = ((0, a, b), (30, c, d))
+    corners = [(x, y, z) for z, side, depth in levels for x in (0, side) for y in (0, depth)]
     solid, output = tmp_path / "tall.stl", tmp_path / "job.toml"
     trimesh.convex.convex_hull(np.array(corners, float)).export(solid)
     assert init.main(words(solid, output, "--units", "mm", *stated)) == 0

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from planner.cli.preview import preview
-from planner.job.drafts import GRIPPERS
+from planner.job.drafts import opening_of
 
 PLATE = "0,0\n30,0\n30,21\n0,21\n"
 
@@ -28,7 +28,7 @@ def test_the_part_is_drawn_about_its_centre_with_what_would_be_assumed(plate):
     assert (shown["symmetry"], shown["reach_mm"]) == (2, pytest.approx(18.31))
     datum = shown["datum"]
     assert (abs(datum["x_mm"]), abs(datum["y_mm"])) == (15.0, 10.5)
-    assert shown["hand"]["opening_mm"] == GRIPPERS[shown["gripper"]].opening_mm
+    assert shown["hand"]["opening_mm"] == opening_of(shown["gripper"])
     assert shown["rooms_mm"][shown["gripper"]] == pytest.approx(0.5 * 85.0 - 18.31, abs=0.1)
     assert any("1 mm" in line for line in shown["assumed"])
     json.dumps(shown)

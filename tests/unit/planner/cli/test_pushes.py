@@ -35,9 +35,8 @@ def test_where_the_outline_is_drawn_does_not_matter(tmp_path):
     moved = f"{HEADER}\n23,20,0,1,153,60,-20\n-7,120,1,0,33,220,15\n"
     _, others, _, _ = run(tmp_path, moved, *NOMINAL, "--fingers-mm", "50", job=moved_job)
     for name in OUTPUTS[:3]:
-        assert [float(row[name]) for row in others] == pytest.approx(
-            [float(row[name]) for row in rows], abs=1e-6
-        )
+        wanted = [float(row[name]) for row in rows]
+        assert [float(row[name]) for row in others] == pytest.approx(wanted, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -46,17 +45,9 @@ def test_where_the_outline_is_drawn_does_not_matter(tmp_path):
         (f"{HEADER}\n{STRAIGHT}\n", KeyNameError, "fingers_mm is missing"),
         ("push_x_mm\n1\n", KeyNameError, "push_y_mm, approach_x"),
         (f"{HEADER},fingers_mm\n{STRAIGHT},x\n", InputError, "line 2: 'x' is not a finite number"),
-        (
-            f"{HEADER},fingers_mm\n{STRAIGHT},-1\n",
-            InputError,
-            "fingers_mm: push 1: -1 is no distance",
-        ),
+        (f"{HEADER},fingers_mm\n{STRAIGHT},-1\n", InputError, "fingers_mm: push 1: -1 is no"),
         (f"{HEADER},fingers_mm\n50,0,0,0,1,1,1,50\n", InputError, "push 1: both are 0"),
-        (
-            f"{HEADER},fingers_mm\n50,0,0,1,1e9,1,1,50\n",
-            InputError,
-            "cor_x_mm: push 1: 1e+09 is beyond",
-        ),
+        (f"{HEADER},fingers_mm\n50,0,0,1,1e9,1,1,50\n", InputError, "cor_x_mm: push 1: 1e+09 is"),
         (
             f"{HEADER},fingers_mm\n{STRAIGHT},50\n50,20,0,1,1,1,1,0\n",
             InputError,

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rectangle import JOB_PATH as JOB
+from rectangle import TABLE_PATH as TREE
 from run_logs import chained, header, part
 
 from planner.cli import refit
@@ -13,10 +15,6 @@ from planner.evaluation.trials import encoder_of_table
 from planner.job import model
 from planner.refit.cells import Cells
 from runtime.table import load
-
-TREES = Path(__file__).parents[4] / "trees"
-TREE = TREES / "rectangle" / "rectangle.msgpack"
-JOB = TREES / "rectangle" / "job.toml"
 
 
 def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
@@ -30,12 +28,8 @@ def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
         leaf = int(run.leaf[number]) if run.leaf[number] >= 0 else None
         ways = [int(node) for node in run.path[number] if node >= 0]
         ends = [*ways[1:], None if leaf is None else ~leaf]
-        steps = [
-            (n, int(c), e)
-            for n, c, e in zip(
-                ways, encoder_of_table(loaded.table).width_um(run.steps[number]), ends, strict=False
-            )
-        ]
+        widths = map(int, encoder_of_table(loaded.table).width_um(run.steps[number]))
+        steps = list(zip(ways, widths, ends, strict=False))
         entries += part(number + 1, steps, "reject" if leaf is None else "leaf", leaf)
     path.write_bytes(chained(entries))
     return path

@@ -1,16 +1,15 @@
 """--takt of the planner's commands: the share of parts that the table's model of time has done within it."""
 
 import json
-from pathlib import Path
 
 import pytest
+from rectangle import JOB_PATH, TABLE_PATH
 
 from planner.cli import compile as compile_
 from planner.cli import evaluate
 
 pytestmark = pytest.mark.slow
-FOLDER = Path(__file__).parents[4] / "trees" / "rectangle"
-TABLE, JOB = str(FOLDER / "rectangle.msgpack"), str(FOLDER / "job.toml")
+TABLE, JOB = str(TABLE_PATH), str(JOB_PATH)
 FEW = ["--trials", "400"]
 SECONDS = [f"seconds_{name}" for name in ("mean", "p50", "p95", "p99", "max")]
 

@@ -40,9 +40,7 @@ def test_tip_that_overlaps_the_part_starts_beside_it_and_goes_the_same_way(tmp_p
 
 
 def test_tip_that_overlaps_by_its_diameter_is_refused_in_one_line(tmp_path):
-    code, rows, _, err = run(
-        tmp_path, f"{TIPS}\n-9,40,9,0\n9.5,40,9,0\n", *NOMINAL, *RADIUS, job=JOB
-    )
+    code, rows, _, err = run(tmp_path, f"{TIPS}\n-9,40,9,0\n9.5,40,9,0\n", *NOMINAL, *RADIUS)
     assert code == InputError.exit_code
     assert "in.csv: push 2: the tip overlaps the part by" in err
     assert err.count("\n") == 1
@@ -67,9 +65,8 @@ def test_tips_are_freed_by_the_shortest_way_also_of_notches():
     shifted = np.hypot(*(starts - points).T)
     assert (shifted >= freed.overlap_mm - 0.01).all()
     edge = part.buffer(radius, quad_segs=64).exterior
-    assert shifted[inside] == pytest.approx(
-        shapely.distance(edge, shapely.points(points[inside])), abs=0.01
-    )
+    shortest = shapely.distance(edge, shapely.points(points[inside]))
+    assert shifted[inside] == pytest.approx(shortest, abs=0.01)
 
 
 def test_start_of_a_push_scatters_as_the_job_says(tmp_path):

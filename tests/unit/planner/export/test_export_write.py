@@ -53,9 +53,8 @@ def test_json_holds_the_whole_table(tmp_path):
 
 def test_texts_of_a_table_cannot_end_a_comment(tmp_path):
     hostile = "*/ int a; /* (* *) ??/\n\\ \u00e9"
-    table = replace(
-        small_table(), tool=hostile, gripper=replace(small_table().gripper, model=hostile)
-    )
+    gripper = replace(small_table().gripper, model=hostile)
+    table = replace(small_table(), tool=hostile, gripper=gripper)
     for form in ("c99", "st"):
         writer.write(TableFile(table, b"", "0" * 64), form, tmp_path / form)
         text = (tmp_path / form / FORMS[form][0]).read_text()
@@ -94,9 +93,8 @@ def test_wrong_input_is_reported_in_one_line(tree, tmp_path, capsys):
     "prefix", ["", "Left", "2left", "left-hand", "left__hand", "_left", "left_", "x" * 25, "é"]
 )
 def test_a_prefix_that_is_no_name_is_usage(prefix, tree, tmp_path, capsys):
-    assert (
-        export.main([str(tree), "--to", "c99", "-o", str(tmp_path / "o"), "--prefix", prefix]) == 2
-    )
+    words = [str(tree), "--to", "c99", "-o", str(tmp_path / "o"), "--prefix", prefix]
+    assert export.main(words) == 2
     assert capsys.readouterr().err.startswith("plan-export: --prefix")
     assert not (tmp_path / "o").exists()
 

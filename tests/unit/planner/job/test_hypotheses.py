@@ -15,7 +15,6 @@ from runtime.shell.errors import InputError
 from runtime.traversal.answer import frames_in
 
 TREES = Path(__file__).parents[4] / "trees"
-EITHER = {"part": {"faces": "either"}}
 CORNERS = {
     "kind": "points",
     "points_mm": [[1.0, 1.0], [30.0, 2.0], [2.0, 20.0]],
@@ -93,9 +92,8 @@ def test_foreign_parts_are_parts_that_no_plan_is_made_for():
 def test_what_the_drawing_names_turns_over_with_the_part():
     named = {"faces": "either", "datum": [4, 3, 30], "picks": {"rim": [5, 2, 10]}}
     either = job_file.load(TREES / "gusset" / "job.toml", {"part": named})
-    one, other = (
-        frames_in(entry["part"]) for entry in json.loads(either.canonical())["hypothesis"]
-    )
+    entries = json.loads(either.canonical())["hypothesis"]
+    one, other = (frames_in(entry["part"]) for entry in entries)
     mirror = np.array([1.0, -1.0, -1.0])
     np.testing.assert_allclose(other.datum, one.datum * mirror)
     np.testing.assert_allclose(other.picks["rim"], one.picks["rim"] * mirror)
@@ -103,9 +101,8 @@ def test_what_the_drawing_names_turns_over_with_the_part():
 
 @pytest.mark.parametrize("pressure", [{}, CORNERS, COUPLED], ids=["boundary", "points", "stated"])
 def test_a_part_turned_over_is_squeezed_as_in_a_mirror(pressure):
-    one, other = job_file.load(
-        TREES / "gusset" / "job.toml", {**EITHER, "pressure": pressure}
-    ).alone
+    changes = {"part": {"faces": "either"}, "pressure": pressure}
+    one, other = job_file.load(TREES / "gusset" / "job.toml", changes).alone
     assert not symmetry.congruent(one.part.outline_mm, other.part.outline_mm)
     rng, mirror = np.random.default_rng(3), np.array([1.0, -1.0, -1.0])
     poses = rng.uniform((-8, -8, -np.pi), (8, 8, np.pi), (60, 3))

@@ -1,24 +1,15 @@
 """Mistakes in a job file: each is named with its place and a way out."""
 
 import re
-from pathlib import Path
 
 import pytest
+from rectangle import TEXT, edited
 
 from planner.errors import FitError, KeyNameError
 from planner.job import fields, schema
 from planner.job import model as job
 from planner.part import outline
 from runtime.shell.errors import InputError
-
-RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
-TEXT = RECTANGLE.read_text(encoding="utf-8")
-
-
-def edited(old: str, new: str) -> str:
-    assert TEXT.count(old) == 1, f"the test expects {old!r} once in the rectangle's job"
-    return TEXT.replace(old, new)
-
 
 UNKNOWN = [
     ("radius_mm", "radius", "uncertainty", 'did you mean "radius_mm"?'),
@@ -93,6 +84,7 @@ WRONG = [
     ("[actions]", "orientation_halfwidth_deg = 20\n[actions]", "uncertainty", "orientation"),
     ("[0, 45, 90, 135]", "[0, 45, 0.0]", "actions", "angles_deg"),
     ("centers_mm = [[0, 0]]", "centers_mm = [[0, 0], [0, 151]]", "actions", "centers_mm"),
+    ("[goal]", "openings_mm = [90.0]\n[goal]", "actions", "openings_mm"),
     ("[goal]", "[search]\nmax_depth = 0\n[goal]", "search", "max_depth"),
     ("[goal]", "[search]\nmethod = 'open-loop'\n[goal]", "search", "method"),
     ("[goal]", "[cell]\nwork_area_mm = [[9, -9], [-9, 9]]\n[goal]", "cell", "work_area_mm"),
@@ -130,9 +122,8 @@ def test_a_wrong_value_is_refused_at_its_place(old, new, section, key):
         job.parse(TEXT.replace(old, new, 1), "my.toml")
     error = caught.value
     assert (error.section, error.key, error.where) == (section, key, "my.toml")
-    assert str(error).startswith(
-        f"my.toml: [{section}] {key}: " if section else f"my.toml: {key}: "
-    )
+    place = f"[{section}] {key}" if section else key
+    assert str(error).startswith(f"my.toml: {place}: ")
     assert "\n" not in str(error)
     assert len(str(error)) < 250
 

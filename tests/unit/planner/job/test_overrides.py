@@ -1,18 +1,15 @@
 """Values of a job replaced on the command line: the same checks and words as for the file itself."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rectangle import JOB_PATH, TEXT, edited
 
 from planner.errors import FitError, KeyNameError
 from planner.job import model as job
 from planner.job.overrides import changes_of, split, value_of
 from runtime.shell.errors import InputError, UsageError
 
-RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
-TEXT = RECTANGLE.read_text(encoding="utf-8")
 PARSED = job.parse(TEXT)
 
 
@@ -20,22 +17,18 @@ RADIUS = {"uncertainty.radius_mm": "15", "seed": "4"}
 
 
 def test_overrides_of_a_path_a_text_or_a_job_equal_the_edited_file():
-    edited = job.parse(
-        TEXT.replace("radius_mm = 12.75", "radius_mm = 15").replace("seed = 1", "seed = 4")
-    )
+    text = edited("radius_mm = 12.75", "radius_mm = 15").replace("seed = 1", "seed = 4")
+    wanted = job.parse(text)
     changes = changes_of(f"{name}={value}" for name, value in RADIUS.items())
-    assert job.load(RECTANGLE, changes) == edited
-    assert job.parse(TEXT, changes=changes) == edited
-    assert PARSED.replaced(**changes) == edited
+    assert job.load(JOB_PATH, changes) == wanted
+    assert job.parse(TEXT, changes=changes) == wanted
+    assert PARSED.replaced(**changes) == wanted
 
 
 def test_overrides_of_another_kind_of_pressure_drop_the_keys_of_the_old():
-    points = {
-        "kind": "points",
-        "points_mm": [[5, 5], [25, 5], [15, 15]],
-        "limit_surface": "quartic",
-    }
-    on_points = job.parse(TEXT, changes={"pressure": points})
+    points = {"kind": "points", "points_mm": [[5, 5], [25, 5], [15, 15]]}
+    changes = {"pressure": {**points, "limit_surface": "quartic"}}
+    on_points = job.parse(TEXT, changes=changes)
     assert (on_points.pressure.kind, on_points.pressure.limit_surface) == ("points", "quartic")
     stated = {"kind": "stated", "ellipsoid": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "rho_mm": 10}
     assert on_points.replaced(pressure=stated).pressure.kind == "stated"

@@ -1,10 +1,10 @@
 """Limit surfaces as files, and in jobs in place of a pressure."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rectangle import TEXT
 
 from planner.errors import KeyNameError
 from planner.job import model as job
@@ -14,11 +14,10 @@ from runtime.shell.errors import InputError
 
 RHO = 10.0
 A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 1.6]])
-JOB = (Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml").read_text(encoding="utf-8")
 
 
 def job_with(pressure: str, where: str = "job") -> job.Job:
-    return job.parse(JOB.replace('kind = "boundary"', f'kind = "identified"\n{pressure}'), where)
+    return job.parse(TEXT.replace('kind = "boundary"', f'kind = "identified"\n{pressure}'), where)
 
 
 def write(path: Path, surface: dict[str, object]) -> None:
@@ -50,12 +49,8 @@ def test_a_job_takes_the_file_and_keeps_what_it_holds(surfaces, kind):
     text = taken.canonical()
     assert "surface_file" not in text
     assert job.from_canonical(text) == taken
-    inline = {
-        key: values[key].tolist()
-        for key in ("ellipsoid", "quartic", "certificate")
-        if values[key] is not None
-    }
-    written = "\n".join(f"{key} = {json.dumps(value)}" for key, value in inline.items())
+    held = [key for key in ("ellipsoid", "quartic", "certificate") if values[key] is not None]
+    written = "\n".join(f"{key} = {values[key].tolist()}" for key in held)
     assert job_with(f"rho_mm = {RHO}\n{written}") == taken
 
 

@@ -1,32 +1,18 @@
 """The pictures of the documentation: they show what is kept, no text covers another, files are small."""
 
 import re
-from pathlib import Path
 from xml.etree import ElementTree
 
 import movie
 import pytest
 
-from planner.job import model as job_file
 from planner.report.replay import replay
-from runtime.table import load
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[4]
-TREES = ROOT / "trees"
 
-
-@pytest.fixture(scope="module")
-def planned():
-    job = job_file.load(TREES / "rectangle" / "job.toml")
-    table = load(TREES / "rectangle" / "rectangle.msgpack").table
-    return table, job, replay(table, job, 2000, 0)
-
-
-def test_the_moving_picture_shows_a_part_that_the_table_locates(planned):
-    table, job, beliefs = planned
-    drawn = ElementTree.fromstring(movie.picture(table, job, beliefs))
+def test_the_moving_picture_shows_a_part_that_the_table_locates(table, job):
+    drawn = ElementTree.fromstring(movie.picture(table, job, replay(table, job, 2000, 0)))
     moves = [part for part in drawn.iter() if part.tag.endswith(("animate", "animateTransform"))]
     assert len({move.get("dur") for move in moves}) == 1
     for move in moves:

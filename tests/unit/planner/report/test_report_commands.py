@@ -7,13 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from rectangle import JOB_PATH
 
 from planner.cli import simulate
 
 pytestmark = pytest.mark.slow
-
-ROOT = Path(__file__).parents[4]
-JOB = ROOT / "trees" / "rectangle" / "job.toml"
 
 
 @pytest.fixture
@@ -25,7 +23,7 @@ def poses(tmp_path: Path) -> Path:
 
 def run(poses: Path, *options: str) -> int:
     output = poses.parent / "out.csv"
-    return simulate.main([str(JOB), "--poses", str(poses), "-o", str(output), *options])
+    return simulate.main([str(JOB_PATH), "--poses", str(poses), "-o", str(output), *options])
 
 
 def test_poses_in_degrees_end_as_the_same_in_radians(poses: Path) -> None:
@@ -34,9 +32,8 @@ def test_poses_in_degrees_end_as_the_same_in_radians(poses: Path) -> None:
     radians = list(csv.DictReader(output.read_text().splitlines()))
     for row in radians:
         for name in ("theta", "final_theta"):
-            assert float(row[f"{name}_deg"]) == pytest.approx(
-                math.degrees(float(row[f"{name}_rad"]))
-            )
+            degrees = math.degrees(float(row[f"{name}_rad"]))
+            assert float(row[f"{name}_deg"]) == pytest.approx(degrees)
     lines = [f"{row['x_mm']},{row['y_mm']},{row['theta_deg']}" for row in radians]
     poses.write_text("\n".join(["x_mm,y_mm,theta_deg", *lines]) + "\n")
     assert run(poses, "--nominal", "--mu", "0.5") == 0
@@ -57,18 +54,13 @@ def test_poses_that_state_two_angles_are_refused(
 
 
 @pytest.mark.parametrize(
-    ("options", "code"),
-    [
-        (["--figure", "s.jpg"], 2),
-        (["--html", "s"], 2),
-        (["--figure", "nowhere/s.png"], 2),
-        (["--html", "."], 2),
-    ],
+    "options",
+    [("--figure", "s.jpg"), ("--html", "s"), ("--figure", "nowhere/s.png"), ("--html", ".")],
 )
 def test_wrong_name_is_one_line_before_any_work(
-    poses: Path, capsys: pytest.CaptureFixture[str], options: list[str], code: int
+    poses: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, str]
 ) -> None:
-    assert run(poses, *options) == code
+    assert run(poses, *options) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert options[1] in error
@@ -80,4 +72,4 @@ def test_commands_load_what_takes_seconds_only_to_use_it() -> None:
         "import sys, planner.cli.simulate, planner.cli.compile, planner.cli.evaluate; "
         "sys.exit(not {'matplotlib', 'sklearn', 'scipy.stats'}.isdisjoint(sys.modules))"
     )
-    assert subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=False).returncode == 0
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0

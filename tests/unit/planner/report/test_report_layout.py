@@ -22,23 +22,23 @@ def table(request: pytest.FixtureRequest) -> Table:
 
 def children(table: Table, layout: Layout, index: int) -> list[Spot]:
     targets = [branch.target for branch in table.nodes[index].branches]
-    return [layout.nodes[target] if target >= 0 else layout.leaves[~target] for target in targets]
+    return [layout.spots[target] for target in targets]
 
 
 def test_panels_of_a_row_keep_their_distance(table: Table) -> None:
     layout = tidy(table, SIZES)
-    spots = [*layout.nodes, *layout.leaves]
+    assert len(layout.spots) == len(table.nodes) + len(table.leaves)
     for depth in range(layout.rows):
-        row = sorted(spot.x for spot in spots if spot.depth == depth)
+        row = sorted(spot.x for spot in layout.spots.values() if spot.depth == depth)
         assert row
-        assert all(
-            right - left >= 2 * SIZES.panel + SIZES.margin - 1e-9 for left, right in pairwise(row)
-        )
+        least = 2 * SIZES.panel + SIZES.margin - 1e-9
+        assert all(right - left >= least for left, right in pairwise(row))
 
 
 def test_parents_stand_over_the_middle_of_their_children_in_order(table: Table) -> None:
     layout = tidy(table, SIZES)
-    for index, spot in enumerate(layout.nodes):
+    for index in range(len(table.nodes)):
+        spot = layout.spots[index]
         below = children(table, layout, index)
         assert {child.depth for child in below} == {spot.depth + 1}
         assert [child.x for child in below] == sorted(child.x for child in below)

@@ -2,22 +2,22 @@
 
 import json
 import re
-from pathlib import Path
 
 import pytest
 from browser import LEGIBLE, NEEDED, played
 from html_pages import Page
+from rectangle import TABLE_PATH
 from run_logs import chained, header, part
 
 from planner.cli import report
 from planner.job import model as job_file
 from planner.report import dossier, run_log
-from planner.report.branches import key_of, tree_of
+from planner.report.branches import tree_of
 from planner.report.replay import replay
 from planner.report.run_log import RunLog
+from planner.report.tree import key_of
 from runtime.table import dumps, load
 
-TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TABLE = load(TABLE_PATH).table
 JOB = job_file.from_canonical(TABLE.job)
 TRIALS = 300
@@ -75,30 +75,17 @@ def journal_of(tmp_path):
     node = TABLE.nodes[0]
     target = node.branches[0].target
     steps = [(0, 132, target)]
-    entries = [
-        header(dumps(TABLE)),
-        *part(1, steps, "fault", reason="no answer"),
-        *part(2, [], "stopped"),
-    ]
+    parts = [*part(1, steps, "fault", reason="no answer"), *part(2, [], "stopped")]
     path = tmp_path / "j.jsonl"
-    path.write_bytes(chained(entries))
+    path.write_bytes(chained([header(dumps(TABLE)), *parts]))
     return path, target
 
 
 def test_a_journal_is_laid_over_the_tree(tmp_path, capsys):
     journal, target = journal_of(tmp_path)
     output = tmp_path / "page.html"
-    words = [
-        str(TABLE_PATH),
-        "-o",
-        str(output),
-        "--journal",
-        str(journal),
-        "--trials",
-        "50",
-        "--json",
-    ]
-    assert report.main(words) == 0
+    words = [str(TABLE_PATH), "-o", str(output), "--trials", "50", "--journal", str(journal)]
+    assert report.main([*words, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["bytes"] == output.stat().st_size
     assert (record["nodes"], record["leaves"]) == (len(TABLE.nodes), len(TABLE.leaves))

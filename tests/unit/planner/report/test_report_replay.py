@@ -23,11 +23,8 @@ def conserve(table: Table, job: Job) -> int:
         assert np.all(np.isfinite(visit.after))
         rejected += len(visit.through(REJECT))
         for number, branch in enumerate(node.branches):
-            arrived = (
-                replayed.visits[branch.target].before
-                if branch.target >= 0
-                else replayed.leaves[~branch.target]
-            )
+            target = branch.target
+            arrived = replayed.visits[target].before if target >= 0 else replayed.leaves[~target]
             assert np.array_equal(arrived, visit.through(number))
         left = sum(len(visit.through(number)) for number in range(len(node.branches)))
         assert left + len(visit.through(REJECT)) == len(visit.before)
@@ -42,12 +39,8 @@ def test_children_hold_what_their_parent_had_minus_the_rejected(table: Table, jo
 def test_rejected_parts_go_nowhere(table: Table, job: Job) -> None:
     root = table.nodes[0]
     narrow = [branch._replace(high_um=branch.expected_um) for branch in root.branches]
-    assert (
-        conserve(
-            replace(table, nodes=(root._replace(branches=tuple(narrow)), *table.nodes[1:])), job
-        )
-        > 50
-    )
+    nodes = root._replace(branches=tuple(narrow)), *table.nodes[1:]
+    assert conserve(replace(table, nodes=nodes), job) > 50
 
 
 def test_leaves_are_reached_as_often_as_in_the_evaluation(table: Table, job: Job) -> None:

@@ -1,11 +1,11 @@
 """The sentences that a report begins with: the plan's verdict and the cell's own result."""
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rectangle import JOB_PATH, TABLE_PATH
 
 from planner.diagnosis.cautions import warnings_of
 from planner.evaluation.cases import Case, Condition
@@ -15,8 +15,7 @@ from planner.report.run_log import PartLog, RunLog
 from planner.report.verdict import cell_result, listed, verdict
 from runtime.table import load
 
-TREE = Path(__file__).parents[4] / "trees" / "rectangle"
-JOB, TABLE = job_file.load(TREE / "job.toml"), load(TREE / "rectangle.msgpack").table
+JOB, TABLE = job_file.load(JOB_PATH), load(TABLE_PATH).table
 FIGURES = {
     "trials": 4000,
     "crashes": 0,

@@ -1,9 +1,9 @@
 """One set of figures: the compiler's, in the report, in the rows of other worlds and in the verdict."""
 
 import re
-from pathlib import Path
 
 import pytest
+from rectangle import JOB_PATH
 
 from planner.compile import compile_job
 from planner.evaluation.shares import in_percent, shares_of
@@ -14,12 +14,10 @@ from planner.report.verdict import weakest
 from planner.work.limit import Limit
 from runtime.table import dumps, predicted_pose
 
-TREE = Path(__file__).parents[4] / "trees" / "rectangle"
-
 
 @pytest.fixture(scope="module")
 def planned():
-    job = job_file.load(TREE / "job.toml").replaced(search={"particles": 1000})
+    job = job_file.load(JOB_PATH).replaced(search={"particles": 1000})
     return job, compile_job(job, trials=1500)
 
 

@@ -1,0 +1,13 @@
+"""The rectangle of the paper's Table I: its job as a file and as text, and its table."""
+
+from pathlib import Path
+
+FOLDER = Path(__file__).parents[2] / "trees" / "rectangle"
+JOB_PATH, TABLE_PATH = FOLDER / "job.toml", FOLDER / "rectangle.msgpack"
+TEXT = JOB_PATH.read_text(encoding="utf-8")
+
+
+def edited(old: str, new: str) -> str:
+    """The job's text with one passage replaced."""
+    assert TEXT.count(old) == 1, f"the test expects {old!r} once in the rectangle's job"
+    return TEXT.replace(old, new)
