@@ -149,8 +149,9 @@ class Ranking:
         if self.actions.first is not None and not belief.touched:
             return self.free(belief, self.actions.first)
         sides = self.actions.along_sides(about.states, self.problem.metric)
-        clear = self._clear(belief, sides.about_modes, LEAST_CLEARANCE_MM)
-        options = [self.actions.placements, np.where(clear[:, None], *sides)]
+        blocked = ~self._clear(belief, sides.about_modes, LEAST_CLEARANCE_MM) & belief.touched
+        along = np.where(blocked[:, None], sides.about_middles, sides.about_modes)
+        options = [self.actions.placements, along]
         if belief.reading[0] == PUSHED:
             options.append(self.actions.followed(about.poses))
         return self.free(belief, self.actions.within(np.concatenate(options)))
