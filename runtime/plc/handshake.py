@@ -103,21 +103,13 @@ _REFUSALS = {
     Event.TRIGGER_AFTER_END: Error.RUN_ENDED,
 }
 
-_OCCUPIED = {
-    State.ACCEPTED: Error.PART_UNDER_WAY,
-    State.WORKING: Error.PART_UNDER_WAY,
-    State.PRESENTED: Error.RESULT_WAITS,
-    State.WAITING: Error.RESULT_WAITS,
-    State.TAKEN: Error.RESULT_WAITS,
-    State.TRIGGER_HELD: Error.RESULT_WAITS,
-}
-
 
 def _transition(state: State, event: Event) -> Transition:
     if (state, event) in _CHANGES:
         return Transition(_CHANGES[state, event])
     if event is Event.TRIGGER:
-        return Transition(state, _OCCUPIED[state])
+        busy = SIGNALS[state].busy
+        return Transition(state, Error.PART_UNDER_WAY if busy else Error.RESULT_WAITS)
     return Transition(state, _REFUSALS.get(event, Error.NONE))
 
 

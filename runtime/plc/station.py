@@ -64,7 +64,6 @@ class Glance(NamedTuple):
 
     state: State
     order: Order | None
-    result_id: int
     answer: Answer
     enabled: bool
     ended: bool  # whether triggers are no longer accepted
@@ -204,7 +203,6 @@ class Station:
         return Glance(
             self.state,
             self.order,
-            self._result_id,
             self._answer,
             self.enabled,
             self._ended,

@@ -140,7 +140,7 @@ class Job(NamedTuple):
 
 
 class Result(NamedTuple):
-    """A part's result, with units in the names; it has a pose only if located."""
+    """A part's result: its job, and figures with units in their names; it has a pose only if located."""
 
     ResultHandle: int  # number of the job
     ResultId: str  # id of the job
@@ -167,12 +167,7 @@ NO_RESULT = Result(0, "", "", "", "", "", OUTCOMES[0], 0.0, 0.0, 0.0, nan, nan, 
 def result_of(job: Job, parts: list[str], answer: Answer) -> Result:
     """The result of a job; `parts` are the names of its table's parts."""
     return Result(
-        job.number,
-        job.id,
-        job.meas_id,
-        job.recipe,
-        job.digest,
-        job.configuration,
+        *job,
         OUTCOMES[answer.outcome],
         answer.x / 1e3,
         answer.y / 1e3,

@@ -1,7 +1,7 @@
 """The parts of one or several journals, and their table."""
 
 import base64
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -100,6 +100,15 @@ def read(paths: Sequence[Path]) -> History:
     if table is None or not parts:
         raise UsageError("the journals hold no part yet; run some first")
     return History(table, tuple(parts), digest)
+
+
+def by_leaf(parts: Iterable[Part]) -> list[tuple[int, list[Part]]]:
+    """The parts that ended at a leaf, for each one."""
+    result: dict[int, list[Part]] = {}
+    for part in parts:
+        if part.leaf is not None:
+            result.setdefault(part.leaf, []).append(part)
+    return sorted(result.items())
 
 
 def _whole_records(path: Path) -> Iterator[Entry]:

@@ -11,7 +11,7 @@ from runtime.pages.charts import Line
 from runtime.spc.charts import RARE, binomial_tail, chi_square, chi_square_tail
 from runtime.spc.drift import DRIFTED, LEAST_REFIT
 from runtime.spc.expectation import LIMIT, Expectation
-from runtime.spc.history import History, Part
+from runtime.spc.history import History, Part, by_leaf
 from runtime.spc.monitor import (
     COORDINATES,
     STEADY,
@@ -222,11 +222,7 @@ def _names(history: History) -> Iterator[NameRow]:
 
 
 def _leaves(history: History) -> Iterator[LeafRow]:
-    by_leaf: dict[int, list[Part]] = {}
-    for part in history.parts:
-        if part.leaf is not None:
-            by_leaf.setdefault(part.leaf, []).append(part)
-    for leaf, parts in sorted(by_leaf.items()):
+    for leaf, parts in by_leaf(history.parts):
         residuals = [part.residual for part in parts if part.residual is not None]
         passed, judged = _judged(parts)
         columns = tuple(moments(column) for column in zip(*residuals, strict=True))

@@ -6,7 +6,7 @@ from math import degrees, remainder, tau
 from typing import NamedTuple
 
 from runtime.shell.errors import UsageError
-from runtime.spc.history import History, Part
+from runtime.spc.history import History, Part, by_leaf
 from runtime.spc.study.acceptance import Acceptance, Bounds, Planned, followed, parts_for, planned
 from runtime.spc.study.gauge import LEAST_READINGS, Crossed, TypeOne, crossed, type_one
 from runtime.table import (
@@ -112,15 +112,11 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
     step = max(1, len(course) // CHECKPOINTS)
     decided = course[-1].decided_at
     curve = (now for now in course if now.parts % step == 0 or now.parts in (decided, len(course)))
-    by_leaf: dict[int, list[Part]] = {}
-    for part in measured:
-        assert part.leaf is not None
-        by_leaf.setdefault(part.leaf, []).append(part)
     leaves = (
         _row(
             leaf, parts, tolerances_of(history.table.goal_of(history.table.leaves[leaf].hypothesis))
         )
-        for leaf, parts in sorted(by_leaf.items())
+        for leaf, parts in by_leaf(measured)
     )
     return Study(
         history,

@@ -168,10 +168,7 @@ def crossed(readings: Readings) -> Crossed:
 def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None, Spread]:
     """Two-way analysis of variance with interaction, which is pooled where it is not significant."""
     cells = [[fmean(cell) for cell in row] for row in readings]
-    rows, columns = (
-        [fmean(row) for row in cells],
-        [fmean(column) for column in zip(*cells, strict=True)],
-    )
+    rows, columns = [*map(fmean, cells)], [*map(fmean, zip(*cells, strict=True))]
     mean = fmean(rows)
     within = sum(
         (x - cells[i][j]) ** 2
@@ -230,7 +227,7 @@ def beta_share(x: float, a: float, b: float) -> float:
     if x > (a + 1.0) / (a + b + 2.0):  # where the fraction of the complement converges faster
         return 1.0 - beta_share(1.0 - x, b, a)
     front = exp(lgamma(a + b) - lgamma(a) - lgamma(b) + a * log(x) + b * log1p(-x)) / a
-    fraction, above, below = 1.0, 1.0, 1.0 / (1.0 - (a + b) * x / (a + 1.0))
+    above, below = 1.0, 1.0 / (1.0 - (a + b) * x / (a + 1.0))
     fraction = below
     for m in range(1, 500):
         for term in (
