@@ -28,7 +28,7 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from planner.arrays import Array, BoolArray  # noqa: E402
+from planner.arrays import Array, BoolArray, take  # noqa: E402
 from planner.cli import pushes  # noqa: E402
 from planner.identification import pushes as push_log  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
@@ -78,10 +78,6 @@ class Recorded(NamedTuple):
 
     paths: Paths
     moved: Array  # (n, 3) [mm, mm, rad]
-
-    def take(self, rows: Any) -> Recorded:
-        """Some of the pushes."""
-        return Recorded(Paths(*(values[rows] for values in self.paths)), self.moved[rows])
 
 
 def simulator(support: str, friction: tuple[float, float], dof: int) -> Simulator:
@@ -155,7 +151,7 @@ def draws(recorded: Recorded, block: Simulator, seed: int) -> tuple[BoolArray, A
     Returns whether x, y and angle (n, 3) lie in the central 90 %, with noise, and the share that stick (n,).
     """
     n, rng = len(recorded.moved), np.random.default_rng(seed)
-    many = recorded.take(np.repeat(np.arange(n), SAMPLES))
+    many = take(recorded, np.repeat(np.arange(n), SAMPLES))
     pushed = block.push(many.paths, block.sample(n * SAMPLES, rng))
     moved = pushed.moved.reshape(n, SAMPLES, 3)
     low, high = np.quantile(moved + NOISE * rng.standard_normal(moved.shape), (0.05, 0.95), axis=1)
@@ -230,7 +226,7 @@ def judged_more(
     supports = np.array([line["support"] for line in lines])
     return {
         support: judged(
-            recorded.take(supports == support), simulator(support, interval, dof), mu, seed
+            take(recorded, supports == support), simulator(support, interval, dof), mu, seed
         )[0]
         for seed, support in enumerate(SUPPORTS, 1)
     }
@@ -302,7 +298,7 @@ def main() -> int:
     for seed, support in enumerate(SUPPORTS, 1):
         mine = supports == support
         figures, off[mine], right[mine] = judged(
-            recorded.take(mine), simulator(support, interval, dof), mu, seed
+            take(recorded, mine), simulator(support, interval, dof), mu, seed
         )
         result["supports"][support] = figures
         print(support, json.dumps({name: round(value, 3) for name, value in figures.items()}))
