@@ -1,6 +1,6 @@
-"""Array types for annotations; shapes are given in docstrings."""
+"""Array types for annotations, whose shapes are given in docstrings; rows of records of arrays."""
 
-from typing import TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,3 +8,16 @@ from numpy.typing import NDArray
 Array: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
+
+Record = TypeVar("Record", bound=tuple[Any, ...])
+
+
+def take(record: Record, rows: IntArray | BoolArray | slice) -> Record:
+    """Some rows of all arrays of a named tuple, which may hold further named tuples and None."""
+    chosen: list[Any] = []
+    for values in record:
+        if isinstance(values, tuple):
+            chosen.append(take(values, rows))
+        else:
+            chosen.append(None if values is None else values[rows])
+    return type(record)(*chosen)

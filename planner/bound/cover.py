@@ -21,13 +21,9 @@ from planner.work.scheduler import Threads
 
 LEAST_SHARE = 0.75
 """Share of a group, above 0.5; where no prediction locates it, the bound says no more than that."""
-INFLATION = (
-    0.01  # radius of a cell that is not bisected further; the goal is too wide by at most this
-)
+INFLATION = 0.01  # radius of a cell that is not bisected further, by which the goal is too wide
 TOGETHER = 4096  # approximate number of poses that a thread covers at once
-MOST_CELLS = (
-    20000  # most cells visited; the bound holds wherever the search ends, and more cells tighten it
-)
+MOST_CELLS = 20000  # most cells visited; the bound holds wherever the search ends
 
 
 def most_located(

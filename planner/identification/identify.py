@@ -11,11 +11,11 @@ directions, by the ridge of least error, since such tables are long.
 
 import math
 from collections.abc import Sequence
-from typing import Literal, NamedTuple, Self
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array, take
 from planner.identification.pushes import Pairs
 from planner.mechanics import limit_surface, quartic_fit
 from planner.mechanics.limit_surface import LimitSurface
@@ -42,10 +42,6 @@ class Normalised(NamedTuple):
     F: Array  # (K, 3) [fx, fy, tau / rho], still in N
     V: Array  # (K, 3) unit [vx, vy, omega rho]
     weights: Array  # (K,) with mean 1
-
-    def take(self, rows: IntArray) -> Self:
-        """Return some of the pairs."""
-        return type(self)(*(column[rows] for column in self))
 
 
 class Directions(Normalised):
@@ -120,7 +116,7 @@ def identify(
     for split, seeds in enumerate(np.random.SeedSequence(seed).spawn(splits)):
         report("splitting", split, splits)
         order = np.random.default_rng(seeds).permutation(count)
-        known, unseen = data.take(order[:train]), data.take(order[train:])
+        known, unseen = take(data, order[:train]), take(data, order[train:])
         for kind in kinds:
             fitted = fit(known, rho_mm, kind, np.random.default_rng(seeds.spawn(1)[0]), friction_n)
             twists = predict(fitted.surface, unseen.F)
@@ -208,7 +204,7 @@ def choose_ridge(
     order = rng.permutation(count)
     for fold in range(FOLDS):
         unseen = order[fold::FOLDS]
-        known = data.take(np.setdiff1d(order, unseen))
+        known = take(data, np.setdiff1d(order, unseen))
         for row, ridge in enumerate(RIDGES):
             twists = _quartic(known, rho_mm, ridge).twist(data.F[unseen])
             errors[row, unseen] = angles(twists, data.V[unseen])

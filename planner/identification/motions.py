@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array, take
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.push import Paths
 from planner.mechanics.simulator import Simulator
@@ -27,10 +27,6 @@ class Motions(NamedTuple):
 
     paths: Paths  # in the part's frame at the start, clear of it
     moved: Array  # (n, 3) measured displacement of the centroid [mm, mm, rad]
-
-    def of(self, rows: IntArray) -> "Motions":
-        """The motions of some rows."""
-        return Motions(Paths(*(values[rows] for values in self.paths)), self.moved[rows])
 
 
 class Fitted(NamedTuple):
@@ -86,7 +82,7 @@ def held_out_mm(
     n, errors = len(motions.moved), np.empty(splits)
     for split in range(splits):
         order = rng.permutation(n)
-        known, unseen = motions.of(order[: n // 2]), motions.of(order[n // 2 :])
+        known, unseen = take(motions, order[: n // 2]), take(motions, order[n // 2 :])
         errors[split] = np.median(errors_mm(fit(known, part, radius_mm), unseen, part, radius_mm))
     return errors
 

@@ -22,7 +22,7 @@ from planner.mechanics.clearance import STANDS_ON, TOUCHES, classify_contact
 from planner.work.scheduler import Threads
 
 SPREAD = (
-    40.0  # In squares of the bandwidth: weights below e^(-SPREAD / 2) of the largest are ignored
+    40.0  # [squares of the bandwidth]; weights below e^(-SPREAD / 2) of the largest are ignored
 )
 BANDWIDTH_MM = 0.5  # h1 and h2
 NEIGHBOURS = 400  # number of nearest roll-outs considered
@@ -34,12 +34,8 @@ class Sampled(NamedTuple):
     """Draws from the estimate, one for each queried pose."""
 
     poses: Array  # (n, 3) in the hand frame [mm, mm, rad]
-    width_mm: (
-        Array  # (n,) where the fingers stopped; 0: missed the part, full opening: came down on it
-    )
-    source: (
-        IntArray  # (n,) the roll-out drawn; -1 where the fingers miss the part or come down on it
-    )
+    width_mm: Array  # (n,) where the fingers stopped; 0: missed the part, full: came down on it
+    source: IntArray  # (n,) the roll-out drawn; -1 where fingers miss the part or come down on it
 
 
 class Kcde(NamedTuple):

@@ -18,9 +18,7 @@ LARGEST_GRID = 4_000_000  # Most cells; sparse data gets larger ones
 class Grid(NamedTuple):
     """Points in the cells of a grid."""
 
-    points: (
-        Array  # (N, 3) normalised, in order of their cells, the last coordinate in [0, period) [mm]
-    )
+    points: Array  # (N, 3) normalised, by cell, the last coordinate in [0, period) [mm]
     row: IntArray  # (N,) original row of each
     first: IntArray  # (cells + 1,) the first point of each cell
     corner: Array  # (2,) least x and y of the grid [mm]

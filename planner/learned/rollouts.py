@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, BoolArray, IntArray
+from planner.arrays import Array, BoolArray, IntArray, take
 from planner.job.model import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import STANDS_ON, classify_contact, jaws_of
@@ -39,11 +39,6 @@ class RollOuts(NamedTuple):
     final: Array  # (n, 3) poses after
     width_mm: Array  # (n,) opening at which the fingers stopped
     status: IntArray  # (n,) index into `STATUS_NAMES`; or `COLLIDES`: final = initial, width_mm = opening
-
-    def of(self, rows: BoolArray) -> "RollOuts":
-        """Some of the roll-outs."""
-        initial, final = self.initial[rows], self.final[rows]
-        return RollOuts(initial, final, self.width_mm[rows], self.status[rows])
 
 
 class Block(NamedTuple):
@@ -82,7 +77,7 @@ def roll_outs(
         pieces.append(piece)
         report("roll-outs", done, len(blocks))
     whole = RollOuts(*(np.concatenate(columns) for columns in zip(*pieces, strict=True)))
-    return whole.of(np.hypot(*whole.initial[:, :2].T) <= radius_mm)
+    return take(whole, np.hypot(*whole.initial[:, :2].T) <= radius_mm)
 
 
 def roll_block(simulator: Simulator, block: Block) -> RollOuts:
@@ -95,7 +90,7 @@ def roll_block(simulator: Simulator, block: Block) -> RollOuts:
     rolled = simulator.roll_out(initial, parameters)
     final = np.where(hits[:, None], initial, rolled.poses)
     status = np.where(hits, COLLIDES, rolled.status)
-    return RollOuts(initial, final, rolled.width_mm, status).of(reached < block.starts)
+    return take(RollOuts(initial, final, rolled.width_mm, status), reached < block.starts)
 
 
 def content_of(simulator: Simulator) -> bytes:

@@ -44,16 +44,12 @@ FINGER, KIND, SIDE, VERTEX = range(4)
 I_COLUMNS = 4
 
 MAX_CONTACTS = 12
-NEARLY_PARALLEL = (
-    0.08  # Sine of the angle below which an edge counts as parallel to a finger's face
-)
+NEARLY_PARALLEL = 0.08  # Sine of the angle of an edge that counts as parallel to a finger's face
 LEAST_ARM_MM = 0.5
 """For a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
 EDGE_SLACK_MM = 1e-9
 OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the part
-VERTEX_MM = (
-    2e-4  # A point this near a vertex touches both edges; more than a step passes the end of one
-)
+VERTEX_MM = 2e-4  # A point this near a vertex touches both edges; steps pass an end by less
 DRIFT_MM = 0.02  # A pusher's point inside two edges by less than this touches both
 PENETRATION_MM = 0.01  # Overlap at which a step is refused
 FAR = 7  # Bits of `mark` for a vertex far from the fingers

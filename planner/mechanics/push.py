@@ -51,19 +51,6 @@ class Pushers(NamedTuple):
     thickness: Array  # (n,) of a finger [mm]
     radius: Array  # (n,) of round tips about the points [mm]
 
-    def of(self, rows: IntArray) -> "Pushers":
-        """The pushers of some rows."""
-        paths = Paths(*(values[rows] for values in self.paths))
-        return self._replace(
-            paths=paths,
-            way=self.way[rows],
-            fingers=self.fingers[rows],
-            apart=self.apart[rows],
-            h=self.h[rows],
-            thickness=self.thickness[rows],
-            radius=self.radius[rows],
-        )
-
 
 class Mechanics(NamedTuple):
     """Mechanics of n sliding parts."""
@@ -78,10 +65,6 @@ class PushEnds(NamedTuple):
     poses: Array  # (n, 3) of the parts, in the pusher's frame at the start [mm, mm, rad]
     touching: IntArray  # (n,) 1 where the pusher touches the part
     given_up: IntArray  # (n,) 1 where the stepping failed: from there the part moved along
-
-    def of(self, rows: IntArray) -> "PushEnds":
-        """The ends of some rows."""
-        return PushEnds(self.poses[rows], self.touching[rows], self.given_up[rows])
 
 
 def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:

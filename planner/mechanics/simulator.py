@@ -10,7 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from planner import arguments
-from planner.arrays import Array, BoolArray, IntArray
+from planner.arrays import Array, BoolArray, IntArray, take
 from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
 from planner.mechanics import surface as limit_surface
@@ -61,13 +61,6 @@ class Parameters(NamedTuple):
     share: Array  # (n,) upper finger's share of the closing
     deviation: Array  # (n, m) deviations of the outline, by the simulator's shapes
     ellipsoid: BoolArray | None = None  # (n,) where a (6, 6) surface is an ellipsoid; None: nowhere
-
-    def of(self, rows: IntArray) -> "Parameters":
-        """The parameters of some rows."""
-        chosen = {
-            name: values[rows] for name, values in self._asdict().items() if values is not None
-        }
-        return self._replace(**chosen)
 
 
 class Pushed(NamedTuple):
@@ -198,8 +191,7 @@ class Simulator:
 
         def run(start: int) -> None:
             rows = slice(start, start + CHUNK)
-            chunk = Each(*(values[rows] for values in each))
-            self._squeeze(chunk, result.of(rows), np.zeros((0, 4)))
+            self._squeeze(take(each, rows), take(result, rows), np.zeros((0, 4)))
 
         deque(Threads(self.workers).map(run, range(0, len(poses), CHUNK)), maxlen=0)
         held = (result.status == GRASPED) | (result.status == JAMMED)
@@ -290,12 +282,12 @@ class Simulator:
 
         def run(start: int) -> None:
             chunk = np.arange(start, min(start + CHUNK, n))
-            for some, drawn in by_form(parameters.of(chunk)):
+            for some, drawn in by_form(take(parameters, chunk)):
                 rows = chunk[some]
-                ends, mechanics = result.of(rows), Mechanics(drawn.surfaces, drawn.mu)
+                ends, mechanics = take(result, rows), Mechanics(drawn.surfaces, drawn.mu)
                 body = Body(columns, farthest, drawn.surfaces[0], self.surface.rho_mm)
                 scratch = scratch_of(self.outline)
-                push_many(body, self.step_mm, pushers.of(rows), mechanics, ends, scratch)
+                push_many(body, self.step_mm, take(pushers, rows), mechanics, ends, scratch)
                 for values, part in zip(result, ends, strict=True):
                     values[rows] = part
 
@@ -369,7 +361,7 @@ def by_form(parameters: Parameters) -> Iterator[tuple[IntArray, Parameters]]:
         return
     bare = parameters._replace(ellipsoid=None)
     for rows, size in ((np.flatnonzero(ellipsoid), 3), (np.flatnonzero(~ellipsoid), 6)):
-        chosen = bare.of(rows)
+        chosen = take(bare, rows)
         yield rows, chosen._replace(surfaces=np.ascontiguousarray(chosen.surfaces[:, :size, :size]))
 
 

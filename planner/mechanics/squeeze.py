@@ -66,11 +66,6 @@ class RollOut(NamedTuple):
     status: IntArray  # (n,) index into `STATUS_NAMES`
     given_up: IntArray  # (n,) 1 where the stepping failed and cut the squeeze short
 
-    def of(self, rows: slice) -> "RollOut":
-        """Views of some rows."""
-        width_mm, given_up = self.width_mm[rows], self.given_up[rows]
-        return RollOut(self.poses[rows], width_mm, self.status[rows], given_up)
-
 
 @inner_kernel
 def _close_freely(scratch: Scratch) -> float:

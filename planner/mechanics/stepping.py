@@ -22,21 +22,13 @@ from planner.mechanics.boundary import (
     turn,
 )
 from planner.mechanics.clearance import crosses
-from planner.mechanics.contacts import (
-    FINGER,
-    GAP,
-    MAX_CONTACTS,
-    NY,
-    PENETRATION_MM,
-)
+from planner.mechanics.contacts import FINGER, GAP, MAX_CONTACTS, NY, PENETRATION_MM
 from planner.mechanics.lcp import RAY, SOLVED
 from planner.mechanics.step import STEP_WORK, TOUCHING_MM, along, event_fraction
 from planner.mechanics.surface_step import solve_surface
 
 LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
-EULER_ERROR = (
-    0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
-)
+EULER_ERROR = 0.02  # Most difference of Euler and midpoint step, as a share of the nominal one
 SMALLEST_STEP = 2.0**-18
 """Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns much faster."""
 LEAST_FACING = 0.1  # Sine of the least angle to the closing direction of a face that stops a finger

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array, IntArray, take
 from planner.belief.metric import Mode
 from planner.belief.observation import Encoder, Partition
 from planner.belief.particles import Belief
@@ -75,7 +75,7 @@ def learn(
         ValueError: no roll-out touches the part, or there are too few.
     """
     stands = rolled.status == COLLIDES
-    free = rolled.of(~stands)
+    free = take(rolled, ~stands)
     kcde = Kcde.fit(free, simulator.outline, simulator.jaws, rho_mm, order)
     subspaces = subspaces_of(free.width_mm, encoder)
     return Models(

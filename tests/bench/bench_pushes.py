@@ -17,13 +17,13 @@ import csv
 import math
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import harness
 import numpy as np
 from programs import ROOT
 
-from planner.arrays import Array, BoolArray
+from planner.arrays import Array, BoolArray, take
 from planner.cli import pushes
 from planner.identification import pushes as push_log
 from planner.job import model as job_file
@@ -72,10 +72,6 @@ class Recorded(NamedTuple):
 
     paths: Paths
     moved: Array  # (n, 3) [mm, mm, rad]
-
-    def take(self, rows: Any) -> Self:
-        """Some of the pushes."""
-        return type(self)(Paths(*(values[rows] for values in self.paths)), self.moved[rows])
 
 
 def simulator(support: str, friction: tuple[float, float], dof: int) -> Simulator:
@@ -147,7 +143,7 @@ def draws(recorded: Recorded, block: Simulator, seed: int) -> tuple[BoolArray, A
     Returns whether x, y and angle (n, 3) lie in the central 90 %, with noise, and the share that stick (n,).
     """
     n, rng = len(recorded.moved), np.random.default_rng(seed)
-    many = recorded.take(np.repeat(np.arange(n), SAMPLES))
+    many = take(recorded, np.repeat(np.arange(n), SAMPLES))
     pushed = block.push(many.paths, block.sample(n * SAMPLES, rng))
     moved = pushed.moved.reshape(n, SAMPLES, 3)
     low, high = np.quantile(moved + NOISE * rng.standard_normal(moved.shape), (0.05, 0.95), axis=1)
@@ -221,7 +217,7 @@ def judged_more(
     supports = np.array([line["support"] for line in lines])
     result = {}
     for seed, support in enumerate(SUPPORTS, 1):
-        mine, block = recorded.take(supports == support), simulator(support, interval, dof)
+        mine, block = take(recorded, supports == support), simulator(support, interval, dof)
         result[support], _, _ = judged(mine, block, mu, seed)
     return result
 
@@ -278,7 +274,7 @@ def main() -> int:
     for seed, support in enumerate(SUPPORTS, 1):
         mine = supports == support
         block = simulator(support, interval, dof)
-        figures, off[mine], right[mine] = judged(recorded.take(mine), block, mu, seed)
+        figures, off[mine], right[mine] = judged(take(recorded, mine), block, mu, seed)
         result["supports"][support] = figures
         harness.show({"support": support, **figures})
     if (options.data / MORE).is_file():

@@ -22,6 +22,7 @@ from problems import (
 from push_paths import paths, random_paths
 from twin import Part
 
+from planner.arrays import take
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.push import SLID, STUCK, Paths
 from planner.mechanics.simulator import commanded
@@ -174,7 +175,9 @@ def test_fingers_end_a_push_as_their_corners_alone_do():
             [(JAWS[1] / 2, side * y) for side in (-1, 1) for y in (15.0, 15.0 + JAWS[2])]
         )
         back = turned(ahead - pose[:2], -pose[2])
-        result = part.push(paths(back, shift=turned([way, 0.0], -pose[2])), drawn.of(np.array([k])))
+        result = part.push(
+            paths(back, shift=turned([way, 0.0], -pose[2])), take(drawn, np.array([k]))
+        )
         moved = [*turned(result.moved[0, :2], pose[2]), result.moved[0, 2]]
         assert by_hand[k] == pytest.approx(pose + moved, abs=0.05)
 

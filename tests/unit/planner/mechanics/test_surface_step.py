@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from surfaces import hessian
 
+from planner.arrays import take
 from planner.belief.doubts import believed
 from planner.belief.particles import initial
 from planner.mechanics import quartic, surface
@@ -36,7 +37,7 @@ def test_in_one_roll_out_each_part_is_squeezed_by_the_form_of_its_own_surface(jo
     np.testing.assert_array_equal(drawn.ellipsoid, ~curved)
     rolled = simulator.roll_out(poses, drawn)
     for k in range(len(poses)):
-        size, one = 6 if curved[k] else 3, drawn.of(np.array([k]))
+        size, one = 6 if curved[k] else 3, take(drawn, np.array([k]))
         ours = one._replace(surfaces=one.surfaces[:, :size, :size].copy(), ellipsoid=None)
         alone = simulator.roll_out(poses[k : k + 1], ours)
         np.testing.assert_array_equal(alone.poses[0], rolled.poses[k])
