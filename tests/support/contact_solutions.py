@@ -105,7 +105,8 @@ def contact_solution(
     C, I, V = work.C, work.I, work.V
     columns, out = np.ascontiguousarray(points.T), np.zeros(len(points), np.int64)
     half, thick = 0.5 * jaws[1], jaws[2]
-    upper, lower = (Finger(side, 0.0, faces[side < 0], half, thick) for side in (1, -1))
+    sides = zip((1, -1), faces, strict=True)
+    upper, lower = (Finger(side, 0.0, y, half, thick) for side, y in sides)
     count = contacts.find(C, I, columns, out, pose, contacts.Hand(upper, lower, 2), TOUCHING_MM)
     directions(C, I, count, rho_mm, Drive(advance_mm, advance_mm, 0.0, 0.0, 0.0))
     work.F[:] = 0.0, 1.0, 0.0
