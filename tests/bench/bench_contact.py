@@ -310,7 +310,6 @@ def main() -> int:
     """Measures and keeps the figures."""
     parser = harness.parser(__doc__)
     parser.add_argument("--data", type=Path, required=True, metavar="FOLDER")
-    parser.add_argument("--no-results", action="store_true", help="print only")
     options = parser.parse_args()
     if missing := [name for name in FILES if not (options.data / name).is_file()]:
         said = f"{options.data} has no {', '.join(missing)}; see --help"
@@ -319,8 +318,7 @@ def main() -> int:
     result = measured(options.data)
     for name, group in result["groups"].items():
         harness.show({name: group})
-    if not options.no_results:
-        RESULTS.write(result)
+    RESULTS.write(result)
     return 0
 
 

@@ -42,7 +42,6 @@ def main() -> int:
     add("--seed", type=int, default=50, help="of the draw")
     add("--budget", type=seconds, default=60.0, metavar="60s", help="of each search (default: 60s)")
     add("--turn", default="20", metavar="DEG", help="passed on")
-    add("--most", type=int, default=None, metavar="N", help="end after so many of them")
     add("--results", type=Path, default=ROOT / "out" / "first_answers.jsonl", help="what is done")
     options = parser.parse_args()
     outlines = zoo_sources.outlines()
@@ -53,7 +52,7 @@ def main() -> int:
     options.results.parent.mkdir(parents=True, exist_ok=True)
     lines = options.results.read_text().splitlines() if options.results.exists() else []
     done = {row["name"]: row for row in map(json.loads, lines)}
-    for name in names[: options.most]:
+    for name in names:
         if name not in done:
             done[name] = answered(name, outlines[name], options)
             with options.results.open("a") as file:

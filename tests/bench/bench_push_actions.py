@@ -44,14 +44,14 @@ def planned(name: str, changes: dict[str, Any], seed: int) -> dict[str, Any]:
     except NoPlanError as error:
         return {"no_plan": str(error), "cpu_s": time.process_time() - begun}
     result, pushes = plan.evaluation, np.array([len(node.pushes) for node in plan.table.nodes])
-    pushed = pushes[np.maximum(result.path, 0)]
+    on_path = pushes[np.maximum(result.path, 0)]
     return {
         "success": float(result.success.mean()),
         "squeezes": float(result.squeezes.mean()),
         "seconds": float(result.seconds.mean()),
         "crashes": int(result.crashes),
         "parts": len(result.leaf),
-        "pushes": float(pushed.sum(axis=1, where=result.path >= 0).mean()),
+        "pushes": float(on_path.sum(axis=1, where=result.path >= 0).mean()),
         "cpu_s": time.process_time() - begun,
     }
 

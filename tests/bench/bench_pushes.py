@@ -254,7 +254,6 @@ def main() -> int:
     """Fits to the logs, judges the pushes with two fingers."""
     parser = harness.parser(__doc__)
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the pushes")
-    parser.add_argument("--no-results", action="store_true", help="print only")
     options = parser.parse_args()
     if missing := [name for name in (*LOGS, TWO_FINGERS) if not (options.data / name).is_file()]:
         said = f"{options.data} has no {', '.join(missing)}"
@@ -287,8 +286,7 @@ def main() -> int:
     print(f"median error of pushes that did not stick: {result['median_mm_slid']:.2f} mm")
     for row in result["runs"]:
         harness.show(row)
-    if not options.no_results:
-        RESULTS.write(result)
+    RESULTS.write(result)
     return 0
 
 

@@ -6,7 +6,6 @@ the posterior is noted: uniform if the posterior is right. A hidden cell takes a
     python tests/bench/bench_refit.py [TABLE] --keep
 """
 
-import json
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -15,60 +14,52 @@ from pathlib import Path
 
 import harness
 import numpy as np
+from programs import TABLE
 from scipy.stats import chisquare
 
-from planner.cli.shell import loaded
 from planner.evaluation.expectation import readings
+from planner.job import model as job_file
 from planner.refit.cells import Cells
 from planner.refit.outcomes import Seen
 from planner.refit.posterior import Effort, posterior
 from planner.work.scheduler import Threads
+from runtime.table import load
 
-TREE = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"
 RESULTS = harness.Kept("refit")
+EFFORT = Effort(cells=60, parts=400)
 BINS, LEAST_P, COVERED = 10, 0.01, (0.85, 0.95)
 
 
 def main() -> int:
     parser = harness.parser(__doc__)
-    parser.add_argument("tree", type=Path, nargs="?", default=TREE)
-    parser.add_argument("--job", default=None)
+    parser.add_argument("tree", type=Path, nargs="?", default=TABLE)
     parser.add_argument("--hidden", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0, help="number of the first hidden cell")
     parser.add_argument("--parts", type=int, default=100)
-    parser.add_argument("--cells", type=int, default=60)
-    parser.add_argument("--simulated", type=int, default=400, help="parts in each cell")
     parser.add_argument("--jobs", type=int, default=1, help="hidden cells at a time")
-    parser.add_argument(
-        "--keep", action="store_true", help="keep the figures in results/refit.json"
-    )
+    parser.add_argument("--keep", action="store_true", help="keep the figures")
     options = parser.parse_args()
-    result, job = loaded(options)
-    cells = Cells.of(job, result.table)
+    table = load(options.tree).table
+    cells = Cells.of(job_file.from_canonical(str(table.job)), table)
     keys = [quantity.key for quantity in cells.space.quantities]
-    effort = Effort(cells=options.cells, parts=options.simulated)
-    numbers = range(options.first, options.first + options.hidden)
     ranks, errors = [], []
     with ProcessPoolExecutor(options.jobs) as pool:
-        for line in pool.map(partial(refitted, cells, effort, options.parts), numbers):
+        for line in pool.map(partial(refitted, cells, options.parts), range(options.hidden)):
             ranks.append(line.pop("ranks"))
             errors.append(line.pop("errors"))
-            named = {key: round(float(rank), 3) for key, rank in zip(keys, ranks[-1], strict=True)}
-            print(json.dumps({**line, "ranks": named}), flush=True)
+            harness.show({**line, "ranks": dict(zip(keys, ranks[-1].tolist(), strict=True))})
     kept, bad = judge(keys, np.array(ranks), np.array(errors))
     if options.keep:
-        line = {"hidden": options.hidden, "parts": options.parts, **kept}
-        RESULTS.write(line)
+        RESULTS.write({"hidden": options.hidden, "parts": options.parts, **kept})
     return bad
 
 
-def refitted(cells, effort, parts, number):
+def refitted(cells, parts, number):
     """The ranks of what is true of a hidden cell among the draws of its posterior, and the mean's errors."""
     begun = time.process_time()
     truth = cells.space.draw(1, np.random.default_rng([number, 1]))[0]
     counts = readings(cells.run(truth, parts, number), cells.program.table)
     seen = Seen(counts, parts, np.zeros(0, np.int64), np.zeros((0, 3)))
-    drawn = posterior(cells, seen, number, Threads(1), effort).cells[:, :-1]
+    drawn = posterior(cells, seen, number, Threads(1), EFFORT).cells[:, :-1]
     return {
         "hidden": number,
         "cpu_s": round(time.process_time() - begun, 1),
@@ -85,10 +76,8 @@ def judge(keys, ranks, errors):
         p = float(chisquare(histogram).pvalue)
         covered = float(np.mean((column >= 0.05) & (column <= 0.95)))
         rms = float(np.sqrt(np.mean(error**2)))
-        print(
-            f"{key}: ranks {histogram.tolist()}, p = {p:.3g}, 90 % cover {covered:.1%}, rms {rms:.3g}"
-        )
         kept[key] = {"ranks": histogram.tolist(), "p": p, "covered": covered, "rms": rms}
+        harness.show({key: kept[key]})
         bad += p < LEAST_P or not COVERED[0] <= covered <= COVERED[1]
     return kept, min(bad, 1)
 

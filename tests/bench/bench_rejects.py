@@ -7,18 +7,18 @@ and closed, where all but the first are, which is one that the plan expects, and
 smaller, longer or thinner than the job's, or another; of these also the share whose pose is wrong.
 """
 
-import argparse
 from pathlib import Path
 
 import harness
 import numpy as np
 
-from planner.cli.shell import loaded
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.trials import DISMISSED, Program
+from planner.job import model as job_file
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
 from runtime.shell.errors import InputError
+from runtime.table import load
 
 RECTANGLE = Path("trees/rectangle/rectangle.msgpack")
 RUNS = 20_000
@@ -58,12 +58,11 @@ def others(job):
 def main():
     parser = harness.parser(__doc__)
     parser.add_argument("trees", type=Path, nargs="*", default=[RECTANGLE])
-    parser.add_argument("--job", default=None)
     parser.add_argument("--parts", type=int, default=2000)
     options = parser.parse_args()
     for tree in options.trees:
-        result, job = loaded(argparse.Namespace(tree=tree, job=options.job))
-        program = Program.of(result.table)
+        table = load(tree).table
+        job, program = job_file.from_canonical(str(table.job)), Program.of(table)
         rng = np.random.default_rng(1)
         record = {
             "random": random_widths(program, rng, False),
@@ -77,7 +76,7 @@ def main():
                 record[name] = str(error)
                 continue
             worlds = ContactWorlds.of_job(other, 2)
-            run = evaluate(result.table, other, worlds, options.parts, 2, Threads(1))
+            run = evaluate(table, other, worlds, options.parts, 2, Threads(1))
             answered = (run.leaf >= 0) & run.resolved
             record[name] = [float(np.mean(each)) for each in (answered, answered & ~run.within)]
         harness.show({"tree": tree.stem, **record})

@@ -112,8 +112,8 @@ def judged(said: str, run: list[dict[str, Any]]) -> tuple[list[Judged], list[dic
     """
     document = {part["part"]: part for part in map(json.loads, said.splitlines())}
     asked = [(record, document[record["part"]]) for record in run if record["kind"] == "audit"]
-    judged = [Judged(record, part["error_mm"], part["within_goal"]) for record, part in asked]
-    return judged, list(document.values())
+    pairs = [Judged(record, part["error_mm"], part["within_goal"]) for record, part in asked]
+    return pairs, list(document.values())
 
 
 def agreement(parts: list[Judged]) -> dict[str, Any]:

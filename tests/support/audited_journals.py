@@ -3,12 +3,11 @@
 import json
 
 from histories import table
-from run_logs import STAMP, chained
+from run_logs import chained
 from run_logs import header as header_of
 
 from runtime.table import dumps
 
-__all__ = ["STAMP", "Chain", "write"]
 TABLE = table()
 NAMES = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 

@@ -7,9 +7,10 @@ import re
 
 import numpy as np
 import pytest
-from audited_journals import STAMP, Chain, write
+from audited_journals import Chain, write
 from histories import LESS, SHIFT_UM, TREE, drawn, expectation_document, history, table
 from html_pages import Page
+from run_logs import STAMP
 
 from drivers.camera.commands import audit as main
 from runtime.errors import JournalError
