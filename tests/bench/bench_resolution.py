@@ -1,6 +1,6 @@
 """What a finer reading brings: outlines of tools/zoo500 drawn at random, and three parts; not in the gate.
 
-    python tests/bench/bench_resolution.py [--sample 24] [--budget 90s] [--cpu 40m]
+    python tests/bench/bench_resolution.py [--sample 24] [--budget 90s] [--cpu 2400s]
 
 Plans each with a 2F-85 and with the same gripper that reads 0.01 mm with a noise of 0.02 mm, one after the
 other, and writes `results/resolution.json` beside this file after each: names and figures, no outlines. What
