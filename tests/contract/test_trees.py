@@ -8,6 +8,7 @@ import pytest
 from problems import diameter
 
 from planner.job import model as job_file
+from planner.job.overrides import changes_of
 
 TREES = Path(__file__).parents[2] / "trees"
 JOBS = {path.parent.name: path for path in sorted(TREES.glob("*/job.toml"))}
@@ -77,3 +78,9 @@ def test_rows_are_the_papers_table(jobs):
             (row["experiment"], job.part.name, job.uncertainty.radius_mm, actions, row["paper"])
         )
     assert results == TABLE_I
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row["experiment"])
+def test_row_of_table_one_changes_its_job_and_world_within_their_ranges(row):
+    job = job_file.load(JOBS[row["part"]], changes_of(row.get("job", ())))
+    job.replaced(row["materials"], **changes_of(row["world"]))
