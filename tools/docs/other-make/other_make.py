@@ -18,13 +18,17 @@ PROFILE = GripperProfile(
 )
 
 QUESTIONS = ("status", "where")
+MARGIN_S = 2.0  # beyond a whole stroke at the requested speed
+SPREAD_UM = 5 * PROFILE.noise_um  # largest distance between readings of fingers at rest
 
 
 class Lines(StreamLink):
     """Sends a line, receives a line; `read_only`: sends only questions."""
 
-    def __init__(self, stream: Stream, pace: Pace, *, read_only: bool) -> None:
-        super().__init__(stream, pace, no_report)
+    def __init__(
+        self, stream: Stream, pace: Pace, report: Report = no_report, *, read_only: bool
+    ) -> None:
+        super().__init__(stream, pace, report)
         self._read_only = read_only
 
     def ask(self, line: str, seconds: float = 0.0) -> list[str]:
@@ -38,7 +42,7 @@ class Lines(StreamLink):
             for piece in self._pieces(seconds):
                 text += piece
                 if text.endswith(b"\n"):
-                    return text.decode().split()
+                    return text.decode("ascii", "replace").split()
         except OSError as error:
             raise self._broken(error, "the cable") from error
         self._lost = "an answer is missing"
@@ -52,15 +56,20 @@ class OtherGripper:
 
     def __init__(self, lines: Lines, pace: Pace) -> None:
         self._lines, self._pace = lines, pace
-        self._asked: tuple[int, float] | None = None
+        self._asked: tuple[int, float, float] | None = None
         self.state()
 
     def state(self) -> GripperState:
-        ready, moving, held, asked_mm, at_mm = self._lines.ask("status")
+        words = self._lines.ask("status")
+        try:
+            ready, moving, held, asked_mm, at_mm = words
+            target_um, width_um = (round(1000 * float(mm)) for mm in (asked_mm, at_mm))
+        except (ValueError, OverflowError) as error:
+            said = " ".join(words)
+            raise LinkError(f"{self._lines.endpoint} answered {said!r}; check its make") from error
         seen = ObjectState.CLOSING if held == "1" else ObjectState.AT_TARGET
         if moving == "1":
             seen = ObjectState.NONE
-        target_um, width_um = (round(1000 * float(mm)) for mm in (asked_mm, at_mm))
         return GripperState(ready == "1", moving == "1", 0, "", seen, target_um, width_um, 0)
 
     def activate(self) -> None:
@@ -77,15 +86,18 @@ class OtherGripper:
             raise GripperFault("gripper not active; home it first")
         asked_um = max(width_um, 0)
         self._lines.ask(f"go {asked_um / 1000:.3f} {speed_mm_s:.1f} {force_n:.1f}")
-        self._asked = asked_um, self._pace.now()
+        self._asked = asked_um, self._pace.now(), PROFILE.stroke_um / 1000 / speed_mm_s
 
     def wait(self) -> Settled:
         if self._asked is None:
             raise GripperFault("no move to wait for; call move() first")
-        (asked, since), self._asked = self._asked, None
-        deadline = self._pace.deadline(10.0)
-        while (seen := self.state()).moving:
+        (asked, since, stroke_s), self._asked = self._asked, None
+        deadline = self._pace.deadline(stroke_s + MARGIN_S)
+        seen, alike = self.state(), 1  # the device answers a move once it has begun
+        while seen.moving or alike < 3:
             self._wait(deadline, "moving")
+            before, seen = seen, self.state()
+            alike = alike + 1 if abs(seen.width_um - before.width_um) <= SPREAD_UM else 1
         if seen.target_um != asked or not seen.activated:
             raise GripperFault("the gripper forgot the move; was its power cut?")
         return Settled(seen.width_um, seen.object, 0, asked, self._pace.elapsed(since))
@@ -106,7 +118,12 @@ def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
 ) -> OtherGripper:
     stream = open_tcp(*tcp_address(port), port, "check its power")
-    return OtherGripper(Lines(stream, pace, read_only=read_only), pace)
+    lines = Lines(stream, pace, report, read_only=read_only)
+    try:
+        return OtherGripper(lines, pace)
+    except BaseException:  # Ctrl-C, too, must not leave the connection open
+        lines.close()
+        raise
 
 
 class OtherArm:
@@ -116,7 +133,11 @@ class OtherArm:
         self._lines = lines
 
     def pose(self) -> tuple[float, float, float, float]:
-        x, y, z, angle = map(float, self._ask("where"))
+        words = self._ask("where")
+        try:
+            x, y, z, angle = map(float, words)
+        except ValueError as error:
+            raise ArmError(f"arm answered {' '.join(words)!r}; check its make") from error
         return x, y, z, angle
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:

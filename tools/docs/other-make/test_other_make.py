@@ -6,11 +6,13 @@ import socketserver
 import threading
 import time
 
+import pytest
 from other_make import PROFILE
 
 from drivers import connect
 from drivers.contract.arm import ArmContract
 from drivers.contract.gripper import GripperContract
+from drivers.errors import LinkError
 
 SCALE = 20.0  # simulated seconds a second
 
@@ -18,6 +20,14 @@ SCALE = 20.0  # simulated seconds a second
 class TestOtherGripper(GripperContract):
     def make(self):
         return GripperRig()
+
+
+@pytest.mark.parametrize("said", ["", "1 0 0 60.000", "1 0 0 60.000 wide", "1 0 0 inf 60.000"])
+def test_state_answer_that_is_no_status_is_an_error_of_the_link(said):
+    with contextlib.closing(GripperRig()) as rig, rig.open() as gripper:
+        rig.says(said)
+        with pytest.raises(LinkError, match="check its make"):
+            gripper.state()
 
 
 class TestOtherArm(ArmContract):
@@ -30,7 +40,7 @@ class GripperRig:
 
     def __init__(self):
         self._device = GripperDevice()
-        self._server = Server(self._device.answer)
+        self._server = Server(lambda words: self._device.answer(words))
 
     def open(self, *, read_only=False):
         address = f"other://127.0.0.1:{self._server.port}"
@@ -47,6 +57,9 @@ class GripperRig:
 
     def silence(self):
         self._device.mute = True
+
+    def says(self, line):
+        self._device.answer = lambda words: line
 
     def close(self):
         self._server.close()
