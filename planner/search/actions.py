@@ -8,7 +8,6 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.metric import Metric, Mode
-from planner.belief.transition import Push
 from planner.frames import to_hand, wrap
 from planner.job.model import Job
 from planner.search.proposals import Proposals, along, placed, proposals_of
@@ -25,20 +24,16 @@ ALIKE = 1e-3  # distance below which placements are equal [mm, mm, rad]
 Key: TypeAlias = tuple[tuple[int, ...], ...]
 
 
-class Action(NamedTuple):
-    """The action at a node."""
-
-    placement: Array  # (3,) the hand frame to squeeze at, in the world [mm, mm, rad]
-    pushes: tuple[Push, ...] = ()  # pushes before it
-
-
 class AlongSides(NamedTuple):
-    """Hand placements along a part's sides, for a belief; none where there are no proposals."""
+    """Hand placements along a part's sides, for a belief; none where there are no proposals.
 
-    about_modes: Array  # (k, 3) about its main modes
-    about_middles: (
-        Array  # (k, 3) about the middle of the poses along each: open jaws clear more there
-    )
+    Attributes:
+        about_modes: (k, 3) about its main modes [mm, mm, rad].
+        about_middles: (k, 3) the same about the middle of the poses along each, where open jaws clear more.
+    """
+
+    about_modes: Array
+    about_middles: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,9 +52,6 @@ class ActionSet:
     area: Array
     first: Array | None = None
 
-    def __len__(self) -> int:
-        return len(self.placements)
-
     def followed(self, poses: Array) -> Array:
         """The fixed placements, then one at the middle of parts (n, 3) for each of their angles: (k, 3)."""
         angles = np.unique(self.placements[:, 2])
@@ -72,14 +64,6 @@ class ActionSet:
         about = [placed(proposals.relative, mode.pose) for proposals, mode in modes]
         middle = [placed(proposals.relative, middle_of(states, mode)) for proposals, mode in modes]
         return AlongSides(*(np.concatenate([none, *each]) for each in (about, middle)))
-
-    def scattered(self, states: Array, metric: Metric, n: int) -> Array:
-        """Placements (k, 3), at most n, scattered about a belief's main modes; none without proposals."""
-        modes = self._modes(states, metric)
-        near = [
-            placed(proposals.scattered[: n // len(modes)], mode.pose) for proposals, mode in modes
-        ]
-        return self.within(np.concatenate([self.placements[:0], *near]))
 
     def _modes(self, states: Array, metric: Metric) -> list[tuple[Proposals, Mode]]:
         """A belief's main modes, each with the proposals for its hypothesis."""
