@@ -1,12 +1,12 @@
 """Best-first search of an AND/OR tree of beliefs (AO*, Nilsson 1980), anytime by passes of doubling size.
 
-A pass expands the leaf of the best partial plan with the largest probability x value until none is open, and
-backs the values up; the best action of any node may change on the way. Expanding ranks many grasp poses by
-one squeeze each and then squeezes the node's whole belief at the best few; each becomes an action, at
-probable nodes once for each of two partitions. Every pass draws new particles, twice as many as the one
-before, and its nodes first try the actions that were best at their counterparts: a winner is valued by
-particles that did not choose it. Fresh trials join the beliefs of the leaves where they end; leaves that they
-refute are open again, and the same loop expands them.
+A pass expands the leaves of the best partial plan with the largest probability x value, a few at once, until
+none is open, and backs the values up; the best action of any node may change on the way. Expanding ranks
+many grasp poses by one squeeze each and then squeezes the node's whole belief at the best few; each becomes
+an action, at probable nodes once for each of two partitions. Every pass draws new particles, twice as many
+as the one before, and its nodes first try the actions that were best at their counterparts: a winner is
+valued by particles that did not choose it. Fresh trials join the beliefs of the leaves where they end;
+leaves that they refute are open again, and the same loop expands them.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ LEAST_PARTICLES = 400  # size up to which a belief is repeated before its next s
 RANKING_SHARE = 0.1  # largest share of a job's particles that rank grasp poses
 LEAST_GAIN = 0.001  # gain in mode ratio below which a squeeze is without effect
 SELECTION_BIAS = 0.5  # selection bias of a branch's mode, in standard deviations of its ratio
+AT_ONCE = 4  # leaves expanded at once; no number of cores, so that plans do not depend on it
 MOST_STALLED = 3  # allowed squeezes in a row without gain: separating two poses may take three
 LEAST_OVERLAP = 0.2  # of two histograms of readings, for nodes of two passes to be counterparts
 MOST_COARSER = 6  # doublings of the price of a branch, to stay below a table's limit
@@ -109,10 +110,14 @@ class Search:
         Returns:
             Whether the search is complete.
         """
+        threads = Threads(self.problem.mixture.workers)
         while tips := [tip for tip in breadth_first(root) if self._is_due(tip)]:
             if over() and root.best is not None:  # a plan needs its first squeeze
                 return False
-            self._expand(max(tips, key=lambda tip: tip.share * tip.value))
+            chosen = sorted(tips, key=lambda tip: -tip.share * tip.value)[:AT_ONCE]
+            cases = list(zip(chosen, self.rng.spawn(len(chosen)), strict=True))
+            for tip, actions in zip(chosen, list(threads.map(self._actions, cases)), strict=True):
+                self._expand(tip, actions)
             progress(sum(tip.share for tip in tips))
         return True
 
@@ -244,15 +249,16 @@ class Search:
         children.sort(key=lambda child: -float(child.belief.reading.mean()))
         _partition(node.best, children)
 
-    def _expand(self, node: Node) -> None:
-        """Adds actions to a leaf: squeezes its whole belief at each candidate grasp pose."""
+    def _actions(self, case: tuple[Node, np.random.Generator]) -> list[Action]:
+        """Actions for a leaf, with a generator of its own: squeezes its belief at each candidate pose."""
+        node, rng = case
         tried, cases = list[tuple[_Candidate, float]](), list[tuple[Belief, Array]]()
-        for candidate in self._candidates(node):
+        for candidate in self._candidates(node, rng):
             clear = self.handling.clear(candidate.lying, candidate.placement)
             if len(clear):
                 cases.append((replenish(clear, LEAST_PARTICLES), candidate.placement))
                 tried.append((candidate, 1.0 - len(clear) / len(candidate.lying)))
-        squeezed = self.problem.model.squeeze(cases, self.rng)
+        squeezed = self.problem.model.squeeze(cases, rng)
 
         def actions_at(number: int) -> list[Action]:
             (candidate, crashes), after = tried[number], squeezed[number]
@@ -271,8 +277,11 @@ class Search:
         ]
         if not actions and node.previous is not None:
             node.previous = None  # the old actions gain nothing here: rank new candidates
-            self._expand(node)
-            return
+            return self._actions(case)
+        return actions
+
+    def _expand(self, node: Node, actions: list[Action]) -> None:
+        """Turns a leaf into an inner node with these actions, and backs its value up."""
         node.actions = actions
         self.back_up(node)
         # Of squeezes that gain nothing one is followed: all of them would make the tree exponential.
@@ -298,29 +307,31 @@ class Search:
         pushed = bool(candidate.pushes)
         return self.handling.opening(candidate.lying, candidate.placement, pushed=pushed)
 
-    def _candidates(self, node: Node) -> list[_Candidate]:
+    def _candidates(self, node: Node, rng: np.random.Generator) -> list[_Candidate]:
         """What to expand: the best of the previous pass and the best of many new grasp poses."""
         rows = FRUGAL if self.stage.frugal else EFFORTS
         effort = next(row for row in rows if node.share >= row.least)
         old, new, probable = list[_Candidate](), effort.actions, node.share >= PROBABLE
         if node.previous is not None and node.previous.actions:
             cheap = [a for a in node.previous.actions if a.value < node.previous.value + MARGIN]
-            old = self._again(node, cheap, self.stage.kept if probable else 1)
+            old = self._again(node, cheap, self.stage.kept if probable else 1, rng)
             new = min(new, self.stage.new) if probable else 0
         if not new:
             return old
         near = np.array([each.placement for each in old[:2] if not each.pushes]).reshape(-1, 3)
-        grasps = self._ranked(node.belief, node.hand, effort, near)[:new]
+        grasps = self._ranked(node.belief, node.hand, effort, near, rng)[:new]
         fresh = [_Candidate(grasp, node.belief) for grasp in grasps]
         if self.pusher is not None and node.share >= self.pusher.least_share:
-            for pushes in self.pusher.best(node.belief, node.hand, self.ranking, self.rng):
-                lying = self.pusher.pushed(node.belief, pushes, self.rng)
+            for pushes in self.pusher.best(node.belief, node.hand, self.ranking, rng):
+                lying = self.pusher.pushed(node.belief, pushes, rng)
                 _, hand = self.problem.costs.pushes(node.hand, pushes)
-                best = self._ranked(lying, hand, effort, near[:0])[:1]
+                best = self._ranked(lying, hand, effort, near[:0], rng)[:1]
                 fresh += [_Candidate(grasp, lying, pushes) for grasp in best]
         return old + [each for each in fresh if not any(_same(each, other) for other in old)]
 
-    def _again(self, node: Node, actions: list[Action], most: int) -> list[_Candidate]:
+    def _again(
+        self, node: Node, actions: list[Action], most: int, rng: np.random.Generator
+    ) -> list[_Candidate]:
         """Actions of the previous pass as candidates for a node's belief, no two of them variants."""
         plain = np.array([a.squeeze.placement for a in actions if not a.squeeze.pushes]).reshape(
             -1, 3
@@ -333,13 +344,20 @@ class Search:
             again.append(
                 _Candidate(
                     squeeze.placement,
-                    self.pusher.pushed(node.belief, squeeze.pushes, self.rng),
+                    self.pusher.pushed(node.belief, squeeze.pushes, rng),
                     squeeze.pushes,
                 )
             )
         return again
 
-    def _ranked(self, belief: Belief, hand: Hand | None, effort: Effort, near: Array) -> Array:
+    def _ranked(
+        self,
+        belief: Belief,
+        hand: Hand | None,
+        effort: Effort,
+        near: Array,
+        rng: np.random.Generator,
+    ) -> Array:
         """Grasp poses (k, 3) for a belief, the best first, no two of them variants of one.
 
         Args:
@@ -347,15 +365,14 @@ class Search:
             hand: the hand before the squeeze.
             effort: how many grasp poses are tried.
             near: (m, 3) good grasp poses, whose variants are tried, too.
+            rng: source of randomness.
         """
         most = min(effort.particles, round(RANKING_SHARE * self.problem.job.search.particles))
         ranking, thin = self.ranking, subsample(belief, most)
         groups = [ranking.candidates(belief, thin)]
         if belief.touched and ranking.actions.proposals:
             groups.append(
-                ranking.free(
-                    belief, ranking.actions.within(varied(near, VARIANTS, SPREAD, self.rng))
-                )
+                ranking.free(belief, ranking.actions.within(varied(near, VARIANTS, SPREAD, rng)))
             )
             modes = self.problem.metric.main_modes(thin.states, MAIN_MODES, LEAST_MODE)
             start, n = self._number() * effort.scattered, effort.scattered // len(modes)
@@ -367,9 +384,9 @@ class Search:
         grasps = self.problem.costs.short_way(hand, np.concatenate(groups))
         if not len(grasps):
             return grasps
-        options = ranking.rank([Asked(thin, grasps, hand)], self.rng)[0]
+        options = ranking.rank([Asked(thin, grasps, hand)], rng)[0]
         if effort.actions > 1:
-            options = ranking.varied(belief, thin, options, hand, self.rng)
+            options = ranking.varied(belief, thin, options, hand, rng)
         return ranking.unlike(belief, options.placements, effort.actions)
 
     def _number(self) -> int:
