@@ -227,7 +227,7 @@ class Executor:
             self._hand.rise()
         self._hand.jaws.set_out(squeeze, fast=True)
         x_mm, y_mm, angle_rad = placement(squeeze)
-        angle_rad = self._hand.turn_to(x_mm, y_mm, angle_rad)
+        angle_rad = self._hand.turn_to(x_mm, y_mm, angle_rad, first=first)
         self._hand.travel(x_mm, y_mm, angle_rad, to_squeeze=True)
         self._hand.jaws.open(squeeze)
         return angle_rad

@@ -11,7 +11,7 @@ sent (`safety.check_placed`): what displaced it may have moved the part, too.
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
-from math import ceil, degrees, hypot, pi, remainder, tau
+from math import ceil, degrees, hypot, isinf, pi, remainder, tau
 
 from drivers.ports import TURN_RADIUS_MM, Arm, Gripper, ObjectState, PoseOfHand, Settled
 from runtime.devices.clock import SystemClock
@@ -48,6 +48,7 @@ LEVEL_MM = 0.05
 # margin).
 STILL_S = 8.0
 MOST_TURN_RAD = 2.5
+SAVED_RAD = 0.2  # least effort that half a turn of the hand must save
 LOOK_S = 0.05
 
 
@@ -78,6 +79,7 @@ class Hand:
         check_arc(handling.arc, table.limits, self.calibration)
         self.timing = handling.lifted(schedule.timing, self.calibration)
         self._half_turn = pi if close_alike(job_of(table)) else tau
+        self._off_rad = 0.0  # how far the hand is turned beside the plan of the part
         self._may_turn = may_turn(table, job_of(table), self.middle_mm)
         self.jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
         # where the arm should stand, None: unknown
@@ -118,9 +120,7 @@ class Hand:
         if not self._may_turn:
             return 0.0
         x_mm, y_mm, _, angle_rad = self._place()
-        self.arm_known = False  # until it answers
-        low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
-        self.arm_known = True
+        low_rad, high_rad = self._turn_range(x_mm, y_mm)
         if high_rad - low_rad < tau + pi:
             return 0.0
         return Stand(x_mm, y_mm, angle_rad).turn_from(Stand.at(first))
@@ -139,29 +139,45 @@ class Hand:
             self.jaws.ready()
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
-    def turn_to(self, x_mm: float, y_mm: float, angle_rad: float) -> float:
-        """The angle, whole turns counted, to which the hand turns least.
+    def turn_to(self, x_mm: float, y_mm: float, angle_rad: float, *, first: bool) -> float:
+        """The angle, whole turns counted, to which to turn the hand: the nearest that the wrist reaches.
 
-        It is half a turn off where the wrist could reach the angle only the long way round and the table's
-        fingers close evenly; in a cell where they do not, such a part ends elsewhere than planned. It is the
-        angle itself where the wrist reaches neither.
+        Where the table's fingers close evenly, the hand goes over to half a turn off for the rest of a part
+        if the wrist could reach the angle only the long way round, or if that turns it back from the nearer
+        end of the wrist's range for little: the nearer that end, the less a turn back counts, since at the
+        end half a turn is left. In a cell whose fingers do not close evenly such a part ends elsewhere than
+        planned. The result is the angle itself where the wrist reaches neither.
+
+        Args:
+            x_mm: place of the squeeze.
+            y_mm: the same.
+            angle_rad: of the plan.
+            first: whether it is the part's first squeeze.
         """
-        turns = self._turns(x_mm, y_mm, angle_rad, tau)
-        if not turns or abs(turns[0] - self._place()[3]) > pi:
-            turns = self._turns(x_mm, y_mm, angle_rad, self._half_turn)
-        return turns[0] if turns else angle_rad
-
-    def _turns(self, x_mm: float, y_mm: float, angle_rad: float, step_rad: float) -> list[float]:
-        self.arm_known = False  # until it answers
-        low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
-        self.arm_known = True
+        self._off_rad = 0.0 if first else self._off_rad
+        low_rad, high_rad = self._turn_range(x_mm, y_mm)
         near_rad = self._place()[3]
-        turns = [
-            turn
-            for half in range(round(tau / step_rad))
-            for turn in same_turns(angle_rad + half * step_rad, low_rad, high_rad, near_rad)
-        ]
-        return sorted(turns, key=lambda turn: abs(turn - near_rad))
+        outward = _outward(near_rad, low_rad, high_rad)
+
+        def effort(turn: float) -> float:
+            return abs(turn - near_rad) + outward * (turn - near_rad)
+
+        kept_rad = angle_rad + self._off_rad
+        kept = same_turns(kept_rad, low_rad, high_rad, near_rad)[:1]
+        turned = same_turns(kept_rad + self._half_turn, low_rad, high_rad, near_rad)
+        if kept and abs(kept[0] - near_rad) <= pi:
+            back = [turn for turn in turned if outward * (turn - near_rad) < 0.0]
+            turned = [turn for turn in back if effort(turn) + SAVED_RAD < effort(kept[0])]
+        turn = min([*kept, *turned], key=effort, default=angle_rad)
+        if turn in turned:
+            self._off_rad = self._half_turn - self._off_rad
+        return turn
+
+    def _turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
+        self.arm_known = False  # until it answers
+        bounds = self.arm.turn_range(x_mm, y_mm)
+        self.arm_known = True
+        return bounds
 
     def travel(
         self, x_mm: float, y_mm: float, angle_rad: float, *, to_squeeze: bool = False
@@ -173,9 +189,9 @@ class Hand:
         Raises:
             MotionRefusedError: the place is outside the area, or the wrist cannot be turned so far.
         """
-        turns = self._turns(x_mm, y_mm, angle_rad, tau)
+        low_rad, high_rad = self._turn_range(x_mm, y_mm)
+        turns = same_turns(angle_rad, low_rad, high_rad, self._place()[3])
         if not turns:
-            low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
             raise MotionRefusedError(
                 f"the wrist cannot turn the hand to {degrees(angle_rad):.1f} deg at ({x_mm:.2f}, {y_mm:.2f}) "
                 f"mm, only to {degrees(low_rad):.0f}..{degrees(high_rad):.0f} deg"
@@ -371,6 +387,13 @@ class Hand:
 
     def _low_mm(self, advance_mm: float) -> float:
         return self.limits.squeeze_height_um / 1000 + max(advance_mm, 0.0)
+
+
+def _outward(angle_rad: float, low_rad: float, high_rad: float) -> float:
+    """How far an angle is off the middle of a range, squared with its sign: -1 and 1 at the ends."""
+    half_rad = 0.5 * (high_rad - low_rad)
+    off = 0.0 if isinf(half_rad) else min(max((angle_rad - low_rad) / half_rad - 1.0, -1.0), 1.0)
+    return off * abs(off)
 
 
 def _beside(place: PoseOfHand, middle_mm: float) -> PoseOfHand:

@@ -75,18 +75,47 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
 @pytest.mark.parametrize(
     ("angle_rad", "wrist", "expected_rad"),
     [
+        (1.4, (-10.0, 10.0), 1.4),
         (3.0, (-10.0, 10.0), 3.0),
         (3.0, (-2.0, 2.0), 3.0 - math.pi),
+        (1.4, (-2.0, 1.0), 1.4 - math.pi),
         (2.5, (-4.5, 2.0), 2.5 - math.pi),  # the long way round leads to 2.5 - tau
+        (1.4, (-8.0, 1.5), 1.4 - math.pi),  # near the end of the range the way back counts less
+        (0.5, (-8.0, 1.5), 0.5),
+        (1.4, (-math.inf, math.inf), 1.4),
     ],
 )
-def test_hand_goes_half_a_turn_off_only_where_the_wrist_must(angle_rad, wrist, expected_rad):
+def test_hand_turn_of_even_fingers_is_half_a_turn_off_only_near_the_wrists_end(
+    angle_rad, wrist, expected_rad
+):
+    assert _turned_to(angle_rad, wrist, known_table()) == pytest.approx(expected_rad, abs=1e-6)
+
+
+def test_hand_turn_of_uneven_fingers_is_the_angle_itself():
+    uneven = with_job(known_table(), '{"gripper": {"upper_finger_share": 0.6}}')
+    for angle_rad, wrist in ((3.0, (-10.0, 10.0)), (1.4, (-8.0, 1.5))):
+        assert _turned_to(angle_rad, wrist, uneven) == pytest.approx(angle_rad, abs=1e-6)
+
+
+def test_hand_that_turned_back_stays_half_a_turn_off_for_the_rest_of_the_part():
+    rig = fake_cell([])
+    rig.arm.at, rig.arm.turns = (0.0, 0.0, 60.0, 0.0), (-8.0, 1.5)
+    hand = Hand(rig.gripper, rig.arm, rig.cell.clock, known_table(), Handling())
+    angles = []
+    for number, angle_rad in enumerate([0.1, 1.4, 1.1]):
+        angles.append(hand.turn_to(0.0, 0.0, angle_rad, first=number == 0))
+        rig.arm.at = (0.0, 0.0, 60.0, angles[-1])
+        hand._sent_to = None
+    assert angles == pytest.approx([0.1, 1.4 - math.pi, 1.1 - math.pi])
+
+
+def _turned_to(angle_rad: float, wrist: tuple[float, float], table: Table) -> float:
+    """Angle of the hand at a second squeeze, after a first one at 0 rad."""
     rig = fake_cell([AT_30, AT_21])
     rig.arm.turns = wrist
-    turned = changed(known_table(), {"nodes.1.squeeze.angle_urad": round(1e6 * angle_rad)})
+    turned = changed(table, {"nodes.1.squeeze.angle_urad": round(1e6 * angle_rad)})
     assert run(rig, RunOptions(), turned).leaf == 1
-    last = rig.log.named("move_linear")[-1]
-    assert last.arguments[3] == pytest.approx(expected_rad, abs=1e-6)
+    return rig.log.named("move_linear")[-1].arguments[3]
 
 
 def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between():
