@@ -11,7 +11,7 @@ sent (`safety.check_placed`): what displaced it may have moved the part, too.
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
-from math import ceil, degrees, hypot, isinf, pi, remainder, tau
+from math import ceil, copysign, degrees, hypot, isinf, pi, remainder, tau
 
 from drivers.ports import TURN_RADIUS_MM, Arm, Gripper, ObjectState, PoseOfHand, Settled
 from runtime.devices.clock import SystemClock
@@ -143,10 +143,10 @@ class Hand:
         """The angle, whole turns counted, to which to turn the hand: the nearest that the wrist reaches.
 
         Where the table's fingers close evenly, the hand goes over to half a turn off for the rest of a part
-        if the wrist could reach the angle only the long way round, or if that turns it back from the nearer
-        end of the wrist's range for little: the nearer that end, the less a turn back counts, since at the
-        end half a turn is left. In a cell whose fingers do not close evenly such a part ends elsewhere than
-        planned. The result is the angle itself where the wrist reaches neither.
+        if the wrist could reach the angle only the long way round, or, in the outer half of the wrist's
+        range, if that turns it back for little: the nearer the end, the less a turn back counts, since at
+        the end half a turn is left. In a cell whose fingers do not close evenly such a part ends elsewhere
+        than planned. The result is the angle itself where the wrist reaches neither.
 
         Args:
             x_mm: place of the squeeze.
@@ -390,10 +390,12 @@ class Hand:
 
 
 def _outward(angle_rad: float, low_rad: float, high_rad: float) -> float:
-    """How far an angle is off the middle of a range, squared with its sign: -1 and 1 at the ends."""
+    """How far out an angle is in a range: 0 in its inner half, from there to 1 or, below, -1 at its ends."""
     half_rad = 0.5 * (high_rad - low_rad)
-    off = 0.0 if isinf(half_rad) else min(max((angle_rad - low_rad) / half_rad - 1.0, -1.0), 1.0)
-    return off * abs(off)
+    if isinf(half_rad):
+        return 0.0
+    off = (angle_rad - low_rad) / half_rad - 1.0
+    return copysign(min(max(2.0 * abs(off) - 1.0, 0.0), 1.0), off)
 
 
 def _beside(place: PoseOfHand, middle_mm: float) -> PoseOfHand:

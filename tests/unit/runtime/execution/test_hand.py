@@ -82,6 +82,7 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
         (2.5, (-4.5, 2.0), 2.5 - math.pi),  # the long way round leads to 2.5 - tau
         (1.4, (-8.0, 1.5), 1.4 - math.pi),  # near the end of the range the way back counts less
         (0.5, (-8.0, 1.5), 0.5),
+        (1.5, (-8.0, 5.0), 1.5),  # in the inner half of the range
         (1.4, (-math.inf, math.inf), 1.4),
     ],
 )
