@@ -103,27 +103,27 @@ def parser() -> Parser:
 
 def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """Measures what the arguments name; returns 0. Errors are those of `run` and `calibrate_middle.run`."""
+    ask = partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
     if arguments.what == calibrate_middle.NAME:
-        return calibrate_middle.run(arguments, drivers, _asking(arguments))
-    return run(arguments, drivers.gripper)
+        return calibrate_middle.run(arguments, drivers, ask)
+    return run(arguments, drivers.gripper, ask)
 
 
 def run(
     arguments: argparse.Namespace,
     open_gripper: Callable[[str, GripperProfile], Gripper],
-    ask: Callable[[str], object] | None = None,
+    ask: Callable[[str], object],
 ) -> int:
     """Measures and writes a file by the arguments; returns 0.
 
     Args:
         arguments: parsed.
         open_gripper: opens a gripper by its port and profile, moving nothing.
-        ask: prompts the operator and waits; None for the terminal.
+        ask: prompts the operator and waits.
 
     Raises:
         Exception: any error of this package or of the gripper; each has its `exit_code`.
     """
-    ask = ask or _asking(arguments)
     widths_mm, tips, current = _checked(arguments)
     profile = profile_of(arguments.model)
     with PortLock(arguments.port):
@@ -175,10 +175,6 @@ def figures(measured: GripperCalibration) -> Measured:
         for gauge, off in zip_longest(measured.gauges, left_out)
     ]
     return {"gripper": measured.gripper, "blocks": blocks}
-
-
-def _asking(arguments: argparse.Namespace) -> Callable[[str], object]:
-    return partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
 
 
 def _ask_terminal(sentence: str, file: TextIO) -> None:

@@ -161,10 +161,10 @@ def _sentence(clause: str) -> str:
     return f"{clause[:1].upper()}{clause[1:]}." if clause else ""
 
 
-def check_rate(gripper: Gripper, clock: SystemClock, reads: int = READS) -> Iterator[Finding]:
+def check_rate(gripper: Gripper, clock: SystemClock) -> Iterator[Finding]:
     """How often the gripper can be read per second, and how evenly."""
     moments = [clock.now()]
-    for _ in range(reads):
+    for _ in range(READS):
         gripper.state()
         moments.append(clock.now())
         if moments[-1] - moments[0] > READING_S and len(moments) > LEAST_READS:

@@ -8,7 +8,7 @@ from runtime.commands.checks import Finding, bad, good, warning
 
 RTDE, SCRIPTS, DASHBOARD = 30004, 30002, 29999
 GRIPPER, FORWARDER = 63352, 54321  # Robotiq's URCap; what forwards the tool connector's RS-485
-SCHEMES = ("urcap", "ur")
+USUAL = {"urcap": GRIPPER, "ur": RTDE}  # by the scheme of an address
 LOOK_S = 1.0
 
 Accepts = Callable[[str, int], bool]
@@ -29,14 +29,11 @@ def check_controllers(addresses: Iterator[str], listens: Accepts = accepts) -> I
     for address in addresses:
         try:
             parts = urlsplit(address)
-            on_ur = parts.scheme in SCHEMES or (
-                parts.scheme == "rtu+tcp" and parts.port == FORWARDER
-            )
+            port = parts.port
         except ValueError:  # the driver reports this when it opens the device
             continue
-        wanted = {"urcap": parts.port or GRIPPER, "ur": parts.port or RTDE}.get(
-            parts.scheme, FORWARDER
-        )
+        wanted = port or USUAL.get(parts.scheme, 0)
+        on_ur = parts.scheme in USUAL or (parts.scheme, port) == ("rtu+tcp", FORWARDER)
         if on_ur and parts.hostname and (parts.hostname, wanted) not in seen:
             seen.add((parts.hostname, wanted))
             yield from _check(parts.hostname, wanted, listens)

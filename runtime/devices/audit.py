@@ -15,7 +15,6 @@ several hypotheses, the question also holds the `hypothesis` that the leaf names
 import json
 import shlex
 from collections.abc import Mapping
-from math import isfinite
 
 from runtime.devices.child import ChildProcess
 from runtime.devices.clock import SystemClock
@@ -37,41 +36,42 @@ class AuditProcess(ChildProcess):
 
     Args:
         command: starts it.
-        answer_s: time limit for judging one part.
         table_sha256: digest of the run's table; None: not compared.
 
     Raises:
         UsageError: the program cannot be started.
     """
 
-    def __init__(
-        self, command: str, answer_s: float = ANSWER_S, table_sha256: str | None = None
-    ) -> None:
+    def __init__(self, command: str, table_sha256: str | None = None) -> None:
         self._command = command
         self._common = {} if table_sha256 is None else {"table_sha256": table_sha256}
-        self._answer_s = answer_s
+        self._answer_s = ANSWER_S  # time limit for judging one part
         self._owed = 0  # outstanding answers to questions that were given up
         try:
             super().__init__(shlex.split(command))
         except (OSError, ValueError, IndexError) as error:
             raise UsageError(f"--audit {command!r} cannot be started: {error}") from error
 
-    def judge(
-        self, part: int, x_mm: float, y_mm: float, theta_rad: float, hypothesis: str | None = None
-    ) -> Mapping[str, object]:
-        """Asks for one part's verdict; `hypothesis` is the name in its leaf, if any.
+    def judge(self, part: int, pose: Pose2, hypothesis: str | None = None) -> dict[str, object]:
+        """The verdict on one part at a pose (mm, mm, rad); `hypothesis` is the name in its leaf, if any.
 
-        Raises:
-            OSError: the process is gone, or does not answer in time. ValueError: the answer is not JSON.
+        Returns:
+            `verdict`, "unknown" where the auditor fails or its answer is invalid, and the other fields of the
+            answer that are plain numbers or short sentences.
         """
-        asked: dict[str, object] = {
-            "part": part,
-            "x_mm": x_mm,
-            "y_mm": y_mm,
-            "theta_rad": theta_rad,
+        asked = {"part": part, **dict(zip(("x_mm", "y_mm", "theta_rad"), pose, strict=True))}
+        named = {} if hypothesis is None else {"hypothesis": hypothesis}
+        try:
+            record = self._ask({**asked, **named}, self._answer_s)
+        except Exception as error:
+            return {"verdict": UNKNOWN, "reason": one_line(error)[:MAX_TEXT]}
+        verdict = record.get("verdict")
+        plain = {
+            name: value
+            for name, value in record.items()
+            if name.isidentifier() and _is_plain(value)
         }
-        asked |= {} if hypothesis is None else {"hypothesis": hypothesis}
-        return self._ask(asked, self._answer_s)
+        return {**plain, "verdict": verdict if verdict in VERDICTS else UNKNOWN}
 
     def check(self) -> None:
         """Asks a question without a pose, which any verdict answers.
@@ -120,32 +120,7 @@ class AuditProcess(ChildProcess):
         return reply if isinstance(reply, dict) else {}
 
 
-def answer_of(
-    auditor: AuditProcess, part: int, pose: Pose2, hypothesis: str | None = None
-) -> dict[str, object]:
-    """The auditor's answer in the form of the journal: "unknown" where it fails or is invalid.
-
-    Returns:
-        `verdict`, and its other fields that are plain numbers or short sentences.
-    """
-    try:
-        record = dict(auditor.judge(part, *pose, hypothesis))
-    except Exception as error:
-        return {"verdict": UNKNOWN, "reason": one_line(error)[:MAX_TEXT]}
-    plain = {
-        name: value for name, value in record.items() if name.isidentifier() and _is_plain(value)
-    }
-    return {
-        **plain,
-        "verdict": record.get("verdict") if record.get("verdict") in VERDICTS else UNKNOWN,
-    }
-
-
 def _is_plain(value: object) -> bool:
     if isinstance(value, str):
         return is_plain(value, MAX_TEXT)
-    return (
-        value is None
-        or isinstance(value, bool | int)
-        or (isinstance(value, float) and isfinite(value))
-    )
+    return value is None or isinstance(value, int | float)

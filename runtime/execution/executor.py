@@ -7,7 +7,7 @@ and in a terminal outcome.
 from dataclasses import dataclass, field, replace
 
 from drivers.ports import Arm, Gripper
-from runtime.devices.audit import AuditProcess, answer_of
+from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import Lap, SystemClock
 from runtime.errors import BrokenRunError, GripperStateError
 from runtime.execution import recovery, safety
@@ -258,12 +258,10 @@ class Executor:
         if result.outcome is not Outcome.LEAF or result.leaf is None:
             return result
         leaf = self._program.table.leaves[result.leaf]
-        pose = predicted_pose(leaf)
         if self._cell.auditor is not None:
             self._console.phase(result.part, Phase.AUDIT, None)
-            answer = answer_of(
-                self._cell.auditor, result.part, pose, self._program.table.name_of(leaf)
-            )
+            name = self._program.table.name_of(leaf)
+            answer = self._cell.auditor.judge(result.part, predicted_pose(leaf), name)
             result = replace(result, audit=str(answer["verdict"]))
             self._cell.journal.record("audit", {**answer, "part": result.part})
         places = self._options.delivery

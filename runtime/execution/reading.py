@@ -71,14 +71,13 @@ def check_opened(settled: Settled, requested_um: int, calibration: Calibration) 
             smaller opening.
     """
     check_fresh(settled, requested_um)
+    asked_um, stopped_um = map(calibration.width_um, (requested_um, settled.width_um))
     if settled.object is ObjectState.CLOSING:
-        asked_um, stopped_um = map(calibration.width_um, (requested_um, settled.width_um))
         raise GripperStateError(
             f"the jaws met something at {stopped_um / 1000:.2f} mm on their way to {asked_um / 1000:.2f} mm, "
             "above the part; look for what is between them"
         )
     if not is_open(settled.width_um, requested_um, calibration):
-        asked_um, stopped_um = map(calibration.width_um, (requested_um, settled.width_um))
         raise GripperStateError(
             f"the jaws stopped at {stopped_um / 1000:.2f} mm while opening to {asked_um / 1000:.2f} mm; "
             "remove what blocks them"

@@ -58,16 +58,18 @@ class Shift:
 
     def recall(self, journal: Path, table_sha256: str) -> None:
         """Counts the parts of earlier runs of the table in this shift, from the journal's own file."""
-        for record in _outcomes(journal, table_sha256):
-            ended = self._clock.local_of(str(record["time"]))
-            if ended >= self._change:
-                self._since = min(self._since, ended)
-                self._count(record, None)
+        # Up to the first record that is none: the journal is verified when the run opens it.
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            for record in _outcomes(journal, table_sha256):
+                ended = self._clock.local_of(str(record["time"]))
+                if ended >= self._change:
+                    self._count(record, None)
+                    self._since = min(self._since, ended)
 
     def _count(self, part: Mapping[str, Any], width_mm: float | None) -> None:
         """Counts a part's end, given as fields of its journal record."""
-        self._parts += 1
         seconds, kind, path = part["seconds"], _kind(part), part["path"]
+        self._parts += 1
         if seconds:
             self._timed += 1
             self._seconds += seconds
@@ -106,9 +108,9 @@ def _kind(part: Mapping[str, Any]) -> str | None:
 
 
 def _outcomes(journal: Path, table_sha256: str) -> Iterator[Mapping[str, Any]]:
-    """The records of parts' ends with a table, up to the first unreadable one."""
+    """The records of parts' ends with a table."""
     same = False
-    with suppress(OSError, ValueError, KeyError), journal.open("rb") as file:
+    with journal.open("rb") as file:
         for line in file:
             record = json.loads(line)
             if record["kind"] == "header":

@@ -111,8 +111,7 @@ def table(
     )
 
 
-def folded(summary: str, *content: str, opened: bool = False) -> str:
+def folded(summary: str, *content: str) -> str:
     """Content that is shown on demand."""
-    state = " open" if opened else ""
     inner = "\n".join(content)
-    return f"<details{state}><summary>{escape(summary)}</summary>\n{inner}\n</details>"
+    return f"<details><summary>{escape(summary)}</summary>\n{inner}\n</details>"

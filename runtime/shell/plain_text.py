@@ -9,6 +9,7 @@ and journals cannot be refused: every printed line is `cleaned`.
 from typing import Any
 
 LONGEST = 80  # of a name
+SHOWN = 40  # of a text that is refused, in a message
 
 
 def is_plain(text: str, longest: int = LONGEST) -> bool:
@@ -41,7 +42,7 @@ def cleaned(text: str) -> str:
     return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
 
 
-def shortened(text: str, longest: int = 40) -> str:
-    """A text in quotes as ASCII, for an error's sentence; truncated if long."""
-    shown = ascii(text[:longest])
-    return shown if len(text) <= longest and len(shown) <= longest + 2 else f"{shown[:longest]}..."
+def shortened(text: str) -> str:
+    """A text in quotes as ASCII, for an error's sentence; truncated if longer than `SHOWN`."""
+    shown = ascii(text[:SHOWN])
+    return shown if len(text) <= SHOWN and len(shown) <= SHOWN + 2 else f"{shown[:SHOWN]}..."

@@ -20,6 +20,7 @@ from runtime.table import Table
 KIND, VERSION = "expected readings", 2
 # prior readings of each node, evenly spread over all bins
 PRIOR = 20.0
+MOST_BINS = 1000  # of a node's readings; tables have fewer
 LIMIT = 1.5e4  # mean number of parts to a false alarm; the other charts have the rest
 CLIP = log(200.0)  # largest contribution of one part: a single outlier is no drift
 
@@ -36,8 +37,9 @@ class Expectation:
 
     def check(self, history: History) -> None:
         """Raises UsageError unless this belongs to the table of a history."""
-        nodes = len(history.table.nodes)
-        if history.table_sha256 not in ("", self.table_sha256) or len(self.shares[0]) != nodes:
+        table, planned = history.table, self.shares[0]
+        alike = len(planned) == len(table.nodes) and len(planned[0]) == table.gripper.bins
+        if history.table_sha256 not in ("", self.table_sha256) or not alike:
             raise UsageError(
                 "--expected is of another table than the journals; make it with plan-expect from theirs"
             )
@@ -110,6 +112,8 @@ def _checked(record: dict[str, Any]) -> Expectation:
 
 
 def _shares(node: dict[str, int], bins: int) -> tuple[float, ...]:
+    if bins > MOST_BINS:
+        raise ValueError(bins)
     filled = [0.0] * bins
     for number, times in node.items():
         if not (0 <= int(number) < bins and times >= 0):

@@ -1,10 +1,10 @@
 """The answer for a located part: its name, its pose, also of the drawing's datum, and where to take it."""
 
-from collections.abc import Mapping
 from math import degrees, radians
 from typing import NamedTuple
 
 from runtime.table import Pose2, Table, TableError, job_of, predicted_pose
+from runtime.table.embedded import parts_of
 from runtime.traversal.geometry import compose
 from runtime.traversal.results import PartResult
 
@@ -18,24 +18,18 @@ class PartFrames(NamedTuple):
     picks: dict[str, Pose2]
 
 
+NO_FRAMES = PartFrames(None, {})
+
+
 def frames_of(table: Table) -> tuple[PartFrames, ...]:
     """The frames of each part of a table's job; empty for a stripped or foreign job."""
+    count = max(1, len(table.hypotheses))
     try:
-        job = job_of(table) or {}
+        listed = parts_of(job_of(table) or {})
     except TableError:
-        job = {}
-    return tuple(frames_in(part_in(job, number)) for number in range(max(1, len(table.hypotheses))))
-
-
-def part_in(job: Mapping[str, object], hypothesis: int) -> object:
-    """The section `part` of one of a job's parts; None without it."""
-    entries = job.get("hypothesis")
-    if entries is None:
-        return job.get("part")
-    try:
-        return entries[hypothesis]["part"]  # type: ignore[index]
-    except (IndexError, KeyError, TypeError):
-        return None
+        listed = []
+    frames = tuple(frames_in(entry.get("part")) for entry in listed)
+    return frames if len(frames) == count else (NO_FRAMES,) * count
 
 
 def frames_in(part: object) -> PartFrames:
@@ -49,7 +43,7 @@ def frames_in(part: object) -> PartFrames:
             for name, pick in part.get("picks", {}).items()
         }
     except (AssertionError, AttributeError, TypeError, ValueError):
-        return PartFrames(None, {})
+        return NO_FRAMES
     return PartFrames(datum, picks)
 
 

@@ -31,10 +31,8 @@ class Parts(NamedTuple):
 
 def pages(table: Table, name: str, status: Status) -> Pages:
     """The pages of a run's server, by path with media type; `name` is that of the table's file."""
-    html, outlines = (
-        page(table, name).encode(),
-        parts(table).outlines,
-    )  # once, before anything moves
+    # Once, before anything moves.
+    html, outlines = page(table, name).encode(), parts(table).outlines
 
     def screen() -> bytes:
         seen = status.as_object()

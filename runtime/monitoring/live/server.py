@@ -114,11 +114,8 @@ class PageServer:
     """
 
     def __init__(self, address: Address, pages: Pages) -> None:
-        self._listener, self._pages, self._clock = (
-            listening(address, "--http"),
-            pages,
-            SystemClock(),
-        )
+        self._listener = listening(address, "--http")
+        self._pages, self._clock = pages, SystemClock()
         self.address = Address(address.host, int(self._listener.getsockname()[1]))
         self.local = is_loopback(address.host)
         self._clients: dict[socket.socket, threading.Thread] = {}  # open ones, the oldest first

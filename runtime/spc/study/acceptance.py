@@ -22,6 +22,7 @@ from runtime.spc.history import Part
 
 ERROR = 0.05  # probability that a verdict is ever wrong, at any number of looks
 POWER = 0.9  # probability of acceptance for which a number of parts is planned
+CONTAINED = 0.95  # probability with which a number of parts contains the readings asked for
 MOST_PARTS = 10_000_000
 LEFT_OUT = frozenset({"stopped", "aborted", ""})
 _SHAPE = 0.5
@@ -159,9 +160,9 @@ def planned(limit: float, expected: float | None) -> Planned:
     )
 
 
-def parts_for(readings: int, share: float, probability: float = 0.95) -> int | None:
-    """Number of parts that contain, with a probability, `readings` of a kind with this share."""
-    return _first(lambda count: binomial_at_most(readings - 1, count, share) <= 1.0 - probability)
+def parts_for(readings: int, share: float) -> int | None:
+    """Number of parts that contain, with probability `CONTAINED`, `readings` of a kind with this share."""
+    return _first(lambda count: binomial_at_most(readings - 1, count, share) <= 1.0 - CONTAINED)
 
 
 def _most(test: SequentialTest, count: int) -> int:

@@ -128,32 +128,27 @@ class Drivers:
             raise self.error
         return self.rig.gripper
 
-    def arm(self, url: str, *, read_only: bool):
-        assert read_only
-        if self.error is not None:
-            raise self.error
-        return self.rig.arm
-
     def scan(self, port: str):
         return iter(())
+
+
+def ran(words: str, drivers: Drivers) -> int:
+    return run(parser().parse_args(words.split()), drivers)
 
 
 def test_command_prints_each_finding_and_fails_if_one_is_bad(tmp_path, capsys):
     tree = tmp_path / "t.msgpack"
     dump(small_table(), tree)
-    given = parser().parse_args(["--port", "tcp://doctor:1", "--tree", str(tree)])
-    assert run(given, Drivers()) == 0
+    assert ran(f"--port tcp://doctor:1 --tree {tree}", Drivers()) == 0
     assert all(line.startswith("ok  ") for line in capsys.readouterr().out.splitlines())
-    given = parser().parse_args(["--port", "tcp://doctor:1", "--json"])
     with pytest.raises(CheckFailedError, match="1 thing to put right"):
-        run(given, Drivers(TimeoutError("silence")))
+        ran("--port tcp://doctor:1 --json", Drivers(TimeoutError("silence")))
     record = json.loads(capsys.readouterr().out)
     assert record["fit"] is False
     assert [finding["verdict"] for finding in record["findings"]] == ["bad"]
     assert record["findings"][0]["remedy"]
-    given = parser().parse_args(["--port", "tcp://doctor:1"])
     with pytest.raises(CheckFailedError):
-        run(given, Drivers(TimeoutError("silence")))
+        ran("--port tcp://doctor:1", Drivers(TimeoutError("silence")))
     assert "BAD  The gripper does not answer: silence. -> Check power" in capsys.readouterr().out
 
 
@@ -167,15 +162,14 @@ def test_command_prints_each_finding_and_fails_if_one_is_bad(tmp_path, capsys):
 )
 def test_serial_port_of_any_make_is_looked_at_before_it_is_opened(port, path, capsys):
     with pytest.raises(CheckFailedError):
-        run(parser().parse_args(["--port", port]), Drivers(AssertionError("opened")))
+        ran(f"--port {port}", Drivers(AssertionError("opened")))
     assert f"BAD  Port {path} does not exist" in capsys.readouterr().out
 
 
 def test_gripper_that_answers_as_another_is_not_called_silent(capsys):
     error = OSError("it opens to 120 mm, a dh-ag95 to 95 mm; correct the model, or the port")
-    given = parser().parse_args(["--port", "schunk://doctor:1", "--gripper", "dh-ag95"])
     with pytest.raises(CheckFailedError):
-        run(given, Drivers(error))
+        ran("--port schunk://doctor:1 --gripper dh-ag95", Drivers(error))
     line = "BAD  The gripper cannot be opened: it opens to 120 mm, a dh-ag95 to 95 mm. -> Correct the model"
     assert line in capsys.readouterr().out
 

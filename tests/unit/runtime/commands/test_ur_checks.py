@@ -42,6 +42,11 @@ def test_each_trap_is_named(addresses, ports, sentence, remedy):
     assert any(re.search(remedy, finding.remedy) for finding in results)
 
 
+@pytest.mark.parametrize("address", ["ur://ur:99999", "urcap://ur:x", "tcp://ur:99999"])
+def test_address_with_a_port_that_is_none_is_left_to_the_driver(address):
+    assert looked([address], E_SERIES) == []
+
+
 def test_two_urcaps_for_one_gripper_are_a_warning():
     *_, last = looked(["urcap://ur"], E_SERIES | {54321})
     assert (last.verdict, "two URCaps" in last.sentence) == (Verdict.WARNING, True)

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from runtime.devices.audit import AuditProcess, answer_of
+from runtime.devices.audit import AuditProcess
 from runtime.shell.errors import UsageError
 
 POSE = (1.0, 2.0, 0.5)
@@ -22,6 +22,12 @@ for line in sys.stdin:
     assert run == own or asked == {"part": 0}
     print(json.dumps({"verdict": "pass", "reason": "\\x1b[2J", "table_sha256": own}), flush=True)
 """,
+    "odd": """
+for line in sys.stdin:
+    print(json.dumps({"verdict": "maybe", "residual_x_mm": 0.25, "odd": [1], "no name": 1}), flush=True)
+""",
+    "no verdict": 'sys.stdin.readline(); print("{}", flush=True); sys.stdin.readline()',
+    "endless number": 'print(\'{"verdict": "pass", "a": Infinity}\', flush=True); sys.stdin.readline()',
     "nonsense": 'sys.stdin.readline(); print("nonsense", flush=True); sys.stdin.readline()',
     "list": 'sys.stdin.readline(); print("[1]", flush=True); sys.stdin.readline()',
     "gone": "",
@@ -37,43 +43,49 @@ for line in sys.stdin:
 }
 
 
-def verdict_of(auditor: AuditProcess, part: int, pose: tuple[float, float, float]) -> object:
-    return answer_of(auditor, part, pose)["verdict"]
-
-
 @pytest.fixture
 def auditor(request, tmp_path, monkeypatch):
     monkeypatch.setattr("runtime.devices.child.END_S", 0.05)  # some never end by themselves
     program = tmp_path / "auditor.py"
     program.write_text(f"import json, sys\n{ANSWERS[request.param]}\n")
-    with AuditProcess(f"{sys.executable} {program}", answer_s=5.0) as result:
+    with AuditProcess(f"{sys.executable} {program}") as result:
+        result._answer_s = 5.0
         yield result
 
 
 @pytest.mark.parametrize("auditor", ["pass"], indirect=True)
 def test_verdicts_come_back_part_by_part(auditor):
-    assert [verdict_of(auditor, part, POSE) for part in (1, 2, 3)] == ["pass", "fail", "pass"]
+    assert [auditor.judge(part, POSE)["verdict"] for part in (1, 2, 3)] == ["pass", "fail", "pass"]
 
 
-@pytest.mark.parametrize("auditor", ["nonsense", "list", "gone", "endless"], indirect=True)
+@pytest.mark.parametrize(
+    "auditor",
+    ["nonsense", "no verdict", "endless number", "list", "gone", "endless"],
+    indirect=True,
+)
 def test_whatever_else_it_says_is_unknown(auditor):
     auditor._answer_s = 1.0
-    assert verdict_of(auditor, 1, POSE) == "unknown"
+    assert auditor.judge(1, POSE)["verdict"] == "unknown"
+
+
+@pytest.mark.parametrize("auditor", ["odd"], indirect=True)
+def test_judge_keeps_the_plain_fields_of_an_answer(auditor):
+    assert auditor.judge(1, POSE) == {"verdict": "unknown", "residual_x_mm": 0.25}
 
 
 @pytest.mark.parametrize("auditor", ["gone"], indirect=True)
 def test_one_that_has_ended_is_said_to_have(auditor):
     auditor._process.wait(10.0)
     for part in (1, 2):
-        assert "auditor has ended" in str(answer_of(auditor, part, POSE)["reason"])
+        assert "auditor has ended" in str(auditor.judge(part, POSE)["reason"])
 
 
 @pytest.mark.parametrize("auditor", ["late"], indirect=True)
 def test_a_late_answer_is_not_taken_for_the_next_ones(auditor):
     auditor._answer_s = 0.2
-    assert verdict_of(auditor, 1, POSE) == "unknown"
+    assert auditor.judge(1, POSE)["verdict"] == "unknown"
     auditor._answer_s = 10.0
-    assert verdict_of(auditor, 2, POSE) == "pass"
+    assert auditor.judge(2, POSE)["verdict"] == "pass"
 
 
 @pytest.mark.parametrize("auditor", ["deaf"], indirect=True)
@@ -92,8 +104,8 @@ def test_a_program_that_cannot_be_started_is_usage(command):
 def test_an_auditor_of_another_table_is_refused(auditor):
     auditor._common = {"table_sha256": "ab" * 32}
     auditor.check()
-    assert verdict_of(auditor, 1, POSE) == "pass"
-    assert "reason" not in answer_of(auditor, 1, POSE)  # an escape sequence is no sentence
+    assert auditor.judge(1, POSE)["verdict"] == "pass"
+    assert "reason" not in auditor.judge(1, POSE)  # an escape sequence is no sentence
     auditor._common = {"table_sha256": "cd" * 32}
     with pytest.raises(
         UsageError, match=r"judges by another table, with the SHA-256 abab.*same --tree"

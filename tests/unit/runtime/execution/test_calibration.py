@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 from math import acos
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from fake_cell import FakeGripper, Log, State
 from sample_tables import GRIPPER
 
 from drivers.ports import GripperState, ObjectState, Settled
-from runtime.commands.calibrate import figures, parser, report, run
+from runtime.commands.calibrate import figures, measured, parser, report, run
 from runtime.errors import GripperStateError
 from runtime.execution import calibration
 from runtime.execution.calibration import Gauge, fit, load, residuals_mm, save
@@ -198,7 +199,7 @@ def test_without_a_terminal_nothing_is_moved(tmp_path, monkeypatch, capsys, held
     if held:
         gripper.now = State(object_flag=2, echo_counts=255, position_counts=174)
     with pytest.raises(UsageError, match="run it in a terminal"):
-        run(arguments(tmp_path, *more), lambda port, profile: gripper)
+        measured(arguments(tmp_path, *more), SimpleNamespace(gripper=lambda port, profile: gripper))
     assert said in capsys.readouterr().out
     assert (gripper.now.activated, gripper.log.named("move")) == (held, [])
     assert gripper.log.named("close")
@@ -216,7 +217,7 @@ def test_wrong_arguments_are_reported_before_anything_is_opened(tmp_path, wrong)
         raise AssertionError("the gripper was opened")
 
     with pytest.raises(UsageError, match=f"{wrong.partition('=')[0]}|cannot be written"):
-        run(arguments(tmp_path, wrong), opened)
+        measured(arguments(tmp_path, wrong), SimpleNamespace(gripper=opened))
     assert not list(tmp_path.iterdir())
 
 

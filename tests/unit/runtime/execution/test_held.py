@@ -84,8 +84,9 @@ def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried():
 
 
 def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded():
-    calls = len(_calls_of_a_putting_down())
-    for number in range(calls):
+    whole = holding()
+    session.put_down(small_table(), whole.cell, Quiet(), RunOptions())
+    for number in range(len(whole.log.calls)):
         rig = holding(Log(number, GripperStateError("something")))
         with pytest.raises(GripperStateError, match="something"):
             session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
@@ -95,9 +96,3 @@ def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded():
             "what may be fixed is never lifted"
         )
         assert rig.journal.kept[-1][1]["exit_code"] == 20
-
-
-def _calls_of_a_putting_down() -> list[object]:
-    rig = holding()
-    session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
-    return list(rig.log.calls)

@@ -46,24 +46,21 @@ def test_a_fault_ends_a_run():
     assert rig.journal.kinds()[-1] == "end"
 
 
-def test_only_permission_lets_an_inactive_gripper_sweep():
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        (State(activated=False), "not activated"),
+        (State(fault=0x0E), r"fault 0x0E.*start again with --activate"),
+    ],
+)
+def test_only_permission_lets_a_gripper_that_is_not_ready_sweep(state, said):
     rig = fake_cell([AT_21])
-    rig.gripper.now = State(activated=False)
-    with pytest.raises(GripperStateError, match="not activated"):
+    rig.gripper.now = state
+    with pytest.raises(GripperStateError, match=said):
         run(rig, None, Lines(small_table()))
     assert rig.log.named("activate") == []
     assert rig.journal.kept[-1][1]["exit_code"] == 20
     run(rig, None, Lines(small_table()), activate=True)
-    assert len(rig.log.named("activate")) == 1
-
-
-def test_permission_clears_a_fault():
-    rig = fake_cell([AT_21])
-    rig.gripper.now = State(fault=0x0E)
-    with pytest.raises(GripperStateError, match=r"fault 0x0E.*start again with --activate"):
-        session.prepare_gripper(rig.gripper, Lines(small_table()), activate=False)
-    assert rig.log.named("activate") == []
-    session.prepare_gripper(rig.gripper, Lines(small_table()), activate=True)
     assert len(rig.log.named("activate")) == 1
 
 

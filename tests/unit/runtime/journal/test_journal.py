@@ -1,7 +1,6 @@
 """The journal: chained, verified to the last byte, continued and never overwritten, loud on a full disk."""
 
 import base64
-import hashlib
 import itertools
 import json
 import os
@@ -13,6 +12,7 @@ import pytest
 from runtime.devices.clock import SystemClock
 from runtime.errors import JournalError
 from runtime.journal.chain import Journal, records, verify
+from runtime.shell.sealed_lines import sealed
 
 TABLE = b"the table's bytes"
 STAMP = SystemClock().stamp
@@ -220,19 +220,17 @@ def test_reserved_names_and_numbers_json_lacks_are_bugs(tmp_path):
             journal.record("squeeze", {"width_mm": float("nan")})
 
 
-def sealed(body: bytes) -> bytes:
-    """A line whose digest is right, whatever stands in it."""
-    return body[:-1] + b',"digest":"' + hashlib.sha256(body).hexdigest().encode() + b'"}\n'
-
-
 @pytest.mark.parametrize(
     ("line", "message"),
     [
         (b"not a record at all" * 20 + b"\n", "is no record of a journal"),
-        (sealed(b'{"seq":0,nonsense}'), "is not JSON"),
-        (sealed(b'{"kind":"part"}'), "lacks one of"),
-        (sealed(b'{"seq":0,"time":"now","kind":"part","previous":"x"}'), "does not follow"),
-        (sealed(b'{"seq":7,"time":"now","kind":"part","previous":"x"}'), "has sequence number 7"),
+        (sealed(b'{"seq":0,nonsense}')[0], "is not JSON"),
+        (sealed(b'{"kind":"part"}')[0], "lacks one of"),
+        (sealed(b'{"seq":0,"time":"now","kind":"part","previous":"x"}')[0], "does not follow"),
+        (
+            sealed(b'{"seq":7,"time":"now","kind":"part","previous":"x"}')[0],
+            "has sequence number 7",
+        ),
     ],
 )
 def test_a_line_with_a_digest_of_its_own_is_still_no_record(tmp_path, line, message):

@@ -75,6 +75,25 @@ def test_earlier_runs_of_the_shift_with_the_table_are_recalled(tmp_path):
     assert {loss["kind"] for loss in seen["losses"]} == {"unresolved", "reject"}
 
 
+HEADER = '{"kind":"header","table_sha256":"x"}\n'
+ENDED = '{"kind":"outcome","time":"9999-01-01"}\n'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[1]\n",
+        f'{HEADER}{{"kind":"outcome"}}\n',
+        HEADER + ENDED.replace("9999", "now"),
+        HEADER + ENDED,
+    ],
+)
+def test_journal_that_is_none_is_not_recalled(text, shift, tmp_path):
+    (tmp_path / "j.jsonl").write_text(text)
+    shift.recall(tmp_path / "j.jsonl", "x")
+    assert shift.as_object()["parts"] == 0
+
+
 @pytest.mark.parametrize("text", ["", "24", "6,,14", "-1", "6;14", "six"])
 def test_hours_that_are_none_are_refused_in_one_line(text, capsys):
     with pytest.raises(SystemExit):

@@ -10,12 +10,6 @@ from runtime.shell import files
 from runtime.shell.files import OutputError, usable, writing
 
 
-def write(path: Path, text: str) -> None:
-    with writing(path) as draft:
-        assert draft.name.endswith(path.suffix), "some writers go by it"
-        draft.write_text(text)
-
-
 @pytest.mark.parametrize("mode", [None, 0o600, 0o640, 0o666, 0o444 | 0o200])
 def test_it_keeps_the_mode_of_the_file_whose_place_it_takes(tmp_path, mode):
     """What is private stays so, from the first byte on; a new file has what the umask leaves."""
@@ -27,6 +21,7 @@ def test_it_keeps_the_mode_of_the_file_whose_place_it_takes(tmp_path, mode):
     try:
         with writing(path) as draft:
             drafted = draft.stat().st_mode & 0o777
+            assert draft.suffix == path.suffix  # some writers go by it
             draft.write_text("new")
     finally:
         os.umask(before)
@@ -68,8 +63,8 @@ def test_a_planted_link_in_the_drafts_place_is_not_followed(tmp_path, monkeypatc
     victim, link = tmp_path / "victim", tmp_path / ".t.00000000.json"
     victim.write_text("precious")
     link.symlink_to(victim)
-    with pytest.raises(OutputError, match="File exists"):
-        write(tmp_path / "t.json", "new")
+    with pytest.raises(OutputError, match="File exists"), writing(tmp_path / "t.json"):
+        pass
     assert victim.read_text() == "precious"
     assert link.readlink() == victim
     assert not (tmp_path / "t.json").exists()

@@ -79,6 +79,7 @@ WORLD = {"name": "a", "readings": [{}]}
     [
         {"kind": "expectations"},
         {"version": 1},
+        {"bins": 10**12},
         {"worlds": 3},
         {"worlds": [WORLD]},
         *({"worlds": [WORLD | {"readings": [row]}, WORLD]} for row in ({"300": 1}, {"3": -1})),
@@ -99,8 +100,11 @@ def test_file_that_is_none(tmp_path):
         load(tmp_path / "text")
 
 
-def test_expectation_of_another_table_is_refused(expected):
+def test_expectation_of_another_table_is_refused(expected, output, tmp_path):
     parts = tuple(drawn(TABLE, 2, np.random.default_rng(6)))
     assert watch(History(TABLE, parts, DIGEST), expected) == []
     with pytest.raises(UsageError, match="another table"):
         watch(History(TABLE, parts, "1" * 64), expected)
+    (tmp_path / "e.json").write_text(json.dumps(output | {"bins": TABLE.gripper.bins + 1}))
+    with pytest.raises(UsageError, match="another table"):
+        watch(History(TABLE, parts, DIGEST), load(tmp_path / "e.json"))

@@ -55,10 +55,23 @@ def widths_of(node: Node) -> list[int]:
     return sorted({max(place + off, 0) for place in places for off in (-300, -1, 0, 1)})
 
 
-@pytest.mark.parametrize("table", TABLES, ids=["small", "every field", "random", "120 nodes"])
-def test_decide_at_every_node_width_and_flag_follows_the_rule(table):
-    for node in table.nodes:
-        decided = decision_map(node, table.gripper)
+OVERLAPPING = (
+    node_of((20_000, 22_000, 30_000), (21_000, 28_000, 40_000)),
+    node_of((20_000, 22_000, 60_000), (21_000, 28_000, 29_000)),  # one inside the other
+    node_of((20_000, 21_000, 50_000), (21_000, 30_000, 45_000), (22_000, 44_000, 70_000)),
+    node_of((5_000, 6_000, 7_000), (5_000, 6_374, 7_000), (5_000, 6_748, 7_000)),
+    node_of((0, 85_000, 85_000)),
+)
+
+
+@pytest.mark.parametrize(
+    "nodes",
+    [*(table.nodes for table in TABLES), OVERLAPPING],
+    ids=["small", "every field", "random", "120 nodes", "overlapping"],
+)
+def test_decide_at_every_node_width_and_flag_follows_the_rule(nodes):
+    for node in nodes:
+        decided = decision_map(node, GRIPPER)
         for width in widths_of(node):
             for flag in (False, True):
                 assert decide(decided, width, flag) == slow_decision(node, width, flag)
@@ -105,22 +118,6 @@ def test_a_grip_is_of_two_millimetres_or_reaches_down_to_no_jaws_that_met_and_ma
         assert decide(decided, at, felt=False) == 0
     wide = decision_map(node_of((2_000, 6_000, 10_000)), GRIPPER)
     assert [decide(wide, width, False) for width in (5_000, 5_001)] == [0, REJECT]
-
-
-@pytest.mark.parametrize(
-    "node",
-    [
-        node_of((20_000, 22_000, 30_000), (21_000, 28_000, 40_000)),
-        node_of((20_000, 22_000, 60_000), (21_000, 28_000, 29_000)),  # one inside the other
-        node_of((20_000, 21_000, 50_000), (21_000, 30_000, 45_000), (22_000, 44_000, 70_000)),
-        node_of((5_000, 6_000, 7_000), (5_000, 6_374, 7_000), (5_000, 6_748, 7_000)),
-        node_of((0, 85_000, 85_000)),
-    ],
-)
-def test_overlapping_and_nested_intervals_follow_the_rule(node):
-    decided = decision_map(node, GRIPPER)
-    for width in widths_of(node):
-        assert decide(decided, width, felt=True) == slow_decision(node, width, True)
 
 
 def test_counted_widths_are_robotiqs_line():

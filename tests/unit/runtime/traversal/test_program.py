@@ -6,7 +6,6 @@ import pytest
 from sample_tables import random_table, small_table
 
 from drivers.ports import ObjectState
-from runtime.errors import GripperStateError
 from runtime.table import Calibration, Place, Table, decision_map
 from runtime.traversal.decision import Policy, TraversalState
 from runtime.traversal.program import (
@@ -102,9 +101,3 @@ def test_part_any_branch_leads_where_the_table_says(seed: int) -> None:
             release = released(requests, next(requests), held(low_um))
             assert release.step.target == node.branches[number].target
             assert (release.point is None) == (node.release_point(number) is None)
-
-
-def test_part_contradicting_reading_is_refused() -> None:
-    requests = program().part(1)
-    with pytest.raises(GripperStateError, match="after a closing motion"):
-        released(requests, next(requests), Reading(21_000, ObjectState.OPENING))
