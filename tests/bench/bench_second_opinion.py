@@ -7,7 +7,6 @@ squeezes of the trials are made again in the contact world: nominally, and 20 ti
 figures and writes `results/second_opinion.json` beside this file, part by part: what is there is kept.
 """
 
-import json
 import platform
 import time
 from typing import Any
@@ -94,8 +93,7 @@ def main() -> None:
     options = parser.parse_args()
     for part in options.parts:
         row = bench(part, options.trials)
-        rows = json.loads(RESULTS.read_text())["rows"] if RESULTS.exists() else []
-        others = [old for old in rows if old["part"] != part]
+        others = [old for old in RESULTS.read({"rows": []})["rows"] if old["part"] != part]
         rows = sorted([*others, row], key=lambda row: row["part"])
         record = {"machine": platform.platform(), "rows": rows}
         RESULTS.write(record)

@@ -9,7 +9,6 @@ problem, with no compliance. All worlds squeeze the same random poses with the m
 Prints figures and writes `results/third_opinion.json` beside this file, part by part.
 """
 
-import json
 import math
 from itertools import product
 from typing import Any
@@ -26,7 +25,7 @@ from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
 from planner.part.outline import area, radius_of_gyration, simplified
 
-RESULTS = second.RESULTS.with_name("third_opinion.json")
+RESULTS = harness.Kept("third_opinion")
 PARTS = ("kite", "ratchet", "hook-jaw")
 TIMESTEP_S = 2.5e-4
 CREEP_MM_S = 1.0  # A foot that is slower has less friction, in proportion
@@ -217,7 +216,7 @@ def main() -> None:
     for part in options.parts:
         rows.append(bench(part, options.squeezes))
         harness.show(rows[-1])
-        RESULTS.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        RESULTS.write(rows)
 
 
 if __name__ == "__main__":
