@@ -117,19 +117,16 @@ def test_a_controller_whose_wrist_is_at_its_end_halts_without_a_word():
 
 
 def test_an_interrupted_move_is_waited_for_before_the_next_command(rig):
-    class Interrupted(BaseException):
-        pass
-
     with rig.open() as arm:
         arm.move_linear(0.0, 0.0, 99.0, 0.0, 20.0)
         receive = arm._stream.receive
 
         def interrupt(seconds):
             arm._stream.receive = receive
-            raise Interrupted
+            raise KeyboardInterrupt
 
         arm._stream.receive = interrupt
-        with pytest.raises(Interrupted):
+        with pytest.raises(KeyboardInterrupt):
             arm.move_linear(100.0, 0.0, 100.0, 0.0, 20.0)
         assert arm.pose().x_mm == pytest.approx(100.0)
 
