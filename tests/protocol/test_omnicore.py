@@ -96,19 +96,16 @@ def test_a_program_that_stops_on_the_way_is_no_arrival(basic):
 
 @pytest.mark.parametrize("when", ["sq_started", "sq_done"])
 def test_an_interrupted_motion_is_stopped(basic, when):
-    class Interrupted(BaseException):
-        pass
-
     with basic.open() as arm:
         wait = arm._await
 
         def interrupted(name, *rest):
             if name == when:
-                raise Interrupted
+                raise KeyboardInterrupt
             wait(name, *rest)
 
         arm._await = interrupted
-        with pytest.raises(Interrupted):
+        with pytest.raises(KeyboardInterrupt):
             arm.move_linear(*TARGET, 2.0)
         assert not basic.model.running
         here = basic.truth()

@@ -23,11 +23,12 @@ from runtime.table import PROFILES
 class Part(Surroundings):
     """Something between the fingers, or nothing; counts what happened to it."""
 
-    def __init__(self):
-        self.width_mm = None
-        self.grips = self.releases = 0
+    def __init__(self, width_mm=None):
+        self.width_mm = width_mm
+        self.asked = self.grips = self.releases = 0
 
     def closing(self):
+        self.asked += 1
         return self.width_mm
 
     def gripped(self):
