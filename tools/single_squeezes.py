@@ -24,9 +24,8 @@ MU = 0.5
 STATES = ((canvas.BLACK, "before"), (canvas.GREY, "on the way"), (canvas.RED, "at the end"))
 
 SQUEEZES = 8000  # rolled out for the subspaces of Fig. 4
-SPREAD_MM = (
-    20.0  # half the side of the square that their centres start in: enough for some to be missed
-)
+# Half the side of the square that their centres start in: enough for some to be missed.
+SPREAD_MM = 20.0
 SEED = 4
 
 
