@@ -133,9 +133,8 @@ def test_open_abbs_own_formats(cell):
     assert robot.ask("09", "0", "+05.0000", "+08.0000", "+00.8000") == "9 1 "
     assert robot.ask("01", *robot.pose(20.04, -10, 90, 0, 1, 0, 0)) == "1 1 "
     pose = [float(text) for text in robot.ask("03").split(" ")]
-    assert pose[2:5] == pytest.approx(
-        [20.0, -10.0, 90.0], abs=5.0
-    )  # a fly-by point may be under way
+    # A fly-by point may be under way.
+    assert pose[2:5] == pytest.approx([20.0, -10.0, 90.0], abs=5.0)
     joints = [float(text) for text in robot.ask("04").split(" ")][2:8]
     assert len(joints) == 6
     assert robot.ask("02", *(f"{angle:+08.2f}" for angle in joints)) == "2 1 "

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from arm_rigs import OmniCoreRig, certificate
+from impostor import Impostor
 
 import drivers.abb
 from drivers import connect
@@ -191,22 +192,11 @@ def test_a_controller_without_our_module_or_with_another_is_reported(basic):
 @pytest.mark.parametrize("bytes_sent", [b"", b"220 ftp ready\r\n", b"HTTP/1.1 200 OK\r\n\r\n"])
 def test_who_is_no_controller_is_reported(bytes_sent, monkeypatch):
     monkeypatch.setattr(rws, "ANSWER_S", 0.3)
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        held = []
-
-        def serve():
-            for _ in range(2):
-                client, _ = server.accept()
-                held.append(client)
-                client.sendall(bytes_sent)
-
-        thread = threading.Thread(target=serve)
-        thread.start()
-        with pytest.raises(ArmError, match="no answer to GET"):
-            connect.arm(f"omnicore://127.0.0.1:{server.getsockname()[1]}")
-        thread.join()
-        for client in held:
-            client.close()
+    with (
+        contextlib.closing(Impostor(greeting=bytes_sent)) as impostor,
+        pytest.raises(ArmError, match="no answer to GET"),
+    ):
+        connect.arm(f"omnicore://{impostor.address}")
 
 
 @pytest.mark.parametrize("body", ["", "[]", "{}", '{"state": []}', '{"state": [1]}', "<html>"])

@@ -1,16 +1,17 @@
 """The UR driver and its simulated controller: faults on the way, and ur_rtde's own clients."""
 
+import contextlib
 import json
 import math
 import os
 import random
 import socket
 import sys
-import threading
 import time
 
 import pytest
 from arm_rigs import BASE, Ur
+from impostor import Impostor
 from lines import Line
 from programs import ended
 from waiting import until
@@ -143,21 +144,11 @@ def test_a_slow_slider_stretches_the_deadline(rig):
 )
 def test_who_is_no_ur_controller_is_reported(greeting, monkeypatch):
     monkeypatch.setattr(rtde, "ANSWER_S", 0.2)
-    with socket.create_server(("127.0.0.1", 0)) as server:
-
-        def serve():
-            client, _ = server.accept()
-            with client:
-                client.sendall(greeting)
-                client.settimeout(1.0)
-                while client.recv(100):
-                    pass
-
-        thread = threading.Thread(target=serve)
-        thread.start()
-        with pytest.raises(ArmError, match="RTDE"):
-            connect.arm(f"ur://127.0.0.1:{server.getsockname()[1]}")
-        thread.join()
+    with (
+        contextlib.closing(Impostor(greeting=greeting)) as impostor,
+        pytest.raises(ArmError, match="RTDE"),
+    ):
+        connect.arm(f"ur://{impostor.address}")
 
 
 @pytest.mark.parametrize("turn", [0.0, 1e-9, 0.4, 3.0, -3.1, math.pi])
