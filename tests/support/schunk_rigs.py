@@ -10,8 +10,7 @@ from drivers.schunk.gripper import Gripper
 from drivers.schunk.link import SchunkLink
 from drivers.schunk.registers import UNIT
 from drivers.sim.devices.jaws import Surroundings
-from drivers.sim.devices.schunk import SILENCE_S, SchunkModel
-from drivers.sim.devices.schunk_registers import SchunkRegisters
+from drivers.sim.devices.schunk import SILENCE_S, SchunkModel, SchunkRegisters
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import GripperPort
 from drivers.sim.wire.line import CleanLine
