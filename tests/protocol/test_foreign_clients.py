@@ -41,14 +41,9 @@ def master(cell, kind):
         )
         return client, 9, 1000, 2000
     host, port = address(cell.endpoints["gripper_tcp" if kind == "tcp" else "gripper_rtu_tcp"])
-    if kind == "tcp":
-        return ModbusTcpClient(host, port=port, timeout=0.2, retries=0), 2, 0, 0
-    return (
-        ModbusTcpClient(host, port=port, framer=FramerType.RTU, timeout=0.2, retries=0),
-        9,
-        1000,
-        2000,
-    )
+    framer = FramerType.SOCKET if kind == "tcp" else FramerType.RTU
+    client = ModbusTcpClient(host, port=port, framer=framer, timeout=0.2, retries=0)
+    return (client, 2, 0, 0) if kind == "tcp" else (client, 9, 1000, 2000)
 
 
 def seen_by(read, done):

@@ -17,7 +17,7 @@ from impostor import Impostor
 import drivers.abb
 from drivers import connect
 from drivers.abb import rws
-from drivers.abb.codec import Pose
+from drivers.abb.codec import IDENTITY
 from drivers.clock import Clock, Pace
 from drivers.errors import ArmError
 
@@ -127,10 +127,7 @@ def test_the_controllers_own_limit_holds_and_the_deadline_ends_what_it_stretches
 
 
 def test_frames_go_to_the_controller(basic):
-    tool, table = (
-        Pose(0.0, 0.0, 150.0, (1.0, 0.0, 0.0, 0.0)),
-        Pose(10.0, 20.0, 5.0, (1.0, 0.0, 0.0, 0.0)),
-    )
+    tool, table = IDENTITY._replace(z_mm=150.0), IDENTITY._replace(x_mm=10.0, y_mm=20.0, z_mm=5.0)
     with basic.open(tool=tool, work_object=table) as arm:
         arm.move_linear(0.0, 0.0, 100.0, 0.3, 400.0)
         assert arm.pose() == pytest.approx((0.0, 0.0, 100.0, 0.3), abs=1e-4)
@@ -206,12 +203,13 @@ def test_answers_that_are_not_understood_are_errors(body):
 
 
 def test_an_answer_after_a_timeout_is_not_taken_for_a_later_ones(basic, monkeypatch):
-    monkeypatch.setattr(rws, "ANSWER_S", 0.2)
     session = rws.Rws("127.0.0.1", basic.server.port, Pace(Clock()))
     assert session.state("/rw/panel/opmode")[0]["opmode"] == "AUTO"
     first, basic.server.silent = basic.server.silent, lambda: time.sleep(0.5)
-    with pytest.raises(rws.RwsError, match="no answer to GET"):
-        session.state("/rw/panel/opmode")
+    with monkeypatch.context() as impatient:
+        impatient.setattr(rws, "ANSWER_S", 0.2)
+        with pytest.raises(rws.RwsError, match="no answer to GET"):
+            session.state("/rw/panel/opmode")
     basic.server.silent = first
     assert session.state("/rw/panel/ctrl-state")[0]["ctrlstate"] == "motoron"
     session.close()
@@ -233,17 +231,8 @@ def test_the_rapid_program_forgets_old_requests_and_tells_in_order():
     before, loop = body.split("WHILE TRUE DO")
     assert {"sq_started:=sq_request;", "sq_done:=sq_request;"} <= set(before.split())
     assert "Move" not in before
-    order = [
-        loop.index(word)
-        for word in (
-            "WaitUntil",
-            "sq_target.trans",
-            "sq_fastest",
-            "sq_started:=",
-            "MoveL",
-            "sq_done:=",
-        )
-    ]
+    words = ("WaitUntil", "sq_target.trans", "sq_fastest", "sq_started:=", "MoveL", "sq_done:=")
+    order = [loop.index(word) for word in words]
     assert order == sorted(order)
     assert ",fine," in loop
 
