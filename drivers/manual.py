@@ -142,9 +142,7 @@ class ManualArm:
     def _confirm(self, sentence: str, seconds: float = ANSWER_S) -> None:
         try:
             PERSON.ask(sentence, seconds)
-        except (
-            BaseException
-        ) as error:  # a stop request, too: nobody confirmed the place of the hand
+        except BaseException as error:  # a stop request, too: nobody confirmed the hand's place
             self._unknown = str(error) or "the run was stopped"
             if isinstance(error, EOFError | TimeoutError):
                 raise ArmError(f"arm lost, state unknown since {error}") from error

@@ -55,15 +55,8 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
         label, colour = METHODS[method]
         _bars(axes, at, values, width, colour, f"{label}, in simulation")
         bounds = 100.0 * np.array([row["within_ci95"] for _, row in shown]).reshape(-1, 2)
-        axes.errorbar(
-            at,
-            values,
-            np.abs(bounds.T - values),
-            fmt="none",
-            ecolor=canvas.BLACK,
-            elinewidth=0.8,
-            capsize=1.5,
-        )
+        style = {"fmt": "none", "ecolor": canvas.BLACK, "elinewidth": 0.8, "capsize": 1.5}
+        axes.errorbar(at, values, np.abs(bounds.T - values), **style)
     ticks = [
         f"{name}\n{row['part'].split('-')[0]}\n{radii_mm[row['part']]:g} mm\n{row['materials']}"
         for name, row in first.items()

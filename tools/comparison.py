@@ -32,12 +32,10 @@ class Row(NamedTuple):
     part: str  # folder of `trees/`
     materials: str = ""  # of finger and part, for people
     paper: float | None = None  # success rate that the paper reports; None without one
-    job: tuple[
-        str, ...
-    ] = ()  # values of the job that differ from the file, each as "section.key=value"
-    world: tuple[
-        str, ...
-    ] = ()  # values that differ in the evaluation's world, which the planner does not know
+    # Values of the job that differ from the file, each as "section.key=value".
+    job: tuple[str, ...] = ()
+    # Values that differ in the evaluation's world, which the planner does not know.
+    world: tuple[str, ...] = ()
 
 
 class Method(NamedTuple):
@@ -62,17 +60,11 @@ METHODS = {
 def table_rows(trees: Path) -> list[Row]:
     """The rows of the paper's Table I, from `table1.toml`."""
     document = tomllib.loads((trees / "table1.toml").read_text())
-    return [
-        Row(
-            row["experiment"],
-            row["part"],
-            row["materials"],
-            row["paper"],
-            tuple(row.get("job", ())),
-            tuple(row.get("world", ())),
-        )
-        for row in document["row"]
-    ]
+    rows = []
+    for row in document["row"]:
+        job, world = (tuple(row.get(name, ())) for name in ("job", "world"))
+        rows.append(Row(row["experiment"], row["part"], row["materials"], row["paper"], job, world))
+    return rows
 
 
 def zoo_rows(trees: Path) -> list[Row]:
@@ -91,22 +83,16 @@ def run(row: Row, method: Method, trees: Path, trials: int, workers: int | None 
         counts, whose robot predicts a pose at every leaf. Without a plan, `no_plan` says why.
     """
     job = job_file.load(trees / row.part / "job.toml", changes_of((*row.job, *method.job)))
-    figures: Figures = {
-        "row": row.name,
-        "part": row.part,
-        "materials": row.materials,
-        "paper": row.paper,
-    }
-    figures["method"] = method.name
+    figures: Figures = {"row": row.name, "part": row.part, "materials": row.materials}
+    figures |= {"paper": row.paper, "method": method.name}
     started = perf_counter()
     try:
         plan = compile_job(job, workers=workers, trials=trials)
     except NoPlanError as error:
         return {**figures, "compile_seconds": perf_counter() - started, "no_plan": str(error)}
     figures["compile_seconds"] = perf_counter() - started
-    world = ContactWorld(
-        job.replaced(f"the world of {row.name}", **changes_of(row.world)), SEED_WORLD, workers
-    )
+    real = job.replaced(f"the world of {row.name}", **changes_of(row.world))
+    world = ContactWorld(real, SEED_WORLD, workers)
     evaluation = evaluate(plan.table, job, world, trials, SEED_TRIALS)
     within = int(np.sum(evaluation.within))
     return {
@@ -145,10 +131,8 @@ def markdown(results: Sequence[Figures]) -> str:
     lines = [[COLUMNS[k][0] for k in shown], ["---"] * len(shown)]
     lines += [[row[k] for k in shown] for row in cells]
     notes = [f"{f['row']}, {f['method']}: {f['no_plan']}" for f in results if "no_plan" in f]
-    return (
-        "\n".join(["| " + " | ".join(line) + " |" for line in lines] + [""] * bool(notes) + notes)
-        + "\n"
-    )
+    text = ["| " + " | ".join(line) + " |" for line in lines] + [""] * bool(notes) + notes
+    return "\n".join(text) + "\n"
 
 
 def _cell(make: Callable[[Figures], str], figures: Figures) -> str:

@@ -108,8 +108,9 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
         begun, opening = k * each_s, table.nodes[squeeze.node].squeeze.opening_um / 1e3
         closing = begun + ARRIVE_S + np.linspace(0.0, CLOSE_S, CLOSING)
         moving += [(begun, squeeze.states[0]), *zip(closing.tolist(), squeeze.states, strict=True)]
-        shut = float(closing[-1]) + READ_S
-        times = [0.0, begun, *closing.tolist(), shut, shut + OPEN_S, total_s]
+        shut_s = float(closing[-1])
+        opens_s = shut_s + READ_S
+        times = [0.0, begun, *closing.tolist(), opens_s, opens_s + OPEN_S, total_s]
         seen = squeeze.states[:, 3].tolist()
         widths = [opening, opening, *seen, seen[-1], opening, opening]
         hands.append(
@@ -117,21 +118,13 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
                 "pose": squeeze.hand,
                 "upper": Track(times, [f"{0.5 * w:.2f}" for w in widths]),
                 "lower": Track(times, [f"{-0.5 * w:.2f}" for w in widths]),
-                "seen": _seen(begun, begun + ARRIVE_S, shut, shut + OPEN_S, total_s),
-                "told": _seen(
-                    float(closing[-1]), float(closing[-1]) + 0.2, total_s - 0.3, total_s, total_s
-                ),
+                "seen": _seen(begun, begun + ARRIVE_S, opens_s, opens_s + OPEN_S, total_s),
+                "told": _seen(shut_s, shut_s + 0.2, total_s - 0.3, total_s, total_s),
                 "angle": math.degrees(squeeze.hand[2]),
                 "width": squeeze.reading_um / 1e3,
                 "belief": _belief(beliefs.visits[squeeze.node].before),
                 "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
-                "believed": _seen(
-                    max(begun - 0.3, 0.0),
-                    begun,
-                    float(closing[-1]),
-                    float(closing[-1]) + 0.6,
-                    total_s,
-                ),
+                "believed": _seen(max(begun - 0.3, 0.0), begun, shut_s, shut_s + 0.6, total_s),
             }
         )
     end_s = total_s - END_S

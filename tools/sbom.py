@@ -47,7 +47,7 @@ def read(path: Path) -> Wheel:
     except (zipfile.BadZipFile, ValueError) as error:
         raise ValueError(f"{path.name} is no wheel; run tools/wheel again") from error
     name, version = canonicalize_name(metadata["Name"]), metadata["Version"]
-    licence = licence_of(metadata)
+    licence, digest = licence_of(metadata), hashlib.sha256(path.read_bytes()).hexdigest()
     component = Component(
         type=ComponentType.APPLICATION if name == ROOT else ComponentType.LIBRARY,
         bom_ref=f"pkg:pypi/{name}@{version}",
@@ -55,11 +55,7 @@ def read(path: Path) -> Wheel:
         version=version,
         purl=PackageURL("pypi", name=name, version=version),
         description=metadata["Summary"],
-        hashes=[
-            HashType(
-                alg=HashAlgorithm.SHA_256, content=hashlib.sha256(path.read_bytes()).hexdigest()
-            )
-        ],
+        hashes=[HashType(alg=HashAlgorithm.SHA_256, content=digest)],
         licenses=[LicenseFactory().make_from_string(licence)] if licence else [],
     )
     return Wheel(component, tuple(_needs(metadata.get_all("Requires-Dist", []))))

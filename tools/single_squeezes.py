@@ -24,9 +24,8 @@ MU = 0.5
 STATES = ((canvas.BLACK, "before"), (canvas.GREY, "on the way"), (canvas.RED, "at the end"))
 
 SQUEEZES = 8000  # rolled out for the subspaces of Fig. 4
-SPREAD_MM = (
-    20.0  # half the side of the square that their centres start in: enough for some to be missed
-)
+# Half the side of the square that their centres start in: enough for some to be missed.
+SPREAD_MM = 20.0
 SEED = 4
 
 
@@ -47,17 +46,9 @@ def squeezes(job: Job) -> Figure:
             f"({chr(97 + k)}) {end}\nwidth {trace.states[-1, 3]:.1f} mm", fontsize=FONT, pad=4.0
         )
     signs = [Line2D([], [], color=color, label=name) for color, name in STATES]
-    centre = Line2D(
-        [],
-        [],
-        color=canvas.BLUE,
-        marker="+",
-        linestyle="none",
-        label="centre of mass, every 1.5 mm",
-    )
-    result.legend(
-        handles=[*signs, centre], loc="outside upper center", ncols=4, frameon=False, fontsize=FONT
-    )
+    style = {"color": canvas.BLUE, "marker": "+", "linestyle": "none"}
+    signs.append(Line2D([], [], label="centre of mass, every 1.5 mm", **style))
+    result.legend(handles=signs, loc="outside upper center", ncols=4, frameon=False, fontsize=FONT)
     return result
 
 

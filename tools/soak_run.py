@@ -41,10 +41,8 @@ SUMMED = (
     "simulated_s",
 )
 WATCHDOG_S = 90.0  # tools/systemd/squeezetree@.service
-SQUEEZE_S, PART_S = (
-    30.0,
-    60.0,
-)  # beyond the executor's deadline of a squeeze, and for the safe sequence
+# Beyond the executor's deadline of a squeeze, and for the safe sequence.
+SQUEEZE_S, PART_S = 30.0, 60.0
 
 # Faults by which the pose or the part contradicts the readings, so that fingers may come down on
 # it.

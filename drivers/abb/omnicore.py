@@ -9,8 +9,7 @@ import math
 import secrets
 
 from drivers.abb import codec
-from drivers.abb.codec import IDENTITY, Pose, ProtocolError
-from drivers.abb.kinematics import compose, invert
+from drivers.abb.codec import Pose, ProtocolError
 from drivers.abb.reach import Setup, setup_of, within_sphere
 from drivers.abb.rws import Rws, RwsError, State
 from drivers.abb.upright import Motion, UprightArm
@@ -49,8 +48,6 @@ class Arm(UprightArm):
         super().__init__(endpoint, setup, within_sphere(setup))
         self._rws = rws
         self._pace = pace
-        # in the base frame
-        self._table = compose(invert(setup.base or IDENTITY), setup.work_object)
         self._moves = secrets.randbelow(MOST_NUMBER)  # no number of an earlier client
         try:
             version = self._symbol("sq_version")
@@ -75,8 +72,7 @@ class Arm(UprightArm):
         if abs(length - 1.0) > 0.01:
             raise ProtocolError(f"a quaternion of length {length:.3f}")
         q1, q2, q3, q4 = (part / length for part in turn)
-        flange = Pose(x, y, z, (q1, q2, q3, q4))
-        return compose(invert(self._table), compose(flange, self._setup.tool))
+        return self._setup.hand_at(Pose(x, y, z, (q1, q2, q3, q4)))
 
     def _read_last_axis(self) -> float:
         seen = self._look(f"{MECHANICS}/jointtarget")

@@ -36,6 +36,15 @@ class Setup(NamedTuple):
     # sends no setting and refuses every command; poses are then in the frames of the server
     read_only: bool = False
 
+    @property
+    def table(self) -> Pose:
+        """The table's frame in the arm's base frame; in its world frame where the base is unknown."""
+        return compose(invert(self.base or IDENTITY), self.work_object)
+
+    def hand_at(self, flange: Pose) -> Pose:
+        """Pose of the hand on the table for a pose of the flange in the base frame."""
+        return compose(invert(self.table), compose(flange, self.tool))
+
 
 def setup_of(url: str, *, read_only: bool) -> Setup:
     """The setup in an address after its `?`.
@@ -88,12 +97,11 @@ def obstacle(
             return f"outside the work area {_text(low)} to {_text(high)} mm"
     if setup.base is None:
         return ""
-    to_base = compose(invert(setup.base), setup.work_object)
-    from_tool = invert(setup.tool)
+    table, from_tool = setup.table, invert(setup.tool)
     points = max(math.ceil(math.dist(start[:3], target[:3]) / STEP_MM), 1)
     for number in range(points, 0, -1):
         tip = kinematics.between(start, target, number / points)
-        if not reaches(compose(compose(to_base, tip), from_tool)):
+        if not reaches(compose(compose(table, tip), from_tool)):
             return f"out of the arm's reach at {_text(tip[:3])} mm"
     return ""
 
@@ -126,9 +134,7 @@ class Wrist(NamedTuple):
 
 def _bearing(x_mm: float, y_mm: float, setup: Setup) -> float:
     """Direction of axis 1 for a place of the hand, rad; the tool lies on the last axis, which points down."""
-    assert setup.base is not None
-    place = Pose(x_mm, y_mm, 0.0, IDENTITY.rotation)
-    seen = compose(compose(invert(setup.base), setup.work_object), place)
+    seen = compose(setup.table, Pose(x_mm, y_mm, 0.0, IDENTITY.rotation))
     return math.atan2(seen.y_mm, seen.x_mm)
 
 

@@ -1,8 +1,10 @@
 """One Modbus connection to a gripper: transactions, one after the other, each with a deadline."""
 
+import struct
 from typing import NamedTuple
 
 from pymodbus.pdu import ModbusPDU
+from pymodbus.pdu.register_message import WriteMultipleRegistersRequest
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout
@@ -97,6 +99,19 @@ class Master(StreamLink):
         if reply.isError():
             raise self._refused(request, reply.exception_code)
         return reply
+
+    def _read_data(self, request: ModbusPDU) -> bytes:
+        """The registers that a request reads, high byte first; LinkTimeout where they are too old."""
+        registers = self.transact(request).registers
+        self._check_in_time()
+        return struct.pack(f">{len(registers)}H", *registers)
+
+    def _write_data(self, unit: int, address: int, data: bytes) -> None:
+        """Writes registers from an address on, once."""
+        registers = [*struct.unpack(f">{len(data) // 2}H", data)]
+        self.transact(
+            WriteMultipleRegistersRequest(address=address, registers=registers, dev_id=unit)
+        )
 
     def _refused(self, request: ModbusPDU, code: int) -> LinkError:
         """The error for a refusal; a temporary one is a timeout: reads are then repeated, writes checked."""

@@ -1,14 +1,9 @@
-"""The register blocks of a Robotiq gripper as Modbus requests."""
+"""Where the register blocks of a Robotiq gripper are on Modbus, and the request that reads them."""
 
-import struct
 from typing import NamedTuple
 
 from pymodbus.pdu import ModbusPDU
-from pymodbus.pdu.register_message import (
-    ReadHoldingRegistersRequest,
-    ReadInputRegistersRequest,
-    WriteMultipleRegistersRequest,
-)
+from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, ReadInputRegistersRequest
 
 
 class Wiring(NamedTuple):
@@ -28,11 +23,3 @@ def read_request(wiring: Wiring, count: int) -> ModbusPDU:
     """Request for the first `count` registers of the input block."""
     kind = ReadInputRegistersRequest if wiring.function == 4 else ReadHoldingRegistersRequest
     return kind(address=wiring.input, count=count, dev_id=wiring.unit)
-
-
-def write_request(wiring: Wiring, block: bytes) -> ModbusPDU:
-    """Request that writes the first registers of the output block, high byte first."""
-    registers = list(struct.unpack(f">{len(block) // 2}H", block))
-    return WriteMultipleRegistersRequest(
-        address=wiring.output, registers=registers, dev_id=wiring.unit
-    )

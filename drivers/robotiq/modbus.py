@@ -7,7 +7,6 @@ may have other addresses:
 """
 
 import contextlib
-import struct
 import time
 from collections.abc import Iterator
 from urllib.parse import parse_qsl
@@ -20,7 +19,7 @@ from drivers.modbus.framing import MAX_BUFFER, Framing, RtuFraming, TcpFraming
 from drivers.modbus.master import Master
 from drivers.ports import Answered, GripperProfile, Report, no_report
 from drivers.robotiq.counts import Counts
-from drivers.robotiq.frames import RTU, TCP, Wiring, read_request, write_request
+from drivers.robotiq.frames import RTU, TCP, Wiring, read_request
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.registers import BLOCK_BYTES
 from drivers.stream import SerialStream, Stream, open_tcp, tcp_address
@@ -61,12 +60,10 @@ class ModbusLink(Master):
 
     def write(self, block: bytes) -> None:
         """Writes the output block, 6 bytes, once."""
-        self.transact(write_request(self._wiring, block))
+        self._write_data(self._wiring.unit, self._wiring.output, block)
 
     def _read_once(self) -> bytes:
-        reply = self.transact(read_request(self._wiring, self._count))
-        self._check_in_time()
-        return struct.pack(f">{len(reply.registers)}H", *reply.registers)[:BLOCK_BYTES]
+        return self._read_data(read_request(self._wiring, self._count))[:BLOCK_BYTES]
 
     def _silent(self, request: ModbusPDU) -> LinkTimeout:
         if not self._framing.numbered:
@@ -76,11 +73,9 @@ class ModbusLink(Master):
         return super()._silent(request)
 
 
-def rtu_link(
-    stream: Stream, pace: Pace, report: Report = no_report, wiring: Wiring = RTU
-) -> ModbusLink:
-    """A link with RTU frames on any byte stream."""
-    return ModbusLink(stream, RtuFraming(), wiring, pace, report)
+def rtu_link(stream: Stream, pace: Pace, report: Report = no_report) -> ModbusLink:
+    """A link with RTU frames on any byte stream, wired as usual."""
+    return ModbusLink(stream, RtuFraming(), RTU, pace, report)
 
 
 def gripper(

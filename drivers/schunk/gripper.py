@@ -18,10 +18,8 @@ from runtime.table import PROFILES
 
 READY_S = 2.0  # from the acknowledgement to ready for operation; [BKS] MakeReady waits 0.5 s
 STEADY_S = 0.01  # between readings of fingers at rest
-ARRIVED_UM, EMPTY_UM = (
-    500,
-    1000,
-)  # distance from the target, or between readings, that contradicts the status
+# Distance from the target, and from the limit of an empty grip, that contradicts the status.
+ARRIVED_UM, EMPTY_UM = 500, 1000
 LEAST_PERCENT, MOST_PERCENT = 50, 100  # of the force of a BasicGrip ([CM] 1.2.3)
 STROKE_UM = 1000  # tolerated difference between stroke and profile
 

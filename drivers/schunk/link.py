@@ -4,7 +4,7 @@ import threading
 from functools import partial
 
 from pymodbus.pdu import ModbusPDU
-from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteMultipleRegistersRequest
+from pymodbus.pdu.register_message import ReadHoldingRegistersRequest
 
 from drivers.clock import Pace
 from drivers.errors import LinkError
@@ -48,13 +48,7 @@ class SchunkLink(Master):
     def write(self, name: str, *values: float) -> None:
         """Writes a parameter, once."""
         parameter = PARAMETERS[name]
-        data = parameter.pack(*values)
-        words = [int.from_bytes(data[at : at + 2], "big") for at in range(0, len(data), 2)]
-        self.transact(
-            WriteMultipleRegistersRequest(
-                address=parameter.address, registers=words, dev_id=self._unit
-            )
-        )
+        self._write_data(self._unit, parameter.address, parameter.pack(*values))
 
     def transact(self, request: ModbusPDU) -> ModbusPDU:
         """Sends a request once, and returns its answer, never one to an earlier request."""
@@ -72,9 +66,7 @@ class SchunkLink(Master):
         return super().transact(request)
 
     def _read_once(self, parameter: Parameter) -> tuple[float, ...]:
-        reply = self.transact(self._question(parameter))
-        self._check_in_time()
-        return parameter.unpack(b"".join(word.to_bytes(2, "big") for word in reply.registers))
+        return parameter.unpack(self._read_data(self._question(parameter)))
 
     def _question(self, parameter: Parameter) -> ModbusPDU:
         return ReadHoldingRegistersRequest(

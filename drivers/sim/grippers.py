@@ -23,8 +23,7 @@ from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws
 from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.devices.jaws import Fingers, Surroundings
-from drivers.sim.devices.schunk import SchunkModel
-from drivers.sim.devices.schunk_registers import SchunkRegisters
+from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
 from drivers.sim.faults import Desk
 from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.modbus import Registers

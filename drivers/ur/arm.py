@@ -9,7 +9,7 @@ import math
 import secrets
 from collections.abc import Callable
 
-from drivers.abb.codec import IDENTITY, Pose
+from drivers.abb.codec import Pose
 from drivers.abb.kinematics import compose, invert
 from drivers.abb.reach import Setup, setup_of, within_sphere
 from drivers.abb.upright import Motion, UprightArm
@@ -69,8 +69,6 @@ class Arm(UprightArm):
         self._displaced = False  # whether another program replaced this driver's
         self._fraction = 1.0  # position of the speed slider at the start of the last motion
         self._moves = secrets.randbelow(1 << 30)  # no number of an earlier client
-        # The table in the base frame.
-        self._table = compose(invert(setup.base or IDENTITY), setup.work_object)
         try:
             self._rtde = Rtde(stream, pace)
         except OSError as error:
@@ -85,7 +83,7 @@ class Arm(UprightArm):
         seen = self._read()
         # In the controller's active tool, which may still be another.
         flange = compose(script.frame(seen.tcp), invert(script.frame(seen.tcp_offset)))
-        return compose(invert(self._table), compose(flange, self._setup.tool))
+        return self._setup.hand_at(flange)
 
     def _read_last_axis(self) -> float:
         return self._read().joints[5]
@@ -99,7 +97,7 @@ class Arm(UprightArm):
         self._fraction = seen.speed_fraction
         budget_s = max(motion.budget_s, seconds + ANSWER_S) / seen.speed_fraction
         self._moves = self._moves % (1 << 30) + 1
-        place = compose(self._table, motion.target.frame)
+        place = compose(self._setup.table, motion.target.frame)
         program = script.move(self._moves, self._setup.tool, place, pacing)
         try:
             opened = self._open_script()

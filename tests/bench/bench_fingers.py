@@ -150,14 +150,11 @@ def figures(ends: Array, measured: Array) -> dict[str, Any]:
 def three(folder: Path) -> dict[str, Any]:
     """The authors' squeezes by three fingers."""
     rows = np.genfromtxt(folder / THREE, delimiter=",", names=True, dtype=None, encoding="utf-8")
-    poses = {
-        part: [
-            np.column_stack([1e3 * ours[f"x{k}"], 1e3 * ours[f"y{k}"], ours[f"th{k}"]])
-            for k in (0, 1)
-        ]
-        for part in ("triangle", "hexagon")
-        for ours in [rows[rows["part"] == part]]
-    }
+    poses = {}
+    for part in ("triangle", "hexagon"):
+        ours = rows[rows["part"] == part]
+        columns = ([1e3 * ours[f"x{k}"], 1e3 * ours[f"y{k}"], ours[f"th{k}"]] for k in (0, 1))
+        poses[part] = [np.column_stack(each) for each in columns]
     corners = np.array([[0.0, 11.547], [-10.0, -5.7735], [10.0, -5.7735]])
     tips = Tips(math.pi / 2 + math.pi / 3, 2.0, 0.1, (27.094, 7.0))
     triangle = squeezed(Part(corners, 11.547, np.array(TRIANGLE_A)), tips, poses["triangle"][0])

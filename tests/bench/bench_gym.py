@@ -38,10 +38,8 @@ Choice = Callable[[Pomdp, np.ndarray, np.random.Generator], int]
 def speed() -> list[Row]:
     """Squeezes a second of processor time: three on every fresh part, then a pose is declared."""
     rng = np.random.default_rng(0)
-    many, one = (
-        gymnasium.make_vec(planner.gym.NAME, num_envs=BATCH),
-        gymnasium.make(planner.gym.NAME),
-    )
+    many = gymnasium.make_vec(planner.gym.NAME, num_envs=BATCH)
+    one = gymnasium.make(planner.gym.NAME)
     rows = [_stepped("vector, 4096 parts", many, rng, STEPS), _stepped("one part", one, rng, 4000)]
     try:
         from planner.evaluation.mujoco import RigidWorld

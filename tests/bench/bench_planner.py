@@ -51,16 +51,8 @@ def planned(planner: str, checkout: Path, part: str, seed: int) -> Plan:
     """Plans one job in a process of its own."""
     with tempfile.TemporaryDirectory() as folder:
         command = [checkout / ".venv" / "bin" / "plan-compile", JOBS[part]]
-        command += [
-            "-o",
-            f"{folder}/t.msgpack",
-            "--seed",
-            str(seed),
-            "--workers",
-            "1",
-            "--no-advice",
-            "--json",
-        ]
+        command += ["-o", f"{folder}/t.msgpack", "--seed", str(seed)]
+        command += ["--workers", "1", "--no-advice", "--json"]
         with Path(folder, "json").open("wb") as output:
             process = subprocess.Popen(
                 command, stdout=output, stderr=subprocess.DEVNULL, cwd=checkout

@@ -93,8 +93,7 @@ def main() -> None:
     options = parser.parse_args()
     for part in options.parts:
         row = bench(part, options.trials)
-        rows = RESULTS.read({"rows": []})["rows"]
-        others = [old for old in rows if old["part"] != part]
+        others = [old for old in RESULTS.read({"rows": []})["rows"] if old["part"] != part]
         rows = sorted([*others, row], key=lambda row: row["part"])
         record = {"machine": platform.platform(), "rows": rows}
         RESULTS.write(record)

@@ -25,7 +25,7 @@ from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
 from planner.part.outline import area, radius_of_gyration, simplified
 
-RESULTS = second.RESULTS.with_name("third_opinion.json")
+RESULTS = harness.Kept("third_opinion")
 PARTS = ("kite", "ratchet", "hook-jaw")
 TIMESTEP_S = 2.5e-4
 CREEP_MM_S = 1.0  # A foot that is slower has less friction, in proportion

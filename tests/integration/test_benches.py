@@ -1,5 +1,7 @@
 """Parts of benchmarks that no result of theirs would show to be broken."""
 
+import sys
+
 import numpy as np
 import pytest
 from drifting import squeezed
@@ -35,3 +37,15 @@ def test_bound_of_a_drift_of_readings_flags_what_differs_and_little_else():
     likelier = np.zeros(shares.shape)
     likelier[0] = 1.0  # as if each first reading told of the drift
     assert bound(likelier, one, other)["nats_in_50"] == pytest.approx(WITHIN)
+
+
+def test_part_that_is_measured_again_replaces_its_own_row_alone(monkeypatch, tmp_path):
+    import bench_second_opinion as bench
+
+    monkeypatch.setattr(bench.RESULTS, "path", tmp_path / "rows.json")
+    monkeypatch.setattr(bench, "bench", lambda part, trials: {"part": part, "trials": trials})
+    for part, trials in (("ratchet", "1"), ("kite", "2"), ("ratchet", "3")):
+        monkeypatch.setattr(sys, "argv", ["bench", "--parts", part, "--trials", trials])
+        bench.main()
+    rows = bench.RESULTS.read(None)["rows"]
+    assert [(row["part"], row["trials"]) for row in rows] == [("kite", 2), ("ratchet", 3)]

@@ -7,14 +7,13 @@ the home folder. The one concession is the framing in the name of the port: a ps
 import json
 import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from programs import ended
 from schunk_rigs import SchunkRig
 
-LONGEST_S = 120.0
 SUPPORT = Path(__file__).parents[1] / "support"
 
 
@@ -35,16 +34,9 @@ def run(rig, tmp_path):
             command = [SUPPORT / what, host, *arguments]
         else:
             command = ["-m", f"bkstools.scripts.{what}", "-H", host, *arguments]
-        ended = subprocess.run(
-            [sys.executable, *command],
-            env={**os.environ, "HOME": str(tmp_path)},
-            capture_output=True,
-            text=True,
-            timeout=LONGEST_S,
-            check=False,
-        )
-        assert ended.returncode == 0, ended.stdout + ended.stderr
-        return ended.stdout
+        done = ended([sys.executable, *command], env={**os.environ, "HOME": str(tmp_path)})
+        assert done.code == 0, done
+        return done.out
 
     return run
 

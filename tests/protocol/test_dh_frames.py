@@ -7,10 +7,10 @@ import random
 
 import pytest
 from dh_devices import VirtualDh
+from schunk_rigs import Part
 
 from drivers.dh import registers as dh
 from drivers.sim.devices.dh import DhModel, DhRegisters
-from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.wire.modbus import crc16
 from drivers.sim.wire.rtu import RtuSlave
 from runtime.table import profile_of
@@ -30,11 +30,7 @@ READ_GRIP = ("01 03 02 01 00 01 D4 72", "01 03 02 00 02 39 85")  # [PGE] 3.3.4.6
 
 @pytest.fixture
 def device():
-    class Part(Surroundings):
-        def closing(self):
-            return 20.0
-
-    return DhModel(random.Random(1), Part(), profile_of("dh-pgc140-50"))
+    return DhModel(random.Random(1), Part(20.0), profile_of("dh-pgc140-50"))
 
 
 def exchange(device, request, now_s=0.0):

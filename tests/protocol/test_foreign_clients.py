@@ -14,6 +14,7 @@ import pytest
 from fake_scene import setting
 from pymodbus import FramerType, ModbusException
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
+from waiting import until
 
 from drivers.sim.cell import Cell
 
@@ -40,21 +41,14 @@ def master(cell, kind):
         )
         return client, 9, 1000, 2000
     host, port = address(cell.endpoints["gripper_tcp" if kind == "tcp" else "gripper_rtu_tcp"])
-    if kind == "tcp":
-        return ModbusTcpClient(host, port=port, timeout=0.2, retries=0), 2, 0, 0
-    return (
-        ModbusTcpClient(host, port=port, framer=FramerType.RTU, timeout=0.2, retries=0),
-        9,
-        1000,
-        2000,
-    )
+    framer = FramerType.SOCKET if kind == "tcp" else FramerType.RTU
+    client = ModbusTcpClient(host, port=port, framer=framer, timeout=0.2, retries=0)
+    return (client, 2, 0, 0) if kind == "tcp" else (client, 9, 1000, 2000)
 
 
-def until(read, done, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not done(registers := read()):
-        assert time.monotonic() < end, registers
-    return registers
+def seen_by(read, done):
+    """What is read as soon as it is as wanted."""
+    return until(lambda: [registers for registers in (read(),) if done(registers)])[0]
 
 
 @pytest.mark.parametrize("kind", ["pty", "rtu+tcp", "tcp"])
@@ -65,13 +59,13 @@ def test_a_pymodbus_master_activates_closes_and_opens_and_else_meets_silence(cel
     assert read()[0] >> 8 & 0x31 == 0
     assert not client.write_registers(output, ACTIVATE, device_id=unit).isError()
     assert read()[0] >> 8 == 0x11
-    until(read, lambda seen: seen[0] >> 8 & 0x31 == 0x31)
+    seen_by(read, lambda seen: seen[0] >> 8 & 0x31 == 0x31)
     client.write_registers(output, CLOSE, device_id=unit)
-    seen = until(read, lambda seen: seen[0] >> 8 == 0xF9 and seen[2] >> 8 > 200)
-    assert (seen[1], seen[2] >> 8) == (0x00FF, 230)
+    seen = seen_by(read, lambda seen: seen[0] >> 8 == 0xF9 and seen[2] >> 8 > 200)
+    assert (seen[1] & 0xFF, seen[2] >> 8) == (0xFF, 230)
     client.write_registers(output, OPEN, device_id=unit)
-    seen = until(read, lambda seen: seen[0] >> 8 == 0xF9 and seen[2] >> 8 < 20)
-    assert (seen[1], seen[2] >> 8) == (0, 3)
+    seen = seen_by(read, lambda seen: seen[0] >> 8 == 0xF9 and seen[2] >> 8 < 20)
+    assert (seen[1] & 0xFF, seen[2] >> 8) == (0, 3)
     for ask in (
         lambda: client.read_input_registers(inputs, count=3, device_id=unit + 1),
         lambda: client.read_coils(inputs, count=3, device_id=unit),
@@ -97,14 +91,14 @@ def test_a_minimalmodbus_master_over_the_serial_port(cell):
     device.serial.baudrate, device.serial.timeout = 115200, 0.3
     device.write_registers(1000, ACTIVATE)
     for function in (3, 4):
-        until(
+        seen_by(
             lambda function=function: device.read_registers(2000, 3, functioncode=function),
             lambda seen: seen[0] >> 8 & 0x31 == 0x31,
         )
     device.write_registers(1001, [50, 0xFF00])  # rPR first, as some drivers do
     device.write_register(1000, 0x0900, functioncode=6)
-    seen = until(lambda: device.read_registers(2000, 3), lambda seen: seen[2] >> 8 == 50)
-    assert seen[1] == 50
+    seen = seen_by(lambda: device.read_registers(2000, 3), lambda seen: seen[2] >> 8 == 50)
+    assert seen[1] & 0xFF == 50
     device.address = 8
     with pytest.raises(minimalmodbus.NoResponseError):
         device.read_registers(2000, 3)
@@ -134,9 +128,8 @@ def test_open_abbs_own_formats(cell):
     assert robot.ask("09", "0", "+05.0000", "+08.0000", "+00.8000") == "9 1 "
     assert robot.ask("01", *robot.pose(20.04, -10, 90, 0, 1, 0, 0)) == "1 1 "
     pose = [float(text) for text in robot.ask("03").split(" ")]
-    assert pose[2:5] == pytest.approx(
-        [20.0, -10.0, 90.0], abs=5.0
-    )  # a fly-by point may be under way
+    # A fly-by point may be under way.
+    assert pose[2:5] == pytest.approx([20.0, -10.0, 90.0], abs=5.0)
     joints = [float(text) for text in robot.ask("04").split(" ")][2:8]
     assert len(joints) == 6
     assert robot.ask("02", *(f"{angle:+08.2f}" for angle in joints)) == "2 1 "
@@ -178,7 +171,7 @@ def test_noise_on_the_line_moves_nothing_and_deafens_nobody(cell):
     rng = random.Random(4)
     for _ in range(8):
         client.socket.write(rng.randbytes(rng.randrange(1, 40)))
-        assert until(lambda: answer(client, inputs, unit), bool)[0] == 0
+        assert until(lambda: answer(client, inputs, unit))[0] == 0
     assert client.read_holding_registers(output, count=3, device_id=unit).registers == [0, 0, 0]
     client.close()
 
@@ -191,10 +184,10 @@ def test_a_client_of_the_urcap_activates_closes_and_opens(cell):
         assert client.get_status() == 3
         # Its `move` takes the object flag of the move before for this one's, so it is asked again.
         client.close()
-        until(client.get_position, lambda count: count == 230)
+        until(lambda: client.get_position() == 230)
         client.open()
-        until(client.get_position, lambda count: count == 3)
-        until(client.get_object_status, lambda flag: flag == 3)
+        until(lambda: client.get_position() == 3)
+        until(lambda: client.get_object_status() == 3)
         client.move(100, wait=False)
         assert client.get_requested_position() == 100
         with pytest.raises(ValueError, match="Unexpected"):

@@ -51,6 +51,7 @@ class Raw:
 
     def __init__(self, address: tuple[str, int]) -> None:
         self.socket = socket.create_connection(address, timeout=WAIT_S)
+        self._answers = self.socket.makefile("rb")
 
     def send(self, data: bytes) -> None:
         self.socket.sendall(data)
@@ -72,16 +73,11 @@ class Raw:
         return answer
 
     def _exactly(self, count: int) -> bytes:
-        data = b""
-        while len(data) < count:
-            try:
-                piece = self.socket.recv(count - len(data))
-            except ConnectionResetError:
-                piece = b""
-            if not piece:
-                assert not data
-                return b""
-            data += piece
+        try:
+            data = self._answers.read(count)
+        except ConnectionResetError:
+            return b""
+        assert len(data) in (0, count)
         return data
 
     def is_closed(self) -> bool:
@@ -91,6 +87,7 @@ class Raw:
         return ended
 
     def close(self) -> None:
+        self._answers.close()
         self.socket.close()
 
 

@@ -12,11 +12,12 @@ from pathlib import Path
 
 import pytest
 from arm_rigs import OmniCoreRig, certificate
+from impostor import Impostor
 
 import drivers.abb
 from drivers import connect
 from drivers.abb import rws
-from drivers.abb.codec import Pose
+from drivers.abb.codec import IDENTITY
 from drivers.clock import Clock, Pace
 from drivers.errors import ArmError
 
@@ -96,19 +97,16 @@ def test_a_program_that_stops_on_the_way_is_no_arrival(basic):
 
 @pytest.mark.parametrize("when", ["sq_started", "sq_done"])
 def test_an_interrupted_motion_is_stopped(basic, when):
-    class Interrupted(BaseException):
-        pass
-
     with basic.open() as arm:
         wait = arm._await
 
         def interrupted(name, *rest):
             if name == when:
-                raise Interrupted
+                raise KeyboardInterrupt
             wait(name, *rest)
 
         arm._await = interrupted
-        with pytest.raises(Interrupted):
+        with pytest.raises(KeyboardInterrupt):
             arm.move_linear(*TARGET, 2.0)
         assert not basic.model.running
         here = basic.truth()
@@ -129,10 +127,7 @@ def test_the_controllers_own_limit_holds_and_the_deadline_ends_what_it_stretches
 
 
 def test_frames_go_to_the_controller(basic):
-    tool, table = (
-        Pose(0.0, 0.0, 150.0, (1.0, 0.0, 0.0, 0.0)),
-        Pose(10.0, 20.0, 5.0, (1.0, 0.0, 0.0, 0.0)),
-    )
+    tool, table = IDENTITY._replace(z_mm=150.0), IDENTITY._replace(x_mm=10.0, y_mm=20.0, z_mm=5.0)
     with basic.open(tool=tool, work_object=table) as arm:
         arm.move_linear(0.0, 0.0, 100.0, 0.3, 400.0)
         assert arm.pose() == pytest.approx((0.0, 0.0, 100.0, 0.3), abs=1e-4)
@@ -194,22 +189,11 @@ def test_a_controller_without_our_module_or_with_another_is_reported(basic):
 @pytest.mark.parametrize("bytes_sent", [b"", b"220 ftp ready\r\n", b"HTTP/1.1 200 OK\r\n\r\n"])
 def test_who_is_no_controller_is_reported(bytes_sent, monkeypatch):
     monkeypatch.setattr(rws, "ANSWER_S", 0.3)
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        held = []
-
-        def serve():
-            for _ in range(2):
-                client, _ = server.accept()
-                held.append(client)
-                client.sendall(bytes_sent)
-
-        thread = threading.Thread(target=serve)
-        thread.start()
-        with pytest.raises(ArmError, match="no answer to GET"):
-            connect.arm(f"omnicore://127.0.0.1:{server.getsockname()[1]}")
-        thread.join()
-        for client in held:
-            client.close()
+    with (
+        contextlib.closing(Impostor(greeting=bytes_sent)) as impostor,
+        pytest.raises(ArmError, match="no answer to GET"),
+    ):
+        connect.arm(f"omnicore://{impostor.address}")
 
 
 @pytest.mark.parametrize("body", ["", "[]", "{}", '{"state": []}', '{"state": [1]}', "<html>"])
@@ -219,12 +203,13 @@ def test_answers_that_are_not_understood_are_errors(body):
 
 
 def test_an_answer_after_a_timeout_is_not_taken_for_a_later_ones(basic, monkeypatch):
-    monkeypatch.setattr(rws, "ANSWER_S", 0.2)
     session = rws.Rws("127.0.0.1", basic.server.port, Pace(Clock()))
     assert session.state("/rw/panel/opmode")[0]["opmode"] == "AUTO"
     first, basic.server.silent = basic.server.silent, lambda: time.sleep(0.5)
-    with pytest.raises(rws.RwsError, match="no answer to GET"):
-        session.state("/rw/panel/opmode")
+    with monkeypatch.context() as impatient:
+        impatient.setattr(rws, "ANSWER_S", 0.2)
+        with pytest.raises(rws.RwsError, match="no answer to GET"):
+            session.state("/rw/panel/opmode")
     basic.server.silent = first
     assert session.state("/rw/panel/ctrl-state")[0]["ctrlstate"] == "motoron"
     session.close()
@@ -246,17 +231,8 @@ def test_the_rapid_program_forgets_old_requests_and_tells_in_order():
     before, loop = body.split("WHILE TRUE DO")
     assert {"sq_started:=sq_request;", "sq_done:=sq_request;"} <= set(before.split())
     assert "Move" not in before
-    order = [
-        loop.index(word)
-        for word in (
-            "WaitUntil",
-            "sq_target.trans",
-            "sq_fastest",
-            "sq_started:=",
-            "MoveL",
-            "sq_done:=",
-        )
-    ]
+    words = ("WaitUntil", "sq_target.trans", "sq_fastest", "sq_started:=", "MoveL", "sq_done:=")
+    order = [loop.index(word) for word in words]
     assert order == sorted(order)
     assert ",fine," in loop
 

@@ -1,13 +1,11 @@
 """pyDHgripper, a client that others wrote for real DH grippers, drives the simulated one by its own calls."""
 
-import time
-
 import pytest
 from gripper_rigs import Dh
 from pyDHgripper import AG95, PGE
+from waiting import until
 
 SCALE = 20.0
-WAIT_S = 60.0
 
 
 @pytest.fixture
@@ -26,10 +24,7 @@ def client(device):
 
 def settled(client):
     """The state that ends a move."""
-    until = time.monotonic() + WAIT_S
-    while (state := client.read_state()) == 0:
-        assert time.monotonic() < until
-    return state
+    return until(client.read_state)
 
 
 def test_client_that_connects_calibrates_the_gripper_and_reads_it_open(client):
@@ -51,9 +46,7 @@ def test_client_is_answered_caught_for_a_part_and_dropped_once_it_slips(device, 
     assert settled(client) == 2
     assert client.read_pos() == 321
     device.site.call(lambda: device.device.lose_object(device.now()))
-    until = time.monotonic() + WAIT_S
-    while client.read_state() != 3:
-        assert time.monotonic() < until
+    until(lambda: client.read_state() == 3)
     assert client.read_pos() == 0
 
 

@@ -6,8 +6,9 @@ From the 2F-85 manuals as `[M16]` p61-67 and `[M18]` p54, 62 give them; CRCs are
 import random
 
 import pytest
+from lines import Line
 
-from drivers.clock import Clock, Pace
+from drivers.clock import Pace
 from drivers.robotiq.modbus import rtu_link
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.wire.rtu import RtuSlave
@@ -88,41 +89,19 @@ def test_the_read_write_frame_writes_first_and_tells_of_the_silence_before_it():
     assert model.read_output()[2:6] == bytes.fromhex("00E63CC8")
 
 
-class Wire:
-    """Stands for a serial port: records what is sent, answers from a script."""
-
-    endpoint = "nowhere"
-
-    def __init__(self, replies):
-        self.replies = [bytes.fromhex(reply) for reply in replies]
-        self.sent = []
-        self.buffer = b""
-
-    def send(self, data):
-        self.sent.append(data)
-        self.buffer = self.replies.pop(0)
-
-    def receive(self, seconds):
-        data, self.buffer = self.buffer, b""
-        return data
-
-    def close(self):
-        pass
-
-
-def link(replies):
-    wire = Wire(replies)
-    return rtu_link(wire, Pace(Clock())), wire
+def link(reply):
+    line = Line([(0.004, bytes.fromhex(reply))])
+    return rtu_link(line, Pace(line.clock)), line
 
 
 @pytest.mark.parametrize("frame", [RESET, ACTIVATE, CLOSE, OPEN])
 def test_the_driver_writes_the_frames_of_the_manual(frame):
-    channel, wire = link([WRITTEN])
+    channel, line = link(WRITTEN)
     channel.write(bytes.fromhex(frame)[7:13])
-    assert wire.sent == [bytes.fromhex(frame)]
+    assert [data for _, data in line.sent] == [bytes.fromhex(frame)]
 
 
 def test_the_driver_reads_with_the_frame_of_the_manual():
-    channel, wire = link(["09 03 06 B900 00FF BD00 1D7C"])
+    channel, line = link("09 03 06 B900 00FF BD00 1D7C")
     assert channel.read() == bytes.fromhex("B900 00FF BD00")
-    assert wire.sent == [bytes.fromhex(READ_3)]
+    assert [data for _, data in line.sent] == [bytes.fromhex(READ_3)]

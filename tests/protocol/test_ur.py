@@ -1,18 +1,20 @@
 """The UR driver and its simulated controller: faults on the way, and ur_rtde's own clients."""
 
+import contextlib
 import json
 import math
 import os
 import random
 import socket
-import subprocess
 import sys
-import threading
 import time
 
 import pytest
 from arm_rigs import BASE, Ur
+from impostor import Impostor
 from lines import Line
+from programs import ended
+from waiting import until
 
 from drivers import connect
 from drivers.abb.codec import hand_rotation
@@ -107,20 +109,15 @@ def test_another_program_on_the_way_is_reported(rig):
 
 
 def test_an_interrupted_motion_is_stopped(rig):
-    class Interrupted(BaseException):
-        pass
-
     with rig.open() as arm:
 
         def interrupt(budget_s):
-            raise Interrupted
+            raise KeyboardInterrupt
 
         arm._await_end = interrupt
-        with pytest.raises(Interrupted):
+        with pytest.raises(KeyboardInterrupt):
             arm.move_linear(*TARGET, 2.0)
-        until = time.monotonic() + 5.0
-        while not is_still(rig) and time.monotonic() < until:
-            pass
+        until(lambda: is_still(rig))
         assert math.dist(rig.truth()[:3], TARGET[:3]) > 1.0
         with pytest.raises(ArmError, match="interrupted"):
             arm.pose()
@@ -147,21 +144,11 @@ def test_a_slow_slider_stretches_the_deadline(rig):
 )
 def test_who_is_no_ur_controller_is_reported(greeting, monkeypatch):
     monkeypatch.setattr(rtde, "ANSWER_S", 0.2)
-    with socket.create_server(("127.0.0.1", 0)) as server:
-
-        def serve():
-            client, _ = server.accept()
-            with client:
-                client.sendall(greeting)
-                client.settimeout(1.0)
-                while client.recv(100):
-                    pass
-
-        thread = threading.Thread(target=serve)
-        thread.start()
-        with pytest.raises(ArmError, match="RTDE"):
-            connect.arm(f"ur://127.0.0.1:{server.getsockname()[1]}")
-        thread.join()
+    with (
+        contextlib.closing(Impostor(greeting=greeting)) as impostor,
+        pytest.raises(ArmError, match="RTDE"),
+    ):
+        connect.arm(f"ur://{impostor.address}")
 
 
 @pytest.mark.parametrize("turn", [0.0, 1e-9, 0.4, 3.0, -3.1, math.pi])
@@ -196,14 +183,8 @@ def test_ur_rtdes_receiver_reads_the_simulated_controller():
     model = UrModel(arm, BASE)
     with Site() as site:
         RtdePort(model, site, rtde.PORT, host)
-        ran = subprocess.run(
-            [sys.executable, "-c", RECEIVER, host],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=True,
-        )
-    pose, joints, *states = json.loads(ran.stdout.splitlines()[-1])
+        done = ended([sys.executable, "-c", RECEIVER, host])
+    pose, joints, *states = json.loads(done.out.splitlines()[-1])
     assert script.frame(pose)[:3] == pytest.approx((300.0, 0.0, 100.0), abs=1e-6)
     assert joints == pytest.approx([math.radians(angle) for angle in arm.joints_at(0.0)], abs=1e-9)
     assert states == [7, 1, 1, True]

@@ -10,8 +10,7 @@ from drivers.schunk.gripper import Gripper
 from drivers.schunk.link import SchunkLink
 from drivers.schunk.registers import UNIT
 from drivers.sim.devices.jaws import Surroundings
-from drivers.sim.devices.schunk import SILENCE_S, SchunkModel
-from drivers.sim.devices.schunk_registers import SchunkRegisters
+from drivers.sim.devices.schunk import SILENCE_S, SchunkModel, SchunkRegisters
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import GripperPort
 from drivers.sim.wire.line import CleanLine
@@ -23,11 +22,12 @@ from runtime.table import PROFILES
 class Part(Surroundings):
     """Something between the fingers, or nothing; counts what happened to it."""
 
-    def __init__(self):
-        self.width_mm = None
-        self.grips = self.releases = 0
+    def __init__(self, width_mm=None):
+        self.width_mm = width_mm
+        self.asked = self.grips = self.releases = 0
 
     def closing(self):
+        self.asked += 1
         return self.width_mm
 
     def gripped(self):

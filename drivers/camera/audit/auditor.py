@@ -93,9 +93,8 @@ class Auditor:
     calibration: CameraCalibration
     subjects: Sequence[Subject]  # subjects, one for each part that may lie there
     limit_mm: float = drift.LIMIT_MM  # tolerated motion of reference tags
-    pictures: Path | None = (
-        None  # folder for overlays of parts that did not pass, None: no overlays
-    )
+    # Folder for overlays of parts that did not pass; None: no overlays.
+    pictures: Path | None = None
 
     def audit(self, part: int, predicted: Pose2, until: float, name: str | None = None) -> Answer:
         """Judges one part. A failure of the camera gives the verdict "unknown" with the reason.

@@ -47,17 +47,9 @@ def from_table(path: Path, tags: Sequence[PartTag]) -> tuple[Subject, ...]:
 
 
 def _subject(table: Table, tag: PartTag, which: int) -> Subject:
-    known = [
-        [
-            pose
-            for pose, of in zip(
-                poses_of(table.goal, leaf), hypotheses_of(table.goal, leaf), strict=True
-            )
-            if of == which
-        ]
-        for leaf in table.leaves
-        if leaf.hypothesis == which
-    ]
+    goal, leaves = table.goal, [leaf for leaf in table.leaves if leaf.hypothesis == which]
+    pairs = (zip(poses_of(goal, leaf), hypotheses_of(goal, leaf), strict=True) for leaf in leaves)
+    known = [[pose for pose, of in poses if of == which] for poses in pairs]
 
     def allowed(pose: Pose2) -> Sequence[Pose2]:
         for main, *others in known:

@@ -39,9 +39,8 @@ class ArmServer:
     async def _client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         queued = self._turn.locked()
         async with self._turn:
-            if (
-                queued
-            ):  # SERVER.mod recreates its sockets after each client: they are reset, unserved
+            # SERVER.mod recreates its sockets after each client: waiting ones are reset, unserved.
+            if queued:
                 linger = struct.pack("ii", 1, 0)
                 connection = writer.get_extra_info("socket")
                 connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)

@@ -8,6 +8,7 @@ from drivers.abb.codec import Pose
 from drivers.dh import registers as dh
 from drivers.dh.registers import Grip
 from drivers.ports import MOST_COUNT
+from drivers.robotiq.registers import OBJ_MOVING
 from drivers.schunk.registers import OUTCOMES, PARAMETERS, Input, Status
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.dh import DhModel
@@ -17,8 +18,6 @@ from drivers.sim.devices.schunk import SchunkModel
 from drivers.sim.faults import Channel, Desk, Fault
 
 STALE = "1 1 "  # the acknowledgement of a MoveL
-FLAG_BYTE, FLAG_SHIFT, FAULT_BYTE, COUNT_BYTE = 0, 6, 2, 4
-GOING, MOVING = 0x08, 0
 RELEASING = 0x0B
 LEAST_MAJOR = 0x0A  # faults that stay in the model; lesser ones only show in readings
 OVER_TEMPERATURE = 0x08
@@ -143,18 +142,18 @@ def _state(faults: list[Fault], *, moving: bool) -> int | None:
 class FaultyGripper(Failing, GripperModel):
     """A Robotiq gripper that fails."""
 
-    def read_input(self, now_s: float) -> bytes:
-        """The 16 input bytes, with their faults."""
+    def _fields(self, now_s: float) -> dict[str, int]:
+        """The fields of the input block, with their faults."""
         faults = self._next_event(now_s)
-        block = bytearray(super().read_input(now_s))
-        moving = block[FLAG_BYTE] >> FLAG_SHIFT == MOVING and block[FLAG_BYTE] & GOING
-        if (state := _state(faults, moving=bool(moving))) is not None:
-            block[FLAG_BYTE] = block[FLAG_BYTE] & ~(3 << FLAG_SHIFT) | state << FLAG_SHIFT
-        block[COUNT_BYTE] = self._misread(block[COUNT_BYTE], faults)
+        fields = super()._fields(now_s)
+        moving = bool(fields["gGTO"]) and fields["gOBJ"] == OBJ_MOVING
+        if (state := _state(faults, moving=moving)) is not None:
+            fields["gOBJ"] = state
+        fields["gPO"] = self._misread(fields["gPO"], faults)
         for fault in faults:
             if 0 < _code(fault) < LEAST_MAJOR:
-                block[FAULT_BYTE] = _code(fault)
-        return bytes(block)
+                fields["gFLT"] = _code(fault)
+        return fields
 
     def write_output(self, offset: int, data: bytes, now_s: float) -> None:
         """Writes and obeys."""

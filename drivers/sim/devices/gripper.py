@@ -86,19 +86,23 @@ class GripperModel(Fingers):
 
     def read_input(self, now_s: float) -> bytes:
         """The 16 input bytes, as the last refresh before `now_s` left them (echoes are immediate)."""
+        return input_block(**self._fields(now_s))
+
+    def _fields(self, now_s: float) -> dict[str, int]:
+        """The fields of the input block."""
         self._hear(now_s)
         self._refresh(now_s)
         request = self._request
-        return input_block(
-            gACT=request["rACT"],
-            gGTO=request["rGTO"] if self._ready() else 0,
-            gSTA=self._status,
-            gOBJ=self._flag.at(self._now),
-            gFLT=self._fault or (FAULT_SILENCE if now_s < self._silent_until_s else 0),
-            gPR=request["rPR"],
-            gPO=round(self._here()),
-            gCU=round(self._current()),
-        )
+        return {
+            "gACT": request["rACT"],
+            "gGTO": request["rGTO"] if self._ready() else 0,
+            "gSTA": self._status,
+            "gOBJ": self._flag.at(self._now),
+            "gFLT": self._fault or (FAULT_SILENCE if now_s < self._silent_until_s else 0),
+            "gPR": request["rPR"],
+            "gPO": round(self._here()),
+            "gCU": round(self._current()),
+        }
 
     def read_output(self) -> bytes:
         """The 16 output bytes as last written."""

@@ -78,9 +78,8 @@ class Fingers(ABC):
         self._now = self._shown_s = 0.0
         self._stroke = Stroke(start, 0.0, 0.0, start, 0)
         self._ends_s = math.inf  # end of the current stroke; infinity: none
-        self._contact: float | None = (
-            None  # position at which the closing stroke will meet something
-        )
+        # Position at which the closing stroke will meet something.
+        self._contact: float | None = None
         self._meets = False  # whether it ends there
         self._show(OBJ_MOVING)
         self._gripping = False

@@ -7,6 +7,7 @@ late, a grip cannot be changed while something is held.
 
 import math
 import random
+from collections.abc import Callable
 from typing import NamedTuple
 
 from drivers.ports import GripperProfile
@@ -16,6 +17,8 @@ from drivers.sim.devices.jaws import Fingers, Surroundings
 
 SILENCE_S = 1.0  # then ERR_COMM_LOST; bkstools pauses for 0.5 s, users report that 2 s are too long
 MESSAGES = 32  # [CM] 4.2: sys_msg_req selects one of 0 to 31
+
+_BY_ADDRESS = {parameter.address: parameter for parameter in PARAMETERS.values()}
 
 
 class Module(NamedTuple):
@@ -340,3 +343,37 @@ class SchunkModel(Fingers):
         if self._stop.error:
             self._fail(self._stop.error)
         self._status |= self._stop.status
+
+
+class SchunkRegisters:
+    """The parameters at their wire addresses, for `drivers.sim.wire.modbus.answer`.
+
+    Args:
+        device: the gripper.
+        now: simulated seconds.
+    """
+
+    functions = frozenset({3, 16})  # [CM]: no others are supported
+
+    def __init__(self, device: SchunkModel, now: Callable[[], float]) -> None:
+        self._device = device
+        self._now = now
+
+    def serves(self, address: int, count: int) -> bool:
+        """Whether the registers are those of one whole parameter."""
+        parameter = _BY_ADDRESS.get(address)
+        return parameter is not None and parameter.registers == count
+
+    def read(self, address: int, count: int) -> bytes:
+        """Reads the registers of a parameter."""
+        del count
+        return self._device.read(_BY_ADDRESS[address].name, self._now())
+
+    def write(self, address: int, data: bytes) -> bool:
+        """Writes a parameter; returns whether that is allowed."""
+        if not self.serves(address, len(data) // 2):
+            return False
+        parameter = _BY_ADDRESS[address]
+        if parameter.writable:
+            self._device.write(parameter.name, data, self._now())
+        return parameter.writable

@@ -15,15 +15,8 @@ sys.path.insert(0, str(HERE))
 
 import links  # noqa: E402
 
-STRICT = [
-    "--fail-on-warning",
-    "--keep-going",
-    "--nitpicky",
-    "--fresh-env",
-    "--quiet",
-    "--conf-dir",
-    str(HERE),
-]
+STRICT = ["--fail-on-warning", "--keep-going", "--nitpicky", "--fresh-env", "--quiet"]
+STRICT += ["--conf-dir", str(HERE)]
 
 
 def quiet_kernels(folder: Path) -> None:
@@ -36,6 +29,11 @@ def quiet_kernels(folder: Path) -> None:
         # Sockets may close before the last flush.
         "logging.getLogger('tornado.general').setLevel(logging.CRITICAL)\n"
     )
+
+
+def built(builder: str, cache: str, output: str) -> int:
+    """Runs a builder of Sphinx; returns its status."""
+    return sphinx([*STRICT, "--builder", builder, "--doctree-dir", cache, str(ROOT), output])
 
 
 def main() -> int:
@@ -53,21 +51,9 @@ def main() -> int:
     shutil.rmtree(output, ignore_errors=True)
     with tempfile.TemporaryDirectory() as cache:
         quiet_kernels(Path(cache))
-        status = sphinx(
-            [*STRICT, "--builder", "html", "--doctree-dir", cache, str(ROOT), str(output)]
-        )
+        status = built("html", cache, str(output))
         if status == 0 and arguments.links:
-            status = sphinx(
-                [
-                    *STRICT,
-                    "--builder",
-                    "linkcheck",
-                    "--doctree-dir",
-                    cache,
-                    str(ROOT),
-                    f"{cache}/links",
-                ]
-            )
+            status = built("linkcheck", cache, f"{cache}/links")
     if status:
         return 1
     result = links.check(output)

@@ -38,10 +38,8 @@ nb_execution_mode = "force"  # notebooks are stored without output
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nitpicky = True
-linkcheck_ignore = [
-    r"tcp://.*",
-    "http://$",
-]  # addresses of devices in the help of commands
+# Addresses of devices in the help of commands.
+linkcheck_ignore = [r"tcp://.*", "http://$"]
 linkcheck_anchors = False
 suppress_warnings: list[str] = []
 
@@ -52,9 +50,8 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
-html_show_search_summary = (
-    False  # would fetch pages, which a browser forbids those opened from a disk
-)
+# A summary would fetch pages, which a browser forbids those opened from a disk.
+html_show_search_summary = False
 html_last_updated_fmt = None
 highlight_language = "none"
 pygments_style = "default"

@@ -25,22 +25,16 @@ CHANNEL = "unit"
 WHERE = CanMap(CHANNEL, "virtual")
 
 
-class Recorder:
+class Recorder(GripperModel):
     """A gripper that remembers which bytes were written, in order."""
 
     def __init__(self):
-        self.model = GripperModel(random.Random(1))
+        super().__init__(random.Random(1))
         self.written = []
-
-    def read_input(self, now_s):
-        return self.model.read_input(now_s)
-
-    def read_output(self):
-        return self.model.read_output()
 
     def write_output(self, offset, data, now_s):
         self.written.append((offset, data[0]))
-        self.model.write_output(offset, data, now_s)
+        super().write_output(offset, data, now_s)
 
 
 @pytest.fixture
@@ -68,7 +62,7 @@ def link():
 
 
 def test_the_block_is_read_byte_by_byte(device, link):
-    assert link().read() == device.model.read_input(1.0)[:6]
+    assert link().read() == device.read_input(1.0)[:6]
 
 
 def test_settings_are_written_first_then_what_changed_and_a_stop_before_all(device, link):

@@ -176,9 +176,6 @@ def test_an_exception_answer_is_a_refusal_and_no_silence():
 
 
 def test_an_interrupted_transaction_is_not_answered_to_the_next():
-    class Interrupted(BaseException):
-        pass
-
     channel, line, _ = link(
         [(0.004, answer(3, bytes.fromhex("F900 0000 0300")))], [(0.004, answer())]
     )
@@ -187,11 +184,11 @@ def test_an_interrupted_transaction_is_not_answered_to_the_next():
     def interrupt(seconds):
         if len(line.sent) == 1 and seconds > 0.1:
             line.receive = receive
-            raise Interrupted
+            raise KeyboardInterrupt
         return receive(seconds)
 
     line.receive = interrupt
-    with pytest.raises(Interrupted):
+    with pytest.raises(KeyboardInterrupt):
         channel.read()
     assert channel.read() == STATUS
 

@@ -7,6 +7,7 @@ from lines import Line
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout
+from drivers.ports import no_report
 from drivers.robotiq.registers import OUTPUT_FIELDS, decode, pack
 from drivers.robotiq.urcap import READ, UrcapLink
 from drivers.sim.devices.gripper import GripperModel
@@ -22,13 +23,9 @@ def output(end=b"", **changed):
     return [[(0.004, b"%s %d%s" % (name.encode(), values[name], end))] for name in READ]
 
 
-def items(script, reports=None):
+def items(script, report=no_report):
     line = Line(*script)
-    report = (
-        (lambda kind, fields: reports.append(fields["incident"])) if reports is not None else None
-    )
-    pace = Pace(line.clock)
-    return line, UrcapLink(line, pace, report) if report else UrcapLink(line, pace)
+    return line, UrcapLink(line, Pace(line.clock), report)
 
 
 def asked(line):
@@ -77,7 +74,7 @@ def test_a_late_answer_is_not_taken_for_that_of_a_later_question():
     late = LINK_TIMEOUT_S + 0.01
     script = [[(late, b"ack"), (late + 0.005, b"POS 3")], [(0.02, b"SPE 255")], *output()]
     reports = []
-    line, link = items(script, reports)
+    line, link = items(script, lambda kind, fields: reports.append(fields["incident"]))
     with pytest.raises(LinkTimeout, match="did not answer 'SET"):
         link.write(GO)
     assert decode(link.read()).position_counts == 147

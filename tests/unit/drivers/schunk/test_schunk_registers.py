@@ -5,8 +5,7 @@ import random
 import pytest
 
 from drivers.schunk.registers import ERRORS, PARAMETERS, Input, Output, Status, error_text
-from drivers.sim.devices.schunk import SchunkModel
-from drivers.sim.devices.schunk_registers import SchunkRegisters
+from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
 from drivers.sim.wire.modbus import crc16
 from drivers.sim.wire.rtu import RtuSlave
 from runtime.table import PROFILES

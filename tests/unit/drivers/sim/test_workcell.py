@@ -49,10 +49,10 @@ def test_a_held_part_moves_and_turns_with_the_hand():
     hands.go(31.0, -8.0, LOW, 0.3)
     assert hands.pose() == pytest.approx((x + 30.0, y - 10.0, turn), abs=1e-3)
     hands.go(31.0, -8.0, LOW, 0.3 + math.pi / 2)
-    assert math.hypot(hands.pose()[0] - 31.0, hands.pose()[1] + 8.0) == pytest.approx(
-        math.hypot(x - 1.0, y - 2.0), abs=1e-3
-    )
-    assert hands.pose()[2] == pytest.approx(turn + math.pi / 2, abs=1e-3)
+    x_now, y_now, turn_now = hands.pose()
+    off_mm = math.hypot(x - 1.0, y - 2.0)
+    assert math.hypot(x_now - 31.0, y_now + 8.0) == pytest.approx(off_mm, abs=1e-3)
+    assert turn_now == pytest.approx(turn + math.pi / 2, abs=1e-3)
 
 
 def test_jaws_that_close_after_they_let_go_and_rose_meet_nothing():

@@ -30,19 +30,15 @@ def studio(tmp_path_factory):
     for number, card in enumerate(cards()):
         name = "table.png" if number == 0 else f"views/held-{number:02d}.png"
         cv2.imwrite(str(folder / name), render(OPTICS, [card], Flaws(), rng))
-    lines = ["picture,x_mm,y_mm,theta_rad"]
-    for number, part in enumerate(
-        [(-60.0, -20.0, 0.4), (60.0, -30.0, 2.0), (0.0, 40.0, -1.0), (-50.0, 40.0, 3.0)]
-    ):
+    parts = [(-60.0, -20.0, 0.4), (60.0, -30.0, 2.0), (0.0, 40.0, -1.0), (-50.0, 40.0, 3.0)]
+    poses, touched = ["picture,x_mm,y_mm,theta_rad"], ["picture,x_mm,y_mm"]
+    for number, part in enumerate(parts):
         cv2.imwrite(str(folder / f"part-{number}.png"), shown.seen(Look(part), rng))
-        lines.append(f"part-{number}.png,{part[0]},{part[1]},{part[2]}")
+        poses.append(f"part-{number}.png,{part[0]},{part[1]},{part[2]}")
         x, y, _ = compose(part, shown.on_part)
-        lines.append(f"# {x},{y}")
-    poses = [line for line in lines if not line.startswith("#")]
-    (folder / "poses.csv").write_text("\n".join(poses) + "\n")
-    spots = [line[2:] for line in lines if line.startswith("#")]
-    touched = ["picture,x_mm,y_mm", *(f"part-{k}.png,{spot}" for k, spot in enumerate(spots))]
-    (folder / "touched.csv").write_text("\n".join(touched) + "\n")
+        touched.append(f"part-{number}.png,{x},{y}")
+    for name, lines in (("poses", poses), ("touched", touched)):
+        (folder / f"{name}.csv").write_text("\n".join(lines) + "\n")
     cv2.imwrite(str(folder / "empty.png"), shown.seen(Look(None), rng))
     return folder
 
@@ -102,20 +98,8 @@ def test_tag_is_found_on_its_part(studio, calibrated, capsys):
 
 
 def test_tag_can_be_stated(tmp_path, capsys):
-    words = [
-        "tag",
-        "--part",
-        "block",
-        "--number",
-        "7",
-        "--side",
-        "22",
-        "--at",
-        "2,-1,0.3",
-        "--json",
-        "-o",
-    ]
-    assert calibrate_command.main([*words, str(tmp_path / "tag.json")]) == 0
+    words = ["tag", "--part", "block", "--number", "7", "--side", "22", "--at", "2,-1,0.3"]
+    assert calibrate_command.main([*words, "--json", "-o", str(tmp_path / "tag.json")]) == 0
     assert tag_file.load(tmp_path / "tag.json") == part_tag()
     record = json.loads(capsys.readouterr().out)
     names = ("part", "tag", "x_mm", "theta_rad", "output")

@@ -68,17 +68,12 @@ def test_camera_above_finds_itself_above():
     points = corners_on_board()
     pixels = optics.project(card.centre_mm + points[:, :1] * card.right + points[:, 1:] * card.down)
     view = true_view(optics)
-    _, turn, shift = cv2.solvePnP(
-        np.column_stack([points, np.zeros(len(points))]),
-        pixels,
-        view.lens.matrix,
-        np.array(view.lens.distortion),
-    )
+    solid, bent = np.column_stack([points, np.zeros(len(points))]), np.array(view.lens.distortion)
+    _, turn, shift = cv2.solvePnP(solid, pixels, view.lens.matrix, bent)
     stands = table_fit.stand(view.lens, np.concatenate([turn, shift]).ravel(), from_below=False)
     assert not stands.from_below
-    assert (
-        np.abs(stands.moved(relative(ON_TABLE, (0.0, 0.0, 0.0))).eye - optics.eye_mm).max() < 0.01
-    )
+    eye = stands.moved(relative(ON_TABLE, (0.0, 0.0, 0.0))).eye
+    assert np.abs(eye - optics.eye_mm).max() < 0.01
 
 
 # -- what is refused ------------------------------------------------------------------------------

@@ -38,16 +38,11 @@ class Lying:
 
 def table_top(*faults):
     """A part on the table of a cell, the first closing of the jaws over."""
-    desk = Desk(Listed(faults))
-    setting = replace_world(small_setting())
-    top = TableTop(setting, 1, desk)
+    setting = small_setting()._replace(world="lying", factory=lambda subject, seed: Lying())
+    top = TableTop(setting, 1, Desk(Listed(faults)))
     top.squeeze((0.0, 0.0, 0.0))
     top.gripped()
     return top
-
-
-def replace_world(setting):
-    return setting._replace(world="lying", factory=lambda subject, seed: Lying())
 
 
 def audited(top):
@@ -109,10 +104,8 @@ def test_pictures_for_a_calibration_make_one_that_finds_the_part(tmp_path):
             assert calibrate_command.main(shlex.split(words)) == 0
     fitted = calibration.load(folder / "camera.json")
     tag, other = (tag_file.load(folder / f"tag-{k}.json") for k in range(2))
-    assert [(each.part, each.number) for each in (tag, other)] == [
-        (names[0], RIG.number),
-        (names[1], RIG.number + 1),
-    ]
+    assert (tag.part, other.part) == tuple(names)
+    assert (tag.number, other.number) == (RIG.number, RIG.number + 1)
     for each in (tag, other):
         assert np.hypot(each.on_part[0] - 2.0, each.on_part[1] + 1.0) < 0.1
     assert [reference.number for reference in fitted.references] == [580, 581, 582]

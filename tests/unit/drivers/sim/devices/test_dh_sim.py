@@ -3,31 +3,21 @@
 import random
 
 import pytest
+from schunk_rigs import Part
 
 from drivers.dh import registers as dh
 from drivers.dh.registers import Grip, Initialised
 from drivers.sim.devices.dh import DhModel, DhRegisters
-from drivers.sim.devices.jaws import Surroundings
 from runtime.table import profile_of
 
 
-class Bench(Surroundings):
+class Bench:
     """The device, and a part between its fingers."""
 
-    def __init__(self, contact_mm=None):
-        self.contact_mm = contact_mm
-        self.grips = self.releases = 0
+    def __init__(self, width_mm=None):
+        self.part = Part(width_mm)
         self.now = 0.0
-        self.model = DhModel(random.Random(1), self, profile_of("dh-pgc140-50"))
-
-    def closing(self):
-        return self.contact_mm
-
-    def gripped(self):
-        self.grips += 1
-
-    def released(self):
-        self.releases += 1
+        self.model = DhModel(random.Random(1), self.part, profile_of("dh-pgc140-50"))
 
     def write(self, register, value, then_s=2.0):
         self.model.write(register, value, self.now)
@@ -39,7 +29,7 @@ class Bench(Surroundings):
 
 @pytest.fixture
 def ready():
-    bench = Bench(contact_mm=20.0)
+    bench = Bench(20.0)
     bench.write(dh.INITIALISATION, dh.INITIALISE)
     return bench
 
@@ -78,7 +68,7 @@ def test_device_that_meets_a_part_catches_it_and_lets_go_of_it(ready):
     assert (ready.read(dh.GRIP), ready.read(dh.ACTUAL_POSITION)) == (Grip.CAUGHT, 400)
     ready.write(dh.POSITION, dh.FULL)
     assert (ready.read(dh.GRIP), ready.read(dh.ACTUAL_POSITION)) == (Grip.AT_POSITION, dh.FULL)
-    assert (ready.grips, ready.releases) == (1, 1)
+    assert (ready.part.grips, ready.part.releases) == (1, 1)
 
 
 def test_device_that_drops_the_part_goes_on_to_the_position_and_says_dropped(ready):
@@ -89,7 +79,7 @@ def test_device_that_drops_the_part_goes_on_to_the_position_and_says_dropped(rea
 
 
 def test_device_crosses_its_stroke_in_the_time_of_the_data_sheet(ready):
-    ready.contact_mm = None
+    ready.part.width_mm = None
     ready.write(dh.SPEED, 100)
     ready.write(dh.POSITION, 0, 0.69)
     assert ready.read(dh.ACTUAL_POSITION) > 0

@@ -3,7 +3,6 @@
 import random
 
 import pytest
-from pymodbus.framer.rtu import FramerRTU
 
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.wire.modbus import crc16
@@ -27,13 +26,6 @@ def fed(slave, data):
 def slave():
     model = GripperModel(random.Random(1))
     return RtuSlave(GripperRegisters(model, lambda: 0.01))
-
-
-def test_crc_against_the_librarys_own():
-    rng = random.Random(2)
-    for length in range(1, 60):
-        data = rng.randbytes(length)
-        assert crc16(data) == FramerRTU.compute_CRC(data).to_bytes(2, "big")
 
 
 @pytest.mark.parametrize(
