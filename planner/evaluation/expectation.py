@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.arrays import BoolArray, IntArray
+from planner.arrays import IntArray
 from planner.evaluation.cases import friction_cases
 from planner.evaluation.evaluate import sweep
 from planner.evaluation.outcome import Evaluation
@@ -33,9 +33,9 @@ def expected(
         yield {"name": case.name, "readings": lines}
 
 
-def readings(evaluation: Evaluation, table: Table, of: BoolArray | None = None) -> IntArray:
-    """Counts (nodes, bins) of the readings at each node; of some of the trials (n,), or of all."""
-    squeezed = (evaluation.path >= 0) & (True if of is None else of[:, None])
+def readings(evaluation: Evaluation, table: Table) -> IntArray:
+    """Counts (nodes, bins) of the readings at each node."""
+    squeezed = evaluation.path >= 0
     size = (len(table.nodes), table.gripper.bins)
     places = size[1] * evaluation.path[squeezed] + bins_of(table, evaluation.steps[squeezed])
     return np.bincount(places, minlength=size[0] * size[1]).reshape(size).astype(np.int64)

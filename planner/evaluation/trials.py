@@ -22,16 +22,16 @@ from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.mechanics.traits import Traits, by_hypothesis, ordinary
 from planner.world import Assorted, ContactWorld, World, of_hypothesis
 from runtime.shell.errors import UsageError
-from runtime.table import HELD_UM, REJECT, Squeeze, Table, decision_map
+from runtime.table import HELD_UM, REJECT, Push, Squeeze, Table, decision_map
 
 RUNNING = -2
 DISMISSED = int(np.iinfo(np.int64).min)  # target of a width that fits no branch
 HOLDING = (STATUS_NAMES[GRASPED], STATUS_NAMES[JAMMED])
 
 
-def placement_of(squeeze: Squeeze) -> Array:
-    """The hand frame in the world of a table's squeeze, (3,) [mm, mm, rad]."""
-    return np.array([squeeze.x_um / 1e3, squeeze.y_um / 1e3, squeeze.angle_urad / 1e6])
+def placement_of(action: Squeeze | Push) -> Array:
+    """The hand frame in the world at a table's squeeze, or where its push starts, (3,) [mm, mm, rad]."""
+    return np.array([action.x_um / 1e3, action.y_um / 1e3, action.angle_urad / 1e6])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,8 +166,7 @@ class Cell:
         for index in np.flatnonzero(self.program.pushes):
             for push in self.program.table.nodes[index].pushes:
                 rows = np.flatnonzero((node == index) & ~stopped)
-                start = np.array([push.x_um / 1e3, push.y_um / 1e3, push.angle_urad / 1e6])
-                planned = np.tile(start, (len(rows), 1))
+                planned = np.tile(placement_of(push), (len(rows), 1))
                 hand = self.disturbance.placed(planned, traits[rows], self.rng)
                 lying = to_hand(after[rows], hand.T)
                 opening_mm = np.full(len(rows), push.opening_um / 1e3)
