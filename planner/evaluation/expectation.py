@@ -4,7 +4,6 @@
 """
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
-from planner.world import ContactWorlds
 from runtime.table import Table
 
 
@@ -24,10 +22,7 @@ def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
 ) -> Iterator[dict[str, Any]]:
     """For each world its name and, for each node, the bins that parts read there and their counts."""
-    worlds = partial(ContactWorlds.of_job, seed=seed)
-    for case, result in sweep(
-        table, job, friction_cases(job), worlds, trials, seed, scheduler, report
-    ):
+    for case, result in sweep(table, job, friction_cases(job), trials, seed, scheduler, report):
         rows = readings(result, table)
         lines = [{str(number): int(row[number]) for number in np.flatnonzero(row)} for row in rows]
         yield {"name": case.name, "readings": lines}

@@ -45,7 +45,7 @@ def test_every_part_can_be_put_into_every_world(job, name):
 
 def test_only_the_world_differs_from_case_to_case(job, table):
     cases = [case for case in standard_cases(job) if case.name in ("as planned", "encoder +1 mm")]
-    plain, moved = sweep(table, job, cases, worlds, 1000, 3)
+    plain, moved = sweep(table, job, cases, 1000, 3, worlds=worlds)
     assert np.array_equal(plain.evaluation.initial, moved.evaluation.initial)
     assert np.array_equal(plain.evaluation.poses, evaluate(table, job, worlds(job), 1000, 3).poses)
     shift = 1.0 / job.gripper.resolution_mm
