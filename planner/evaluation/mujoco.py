@@ -50,7 +50,7 @@ STALLED = 0.01  # share of their way over the window below which jaws stand stil
 REST_S = 0.1  # time after which a pushed part lies still
 UNMOVED_MM = 0.01  # distance that a part may settle when it is set down
 SEED_MUJOCO = 0x4D554A4F
-STIFF = {"solref": [CONTACT_S, 1.0], "solimp": [0.99, 0.999, 1e-5, 0.5, 2.0]}
+STIFF = [CONTACT_S, 1.0], [0.99, 0.999, 1e-5, 0.5, 2.0]  # solref and solimp of MuJoCo
 CORNER, PLATE, FINGER, POST, TABLE = 1, 2, 4, 8, 16  # collision bits of geoms
 
 
@@ -196,6 +196,8 @@ def _placed(outline: Outline, pose: Pose) -> Array:
 def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float], None]) -> Any:
     """Table, part and fingers."""
     spec = mujoco.MjSpec()
+    for kind in (spec.default.geom, spec.default.equality):
+        kind.solref, kind.solimp = STIFF
     spec.option.timestep, spec.option.integrator = (
         timestep_s,
         mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
@@ -208,7 +210,6 @@ def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float],
         friction=[TABLE_FRICTION, 0.0, 0.0],
         contype=TABLE,
         conaffinity=0,
-        **STIFF,
     )
     height_mm = job.part.height_mm or 2.0 * job.cell.squeeze_height_mm
     _add_part(spec, job, height_mm / 1e3)
@@ -229,15 +230,7 @@ def _add_part(spec: Any, job: Job, height: float) -> None:
     body.inertia = [tilting, tilting, mass * gyration]
     _add_rim(body, simplified(outline, SIMPLIFY_MM) / 1e3, height, job.cell.squeeze_height_mm / 1e3)
     for x, y in points / 1e3:
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[FOOT_M, 0.0, 0.0],
-            pos=[x, y, FOOT_M],
-            friction=[TABLE_FRICTION, 0.0, 0.0],
-            contype=0,
-            conaffinity=TABLE,
-            **STIFF,
-        )
+        _add_sphere(body, FOOT_M, [x, y, FOOT_M], (0, TABLE), friction=[TABLE_FRICTION, 0.0, 0.0])
 
 
 def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
@@ -258,7 +251,7 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
             inwards = angle + 0.5 * (math.pi - bend)
             inset = ROUND_M / math.cos(0.5 * bend)
             x, y = corner + inset * np.array([math.cos(inwards), math.sin(inwards)])
-            _add_post(body, x, y, (tips, height), CORNER, FINGER)
+            _add_post(body, x, y, (tips, height), (CORNER, FINGER))
     # A plate would stick out beyond a corner of less than 90 degrees.
     trims = np.array([PLATE_M * math.tan(max(bend - 0.5 * math.pi, 0.0)) for bend in bends])
     for k, (corner, angle, length) in enumerate(zip(outline, angles, lengths, strict=True)):
@@ -275,24 +268,24 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
                 quat=[math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)],
                 contype=PLATE,
                 conaffinity=POST,
-                **STIFF,
             )
 
 
 def _add_post(
-    body: Any, x: float, y: float, ends: tuple[float, float], kind: int, other: int, **more: Any
+    body: Any, x: float, y: float, ends: tuple[float, float], bits: tuple[int, int], **more: Any
 ) -> None:
     """Adds a vertical edge, given by its ends."""
     for z in (ends[0] + ROUND_M, ends[1] - ROUND_M):
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[ROUND_M, 0.0, 0.0],
-            pos=[x, y, z],
-            contype=kind,
-            conaffinity=other,
-            **more,
-            **STIFF,
-        )
+        _add_sphere(body, ROUND_M, [x, y, z], bits, **more)
+
+
+def _add_sphere(
+    body: Any, radius: float, at: list[float], bits: tuple[int, int], **more: Any
+) -> None:
+    """Adds a sphere, given its collision bits and those of what it collides with."""
+    size, (kind, other) = [radius, 0.0, 0.0], bits
+    shape = mujoco.mjtGeom.mjGEOM_SPHERE
+    body.add_geom(type=shape, size=size, pos=at, contype=kind, conaffinity=other, **more)
 
 
 def _add_finger(body: Any, job: Job, height: float) -> None:
@@ -307,12 +300,11 @@ def _add_finger(body: Any, job: Job, height: float) -> None:
         contype=FINGER,
         conaffinity=CORNER,
         priority=1,
-        **STIFF,
     )
     for x, y in product((-1.0, 1.0), repeat=2):
         inset = np.array(size[:2]) - ROUND_M
         ends = -size[2], height - tips - size[2]
-        _add_post(body, x * inset[0], y * inset[1], ends, POST, PLATE, priority=1, mass=0.0)
+        _add_post(body, x * inset[0], y * inset[1], ends, (POST, PLATE), priority=1, mass=0.0)
 
 
 def _finger_size(job: Job, height: float) -> list[float]:
@@ -352,7 +344,6 @@ def _add_jaws(spec: Any, job: Job, height: float) -> None:
         objtype=mujoco.mjtObj.mjOBJ_JOINT,
         name1=less,
         name2=more,
-        **STIFF,
     )
     couple.data[:2] = [0.0, shares[less] / shares[more]]
 
