@@ -198,10 +198,8 @@ def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float],
     spec = mujoco.MjSpec()
     for kind in (spec.default.geom, spec.default.equality):
         kind.solref, kind.solimp = STIFF
-    spec.option.timestep, spec.option.integrator = (
-        timestep_s,
-        mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-    )
+    spec.option.timestep = timestep_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
     spec.option.noslip_iterations = 10  # otherwise a part held by friction creeps
     spec.worldbody.add_geom(
@@ -221,10 +219,8 @@ def _add_part(spec: Any, job: Job, height: float) -> None:
     outline, body = job.part.outline_mm, spec.worldbody.add_body()
     body.add_freejoint()
     points, centre = feet(job)
-    mass, gyration = (
-        DENSITY_KG_M3 * area(outline) / 1e6 * height,
-        (radius_of_gyration(outline) / 1e3) ** 2,
-    )
+    mass = DENSITY_KG_M3 * area(outline) / 1e6 * height
+    gyration = (radius_of_gyration(outline) / 1e3) ** 2
     tilting = mass * (0.5 * gyration + height**2 / 12.0)  # as of a round part; it hardly tilts
     body.explicitinertial, body.mass, body.ipos = True, mass, [*centre / 1e3, 0.5 * height]
     body.inertia = [tilting, tilting, mass * gyration]
@@ -242,10 +238,8 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
     """
     ahead = np.roll(outline, -1, axis=0) - outline
     angles = np.arctan2(ahead[:, 1], ahead[:, 0])
-    lengths, bends = (
-        np.hypot(*ahead.T),
-        np.remainder(angles - np.roll(angles, 1) + np.pi, math.tau) - np.pi,
-    )
+    lengths = np.hypot(*ahead.T)
+    bends = np.remainder(angles - np.roll(angles, 1) + np.pi, math.tau) - np.pi
     for corner, angle, bend in zip(outline, angles, bends, strict=True):
         if bend > 0.0:  # the others are notches
             inwards = angle + 0.5 * (math.pi - bend)

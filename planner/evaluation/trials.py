@@ -264,11 +264,9 @@ def _note(
     at = node[members]
     segment = program.segment(at, reading)
     row, target = (members, evaluation.squeezes[members]), program.target[segment]
-    evaluation.path[row], evaluation.reading[row], evaluation.branch[row] = (
-        at,
-        reading,
-        program.lookup.branch[segment],
-    )
+    evaluation.path[row] = at
+    evaluation.reading[row] = reading
+    evaluation.branch[row] = program.lookup.branch[segment]
     evaluation.squeezes[members] += 1
     leaf = np.where(target == DISMISSED, REJECTED, ~target)
     evaluation.leaf[members] = np.where(target < 0, leaf, RUNNING)
