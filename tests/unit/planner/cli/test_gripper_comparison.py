@@ -17,9 +17,9 @@ FIGURES = {
 }
 
 
-@pytest.fixture
-def plate(tmp_path, monkeypatch):
-    """A drawing; plans with a Hand-E fail, all others have the same figures."""
+@pytest.fixture(autouse=True)
+def _planned(monkeypatch):
+    """Plans with a Hand-E fail, all others have the same figures."""
 
     def planned(job, *_):
         if job.gripper.model == "hand-e":
@@ -27,10 +27,6 @@ def plate(tmp_path, monkeypatch):
         return SimpleNamespace(evaluation=SimpleNamespace(summary=lambda: FIGURES))
 
     monkeypatch.setattr(gripper_comparison, "planned_within", planned)
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "plate.csv"
-    path.write_text("0,0\n30,0\n30,21\n0,21\n")
-    return path
 
 
 def test_compare_prints_a_line_for_each_gripper_and_writes_nothing(plate, capsys):
