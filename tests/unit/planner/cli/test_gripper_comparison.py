@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from planner.cli import first_look, gripper_comparison
+from planner.cli import first_look, first_plan, gripper_comparison
 from planner.errors import NoPlanError
 from planner.job.drafts import GRIPPERS
 
@@ -26,7 +26,7 @@ def _planned(monkeypatch):
             raise NoPlanError(f"no leaf comes within 3 mm; {'add actions, or ' * 9}ask for less")
         return SimpleNamespace(evaluation=SimpleNamespace(summary=lambda: FIGURES))
 
-    monkeypatch.setattr(gripper_comparison, "planned_within", planned)
+    monkeypatch.setattr(first_plan, "planned_within", planned)
 
 
 def test_compare_prints_a_line_for_each_gripper_and_writes_nothing(plate, capsys):
