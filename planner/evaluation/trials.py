@@ -199,7 +199,8 @@ class Cell:
 
     def run(self, trials: int) -> Evaluation:
         """Runs the table on a number of parts, at least 1."""
-        poses, nowhere = initial(self.job, trials, self.rng), _nowhere(self.program, trials)
+        poses, depth = initial(self.job, trials, self.rng), self.program.table.limits.max_depth
+        nowhere = np.full((trials, depth), NOWHERE, np.int64)
         foreign = not isinstance(of_hypothesis(self.world, 0), ContactWorld)
         traits = self.disturbance.traits(self.job, trials, self.rng, foreign=foreign)
         begun = Evaluation(
@@ -250,11 +251,6 @@ class Cell:
             for part in np.arange(len(hand))[rows][near]:
                 stopped[part] = collides(tuple(hand[part]), float(opening_mm[part]))
         return stopped
-
-
-def _nowhere(program: Program, trials: int) -> IntArray:
-    """(n, d) for trials without any squeeze so far."""
-    return np.full((trials, program.table.limits.max_depth), NOWHERE, np.int64)
 
 
 def _note(

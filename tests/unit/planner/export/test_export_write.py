@@ -7,6 +7,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from programs import called
 from sample_tables import every_field_table, small_table
 
 from planner.cli import export
@@ -65,7 +66,7 @@ def test_texts_of_a_table_cannot_end_a_comment(tmp_path):
         assert text.count("(*") == text.count("*)")
 
 
-def test_wrong_input_is_reported_in_one_line(tree, tmp_path, capsys):
+def test_wrong_input_is_reported_in_one_line(tree, tmp_path):
     full = tmp_path / "full"
     full.mkdir()
     (full / VECTORS).write_text("mine\n")
@@ -77,25 +78,21 @@ def test_wrong_input_is_reported_in_one_line(tree, tmp_path, capsys):
     }
     for code, pairs in wrong.items():
         for table, out in pairs:
-            assert export.main([str(table), "--to", "c99", "-o", str(out)]) == code
-            said = capsys.readouterr()
-            assert said.out == ""
-            assert said.err.count("\n") == 1
-            assert said.err.startswith("plan-export: ")
+            ended = called(export.main, table, "--to", "c99", "-o", out)
+            assert (ended.code, ended.out, ended.one_line) == (code, "", True)
+            assert ended.err.startswith("plan-export: ")
     assert [path.read_text() for path in full.iterdir()] == ["mine\n"]
     assert not (tmp_path / "o").exists()
-    with pytest.raises(SystemExit) as ended:
-        export.main([str(tree), "--to", "ada", "-o", str(tmp_path / "o")])
-    assert ended.value.code == 2
+    assert called(export.main, tree, "--to", "ada", "-o", tmp_path / "o").code == 2
 
 
 @pytest.mark.parametrize(
     "prefix", ["", "Left", "2left", "left-hand", "left__hand", "_left", "left_", "x" * 25, "é"]
 )
-def test_a_prefix_that_is_no_name_is_usage(prefix, tree, tmp_path, capsys):
-    words = [str(tree), "--to", "c99", "-o", str(tmp_path / "o"), "--prefix", prefix]
-    assert export.main(words) == 2
-    assert capsys.readouterr().err.startswith("plan-export: --prefix")
+def test_a_prefix_that_is_no_name_is_usage(prefix, tree, tmp_path):
+    ended = called(export.main, tree, "--to", "c99", "-o", tmp_path / "o", "--prefix", prefix)
+    assert ended.code == 2
+    assert ended.err.startswith("plan-export: --prefix")
     assert not (tmp_path / "o").exists()
 
 

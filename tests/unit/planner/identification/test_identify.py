@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from problems import rectangle
+from programs import called
 
 from planner.cli.identify import main
 from planner.identification import identify, pushes
@@ -91,27 +92,23 @@ def test_identify_command_writes_the_surfaces_and_the_best_of_them(tmp_path, cap
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_command_refuses_bad_input_in_one_line(tmp_path, capsys):
-    good = str(write_csv(tmp_path / "pairs.csv", ellipsoid_pairs(20, 0.1)))
+def test_the_command_refuses_bad_input_in_one_line(tmp_path):
+    good = write_csv(tmp_path / "pairs.csv", ellipsoid_pairs(20, 0.1))
     bad = tmp_path / "bad.txt"
     bad.write_text("3\n1 2", encoding="utf-8")
     cases = [
-        ([str(tmp_path / "none.txt")], 3),
-        ([str(bad)], 3),
-        ([good, "--figure", str(tmp_path / "x.bmp")], 2),
-        ([good, "-o", str(tmp_path / "no" / "x.toml")], 2),
+        ([tmp_path / "none.txt"], 3),
+        ([bad], 3),
+        ([good, "--figure", tmp_path / "x.bmp"], 2),
+        ([good, "-o", tmp_path / "no" / "x.toml"], 2),
         ([good, "--train-share", "0.05"], 3),
     ]
     for arguments, code in cases:
-        assert main([*arguments, "--splits", "1", "--kind", "ellipsoid"]) == code
-        error = capsys.readouterr().err
-        assert error.startswith("plan-identify: ")
-        assert error.count("\n") == 1
+        ended = called(main, *arguments, "--splits", "1", "--kind", "ellipsoid")
+        assert (ended.code, ended.one_line) == (code, True)
+        assert ended.err.startswith("plan-identify: ")
     for option in ("--splits=0", "--rho-mm=0", "--rho-mm=inf", "--train-share=1", "--kind=cube"):
-        with pytest.raises(SystemExit) as caught:
-            main([good, option])
-        assert caught.value.code == 2
-        capsys.readouterr()
+        assert called(main, good, option).code == 2
 
 
 def scaled_anyhow(pairs: pushes.Pairs, seed: int = 5) -> pushes.Pairs:

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from problems import rectangle, simulator
+from programs import called
 
 from planner.cli.identify import main
 from planner.identification import motions
@@ -69,8 +70,9 @@ def test_command_identifies_from_motions(tmp_path, capsys):
     assert answer["held_out_error_mm"] < 2.0
     assert "ellipsoid" in surface.read_text()
     for spoiled in (words[:4], words[:2] + words[4:], [*words, "--pairs", str(table)]):
-        assert main(spoiled) == 2
-        assert capsys.readouterr().err.count("\n") == 1
+        ended = called(main, *spoiled)
+        assert (ended.code, ended.one_line) == (2, True)
     table.write_text(header + "\n" + "1,2,3,4,5,6,7\n" * 11)
-    assert main(words) == 3
-    assert "11 pushes; give at least 12" in capsys.readouterr().err
+    ended = called(main, *words)
+    assert ended.code == 3
+    assert "11 pushes; give at least 12" in ended.err
