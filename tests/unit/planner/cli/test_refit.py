@@ -1,12 +1,11 @@
 """plan-refit as a command: what it writes keeps the file's text, and what it refuses, in one line."""
 
-import json
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from programs import called
+from programs import called, document
 from rectangle import JOB_PATH as JOB
 from rectangle import TABLE_PATH as TREE
 from run_logs import chained, header, part
@@ -37,19 +36,16 @@ def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
 
 
 @pytest.mark.slow
-def test_refit_learns_the_encoder_keeps_the_text_and_never_changes_a_running_table(
-    tmp_path, capsys
-):
+def test_refit_learns_the_encoder_keeps_the_text_and_never_changes_a_running_table(tmp_path):
     seen, output = journal(tmp_path / "run.jsonl", 60), tmp_path / "job2.toml"
     for path in (JOB, TREE):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     job = tmp_path / JOB.name
-    command = [str(job), "--journal", str(seen), "-o", str(output), "--cells", "20", "--json"]
-    assert refit.main(command) == 0
+    words = [job, "--journal", seen, "-o", output, "--cells", "20", "--json"]
+    findings = document(refit.main, *words)["findings"]
     assert {path: path.read_bytes() for path in tmp_path.iterdir() if path != output} == before
-    document = json.loads(capsys.readouterr().out)
-    record = {finding["quantity"]: finding for finding in document["findings"]}
+    record = {finding["quantity"]: finding for finding in findings}
     assert record["encoder_mm"]["learned"]
     assert record["encoder_mm"]["mean"] == pytest.approx(0.6, abs=0.1)
     low, high = tomllib.loads(output.read_text())["doubt"]["encoder_mm"]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from programs import called
+from programs import called, document
 from sample_tables import every_field_table, small_table
 
 from planner.cli import export
@@ -22,7 +22,7 @@ def tree(tmp_path):
     return tmp_path / "t.msgpack"
 
 
-def document(table, folder):
+def json_form(table, folder):
     """The JSON form of a table, checked by the schema beside it."""
     writer.write(TableFile(table, b"", "0" * 64), "json", folder)
     record = json.loads((folder / "squeezetree_table.json").read_text())
@@ -35,7 +35,7 @@ def document(table, folder):
 
 def test_json_holds_the_whole_table(tmp_path):
     table = every_field_table()
-    result, validator = document(table, tmp_path)
+    result, validator = json_form(table, tmp_path)
     for index, (node, written) in enumerate(zip(table.nodes, result["nodes"], strict=True)):
         assert {name: written[name] for name in node.squeeze._fields} == node.squeeze._asdict()
         assert tuple(written["release_um"]) == node.let_go, index
@@ -109,16 +109,15 @@ def test_a_prefix_begins_every_name_and_json_has_none(tree, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_files_and_words(form, tree, tmp_path, capsys):
+def test_files_and_words(form, tree, tmp_path):
     out = tmp_path / "made" / form
-    assert export.main([str(tree), "--to", form, "-o", str(out), "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+    record = document(export.main, tree, "--to", form, "-o", out, "--json")
     assert {path.name: path.stat().st_size for path in out.iterdir()} == record["files"]
     assert set(record["files"]) == {VECTORS, *FORMS[form]}
     again = tmp_path / "again"
     again.mkdir()
-    assert export.main([str(tree), "--to", form, "-o", str(again)]) == 0
+    ended = called(export.main, tree, "--to", form, "-o", again)
+    assert (ended.code, ended.out.count("\n")) == (0, 1)
     for name in record["files"]:
         assert (again / name).read_bytes() == (out / name).read_bytes()
         assert load(tree).digest in (out / name).read_text() or name in (VECTORS, FORMS["json"][1])
-    assert capsys.readouterr().out.count("\n") == 1

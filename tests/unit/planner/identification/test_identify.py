@@ -1,12 +1,11 @@
 """Identification on made-up pairs whose surface is known, and the command that does it."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from problems import rectangle
-from programs import called
+from programs import called, document
 
 from planner.cli.identify import main
 from planner.identification import identify, pushes
@@ -79,12 +78,11 @@ def test_held_out_errors_are_of_pairs_that_the_fit_has_not_seen():
     assert np.isfinite(once.held_out[:, 0]).sum() == 6
 
 
-def test_identify_command_writes_the_surfaces_and_the_best_of_them(tmp_path, capsys):
+def test_identify_command_writes_the_surfaces_and_the_best_of_them(tmp_path):
     log = write_csv(tmp_path / "pairs.csv", rectangle_pairs(24, 0.05))
     output, picture = tmp_path / "surface.toml", tmp_path / "surface.png"
-    options = ["-o", str(output), "--figure", str(picture), "--rho-mm", "10", "--splits", "1"]
-    assert main([str(log), *options, "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
+    options = ["-o", output, "--figure", picture, "--rho-mm", "10", "--splits", "1"]
+    report = document(main, log, *options, "--json")
     errors = {entry["kind"]: entry["held_out_error_deg"] for entry in report["surfaces"]}
     assert report["best"] == min(errors, key=errors.get)
     assert surface_file.load(output)[report["best"]] is not None

@@ -6,7 +6,7 @@ import re
 import pytest
 from browser import LEGIBLE, NEEDED, played
 from html_pages import Page
-from programs import called
+from programs import called, document
 from rectangle import TABLE_PATH
 from run_logs import chained, header, part
 
@@ -82,12 +82,11 @@ def journal_of(tmp_path):
     return path, target
 
 
-def test_a_journal_is_laid_over_the_tree(tmp_path, capsys):
+def test_a_journal_is_laid_over_the_tree(tmp_path):
     journal, target = journal_of(tmp_path)
     output = tmp_path / "page.html"
-    words = [str(TABLE_PATH), "-o", str(output), "--trials", "50", "--journal", str(journal)]
-    assert report.main([*words, "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+    words = [TABLE_PATH, "-o", output, "--trials", "50", "--journal", journal]
+    record = document(report.main, *words, "--json")
     assert record["bytes"] == output.stat().st_size
     assert (record["nodes"], record["leaves"]) == (len(TABLE.nodes), len(TABLE.leaves))
     text = output.read_text()
