@@ -27,3 +27,17 @@ def plate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path = tmp_path / "plate.csv"
     path.write_text("0,0\n30,0\n30,21\n0,21\n")
     return path
+
+
+class Clock:
+    """Stands until a test moves it on."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
