@@ -8,9 +8,8 @@ from planner.arrays import IntArray
 from planner.belief.observation import encoder_of
 from planner.evaluation.cases import OFFSET, offset_cases
 from planner.evaluation.evaluate import sweep
-from planner.evaluation.lookup import Lookup
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.trials import encoder_of_table
+from planner.evaluation.trials import Lookup, encoder_of_table
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler

@@ -3,6 +3,7 @@
 All trials of a chunk squeeze in one batch, whatever node each is at.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -13,7 +14,6 @@ from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.belief.transition import read_as
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.lookup import Lookup
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
@@ -22,16 +22,34 @@ from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.mechanics.traits import Traits, by_hypothesis, ordinary
 from planner.world import Assorted, ContactWorld, World, of_hypothesis
 from runtime.shell.errors import UsageError
-from runtime.table import HELD_UM, REJECT, Push, Squeeze, Table, decision_map
+from runtime.table import HELD_UM, REJECT, Push, Segments, Squeeze, Table, decision_map
 
 RUNNING = -2
 DISMISSED = int(np.iinfo(np.int64).min)  # target of a width that fits no branch
 HOLDING = (STATUS_NAMES[GRASPED], STATUS_NAMES[JAMMED])
+SPAN = 1 << 21  # um, wider than any gripper opens
 
 
 def placement_of(action: Squeeze | Push) -> Array:
     """The hand frame in the world at a table's squeeze, or where its push starts, (3,) [mm, mm, rad]."""
     return np.array([action.x_um / 1e3, action.y_um / 1e3, action.angle_urad / 1e6])
+
+
+class Lookup(NamedTuple):
+    """Step functions as arrays, for vectorised lookup: the segments of all rows, concatenated."""
+
+    start: IntArray  # (s,) ascending: first width of each segment [um], plus `SPAN` for each row before
+    branch: IntArray  # (s,) the branch of widths from there on, or `REJECT`
+
+    @classmethod
+    def of(cls, rows: Sequence[Segments]) -> Self:
+        """The lookup of some step functions."""
+        starts = [SPAN * row + np.array(each.starts_um) for row, each in enumerate(rows)]
+        return cls(np.concatenate(starts), np.concatenate([each.branches for each in rows]))
+
+    def segment(self, row: IntArray, width_um: IntArray) -> IntArray:
+        """The segments (n,) of non-negative widths (n,) in rows (n,)."""
+        return np.searchsorted(self.start, SPAN * row + width_um, side="right") - 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
