@@ -4,7 +4,6 @@ import argparse
 import math
 from collections.abc import Callable
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
-from planner.world import ContactWorlds, World, Worlds, supply
+from planner.world import World, Worlds, supply
 from runtime.shell.command import Parser, natural, number, positive_int
 from runtime.shell.errors import UsageError
 from runtime.shell.files import usable
@@ -149,8 +148,8 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         evaluation = evaluate(table, real, worlds(real), trials, seed, scheduler, cell, report)
         # In each world that the job believes in, where the contact world represents them.
         cases = believed_cases(job) if arguments.world == DEFAULT_WORLD else []
-        contact, fewer = partial(ContactWorlds.of_job, seed=seed), min(trials, BELIEVED_TRIALS)
-        believed = worst_of(sweep(table, job, cases, contact, fewer, seed, scheduler))
+        fewer = min(trials, BELIEVED_TRIALS)
+        believed = worst_of(sweep(table, job, cases, fewer, seed, scheduler))
         others = real.foreign_parts
         if arguments.foreign_parts:
             others = (*others, *foreign.family(real))
@@ -234,9 +233,9 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
     if not arguments.json:
         print(SWEEP_HEAD)
     lines = []
-    worlds, trials = _worlds_of(arguments), arguments.trials or DEFAULT_TRIALS
+    trials, worlds = arguments.trials or DEFAULT_TRIALS, _worlds_of(arguments)
     cases = standard_cases(job)
-    for case, result in sweep(table, job, cases, worlds, trials, arguments.seed, scheduler):
+    for case, result in sweep(table, job, cases, trials, arguments.seed, scheduler, worlds=worlds):
         lines.append({"world": case.name, "set": case.stated(), **result.summary(arguments.takt)})
         if not arguments.json:
             print(sweep_row(case.name, result, arguments.takt), flush=True)

@@ -8,17 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from planner.cli import course, shell
-from planner.cli.first_plan import (
-    NAME,
-    TRIALS,
-    TURN_DEG,
-    check_thickness,
-    imported_of,
-    planned_within,
-    progress_of,
-    setting_of,
-)
+from planner.cli import course, first_plan, shell
 from planner.cli.gripper_comparison import ALL, compare
 from planner.compile import Plan
 from planner.diagnosis.advice import advise
@@ -62,11 +52,11 @@ Spared = Callable[[str], AbstractContextManager[None]]
 def parser() -> Parser:
     """The command's arguments."""
     built = shell.parser(
-        NAME,
+        first_plan.NAME,
         "Can this part be located by squeezing, and how well? Plans for a minute, asks nothing, says what it "
         "assumed, and writes a job file, a table and a picture to go on with.",
-        f"{NAME} part.dxf --units mm",
-        f"{NAME} part.svg --units mm --gripper hand-e --radius 5 -o first/part.toml",
+        f"{first_plan.NAME} part.dxf --units mm",
+        f"{first_plan.NAME} part.svg --units mm --gripper hand-e --radius 5 -o first/part.toml",
     )
     built.add_argument("drawing", type=Path, help=f"of the part: {', '.join(SUFFIXES)}")
     shell.add_output(
@@ -89,7 +79,7 @@ def parser() -> Parser:
         "--turn",
         type=number,
         metavar="DEG",
-        help=f"it is turned by at most this (default: {TURN_DEG:g})",
+        help=f"it is turned by at most this (default: {first_plan.TURN_DEG:g})",
     )
     add(
         "--gripper",
@@ -134,8 +124,8 @@ def _try(arguments: argparse.Namespace) -> None:
     started = time.monotonic()
     if arguments.output is not None:
         usable(arguments.output, arguments.drawing)
-    imported, notes = imported_of(arguments)
-    setting = setting_of(arguments, imported)
+    imported, notes = first_plan.imported_of(arguments)
+    setting = first_plan.setting_of(arguments, imported)
     answers, rectangle = setting.answers, smallest_rectangle(imported.outline_mm)
     figures: dict[str, Any] = {
         "part": answers.name,
@@ -150,7 +140,7 @@ def _try(arguments: argparse.Namespace) -> None:
     failures: list[str] = []
     spared = partial(shell.spared, notes=failures, debug=arguments.debug)
     try:
-        check_thickness(imported)
+        first_plan.check_thickness(imported)
         text = draft(imported, arguments.drawing.name, answers)
         files = _files(arguments, text)
         write(files.job, text)
@@ -159,13 +149,13 @@ def _try(arguments: argparse.Namespace) -> None:
         figures["alike"] = [result.line() for result in alike(job)]
         if not arguments.json:
             print("".join(f"note: {line}\n" for line in figures["alike"]), end="", flush=True)
-        with progress_of(arguments, course.unknown) as report, shell.compiling():
+        with first_plan.progress_of(arguments, course.unknown) as report, shell.compiling():
             report("kernels", 0, 1)
             make(job, seed=0).squeeze((0.0, 0.0, 0.0))
         ready = time.monotonic()
         answer_s = arguments.budget or max(LEAST_ANSWER_S, ANSWER_S - (ready - started))
-        with progress_of(arguments, course.of_time(answer_s)) as report:
-            plan = planned_within(job, answer_s, arguments.budget is None, report)
+        with first_plan.progress_of(arguments, course.of_time(answer_s)) as report:
+            plan = first_plan.planned_within(job, answer_s, arguments.budget is None, report)
             dump(plan.table, files.table)
             part_s = seconds_a_part(plan.table, job, Threads())
             left_s = ready + answer_s - PICTURE_S - time.monotonic()
@@ -182,7 +172,7 @@ def _try(arguments: argparse.Namespace) -> None:
         print("\n".join(["", *answer.lines()]), flush=True)
     picture: Path | None = None
     with spared("picture"):
-        drawn = min(TRIALS, max(LEAST_DRAWN, int(PICTURE_S / part_s)))
+        drawn = min(first_plan.TRIALS, max(LEAST_DRAWN, int(PICTURE_S / part_s)))
         beliefs = replay(plan.table, job, drawn, plan.seed)
         shown = plan.table, job, beliefs, DRAWN_SQUEEZES, imported.holes_mm
         canvas.save(files.picture, lambda: paper_figures.sequence(*shown))

@@ -4,15 +4,7 @@ import argparse
 from textwrap import wrap
 from typing import Any
 
-from planner.cli import course, shell
-from planner.cli.first_plan import (
-    LEAST_ROOM_MM,
-    check_thickness,
-    imported_of,
-    planned_within,
-    progress_of,
-    setting_of,
-)
+from planner.cli import course, first_plan, shell
 from planner.errors import NoPlanError
 from planner.job import model as job_file
 from planner.job.drafts import GRIPPERS, Answers, draft, opening_of, proposed_radius_mm, room_mm
@@ -29,15 +21,15 @@ def compare(arguments: argparse.Namespace) -> None:
     """Plans the same job for each gripper, and prints a line for each."""
     if arguments.output is not None:
         raise UsageError(f"--gripper {ALL} writes no job; leave out --output")
-    imported, notes = imported_of(arguments)
-    check_thickness(imported)
-    fitting = [name for name in GRIPPERS if room_mm(imported, name) >= LEAST_ROOM_MM]
+    imported, notes = first_plan.imported_of(arguments)
+    first_plan.check_thickness(imported)
+    fitting = [name for name in GRIPPERS if room_mm(imported, name) >= first_plan.LEAST_ROOM_MM]
     if not fitting:
         raise UsageError("no known gripper opens wide enough for the part")
     if arguments.radius is None:  # the same for all grippers
         arguments.radius = min(proposed_radius_mm(imported, name) for name in fitting)
     arguments.gripper = fitting[0]
-    setting = setting_of(arguments, imported)
+    setting = first_plan.setting_of(arguments, imported)
     if not arguments.json:
         print("".join(f"assumed: {line}\n" for line in (*notes, *setting.assumed)), end="")
         print(
@@ -56,15 +48,15 @@ def compare(arguments: argparse.Namespace) -> None:
 def _row(arguments: argparse.Namespace, imported: Imported, answers: Answers) -> dict[str, Any]:
     """The figures of a plan with one gripper, or the reason why there is none."""
     name = answers.gripper
-    if room_mm(imported, name) < LEAST_ROOM_MM:
+    if room_mm(imported, name) < first_plan.LEAST_ROOM_MM:
         step_mm = GRIPPERS[name].resolution_um / 1000
         reason = f"it opens to {opening_of(name):g} mm, too little for the part"
         return {"gripper": name, "step_mm": step_mm, "reason": reason}
     job = job_file.parse(draft(imported, arguments.drawing.name, answers), name)
     row = {"gripper": name, "step_mm": job.gripper.resolution_mm}
     try:
-        with progress_of(arguments, course.unknown) as report, shell.compiling():
-            plan = planned_within(job, arguments.budget or EACH_S, False, report)
+        with first_plan.progress_of(arguments, course.unknown) as report, shell.compiling():
+            plan = first_plan.planned_within(job, arguments.budget or EACH_S, False, report)
     except NoPlanError as failure:
         reason = "not done in time (--budget)" if failure.cut_short else str(failure)
         return row | {"reason": reason}

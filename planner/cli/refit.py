@@ -46,24 +46,11 @@ def parser() -> Parser:
     )
     add = command.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job that the table was compiled from")
-    add(
-        "--journal",
-        type=Path,
-        nargs="+",
-        required=True,
-        action="extend",
-        metavar="J",
-        help="journals of runs of one table of this job; their audits count, too",
-    )
-    add(
-        "--audit",
-        type=Path,
-        nargs="+",
-        default=[],
-        action="extend",
-        metavar="A.csv",
-        help="measured poses as grasp-audit report --export writes them, one file for each journal",
-    )
+    several: dict[str, Any] = {"type": Path, "nargs": "+", "action": "extend"}
+    journals = "journals of runs of one table of this job; their audits count, too"
+    add("--journal", required=True, metavar="J", help=journals, **several)
+    audits = "measured poses as grasp-audit report --export writes them, one file for each journal"
+    add("--audit", default=[], metavar="A.csv", help=audits, **several)
     shell.add_output(command, "JOB2.toml", "the job file to write")
     shell.add_seed(command, "of what is simulated")
     add(

@@ -34,6 +34,7 @@ RESULTS = (
     "final_theta_deg",
 )
 MOST_RADIUS_MM, MOST_DRAWS = 1000.0, 100_000
+RANGES = {"mu": (0.0, 2.0), "step_mm": (1e-4, 2.0), "fingers_mm": (0.0, 1000.0)}
 SAME_DEG = 1e-5  # rounding error between an angle in degrees and the same in radians
 
 
@@ -265,15 +266,15 @@ def draw(
 
 
 def _check_options(arguments: argparse.Namespace, pictures: dict[str, Path]) -> None:
-    mu, step_mm, fingers_mm = arguments.mu, arguments.step_mm, arguments.fingers_mm
-    if arguments.nominal != (mu is not None):
+    if arguments.nominal != (arguments.mu is not None):
         raise UsageError(
             "--nominal and --mu go together: state the one friction value, such as --mu 0.5"
         )
-    if mu is not None and not 0.0 <= mu <= 2.0:
-        raise UsageError(f"--mu {mu} is not between 0 and 2")
-    if not 1e-4 <= step_mm <= 2.0:
-        raise UsageError(f"--step-mm {step_mm} is not between 0.0001 and 2")
+    for option, (least, most) in RANGES.items():
+        value = getattr(arguments, option)
+        if value is not None and not least <= value <= most:
+            name = f"--{option.replace('_', '-')}"
+            raise UsageError(f"{name} {value} is not between {least:g} and {most:g}")
     if arguments.push and pictures:
         raise UsageError(f"--{next(iter(pictures))} draws squeezes; leave it out with --push")
     if arguments.nominal and arguments.draws is not None:
@@ -289,12 +290,10 @@ def _check_options(arguments: argparse.Namespace, pictures: dict[str, Path]) -> 
         )
     if arguments.draws is not None and arguments.draws > MOST_DRAWS:
         raise UsageError(f"--draws {arguments.draws} is beyond {MOST_DRAWS}")
-    if arguments.poses and fingers_mm is not None:
+    if arguments.poses and arguments.fingers_mm is not None:
         raise UsageError(
             "--fingers-mm goes with --push; the job's [gripper] has the jaws that squeeze"
         )
-    if fingers_mm is not None and not 0.0 <= fingers_mm <= 1000.0:
-        raise UsageError(f"--fingers-mm {fingers_mm} is not between 0 and 1000")
 
 
 main = shell.main_of(parser, _simulate)

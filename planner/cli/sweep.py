@@ -250,10 +250,8 @@ def _show(orders: Sequence[Order], rows: Sequence[dict[str, Any]]) -> None:
             line += f", wrote {row['table']}"
             if row["cut_short"]:
                 share = f"cut short, {row['cut_short']['open_share']:.2%}"
-                line, success = (
-                    f"{share} of the parts still open; {line}",
-                    f"{success} ({share} open)",
-                )
+                line = f"{share} of the parts still open; {line}"
+                success = f"{success} ({share} open)"
             seconds = f"{row['seconds']:.1f}"
             table.add_row(*values, success, squeezes, str(row["leaves"]), seconds, row["table"])
         if not console.is_terminal:

@@ -5,7 +5,6 @@ The cost of each source of noise in the job is measured by switching it off.
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
@@ -21,7 +20,6 @@ from planner.evaluation.shares import Shares, shares_of
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
-from planner.world import ContactWorlds
 from runtime.table import Table
 
 Z95 = NormalDist().inv_cdf(0.975)
@@ -49,8 +47,8 @@ def gains_without_noise(
         One gain for each source, the largest first, then the one without any noise.
     """
     seed = job.seed + SEED_NOISE
-    cases, worlds = [Case(PLANNED), *noise_cases(job)], partial(ContactWorlds.of_job, seed=seed)
-    lines = sweep(table, job, cases, worlds, trials, seed, scheduler, report)
+    cases = [Case(PLANNED), *noise_cases(job)]
+    lines = sweep(table, job, cases, trials, seed, scheduler, report)
     base, *others = (float(line.evaluation.success.mean()) for line in lines)
     gains = []
     for case, rate in zip(cases[1:], others, strict=True):

@@ -1,6 +1,5 @@
 """What branches rest on: how far widths may be off."""
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -9,13 +8,11 @@ from planner.arrays import IntArray
 from planner.belief.observation import encoder_of
 from planner.evaluation.cases import OFFSET, offset_cases
 from planner.evaluation.evaluate import sweep
-from planner.evaluation.lookup import Lookup
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.trials import encoder_of_table
+from planner.evaluation.trials import Lookup, encoder_of_table
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
-from planner.world import ContactWorlds
 from runtime.table import REJECT, Table, decision_map
 
 THIN = 0.02  # least share of wrong answers under an offset that makes margins thin
@@ -54,8 +51,7 @@ def margins_of(
 ) -> Margins:
     """Runs a table with widths offset to either side, `trials` parts each."""
     seed = job.seed + SEED_MARGINS
-    worlds = partial(ContactWorlds.of_job, seed=seed)
-    lines = sweep(table, job, offset_cases(job), worlds, trials, seed, scheduler, report)
+    lines = sweep(table, job, offset_cases(job), trials, seed, scheduler, report)
     wrong = max(float(line.evaluation.wrong.mean()) for line in lines)
     off_mm = OFFSET * encoder_of(job).grain_mm
     return Margins(off_mm, wrong, near_another(table, evaluation))

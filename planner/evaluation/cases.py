@@ -148,13 +148,9 @@ def believed_cases(job: Job) -> list[Case]:
         if job.part.tolerance_mm
     ]
     if job.friction.doubt:
-        slippery, rough = (
-            friction(round(SLIPPERY * low, 3), low),
-            friction(high, round(ROUGH * high, 3)),
-        )
         cases += [
-            slippery._replace(broken=Condition("friction", "above", low)),
-            rough._replace(broken=Condition("friction", "below", high)),
+            friction(round(SLIPPERY * low, 3), low, Condition("friction", "above", low)),
+            friction(high, round(ROUGH * high, 3), Condition("friction", "below", high)),
         ]
     if doubt.pressure != "stated" and job.pressure.limit_surface is not None:
         cases.append(
@@ -221,24 +217,10 @@ def assumption_cases(job: Job) -> list[Case]:
     share = planned + (SLIGHTLY_UNEVEN if planned < 0.9 else -SLIGHTLY_UNEVEN)
     cases = [
         Case("as the job says"),
-        Case(
-            f"friction only {low:g}", _bounds(low, low), broken=Condition("friction", "above", low)
-        ),
-        Case(
-            f"friction only {high:g}",
-            _bounds(high, high),
-            broken=Condition("friction", "below", high),
-        ),
-        Case(
-            f"friction {less:.3g}, half the lower bound",
-            _bounds(less, less),
-            broken=Condition("friction", "above", less),
-        ),
-        Case(
-            f"friction {more:.3g}, 1.5 times the upper bound",
-            _bounds(more, more),
-            broken=Condition("friction", "below", more),
-        ),
+        _one_friction(f"friction only {low:g}", "above", low),
+        _one_friction(f"friction only {high:g}", "below", high),
+        _one_friction(f"friction {less:.3g}, half the lower bound", "above", less),
+        _one_friction(f"friction {more:.3g}, 1.5 times the upper bound", "below", more),
         Case(
             f"encoder noise {noise:g} mm, twice as much",
             {"gripper": {"noise_mm": noise}},
@@ -278,10 +260,15 @@ def on_three_feet(job: Job) -> Case:
     return Case("pressure on 3 feet", {"pressure": {"kind": "points", "points_mm": feet}})
 
 
-def friction(low: float, high: float) -> Case:
+def friction(low: float, high: float, broken: Condition | None = None) -> Case:
     """The case of other bounds on the friction between finger and part, as far as a job may state them."""
     low, high = min(low, MOST_FRICTION), min(high, MOST_FRICTION)
-    return Case(f"friction {low:g} to {high:g}", _bounds(low, high))
+    return Case(f"friction {low:g} to {high:g}", _bounds(low, high), broken=broken)
+
+
+def _one_friction(name: str, side: str, mu: float) -> Case:
+    """The case of one friction value, which a condition on its side of the value excludes."""
+    return Case(name, _bounds(mu, mu), broken=Condition("friction", side, mu))
 
 
 def uneven(job: Job, share: float, centred: bool) -> Case:

@@ -16,7 +16,7 @@ from planner.evaluation.trials import Cell, Program
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
-from planner.world import World, Worlds
+from planner.world import ContactWorlds, World, Worlds
 from runtime.table import Table
 
 CHUNK = 1000
@@ -88,22 +88,22 @@ def sweep(
     table: Table,
     job: Job,
     cases: Sequence[Case],
-    worlds: Callable[[Job], World | Worlds],
     trials: int,
     seed: int,
     scheduler: Scheduler | None = None,
     report: Report = silent,
+    worlds: Callable[[Job], World | Worlds] | None = None,
 ) -> Iterator[Line]:
     """Evaluates a table in one case after another, with the same initial poses in all of them.
 
-    `worlds` builds the worlds for a case's job; the other arguments are those of `evaluate`.
+    `worlds` builds the worlds for a case's job; if None, they are contact worlds of the seed. The other
+    arguments are those of `evaluate`.
     """
     for number, case in enumerate(cases):
         report("worlds", number, len(cases))
         real = case.job(job)
-        yield Line(
-            case, evaluate(table, real, worlds(real), trials, seed, scheduler, case.disturbance)
-        )
+        world = worlds(real) if worlds else ContactWorlds.of_job(real, seed)
+        yield Line(case, evaluate(table, real, world, trials, seed, scheduler, case.disturbance))
 
 
 def worst_of(lines: Iterable[Line]) -> Line | None:

@@ -4,19 +4,17 @@
 """
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from planner.arrays import BoolArray, IntArray
+from planner.arrays import IntArray
 from planner.evaluation.cases import friction_cases
 from planner.evaluation.evaluate import sweep
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
-from planner.world import ContactWorlds
 from runtime.table import Table
 
 
@@ -24,18 +22,15 @@ def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
 ) -> Iterator[dict[str, Any]]:
     """For each world its name and, for each node, the bins that parts read there and their counts."""
-    worlds = partial(ContactWorlds.of_job, seed=seed)
-    for case, result in sweep(
-        table, job, friction_cases(job), worlds, trials, seed, scheduler, report
-    ):
+    for case, result in sweep(table, job, friction_cases(job), trials, seed, scheduler, report):
         rows = readings(result, table)
         lines = [{str(number): int(row[number]) for number in np.flatnonzero(row)} for row in rows]
         yield {"name": case.name, "readings": lines}
 
 
-def readings(evaluation: Evaluation, table: Table, of: BoolArray | None = None) -> IntArray:
-    """Counts (nodes, bins) of the readings at each node; of some of the trials (n,), or of all."""
-    squeezed = (evaluation.path >= 0) & (True if of is None else of[:, None])
+def readings(evaluation: Evaluation, table: Table) -> IntArray:
+    """Counts (nodes, bins) of the readings at each node."""
+    squeezed = evaluation.path >= 0
     size = (len(table.nodes), table.gripper.bins)
     places = size[1] * evaluation.path[squeezed] + bins_of(table, evaluation.steps[squeezed])
     return np.bincount(places, minlength=size[0] * size[1]).reshape(size).astype(np.int64)

@@ -50,7 +50,7 @@ STALLED = 0.01  # share of their way over the window below which jaws stand stil
 REST_S = 0.1  # time after which a pushed part lies still
 UNMOVED_MM = 0.01  # distance that a part may settle when it is set down
 SEED_MUJOCO = 0x4D554A4F
-STIFF = {"solref": [CONTACT_S, 1.0], "solimp": [0.99, 0.999, 1e-5, 0.5, 2.0]}
+STIFF = [CONTACT_S, 1.0], [0.99, 0.999, 1e-5, 0.5, 2.0]  # solref and solimp of MuJoCo
 CORNER, PLATE, FINGER, POST, TABLE = 1, 2, 4, 8, 16  # collision bits of geoms
 
 
@@ -196,10 +196,10 @@ def _placed(outline: Outline, pose: Pose) -> Array:
 def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float], None]) -> Any:
     """Table, part and fingers."""
     spec = mujoco.MjSpec()
-    spec.option.timestep, spec.option.integrator = (
-        timestep_s,
-        mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-    )
+    for kind in (spec.default.geom, spec.default.equality):
+        kind.solref, kind.solimp = STIFF
+    spec.option.timestep = timestep_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
     spec.option.noslip_iterations = 10  # otherwise a part held by friction creeps
     spec.worldbody.add_geom(
@@ -208,7 +208,6 @@ def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float],
         friction=[TABLE_FRICTION, 0.0, 0.0],
         contype=TABLE,
         conaffinity=0,
-        **STIFF,
     )
     height_mm = job.part.height_mm or 2.0 * job.cell.squeeze_height_mm
     _add_part(spec, job, height_mm / 1e3)
@@ -220,24 +219,14 @@ def _add_part(spec: Any, job: Job, height: float) -> None:
     outline, body = job.part.outline_mm, spec.worldbody.add_body()
     body.add_freejoint()
     points, centre = feet(job)
-    mass, gyration = (
-        DENSITY_KG_M3 * area(outline) / 1e6 * height,
-        (radius_of_gyration(outline) / 1e3) ** 2,
-    )
+    mass = DENSITY_KG_M3 * area(outline) / 1e6 * height
+    gyration = (radius_of_gyration(outline) / 1e3) ** 2
     tilting = mass * (0.5 * gyration + height**2 / 12.0)  # as of a round part; it hardly tilts
     body.explicitinertial, body.mass, body.ipos = True, mass, [*centre / 1e3, 0.5 * height]
     body.inertia = [tilting, tilting, mass * gyration]
     _add_rim(body, simplified(outline, SIMPLIFY_MM) / 1e3, height, job.cell.squeeze_height_mm / 1e3)
     for x, y in points / 1e3:
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[FOOT_M, 0.0, 0.0],
-            pos=[x, y, FOOT_M],
-            friction=[TABLE_FRICTION, 0.0, 0.0],
-            contype=0,
-            conaffinity=TABLE,
-            **STIFF,
-        )
+        _add_sphere(body, FOOT_M, [x, y, FOOT_M], (0, TABLE), friction=[TABLE_FRICTION, 0.0, 0.0])
 
 
 def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
@@ -249,16 +238,14 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
     """
     ahead = np.roll(outline, -1, axis=0) - outline
     angles = np.arctan2(ahead[:, 1], ahead[:, 0])
-    lengths, bends = (
-        np.hypot(*ahead.T),
-        np.remainder(angles - np.roll(angles, 1) + np.pi, math.tau) - np.pi,
-    )
+    lengths = np.hypot(*ahead.T)
+    bends = np.remainder(angles - np.roll(angles, 1) + np.pi, math.tau) - np.pi
     for corner, angle, bend in zip(outline, angles, bends, strict=True):
         if bend > 0.0:  # the others are notches
             inwards = angle + 0.5 * (math.pi - bend)
             inset = ROUND_M / math.cos(0.5 * bend)
             x, y = corner + inset * np.array([math.cos(inwards), math.sin(inwards)])
-            _add_post(body, x, y, (tips, height), CORNER, FINGER)
+            _add_post(body, x, y, (tips, height), (CORNER, FINGER))
     # A plate would stick out beyond a corner of less than 90 degrees.
     trims = np.array([PLATE_M * math.tan(max(bend - 0.5 * math.pi, 0.0)) for bend in bends])
     for k, (corner, angle, length) in enumerate(zip(outline, angles, lengths, strict=True)):
@@ -275,24 +262,24 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
                 quat=[math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)],
                 contype=PLATE,
                 conaffinity=POST,
-                **STIFF,
             )
 
 
 def _add_post(
-    body: Any, x: float, y: float, ends: tuple[float, float], kind: int, other: int, **more: Any
+    body: Any, x: float, y: float, ends: tuple[float, float], bits: tuple[int, int], **more: Any
 ) -> None:
     """Adds a vertical edge, given by its ends."""
     for z in (ends[0] + ROUND_M, ends[1] - ROUND_M):
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[ROUND_M, 0.0, 0.0],
-            pos=[x, y, z],
-            contype=kind,
-            conaffinity=other,
-            **more,
-            **STIFF,
-        )
+        _add_sphere(body, ROUND_M, [x, y, z], bits, **more)
+
+
+def _add_sphere(
+    body: Any, radius: float, at: list[float], bits: tuple[int, int], **more: Any
+) -> None:
+    """Adds a sphere, given its collision bits and those of what it collides with."""
+    size, (kind, other) = [radius, 0.0, 0.0], bits
+    shape = mujoco.mjtGeom.mjGEOM_SPHERE
+    body.add_geom(type=shape, size=size, pos=at, contype=kind, conaffinity=other, **more)
 
 
 def _add_finger(body: Any, job: Job, height: float) -> None:
@@ -307,12 +294,11 @@ def _add_finger(body: Any, job: Job, height: float) -> None:
         contype=FINGER,
         conaffinity=CORNER,
         priority=1,
-        **STIFF,
     )
     for x, y in product((-1.0, 1.0), repeat=2):
         inset = np.array(size[:2]) - ROUND_M
         ends = -size[2], height - tips - size[2]
-        _add_post(body, x * inset[0], y * inset[1], ends, POST, PLATE, priority=1, mass=0.0)
+        _add_post(body, x * inset[0], y * inset[1], ends, (POST, PLATE), priority=1, mass=0.0)
 
 
 def _finger_size(job: Job, height: float) -> list[float]:
@@ -352,7 +338,6 @@ def _add_jaws(spec: Any, job: Job, height: float) -> None:
         objtype=mujoco.mjtObj.mjOBJ_JOINT,
         name1=less,
         name2=more,
-        **STIFF,
     )
     couple.data[:2] = [0.0, shares[less] / shares[more]]
 

@@ -83,10 +83,8 @@ class Sums:
         Raises:
             KeyError, TypeError, ValueError: it is invalid, or for another number of leaves.
         """
-        empty, row = (
-            cls.none(leaves),
-            {name: np.array(document[name], np.float64) for name in NAMES},
-        )
+        empty = cls.none(leaves)
+        row = {name: np.array(document[name], np.float64) for name in NAMES}
         if any(row[name].shape != np.shape(getattr(empty, name)) for name in NAMES):
             raise ValueError("sums of another table")
         arrays = row["visits"], row["wrong"], row["squares"]

@@ -3,6 +3,7 @@
 All trials of a chunk squeeze in one batch, whatever node each is at.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -13,7 +14,6 @@ from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.belief.transition import read_as
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.lookup import Lookup
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
@@ -22,16 +22,34 @@ from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.mechanics.traits import Traits, by_hypothesis, ordinary
 from planner.world import Assorted, ContactWorld, World, of_hypothesis
 from runtime.shell.errors import UsageError
-from runtime.table import HELD_UM, REJECT, Squeeze, Table, decision_map
+from runtime.table import HELD_UM, REJECT, Push, Segments, Squeeze, Table, decision_map
 
 RUNNING = -2
 DISMISSED = int(np.iinfo(np.int64).min)  # target of a width that fits no branch
 HOLDING = (STATUS_NAMES[GRASPED], STATUS_NAMES[JAMMED])
+SPAN = 1 << 21  # um, wider than any gripper opens
 
 
-def placement_of(squeeze: Squeeze) -> Array:
-    """The hand frame in the world of a table's squeeze, (3,) [mm, mm, rad]."""
-    return np.array([squeeze.x_um / 1e3, squeeze.y_um / 1e3, squeeze.angle_urad / 1e6])
+def placement_of(action: Squeeze | Push) -> Array:
+    """The hand frame in the world at a table's squeeze, or where its push starts, (3,) [mm, mm, rad]."""
+    return np.array([action.x_um / 1e3, action.y_um / 1e3, action.angle_urad / 1e6])
+
+
+class Lookup(NamedTuple):
+    """Step functions as arrays, for vectorised lookup: the segments of all rows, concatenated."""
+
+    start: IntArray  # (s,) ascending: first width of each segment [um], plus `SPAN` for each row before
+    branch: IntArray  # (s,) the branch of widths from there on, or `REJECT`
+
+    @classmethod
+    def of(cls, rows: Sequence[Segments]) -> Self:
+        """The lookup of some step functions."""
+        starts = [SPAN * row + np.array(each.starts_um) for row, each in enumerate(rows)]
+        return cls(np.concatenate(starts), np.concatenate([each.branches for each in rows]))
+
+    def segment(self, row: IntArray, width_um: IntArray) -> IntArray:
+        """The segments (n,) of non-negative widths (n,) in rows (n,)."""
+        return np.searchsorted(self.start, SPAN * row + width_um, side="right") - 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,8 +184,7 @@ class Cell:
         for index in np.flatnonzero(self.program.pushes):
             for push in self.program.table.nodes[index].pushes:
                 rows = np.flatnonzero((node == index) & ~stopped)
-                start = np.array([push.x_um / 1e3, push.y_um / 1e3, push.angle_urad / 1e6])
-                planned = np.tile(start, (len(rows), 1))
+                planned = np.tile(placement_of(push), (len(rows), 1))
                 hand = self.disturbance.placed(planned, traits[rows], self.rng)
                 lying = to_hand(after[rows], hand.T)
                 opening_mm = np.full(len(rows), push.opening_um / 1e3)
@@ -200,7 +217,8 @@ class Cell:
 
     def run(self, trials: int) -> Evaluation:
         """Runs the table on a number of parts, at least 1."""
-        poses, nowhere = initial(self.job, trials, self.rng), _nowhere(self.program, trials)
+        poses, depth = initial(self.job, trials, self.rng), self.program.table.limits.max_depth
+        nowhere = np.full((trials, depth), NOWHERE, np.int64)
         foreign = not isinstance(of_hypothesis(self.world, 0), ContactWorld)
         traits = self.disturbance.traits(self.job, trials, self.rng, foreign=foreign)
         begun = Evaluation(
@@ -253,11 +271,6 @@ class Cell:
         return stopped
 
 
-def _nowhere(program: Program, trials: int) -> IntArray:
-    """(n, d) for trials without any squeeze so far."""
-    return np.full((trials, program.table.limits.max_depth), NOWHERE, np.int64)
-
-
 def _note(
     program: Program, evaluation: Evaluation, node: IntArray, members: IntArray, reading: IntArray
 ) -> None:
@@ -265,11 +278,9 @@ def _note(
     at = node[members]
     segment = program.segment(at, reading)
     row, target = (members, evaluation.squeezes[members]), program.target[segment]
-    evaluation.path[row], evaluation.reading[row], evaluation.branch[row] = (
-        at,
-        reading,
-        program.lookup.branch[segment],
-    )
+    evaluation.path[row] = at
+    evaluation.reading[row] = reading
+    evaluation.branch[row] = program.lookup.branch[segment]
     evaluation.squeezes[members] += 1
     leaf = np.where(target == DISMISSED, REJECTED, ~target)
     evaluation.leaf[members] = np.where(target < 0, leaf, RUNNING)

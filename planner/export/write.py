@@ -14,8 +14,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment
 
+from planner.templating import environment
 from runtime.shell.files import OutputError, folder
 from runtime.shell.files import write as write_text
 from runtime.table import (
@@ -238,16 +239,9 @@ def _plain(text: str) -> str:
 
 @cache
 def _templates() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("planner.export", "templates"),
-        autoescape=False,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters["numbers"] = lambda row: ", ".join(map(str, row))
-    environment.filters["wrapped"] = lambda column: textwrap.fill(
+    templates = environment("planner.export", markup=False)
+    templates.filters["numbers"] = lambda row: ", ".join(map(str, row))
+    templates.filters["wrapped"] = lambda column: textwrap.fill(
         ", ".join(map(str, column)), WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8
     )
-    return environment
+    return templates

@@ -52,10 +52,8 @@ def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0
 
     # All unknowns are shifted by 1, so that relative steps of derivatives have one size.
     start = 1.0 + np.append(np.zeros(5), friction)
-    low, high = (
-        1.0 + np.append(np.full(5, -3.0), FRICTION[0]),
-        1.0 + np.append(np.full(5, 3.0), FRICTION[1]),
-    )
+    low = 1.0 + np.append(np.full(5, -3.0), FRICTION[0])
+    high = 1.0 + np.append(np.full(5, 3.0), FRICTION[1])
     result = least_squares(
         residuals,
         start,

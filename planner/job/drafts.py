@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from planner.job import model as job_file
 from planner.job.checks import doubt_mm
 from planner.part.importers.file import Face, Imported
 from planner.part.outline import reach
 from planner.part.tips import tips_height_mm
+from planner.templating import environment
 from runtime.shell.plain_text import cleaned
 from runtime.table import selectable
 
@@ -67,18 +67,12 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
     Raises:
         InputError: the part does not fit the gripper, or an answer is out of range.
     """
-    environment = Environment(
-        loader=PackageLoader("planner"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
     profile, opening_mm = GRIPPERS[answers.gripper], opening_of(answers.gripper)
-    environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
+    templates = environment("planner", markup=False)
+    templates.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
     thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
     tips = faces[0].cut_mm if faces else answers.tips_mm or tips_height_mm(thickness)
-    text = environment.get_template("job.toml").render(
+    text = templates.get_template("job.toml").render(
         name=answers.name,
         source=cleaned(source),
         order=imported.symmetry,

@@ -77,10 +77,8 @@ def _sentence(key: str, mean: float, low: float, high: float, job: Job) -> str:
         ends = f"{np.exp(low):.0f} to {np.exp(high):.0f}"
         dof = job.pressure.wishart_dof
         return f"friction with the table scatters by {ends} degrees of freedom, not {dof}"
-    end, stated = (
-        ("least", job.friction.finger_part_min),
-        ("greatest", job.friction.finger_part_max),
-    )
+    end = ("least", job.friction.finger_part_min)
+    stated = ("greatest", job.friction.finger_part_max)
     name, believed = end if key == "finger_part_min" else stated
     agrees = f", as stated ({believed:g})" if low <= believed <= high else f", not {believed:g}"
     return f"the {name} friction between finger and part is {low:.2f} to {high:.2f}{agrees}"

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from jinja2 import Template
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from planner.arrays import Array
 from planner.belief.particles import subsample
 from planner.frames import to_world
+from planner.templating import environment
 from runtime.shell.files import writing
 
 # Okabe and Ito's palette, and greys.
@@ -143,22 +144,18 @@ def finger_boxes(jaws: Array, width_mm: float) -> Array:
 @cache
 def template(name: str) -> Template:
     """Loads a file of `planner/report/templates`."""
-    environment = Environment(
-        loader=PackageLoader("planner.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["mm"] = lambda um: f"{um / 1e3:.2f}"
-    environment.filters["degrees"] = lambda urad: f"{np.degrees(urad / 1e6):.1f}"
-    environment.filters["percent"] = lambda share: f"{100 * share:.2f} %"
-    environment.filters["transform"] = transform
-    environment.filters["points"] = points
-    environment.filters["part"] = part
-    environment.filters["few"] = lambda poses: subsample(poses, OUTLINES)
-    environment.filters["overlay"] = lambda count: round(overlay_opacity(count, DARKNESS), 4)
-    return environment.get_template(name)
+    templates = environment("planner.report", markup=True)
+    templates.filters |= {
+        "mm": lambda um: f"{um / 1e3:.2f}",
+        "degrees": lambda urad: f"{np.degrees(urad / 1e6):.1f}",
+        "percent": lambda share: f"{100 * share:.2f} %",
+        "transform": transform,
+        "points": points,
+        "part": part,
+        "few": lambda poses: subsample(poses, OUTLINES),
+        "overlay": lambda count: round(overlay_opacity(count, DARKNESS), 4),
+    }
+    return templates.get_template(name)
 
 
 @cache

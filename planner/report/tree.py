@@ -138,8 +138,8 @@ class Panel(NamedTuple):
     fingers: Array  # (0 or 2, 4, 2) of the squeeze that led here [mm]
     lines: list[str]  # text: the angle of the hand, or the leaf's pose and success
     text: tuple[float, float, str]  # where it begins [px, from the corner], and its SVG anchor
-    arrows: Array  # (0 or 2, 3, 2) of the next squeeze [px, from the middle]
-    predicted: Array | None  # a resolved leaf's pose and hypothesis (4,) [mm, mm, rad, -]
+    arrows: Array = NOTHING  # (0 or 2, 3, 2) of a node's squeeze [px, from the middle]
+    predicted: Array | None = None  # a resolved leaf's pose and hypothesis (4,) [mm, mm, rad, -]
 
 
 class Line(NamedTuple):
@@ -226,8 +226,8 @@ class _Tree:
             left = np.sin(np.radians(2.0 * angle)) > 0.0
             text = (3.0, 61.0, "start") if left else (61.0, 61.0, "end")
         lines = [f"{pushed}{signed(angle, 0)}°"]
-        arrows = _arrows(np.radians(angle))
-        return self._panel(index, "node", label, arrivals, lines, text, arrows, None)
+        panel = self._panel(index, "node", label, arrivals, lines, text)
+        return panel._replace(arrows=_arrows(np.radians(angle)))
 
     def leaf(self, index: int) -> Panel:
         leaf, poses = self.table.leaves[index], self.beliefs.leaves[index]
@@ -239,9 +239,8 @@ class _Tree:
             text = (PANEL + 4.0, 35.0 - 5.5 * (len(lines) - 1), "start")
         kind = ("leaf" if leaf.trials else "untried") if leaf.resolved else "unresolved"
         pose = np.array([*predicted_pose(leaf), leaf.hypothesis])
-        predicted = pose if leaf.resolved and posed else None
-        label = leaf_label(index, leaf, name, posed)
-        return self._panel(~index, kind, label, poses, lines, text, NOTHING, predicted)
+        panel = self._panel(~index, kind, leaf_label(index, leaf, name, posed), poses, lines, text)
+        return panel._replace(predicted=pose if leaf.resolved and posed else None)
 
     def line(self, target: int, step: tuple[int, int]) -> Line:
         index, number = step
@@ -269,27 +268,12 @@ class _Tree:
         poses: Array,
         lines: list[str],
         text: tuple[float, float, str],
-        arrows: Array,
-        predicted: Array | None,
     ) -> Panel:
         x, y = (round(middle - 0.5 * PANEL, 1) for middle in self._middle(target))
         shown = subsample(poses, self.most)
         opacity = round(canvas.overlay_opacity(len(shown), canvas.DARKNESS), 4)
         fingers = self._fingers(target) if target in self.parent else NOTHING
-        return Panel(
-            key_of(target),
-            kind,
-            label,
-            x,
-            y,
-            shown,
-            opacity,
-            fingers,
-            lines,
-            text,
-            arrows,
-            predicted,
-        )
+        return Panel(key_of(target), kind, label, x, y, shown, opacity, fingers, lines, text)
 
     def _fingers(self, target: int) -> Array:
         """The fingers (2, 4, 2) in the world after the squeeze that leads to a target."""

@@ -4,7 +4,6 @@ All commands use these figures, so that they are the same everywhere.
 """
 
 import time
-from functools import partial
 
 from planner.compile import SEED_FIGURES
 from planner.evaluation.cases import Case, assumption_cases, believed_cases
@@ -44,8 +43,8 @@ def tried(
     last worlds are left out where the limit is over.
     """
     seed, (stated, *others) = job.seed + SEED_FIGURES, _cases(job)
-    worlds, lines = partial(ContactWorlds.of_job, seed=seed), [Line(stated, planned)]
-    for line in sweep(table, job, others, worlds, trials, seed, scheduler, report):
+    lines = [Line(stated, planned)]
+    for line in sweep(table, job, others, trials, seed, scheduler, report):
         lines.append(line)
         if limit is not None and limit.over():
             break

@@ -4,11 +4,8 @@ Other programs may write in the folder, so a browser opens its files in a sandbo
 """
 
 import json
-from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from planner.job.drafts import FINGERS, GRIPPERS, opening_of
 from planner.part.importers.file import SUFFIXES
@@ -18,6 +15,7 @@ from planner.studio.folder import Folder
 from planner.studio.plans import Plan, Plans
 from planner.studio.reader import Reader
 from planner.studio.steps import PICTURE, beginning, typed
+from planner.templating import environment
 from runtime.pages.frame import asset
 from runtime.shell.errors import UsageError
 from runtime.table import loads
@@ -59,7 +57,8 @@ class Answers:
 
     def page(self) -> Answer:
         """The page, which requests the state of the folder."""
-        text = self._templates.get_template("studio.html").render(
+        template = environment("planner.studio", markup=True).get_template("studio.html")
+        text = template.render(
             folder=self.folder.path.name or "/",
             suffixes=SUFFIXES,
             unit_options=[(unit, unit) for unit in UNITS_MM],
@@ -70,11 +69,6 @@ class Answers:
             ],
         )
         return Answer(text.encode(), "text/html; charset=utf-8", PAGE)
-
-    @cached_property
-    def _templates(self) -> Environment:
-        loader = PackageLoader("planner.studio", "templates")
-        return Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
 
     def static(self, name: str) -> Answer:
         """A stylesheet or script of the studio; `elements.js` belongs to all pages."""

@@ -18,9 +18,7 @@ from planner.compile import compile_job
 from planner.evaluation.cases import standard_cases
 from planner.evaluation.evaluate import sweep
 from planner.job import model as job_file
-from planner.job.model import Job
 from planner.work.scheduler import Threads
-from planner.world import ContactWorlds
 
 RESULTS = harness.Kept("worlds")
 PARTS = ("butterfly-10", "butterfly-15", "rectangle", "rectangle-25")
@@ -49,11 +47,8 @@ def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
     table = compile_job(job.replaced(**PLANS[plan])).table
     seconds = time.perf_counter() - start
 
-    def worlds(real: Job) -> ContactWorlds:
-        return ContactWorlds.of_job(real, SEED)
-
     record = {}
-    for line in sweep(table, job, standard_cases(job), worlds, trials, SEED, Threads(2)):
+    for line in sweep(table, job, standard_cases(job), trials, SEED, Threads(2)):
         figures = line.evaluation.summary()
         record[line.case.name] = {key: figures[key] for key in KEPT}
     worst = max(record, key=lambda name: record[name]["wrong_rate"])

@@ -246,6 +246,6 @@ def test_confident_wrong_answers_stay_rare_in_every_world_but_that_of_few_degree
     table = load(TABLE).table
     cases = [case for case in standard_cases(doubting) if case.name != "10 degrees of freedom"]
     worlds = partial(ContactWorlds.of_job, seed=21)
-    for line in sweep(table, doubting, cases, worlds, 2000, 22):
+    for line in sweep(table, doubting, cases, 2000, 22, worlds=worlds):
         low, _ = wilson_interval(int(line.evaluation.wrong.sum()), 2000)
         assert low <= 1.0 - doubting.goal.confidence, line.case.name

@@ -212,10 +212,8 @@ def _nested(rings: list[Contour]) -> list[Contour]:
     inner, outer = tree.query(faces, predicate="within")
     proper = inner != outer
     inner, outer = inner[proper], outer[proper]
-    depth, holes = (
-        np.bincount(inner, minlength=len(rings)),
-        np.bincount(outer, minlength=len(rings)),
-    )
+    depth = np.bincount(inner, minlength=len(rings))
+    holes = np.bincount(outer, minlength=len(rings))
     results = [
         ring._replace(area_mm2=float(face.area), holes=int(holes[k]), outer=not depth[k])
         for k, (ring, face) in enumerate(zip(rings, faces, strict=True))

@@ -40,10 +40,7 @@ class Expression(NamedTuple):
 
     def part(self, name: str) -> "Expression":
         """The first part of that name; raises KeyError."""
-        matches = [part for part in self.parts() if part.name == name]
-        if not matches:
-            raise KeyError(name)
-        return matches[0]
+        return {part.name: part for part in reversed(self.parts())}[name]
 
     def numbers(self, name: str, count: int) -> Array:
         """The first numbers (count,) of a part; raises KeyError, or ValueError for other values."""

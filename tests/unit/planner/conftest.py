@@ -1,4 +1,6 @@
-"""The rectangle's job and table, which most tests of the planner plan with."""
+"""The rectangle's job and table, which most tests of the planner plan with, and a drawing of it."""
+
+from pathlib import Path
 
 import pytest
 from rectangle import JOB_PATH, TABLE_PATH
@@ -16,3 +18,26 @@ def job() -> Job:
 @pytest.fixture(scope="session")
 def table() -> Table:
     return load(TABLE_PATH).table
+
+
+@pytest.fixture
+def plate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder's one file, a drawing without a unit."""
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "plate.csv"
+    path.write_text("0,0\n30,0\n30,21\n0,21\n")
+    return path
+
+
+class Clock:
+    """Stands until a test moves it on."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()

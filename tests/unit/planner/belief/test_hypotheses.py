@@ -1,9 +1,8 @@
 """Beliefs over several parts: modes, distances, branches and roll-outs against slow twins."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from programs import TREES
 
 from planner.belief.doubts import believed
 from planner.belief.metric import Metric
@@ -13,7 +12,7 @@ from planner.mechanics.mixture import Mixture
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.traits import as_planned
 
-GUSSET = Path(__file__).parents[4] / "trees" / "gusset" / "job.toml"
+GUSSET = TREES / "gusset" / "job.toml"
 ORDERS, RHOS = (1, 2, 6), (10.0, 8.0, 12.0)
 
 

@@ -1,11 +1,11 @@
 """`try --gripper all`: one line a gripper, in its words and in JSON; nothing is written."""
 
-import json
 from types import SimpleNamespace
 
 import pytest
+from programs import document
 
-from planner.cli import first_look, gripper_comparison
+from planner.cli import first_look, first_plan, gripper_comparison
 from planner.errors import NoPlanError
 from planner.job.drafts import GRIPPERS
 
@@ -17,20 +17,16 @@ FIGURES = {
 }
 
 
-@pytest.fixture
-def plate(tmp_path, monkeypatch):
-    """A drawing; plans with a Hand-E fail, all others have the same figures."""
+@pytest.fixture(autouse=True)
+def _planned(monkeypatch):
+    """Plans with a Hand-E fail, all others have the same figures."""
 
     def planned(job, *_):
         if job.gripper.model == "hand-e":
             raise NoPlanError(f"no leaf comes within 3 mm; {'add actions, or ' * 9}ask for less")
         return SimpleNamespace(evaluation=SimpleNamespace(summary=lambda: FIGURES))
 
-    monkeypatch.setattr(gripper_comparison, "planned_within", planned)
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "plate.csv"
-    path.write_text("0,0\n30,0\n30,21\n0,21\n")
-    return path
+    monkeypatch.setattr(first_plan, "planned_within", planned)
 
 
 def test_compare_prints_a_line_for_each_gripper_and_writes_nothing(plate, capsys):
@@ -47,10 +43,10 @@ def test_compare_prints_a_line_for_each_gripper_and_writes_nothing(plate, capsys
     assert [path.name for path in plate.parent.iterdir()] == ["plate.csv"]
 
 
-def test_compare_says_of_each_gripper_that_is_too_small_that_it_is(plate, capsys):
+def test_compare_says_of_each_gripper_that_is_too_small_that_it_is(plate):
     plate.write_text("0,0\n60,0\n60,40\n0,40\n")
-    assert first_look.main([str(plate), "--units", "mm", "--gripper", "all", "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)["grippers"]
+    words = [plate, "--units", "mm", "--gripper", "all", "--json"]
+    rows = document(first_look.main, *words)["grippers"]
     assert [row["gripper"] for row in rows] == [*GRIPPERS]
     small = [row["gripper"] for row in rows if "too little for the part" in row.get("reason", "")]
     assert {"hand-e", "dh-pgc140-50", "schunk-egk"} <= set(small) < set(GRIPPERS)

@@ -7,22 +7,13 @@ import pytest
 from planner.cli.preview import preview
 from planner.job.drafts import opening_of
 
-PLATE = "0,0\n30,0\n30,21\n0,21\n"
-
-
-@pytest.fixture
-def plate(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "plate.csv").write_text(PLATE)
-    return "plate.csv"
-
 
 def vertices(text):
     return [tuple(map(float, pair.split(","))) for pair in text.split()]
 
 
 def test_the_part_is_drawn_about_its_centre_with_what_would_be_assumed(plate):
-    shown = preview([plate])
+    shown = preview([plate.name])
     assert shown["error"] is None
     assert set(vertices(shown["outline"])) == {(x, y) for x in (-15.0, 15.0) for y in (-10.5, 10.5)}
     assert (shown["symmetry"], shown["reach_mm"]) == (2, pytest.approx(18.31))

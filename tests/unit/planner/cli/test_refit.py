@@ -1,11 +1,11 @@
 """plan-refit as a command: what it writes keeps the file's text, and what it refuses, in one line."""
 
-import json
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import called, document
 from rectangle import JOB_PATH as JOB
 from rectangle import TABLE_PATH as TREE
 from run_logs import chained, header, part
@@ -36,19 +36,16 @@ def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
 
 
 @pytest.mark.slow
-def test_refit_learns_the_encoder_keeps_the_text_and_never_changes_a_running_table(
-    tmp_path, capsys
-):
+def test_refit_learns_the_encoder_keeps_the_text_and_never_changes_a_running_table(tmp_path):
     seen, output = journal(tmp_path / "run.jsonl", 60), tmp_path / "job2.toml"
     for path in (JOB, TREE):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     job = tmp_path / JOB.name
-    command = [str(job), "--journal", str(seen), "-o", str(output), "--cells", "20", "--json"]
-    assert refit.main(command) == 0
+    words = [job, "--journal", seen, "-o", output, "--cells", "20", "--json"]
+    findings = document(refit.main, *words)["findings"]
     assert {path: path.read_bytes() for path in tmp_path.iterdir() if path != output} == before
-    document = json.loads(capsys.readouterr().out)
-    record = {finding["quantity"]: finding for finding in document["findings"]}
+    record = {finding["quantity"]: finding for finding in findings}
     assert record["encoder_mm"]["learned"]
     assert record["encoder_mm"]["mean"] == pytest.approx(0.6, abs=0.1)
     low, high = tomllib.loads(output.read_text())["doubt"]["encoder_mm"]
@@ -57,14 +54,13 @@ def test_refit_learns_the_encoder_keeps_the_text_and_never_changes_a_running_tab
     assert set(kept) <= set(output.read_text().splitlines())
 
 
-def test_refit_onto_a_table_that_a_cell_may_run_is_refused(tmp_path, capsys):
+def test_refit_onto_a_table_that_a_cell_may_run_is_refused(tmp_path):
     tree = tmp_path / "t.msgpack"
     tree.write_bytes(TREE.read_bytes())
     seen = journal(tmp_path / "run.jsonl", 20)
-    assert refit.main([str(JOB), "--journal", str(seen), "-o", str(tree)]) == 2
-    said = capsys.readouterr().err
-    assert "is a table, which a cell may run" in said
-    assert said.count("\n") == 1
+    ended = called(refit.main, JOB, "--journal", seen, "-o", tree)
+    assert (ended.code, ended.one_line) == (2, True)
+    assert "is a table, which a cell may run" in ended.err
     assert tree.read_bytes() == TREE.read_bytes()
 
 
@@ -85,14 +81,13 @@ def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():
         (lambda d: [*other_job(d)], 3, "another job"),
     ],
 )
-def test_what_it_cannot_use_it_refuses_in_one_line(tmp_path, capsys, change, code, word):
+def test_what_it_cannot_use_it_refuses_in_one_line(tmp_path, change, code, word):
     arguments = change(tmp_path)
-    job = [] if arguments[0].endswith(".toml") else [str(JOB)]
+    job = [] if arguments[0].endswith(".toml") else [JOB]
     output = tmp_path / "job2.toml"
-    assert refit.main([*job, *arguments, "-o", str(output)]) == code
-    printed = capsys.readouterr().err.strip()
-    assert word in printed
-    assert "\n" not in printed
+    ended = called(refit.main, *job, *arguments, "-o", output)
+    assert (ended.code, ended.one_line) == (code, True)
+    assert word in ended.err
     assert not output.exists()
 
 

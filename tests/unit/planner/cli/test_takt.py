@@ -1,8 +1,7 @@
 """--takt of the planner's commands: the share of parts that the table's model of time has done within it."""
 
-import json
-
 import pytest
+from programs import called, document
 from rectangle import JOB_PATH, TABLE_PATH
 
 from planner.cli import compile as compile_
@@ -14,10 +13,9 @@ FEW = ["--trials", "400"]
 SECONDS = [f"seconds_{name}" for name in ("mean", "p50", "p95", "p99", "max")]
 
 
-def test_evaluate_tells_the_share_within_the_takt(capsys: pytest.CaptureFixture[str]) -> None:
+def test_evaluate_tells_the_share_within_the_takt() -> None:
     def figures(*more: str) -> dict[str, float]:
-        assert evaluate.main([TABLE, *FEW, "--json", *more]) == 0
-        return json.loads(capsys.readouterr().out)
+        return document(evaluate.main, TABLE, *FEW, "--json", *more)
 
     plain = figures()
     assert [plain[name] for name in SECONDS[1:]] == sorted(plain[name] for name in SECONDS[1:])
@@ -38,10 +36,7 @@ def test_evaluate_tells_the_share_within_the_takt(capsys: pytest.CaptureFixture[
         (compile_.main, [JOB, "--baseline", "sensorless"], "--baseline"),
     ],
 )
-def test_takt_where_no_part_is_timed_is_refused(
-    main, words: list[str], reason: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([*words, "--takt", "6s"]) == 2
-    err = capsys.readouterr().err
-    assert err.count("\n") == 1
-    assert reason in err
+def test_takt_where_no_part_is_timed_is_refused(main, words: list[str], reason: str) -> None:
+    ended = called(main, *words, "--takt", "6s")
+    assert (ended.code, ended.one_line) == (2, True)
+    assert reason in ended.err

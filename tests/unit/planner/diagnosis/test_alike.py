@@ -1,18 +1,18 @@
 """Poses that no squeeze tells apart are named before the search, where the goal asks for them."""
 
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 from problems import regular_polygon
+from programs import TREES
 
 from planner.compile import compile_job
 from planner.diagnosis.alike import alike
 from planner.errors import NoPlanError
 from planner.job import model as job_file
 
-JOB = job_file.load(Path(__file__).parents[4] / "trees" / "ratchet" / "job.toml")
+JOB = job_file.load(TREES / "ratchet" / "job.toml")
 
 
 def box(length, width):

@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from problems import l_shape
+from rectangle import JOB_PATH
 
 from planner.diagnosis.ambiguity import ambiguities
 from planner.evaluation.evaluate import evaluate
@@ -15,13 +15,11 @@ from planner.job import model as job_file
 from planner.mechanics.simulator import Simulator
 from planner.world import ContactWorlds
 
-TREES = Path(__file__).parents[4] / "trees" / "rectangle"
-
 
 @pytest.fixture(scope="module")
 def marked():
     """The rectangle with a mark that no jaw feels: its half-turns count, and nothing tells them apart."""
-    return job_file.load(TREES / "job.toml", {"part": {"symmetry": 1}})
+    return job_file.load(JOB_PATH, {"part": {"symmetry": 1}})
 
 
 @pytest.fixture(scope="module")

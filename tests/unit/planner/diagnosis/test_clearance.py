@@ -1,15 +1,14 @@
 """What a job without a first squeeze is told: how much is missing, and which radius would do."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from rectangle import JOB_PATH
 
 from planner.diagnosis.clearance import no_first_squeeze, shortage
 from planner.job import model as job_file
 from planner.part.outline import reach
 
-JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
+JOB = job_file.load(JOB_PATH)
 WIDE = JOB.replaced(uncertainty={"radius_mm": 40.0})
 
 

@@ -1,11 +1,11 @@
 """Reasons of parts that are not located, where geometry says what they are."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from problems import l_shape
+from programs import TREES
 
 from planner.diagnosis import reasons
 from planner.diagnosis.advice import Advice
@@ -13,7 +13,7 @@ from planner.diagnosis.reasons import likeness, nearest_turn, no_plan, reason
 from planner.errors import NoPlanError
 from planner.job import model as job_file
 
-JOB = job_file.load(Path(__file__).parents[4] / "trees" / "ratchet" / "job.toml")
+JOB = job_file.load(TREES / "ratchet" / "job.toml")
 
 
 def job_of(outline):

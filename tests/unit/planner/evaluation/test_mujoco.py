@@ -1,11 +1,11 @@
 """The rigid-body world by itself: theory it must keep to, residuals, and what a job's values do in it."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from problems import random_convex, random_poses
+from rectangle import JOB_PATH
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -16,7 +16,7 @@ from planner.mechanics.simulator import Simulator  # noqa: E402
 from planner.part.outline import width as outline_width  # noqa: E402
 from planner.world import ContactWorld  # noqa: E402
 
-JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
+JOB = job_file.load(JOB_PATH)
 MU = 0.5
 
 

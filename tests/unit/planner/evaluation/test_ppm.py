@@ -11,17 +11,6 @@ from sample_tables import small_table
 
 from planner.evaluation import ppm
 from planner.evaluation.disturbance import NONE
-from planner.evaluation.ppm import (
-    ERROR,
-    Bound,
-    Findings,
-    Study,
-    Sums,
-    continued,
-    copies_of,
-    keep,
-    resumed,
-)
 from planner.evaluation.trials import Program
 from planner.mechanics.squeeze import SLIPPED
 from planner.work.scheduler import Threads
@@ -85,12 +74,12 @@ def chain(table, nodes, rare):
 
 
 def study(table, job, worlds, copies, seed=1):
-    return Study(Program.of(table), job, worlds, seed, np.array(copies), NONE)
+    return ppm.Study(Program.of(table), job, worlds, seed, np.array(copies), NONE)
 
 
 def total(of, chunks):
-    sums = Sums.none(len(of.program.table.leaves))
-    for done in continued(of, sums, chunks * ppm.CHUNK, Threads(1)):
+    sums = ppm.Sums.none(len(of.program.table.leaves))
+    for done in ppm.continued(of, sums, chunks * ppm.CHUNK, Threads(1)):
         sums = done
     return sums
 
@@ -100,9 +89,9 @@ def test_a_bound_holds_at_every_look_at_once():
     looks = np.unique(np.geomspace(100, 40_000, 40).astype(int))
     for _ in range(100):
         seen = np.cumsum(rng.random(40_000) < rate)
-        bounds = [Bound.of(float(seen[n - 1]), int(n)) for n in looks]
+        bounds = [ppm.Bound.of(float(seen[n - 1]), int(n)) for n in looks]
         wrong += any(not b.low <= PPM * rate <= b.high for b in bounds)
-    assert wrong <= 100 * ERROR + 3 * math.sqrt(100 * ERROR)
+    assert wrong <= 100 * ppm.ERROR + 3 * math.sqrt(100 * ppm.ERROR)
 
 
 def test_a_bound_is_where_the_mixture_says_so():
@@ -113,26 +102,24 @@ def test_a_bound_is_where_the_mixture_says_so():
     prior = a - 1.0, b - 1.0
     log_prior = prior[0] * np.log(p) + prior[1] * np.log1p(-p)
     log_prior -= np.log(np.trapezoid(np.exp(log_prior - log_prior[1]), p)) + log_prior[1]
-    bound = Bound.of(total, parts)
+    bound = ppm.Bound.of(total, parts)
     assert bound.low < PPM * total / parts < bound.high
     for end in (bound.low, bound.high):
         mean = end / PPM
         log_ratio = total * np.log(p / mean) + (parts - total) * np.log((1 - p) / (1 - mean))
         assert np.trapezoid(np.exp(log_ratio + log_prior), p) == pytest.approx(
-            1.0 / ERROR, rel=2e-2
+            1.0 / ppm.ERROR, rel=2e-2
         )
 
 
 def test_splitting_changes_no_mean_and_narrows_rare_ones(job):
-    table, worlds = (
-        chain(small_table(), 3, rare=30_000),
-        Coins([20.0, 40.0], [0.97, 0.03], unlucky=0.3),
-    )
+    table = chain(small_table(), 3, rare=30_000)
+    worlds = Coins([20.0, 40.0], [0.97, 0.03], unlucky=0.3)
     plain, split = (total(study(table, job, worlds, k), 30) for k in ([1, 1, 1], [1, 4, 32]))
     truth = 0.03**3 * (1 - 0.7**3) + 0.03**2 * 0.97 * (1 - 0.7**2) + 0.03 * 0.97 * 0.3
     spread = []
     for sums in (plain, split):
-        result = Findings.of(sums)
+        result = ppm.Findings.of(sums)
         assert sums.visits.sum() + sums.rejected == sums.parts
         assert abs(result.wrong.rate / PPM - truth) < 4.0 * result.standard_error() / PPM
         assert result.wrong.low < PPM * truth < result.wrong.high
@@ -144,13 +131,13 @@ def test_splitting_changes_no_mean_and_narrows_rare_ones(job):
 
 def test_the_sums_do_not_depend_on_who_worked_or_on_a_pause(job, tmp_path):
     table, worlds = chain(small_table(), 2, rare=2000), Coins([20.0, 40.0], [0.9, 0.1], unlucky=0.5)
-    of, kept = study(table, job, worlds, copies_of(table)), tmp_path / "study.json"
+    of, kept = study(table, job, worlds, ppm.copies_of(table)), tmp_path / "study.json"
     whole, identity = total(of, 5), of.identity("coins")
     for chunks, workers in ((2, 1), (5, 3)):
-        sums = resumed(kept, identity, len(table.leaves))
-        for done in continued(of, sums, chunks * ppm.CHUNK, Threads(workers)):
-            keep(kept, identity, done)
-    assert resumed(kept, identity, len(table.leaves)).document() == whole.document()
+        sums = ppm.resumed(kept, identity, len(table.leaves))
+        for done in ppm.continued(of, sums, chunks * ppm.CHUNK, Threads(workers)):
+            ppm.keep(kept, identity, done)
+    assert ppm.resumed(kept, identity, len(table.leaves)).document() == whole.document()
     assert whole.parts == 5 * ppm.CHUNK
 
 
@@ -159,7 +146,7 @@ def test_a_file_that_keeps_another_study_is_refused(job, tmp_path, change):
     table, kept = chain(small_table(), 2, rare=2000), tmp_path / "study.json"
     of = study(table, job, Coins([20.0, 40.0], [0.9, 0.1], 0.0), [1, 1])
     identity = of.identity("coins")
-    keep(kept, identity, Sums.none(len(table.leaves)))
+    ppm.keep(kept, identity, ppm.Sums.none(len(table.leaves)))
     document = json.loads(kept.read_text())
     if change == "other":
         assert of.identity("other coins") != identity
@@ -171,5 +158,5 @@ def test_a_file_that_keeps_another_study_is_refused(job, tmp_path, change):
     text = {"text": b"{", "bytes": b"\xff\xfe"}.get(change, json.dumps(document).encode())
     kept.write_bytes(text)
     with pytest.raises(InputError, match="no study of this table"):
-        resumed(kept, identity, len(table.leaves))
+        ppm.resumed(kept, identity, len(table.leaves))
     assert kept.read_bytes() == text

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from programs import called, document
 from sample_tables import every_field_table, small_table
 
 from planner.cli import export
@@ -21,7 +22,7 @@ def tree(tmp_path):
     return tmp_path / "t.msgpack"
 
 
-def document(table, folder):
+def json_form(table, folder):
     """The JSON form of a table, checked by the schema beside it."""
     writer.write(TableFile(table, b"", "0" * 64), "json", folder)
     record = json.loads((folder / "squeezetree_table.json").read_text())
@@ -34,7 +35,7 @@ def document(table, folder):
 
 def test_json_holds_the_whole_table(tmp_path):
     table = every_field_table()
-    result, validator = document(table, tmp_path)
+    result, validator = json_form(table, tmp_path)
     for index, (node, written) in enumerate(zip(table.nodes, result["nodes"], strict=True)):
         assert {name: written[name] for name in node.squeeze._fields} == node.squeeze._asdict()
         assert tuple(written["release_um"]) == node.let_go, index
@@ -65,7 +66,7 @@ def test_texts_of_a_table_cannot_end_a_comment(tmp_path):
         assert text.count("(*") == text.count("*)")
 
 
-def test_wrong_input_is_reported_in_one_line(tree, tmp_path, capsys):
+def test_wrong_input_is_reported_in_one_line(tree, tmp_path):
     full = tmp_path / "full"
     full.mkdir()
     (full / VECTORS).write_text("mine\n")
@@ -77,25 +78,21 @@ def test_wrong_input_is_reported_in_one_line(tree, tmp_path, capsys):
     }
     for code, pairs in wrong.items():
         for table, out in pairs:
-            assert export.main([str(table), "--to", "c99", "-o", str(out)]) == code
-            said = capsys.readouterr()
-            assert said.out == ""
-            assert said.err.count("\n") == 1
-            assert said.err.startswith("plan-export: ")
+            ended = called(export.main, table, "--to", "c99", "-o", out)
+            assert (ended.code, ended.out, ended.one_line) == (code, "", True)
+            assert ended.err.startswith("plan-export: ")
     assert [path.read_text() for path in full.iterdir()] == ["mine\n"]
     assert not (tmp_path / "o").exists()
-    with pytest.raises(SystemExit) as ended:
-        export.main([str(tree), "--to", "ada", "-o", str(tmp_path / "o")])
-    assert ended.value.code == 2
+    assert called(export.main, tree, "--to", "ada", "-o", tmp_path / "o").code == 2
 
 
 @pytest.mark.parametrize(
     "prefix", ["", "Left", "2left", "left-hand", "left__hand", "_left", "left_", "x" * 25, "é"]
 )
-def test_a_prefix_that_is_no_name_is_usage(prefix, tree, tmp_path, capsys):
-    words = [str(tree), "--to", "c99", "-o", str(tmp_path / "o"), "--prefix", prefix]
-    assert export.main(words) == 2
-    assert capsys.readouterr().err.startswith("plan-export: --prefix")
+def test_a_prefix_that_is_no_name_is_usage(prefix, tree, tmp_path):
+    ended = called(export.main, tree, "--to", "c99", "-o", tmp_path / "o", "--prefix", prefix)
+    assert ended.code == 2
+    assert ended.err.startswith("plan-export: --prefix")
     assert not (tmp_path / "o").exists()
 
 
@@ -112,16 +109,15 @@ def test_a_prefix_begins_every_name_and_json_has_none(tree, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_files_and_words(form, tree, tmp_path, capsys):
+def test_files_and_words(form, tree, tmp_path):
     out = tmp_path / "made" / form
-    assert export.main([str(tree), "--to", form, "-o", str(out), "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+    record = document(export.main, tree, "--to", form, "-o", out, "--json")
     assert {path.name: path.stat().st_size for path in out.iterdir()} == record["files"]
     assert set(record["files"]) == {VECTORS, *FORMS[form]}
     again = tmp_path / "again"
     again.mkdir()
-    assert export.main([str(tree), "--to", form, "-o", str(again)]) == 0
+    ended = called(export.main, tree, "--to", form, "-o", again)
+    assert (ended.code, ended.out.count("\n")) == (0, 1)
     for name in record["files"]:
         assert (again / name).read_bytes() == (out / name).read_bytes()
         assert load(tree).digest in (out / name).read_text() or name in (VECTORS, FORMS["json"][1])
-    assert capsys.readouterr().out.count("\n") == 1

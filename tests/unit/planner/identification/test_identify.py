@@ -1,11 +1,11 @@
 """Identification on made-up pairs whose surface is known, and the command that does it."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from problems import rectangle
+from programs import called, document
 
 from planner.cli.identify import main
 from planner.identification import identify, pushes
@@ -78,12 +78,11 @@ def test_held_out_errors_are_of_pairs_that_the_fit_has_not_seen():
     assert np.isfinite(once.held_out[:, 0]).sum() == 6
 
 
-def test_identify_command_writes_the_surfaces_and_the_best_of_them(tmp_path, capsys):
+def test_identify_command_writes_the_surfaces_and_the_best_of_them(tmp_path):
     log = write_csv(tmp_path / "pairs.csv", rectangle_pairs(24, 0.05))
     output, picture = tmp_path / "surface.toml", tmp_path / "surface.png"
-    options = ["-o", str(output), "--figure", str(picture), "--rho-mm", "10", "--splits", "1"]
-    assert main([str(log), *options, "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
+    options = ["-o", output, "--figure", picture, "--rho-mm", "10", "--splits", "1"]
+    report = document(main, log, *options, "--json")
     errors = {entry["kind"]: entry["held_out_error_deg"] for entry in report["surfaces"]}
     assert report["best"] == min(errors, key=errors.get)
     assert surface_file.load(output)[report["best"]] is not None
@@ -91,27 +90,23 @@ def test_identify_command_writes_the_surfaces_and_the_best_of_them(tmp_path, cap
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_command_refuses_bad_input_in_one_line(tmp_path, capsys):
-    good = str(write_csv(tmp_path / "pairs.csv", ellipsoid_pairs(20, 0.1)))
+def test_the_command_refuses_bad_input_in_one_line(tmp_path):
+    good = write_csv(tmp_path / "pairs.csv", ellipsoid_pairs(20, 0.1))
     bad = tmp_path / "bad.txt"
     bad.write_text("3\n1 2", encoding="utf-8")
     cases = [
-        ([str(tmp_path / "none.txt")], 3),
-        ([str(bad)], 3),
-        ([good, "--figure", str(tmp_path / "x.bmp")], 2),
-        ([good, "-o", str(tmp_path / "no" / "x.toml")], 2),
+        ([tmp_path / "none.txt"], 3),
+        ([bad], 3),
+        ([good, "--figure", tmp_path / "x.bmp"], 2),
+        ([good, "-o", tmp_path / "no" / "x.toml"], 2),
         ([good, "--train-share", "0.05"], 3),
     ]
     for arguments, code in cases:
-        assert main([*arguments, "--splits", "1", "--kind", "ellipsoid"]) == code
-        error = capsys.readouterr().err
-        assert error.startswith("plan-identify: ")
-        assert error.count("\n") == 1
+        ended = called(main, *arguments, "--splits", "1", "--kind", "ellipsoid")
+        assert (ended.code, ended.one_line) == (code, True)
+        assert ended.err.startswith("plan-identify: ")
     for option in ("--splits=0", "--rho-mm=0", "--rho-mm=inf", "--train-share=1", "--kind=cube"):
-        with pytest.raises(SystemExit) as caught:
-            main([good, option])
-        assert caught.value.code == 2
-        capsys.readouterr()
+        assert called(main, good, option).code == 2
 
 
 def scaled_anyhow(pairs: pushes.Pairs, seed: int = 5) -> pushes.Pairs:

@@ -1,10 +1,9 @@
 """Identification from motions alone: simulated pushes whose surface and friction are known."""
 
-import json
-
 import numpy as np
 import pytest
 from problems import rectangle, simulator
+from programs import called, document
 
 from planner.cli.identify import main
 from planner.identification import motions
@@ -53,7 +52,7 @@ def test_outliers_among_motions_pull_little():
     assert fitted.friction == pytest.approx(MU, abs=0.1)
 
 
-def test_command_identifies_from_motions(tmp_path, capsys):
+def test_command_identifies_from_motions(tmp_path):
     data, table, job = known(40, 0.1), tmp_path / "pushes.csv", tmp_path / "job.toml"
     job.write_text(JOB)
     tips = data.paths.points[:, 0] + [15.0, 10.5]  # from the centroid
@@ -63,14 +62,14 @@ def test_command_identifies_from_motions(tmp_path, capsys):
     np.savetxt(table, rows, delimiter=",", header=header, comments="")
     surface = tmp_path / "surface.toml"
     words = ["--motions", str(table), "--job", str(job), "--tip-radius-mm", "3", "--splits", "2"]
-    assert main([*words, "--json", "-o", str(surface)]) == 0
-    answer = json.loads(capsys.readouterr().out)
+    answer = document(main, *words, "--json", "-o", surface)
     assert answer["friction"] == pytest.approx(MU, abs=0.1)
     assert answer["held_out_error_mm"] < 2.0
     assert "ellipsoid" in surface.read_text()
     for spoiled in (words[:4], words[:2] + words[4:], [*words, "--pairs", str(table)]):
-        assert main(spoiled) == 2
-        assert capsys.readouterr().err.count("\n") == 1
+        ended = called(main, *spoiled)
+        assert (ended.code, ended.one_line) == (2, True)
     table.write_text(header + "\n" + "1,2,3,4,5,6,7\n" * 11)
-    assert main(words) == 3
-    assert "11 pushes; give at least 12" in capsys.readouterr().err
+    ended = called(main, *words)
+    assert ended.code == 3
+    assert "11 pushes; give at least 12" in ended.err

@@ -2,10 +2,10 @@
 
 import json
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import TREES
 
 from planner.job import model as job_file
 from planner.job.hypotheses import FOREIGN
@@ -14,7 +14,6 @@ from planner.part import symmetry
 from runtime.shell.errors import InputError
 from runtime.traversal.answer import frames_in
 
-TREES = Path(__file__).parents[4] / "trees"
 CORNERS = {
     "kind": "points",
     "points_mm": [[1.0, 1.0], [30.0, 2.0], [2.0, 20.0]],

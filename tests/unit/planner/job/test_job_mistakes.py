@@ -59,6 +59,8 @@ def test_all_missing_sections_are_named_at_once():
         job.parse("[part]\n")
 
 
+POINTS = '"points"\npoints_mm = [[1, 1], [2, 1]]'
+STATED = '"stated"\nrho_mm = 9\nellipsoid'
 WRONG = [
     ("seed = 1", "seed = -1", "", "seed"),
     ('name = "rectangle"', 'name = ""', "part", "name"),
@@ -89,30 +91,10 @@ WRONG = [
     ("[goal]", "[search]\nmethod = 'open-loop'\n[goal]", "search", "method"),
     ("[goal]", "[cell]\nwork_area_mm = [[9, -9], [-9, 9]]\n[goal]", "cell", "work_area_mm"),
     ('"boundary"', '"points"\npoints_mm = [[0, 0], [0, 22]]', "pressure", "points_mm"),
-    (
-        '"boundary"',
-        '"points"\npoints_mm = [[1, 1], [2, 1]]\nweights = [1, 2, 3]',
-        "pressure",
-        "weights",
-    ),
-    (
-        '"boundary"',
-        '"points"\npoints_mm = [[1, 1], [2, 1]]\nweights = [1, 0]',
-        "pressure",
-        "weights",
-    ),
-    (
-        '"boundary"',
-        '"stated"\nrho_mm = 9\nellipsoid = [[1, 0, 0], [0, 1, 1], [0, 1, 1]]',
-        "pressure",
-        "ellipsoid",
-    ),
-    (
-        '"boundary"',
-        '"stated"\nrho_mm = 9\nellipsoid = [[1, 1, 0], [0, 1, 0], [0, 0, 1]]',
-        "pressure",
-        "ellipsoid",
-    ),
+    ('"boundary"', f"{POINTS}\nweights = [1, 2, 3]", "pressure", "weights"),
+    ('"boundary"', f"{POINTS}\nweights = [1, 0]", "pressure", "weights"),
+    ('"boundary"', f"{STATED} = [[1, 0, 0], [0, 1, 1], [0, 1, 1]]", "pressure", "ellipsoid"),
+    ('"boundary"', f"{STATED} = [[1, 1, 0], [0, 1, 0], [0, 0, 1]]", "pressure", "ellipsoid"),
 ]
 
 

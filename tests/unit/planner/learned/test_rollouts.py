@@ -3,15 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
+import problems
 import pytest
-from problems import (
-    JAWS,
-    OUTLINES,
-    boundary_surface,
-    random_poses,
-    rectangle,
-    simulator,
-)
 
 from planner.learned import rollouts
 from planner.learned.rollouts import roll_outs
@@ -25,7 +18,7 @@ SMALL = {"radius_mm": 10.0, "count": 3000}
 
 @pytest.fixture(scope="module")
 def part():
-    return simulator(rectangle())
+    return problems.simulator(problems.rectangle())
 
 
 @pytest.fixture(scope="module")
@@ -45,12 +38,12 @@ def rows_of(result, ring):
     return np.hstack(columns)[inside]
 
 
-@pytest.mark.parametrize("outline", OUTLINES.values(), ids=OUTLINES)
+@pytest.mark.parametrize("outline", problems.OUTLINES.values(), ids=problems.OUTLINES)
 def test_beyond_the_fingers_reach_a_squeeze_changes_nothing(outline):
-    part = simulator(outline())
-    radius = 1.1 * rollouts.farthest(part.outline, JAWS)
-    poses = random_poses(np.random.default_rng(1), 4000, radius)
-    far = poses[~rollouts.within_reach(part.outline, JAWS, poses)]
+    part = problems.simulator(outline())
+    radius = 1.1 * rollouts.farthest(part.outline, problems.JAWS)
+    poses = problems.random_poses(np.random.default_rng(1), 4000, radius)
+    far = poses[~rollouts.within_reach(part.outline, problems.JAWS, poses)]
     rolled = part.roll_out(far, part.sample(len(far), np.random.default_rng(2)))
     assert len(far) > 100
     assert np.all(rolled.status == UNTOUCHED)
@@ -70,11 +63,11 @@ def test_threads_do_not_matter(part, small):
 
 
 def test_only_what_the_squeeze_depends_on_seeds_it(part):
-    points, weights = support(Pressure("boundary", 100), rectangle())
-    quartic = quartic_fit.fit_pressure(points, weights, radius_of_gyration(rectangle()))
+    points, weights = support(Pressure("boundary", 100), problems.rectangle())
+    quartic = quartic_fit.fit_pressure(points, weights, radius_of_gyration(problems.rectangle()))
     others = [
         replace(part, outline=part.outline * 1.001),
-        replace(part, surface=boundary_surface(part.outline * [1.0, 0.9])),
+        replace(part, surface=problems.boundary_surface(part.outline * [1.0, 0.9])),
         replace(part, surface=replace(part.surface, rho_mm=11.0)),
         replace(part, surface=quartic),
         replace(part, surface=replace(quartic, certificate=2.0 * quartic.certificate)),

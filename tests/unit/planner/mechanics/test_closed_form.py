@@ -1,19 +1,8 @@
 """One, two and three contacts in closed form, against Lemke's method and all modes on the same problem."""
 
+import contact_problems as problems
 import numpy as np
 import pytest
-from contact_problems import (
-    ContactProblem,
-    flush,
-    goals,
-    jamming,
-    lcp,
-    posed,
-    random_contacts,
-    receding,
-    rows,
-    wrenches,
-)
 from lcp_twin import motions, solve
 
 from planner.mechanics.closed_form import (
@@ -31,9 +20,9 @@ from planner.mechanics.step import solve as solve_step
 pytestmark = pytest.mark.slow
 
 
-def closed_form(problem: ContactProblem) -> tuple[int, np.ndarray, np.ndarray]:
+def closed_form(problem: problems.ContactProblem) -> tuple[int, np.ndarray, np.ndarray]:
     """Status, motion (3,) and forces (m, 2) of one to three contacts, all of them pressed."""
-    C, I = rows(problem)
+    C, I = problems.rows(problem)
     m = len(problem.gap)
     if m == 1:
         status = one_contact(problem.A, C, 0, problem.mu[0])
@@ -47,10 +36,10 @@ def closed_form(problem: ContactProblem) -> tuple[int, np.ndarray, np.ndarray]:
     return status, V, C[:m, [FN, FT]]
 
 
-def assert_coulomb(problem: ContactProblem, V: np.ndarray, forces: np.ndarray) -> None:
+def assert_coulomb(problem: problems.ContactProblem, V: np.ndarray, forces: np.ndarray) -> None:
     """Eqs 1-5 for contacts that are all pressed, in words: touch, push, stay in the cone, oppose the slip."""
-    N, T = wrenches(problem)
-    normal, tangential = goals(problem)
+    N, T = problems.wrenches(problem)
+    normal, tangential = problems.goals(problem)
     fn, ft = forces.T
     slip = T @ V - tangential
     assert np.allclose(V, problem.A @ (N.T @ fn + T.T @ ft), atol=1e-12)
@@ -62,11 +51,11 @@ def assert_coulomb(problem: ContactProblem, V: np.ndarray, forces: np.ndarray) -
     assert (np.minimum(np.abs(slip), problem.mu * fn - np.abs(ft)) <= 1e-8).all()
 
 
-def pressed_alone(rng: np.random.Generator) -> ContactProblem:
+def pressed_alone(rng: np.random.Generator) -> problems.ContactProblem:
     """One random contact that its finger really pushes."""
     while True:
-        problem = random_contacts(rng, 1)
-        if goals(problem)[0][0] > 1e-3:
+        problem = problems.random_contacts(rng, 1)
+        if problems.goals(problem)[0][0] > 1e-3:
             return problem
 
 
@@ -78,8 +67,8 @@ def test_one_contact_has_the_one_solution_of_the_lcp():
         assert status == SOLVED
         assert_coulomb(problem, V, forces)
         assert np.allclose(motions(problem), V, atol=1e-9)
-        N, T = wrenches(problem)
-        lcp_status, z = solve(*lcp(problem))
+        N, T = problems.wrenches(problem)
+        lcp_status, z = solve(*problems.lcp(problem))
         assert lcp_status == SOLVED
         assert np.allclose(problem.A @ (N[0] * z[0] + T[0] * (z[1] - z[2])), V, atol=1e-9)
 
@@ -92,10 +81,10 @@ def test_contacts_in_closed_form_are_solved_where_all_press_and_only_there(conta
     """
     rng, outcomes = np.random.default_rng(2), []
     for k in range(count):
-        problem = random_contacts(rng, contacts)
+        problem = problems.random_contacts(rng, contacts)
         problem = problem._replace(mu=problem.mu * (contacts == 2 or k % 3 > 0))
-        N, T = wrenches(problem)
-        normal, tangential = goals(problem)
+        N, T = problems.wrenches(problem)
+        normal, tangential = problems.goals(problem)
         all_motions = motions(problem)
         pressed = all_motions[np.abs(all_motions @ N.T - normal).max(axis=1, initial=0.0) < 1e-9]
         status, V, forces = closed_form(problem)
@@ -117,25 +106,25 @@ def test_the_step_agrees_with_lemke_on_one_two_and_three_contacts():
     """Whichever of closed form and Lemke's method answers: same verdict, and a motion of eqs 1-5."""
     rng = np.random.default_rng(3)
     for k in range(300):
-        problem = random_contacts(rng, 1 + k % 3)
+        problem = problems.random_contacts(rng, 1 + k % 3)
         problem = problem._replace(gap=np.zeros(1 + k % 3))
-        work = posed(problem)
+        work = problems.posed(problem)
         status = solve_step(problem.mu[0], problem.mu[1] if k % 3 else 0.0, 1 + k % 3, work)
         all_motions = motions(problem)
         if status == SOLVED:
             assert np.abs(all_motions - work.V).max(axis=1).min() < 1e-6
         else:
             assert status == RAY
-            assert solve(*lcp(problem))[0] == RAY
+            assert solve(*problems.lcp(problem))[0] == RAY
 
 
 def test_a_flush_grasp_is_held_where_lemke_finds_nothing():
     """Faces that overlap hold the part, whatever the friction; where they do not, the part turns."""
     rng, verdicts = np.random.default_rng(5), list[int]()
     for _ in range(100):
-        problem = flush(rng)
-        status = solve_step(problem.mu[0], problem.mu[1], 4, posed(problem))
-        lcp_status, z = solve(*lcp(problem))
+        problem = problems.flush(rng)
+        status = solve_step(problem.mu[0], problem.mu[1], 4, problems.posed(problem))
+        lcp_status, z = solve(*problems.lcp(problem))
         held = lcp_status == RAY or z[:4].max() > UNBOUNDED
         assert (status == RAY) == held
         verdicts.append(status)
@@ -145,7 +134,7 @@ def test_a_flush_grasp_is_held_where_lemke_finds_nothing():
 @pytest.mark.parametrize("bend", [-0.3, 0.0, 0.3])
 def test_a_step_ends_where_an_awaited_contact_touches(bend):
     """The dense output runs through the Euler step's direction and the midpoint's end: a parabola."""
-    C, _ = rows(receding())
+    C, _ = problems.rows(problems.receding())
     C[0, [GAP, UN, UT]] = 0.2, 0.0, 0.0
     first, V = np.array([0.0, -1.0, 0.0]), np.array([0.0, -1.0 + bend, 0.0])
     f = event_fraction(C, 1, first, V)
@@ -156,7 +145,7 @@ def test_a_step_ends_where_an_awaited_contact_touches(bend):
 
 @pytest.mark.parametrize("sense", [-1.0, 1.0])
 def test_a_step_ends_where_a_pressed_contact_slides_off_its_feature(sense):
-    C, _ = rows(receding())
+    C, _ = problems.rows(problems.receding())
     C[0, [GAP, UN, UT, FN, LOW, HIGH]] = 0.0, 0.0, 0.0, 1.0, -0.3, 0.3
     first, V = np.array([sense, 0.0, 0.0]), np.array([0.8 * sense, 0.0, 0.0])
     f = event_fraction(C, 1, first, V)
@@ -166,7 +155,7 @@ def test_a_step_ends_where_a_pressed_contact_slides_off_its_feature(sense):
 @pytest.mark.parametrize("mu", [0.1, 0.5])
 def test_a_diagonal_is_held_exactly_within_the_friction_angle(mu):
     limit = np.degrees(np.arctan(mu))
-    assert closed_form(jamming(limit - 0.01, mu))[0] == RAY
-    status, V, forces = closed_form(jamming(limit + 0.01, mu))
+    assert closed_form(problems.jamming(limit - 0.01, mu))[0] == RAY
+    status, V, forces = closed_form(problems.jamming(limit + 0.01, mu))
     assert status == SOLVED
-    assert_coulomb(jamming(limit + 0.01, mu), V, forces)
+    assert_coulomb(problems.jamming(limit + 0.01, mu), V, forces)

@@ -3,23 +3,8 @@
 import math
 
 import numpy as np
+import problems
 import pytest
-from problems import (
-    LONG_JAWS,
-    OUTLINES,
-    bar,
-    diameter,
-    disc,
-    hexagon,
-    l_shape,
-    random_convex,
-    random_poses,
-    random_star,
-    rectangle,
-    regular_polygon,
-    right_triangle,
-    simulator,
-)
 
 from planner.paper.sensorless import SqueezeFunction, plan, width_function
 from planner.part.outline import convex_hull, min_width, width
@@ -29,8 +14,8 @@ pytestmark = pytest.mark.slow
 
 def outlines():
     rng = np.random.default_rng(1)
-    stars = [random_star(rng, int(rng.integers(3, 14))) for _ in range(60)]
-    return [make() for make in OUTLINES.values()] + stars
+    stars = [problems.random_star(rng, int(rng.integers(3, 14))) for _ in range(60)]
+    return [make() for make in problems.OUTLINES.values()] + stars
 
 
 def carried_out(outline, angles, rng):
@@ -83,12 +68,12 @@ def test_a_plan_holds_with_hands_off_by_less_than_its_slack():
 @pytest.mark.parametrize(
     ("outline", "degrees"),
     [
-        (rectangle(), 180),
-        (hexagon(), 60),
-        (regular_polygon(4, 14.0), 90),
-        (regular_polygon(5, 14.0), 36),
-        (right_triangle(), 180),
-        (disc(), 180),
+        (problems.rectangle(), 180),
+        (problems.hexagon(), 60),
+        (problems.regular_polygon(4, 14.0), 90),
+        (problems.regular_polygon(5, 14.0), 36),
+        (problems.right_triangle(), 180),
+        (problems.disc(), 180),
     ],
 )
 def test_periods_of_known_shapes(outline, degrees):
@@ -97,15 +82,17 @@ def test_periods_of_known_shapes(outline, degrees):
 
 def scalene():
     """No edge is square to a chord: every equilibrium is stable or unstable, none is indifferent."""
-    return random_convex(np.random.default_rng(6), 5)
+    return problems.random_convex(np.random.default_rng(6), 5)
 
 
-@pytest.mark.parametrize("make", [rectangle, scalene, hexagon, l_shape, bar])
+@pytest.mark.parametrize(
+    "make", [problems.rectangle, scalene, problems.hexagon, problems.l_shape, problems.bar]
+)
 def test_our_simulator_ends_at_local_minima_without_friction(make):
     outline, rng = make(), np.random.default_rng(4)
-    model = simulator(outline, jaws=LONG_JAWS)
+    model = problems.simulator(outline, jaws=problems.LONG_JAWS)
     frictionless = model.sample(400, rng)._replace(mu=np.zeros((400, 2)))
-    final = model.roll_out(random_poses(rng, 400, 5.0), frictionless)
+    final = model.roll_out(problems.random_poses(rng, 400, 5.0), frictionless)
     minima = width_function(outline).minima
     direction = 0.5 * math.pi - final.poses[:, 2]
     beside = apart(direction[:, None] - minima[None], math.pi).min(axis=1)
@@ -126,17 +113,17 @@ def test_extrema_lie_beyond_what_is_beside_them_between_least_width_and_diameter
     for outline in outlines():
         function = width_function(outline)
         assert function(function.minima).min() == pytest.approx(min_width(outline))
-        assert function(function.maxima).max() == pytest.approx(diameter(outline))
+        assert function(function.maxima).max() == pytest.approx(problems.diameter(outline))
         for step in (-1e-5, 1e-5):
             assert np.all(function(function.minima) < function(function.minima + step))
             assert np.all(function(function.maxima) > function(function.maxima + step))
 
 
 def test_textbook_shapes():
-    function = width_function(rectangle())
+    function = width_function(problems.rectangle())
     assert np.degrees(function.minima) == pytest.approx([0.0, 90.0])
     diagonal = math.degrees(math.atan2(21.0, 30.0))
     assert np.degrees(function.maxima) == pytest.approx([diagonal, 180.0 - diagonal])
     # Of a right triangle the legs hold nothing: towards the hypotenuse the width only falls.
-    function = width_function(right_triangle())
+    function = width_function(problems.right_triangle())
     assert np.degrees(function.minima) == pytest.approx([math.degrees(math.atan2(36.0, 26.0))])

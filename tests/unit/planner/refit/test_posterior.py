@@ -1,10 +1,10 @@
 """The posterior where the likelihood is known: what it draws has the moments of the exact one."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rectangle import TABLE_PATH
 from scipy.stats import binom, chisquare
 
 from planner.evaluation.expectation import readings
@@ -15,7 +15,7 @@ from planner.refit.posterior import Effort, posterior
 from planner.work.scheduler import Threads
 from runtime.table import load
 
-TABLE = load(Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack").table
+TABLE = load(TABLE_PATH).table
 SPACE = Space(
     (
         Quantity("encoder_mm", -3.0, 3.0),

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from programs import Ended, called
 from rectangle import JOB_PATH
 
 from planner.cli import simulate
@@ -21,14 +22,14 @@ def poses(tmp_path: Path) -> Path:
     return path
 
 
-def run(poses: Path, *options: str) -> int:
+def run(poses: Path, *options: str) -> Ended:
     output = poses.parent / "out.csv"
-    return simulate.main([str(JOB_PATH), "--poses", str(poses), "-o", str(output), *options])
+    return called(simulate.main, JOB_PATH, "--poses", poses, "-o", output, *options)
 
 
 def test_poses_in_degrees_end_as_the_same_in_radians(poses: Path) -> None:
     output = poses.parent / "out.csv"
-    assert run(poses, "--nominal", "--mu", "0.5") == 0
+    assert run(poses, "--nominal", "--mu", "0.5").code == 0
     radians = list(csv.DictReader(output.read_text().splitlines()))
     for row in radians:
         for name in ("theta", "final_theta"):
@@ -36,34 +37,28 @@ def test_poses_in_degrees_end_as_the_same_in_radians(poses: Path) -> None:
             assert float(row[f"{name}_deg"]) == pytest.approx(degrees)
     lines = [f"{row['x_mm']},{row['y_mm']},{row['theta_deg']}" for row in radians]
     poses.write_text("\n".join(["x_mm,y_mm,theta_deg", *lines]) + "\n")
-    assert run(poses, "--nominal", "--mu", "0.5") == 0
+    assert run(poses, "--nominal", "--mu", "0.5").code == 0
     for row, same in zip(radians, csv.DictReader(output.read_text().splitlines()), strict=True):
         assert row["status"] == same["status"]
         for name in ("final_x_mm", "final_y_mm", "final_theta_deg", "theta_rad"):
             assert float(row[name]) == pytest.approx(float(same[name]), abs=1e-4)
 
 
-def test_poses_that_state_two_angles_are_refused(
-    poses: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_poses_that_state_two_angles_are_refused(poses: Path) -> None:
     poses.write_text("x_mm,y_mm,theta_rad,theta_deg\n1,2,0.1,5.729578\n1,2,0.1,30\n")
-    assert run(poses) == 3
-    err = capsys.readouterr().err
-    assert "pose 2" in err
-    assert err.count("\n") == 1
+    ended = run(poses)
+    assert (ended.code, ended.one_line) == (3, True)
+    assert "pose 2" in ended.err
 
 
 @pytest.mark.parametrize(
     "options",
     [("--figure", "s.jpg"), ("--html", "s"), ("--figure", "nowhere/s.png"), ("--html", ".")],
 )
-def test_wrong_name_is_one_line_before_any_work(
-    poses: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, str]
-) -> None:
-    assert run(poses, *options) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert options[1] in error
+def test_wrong_name_is_one_line_before_any_work(poses: Path, options: tuple[str, str]) -> None:
+    ended = run(poses, *options)
+    assert (ended.code, ended.one_line) == (2, True)
+    assert options[1] in ended.err
     assert not (poses.parent / "out.csv").exists()
 
 

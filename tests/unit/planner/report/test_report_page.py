@@ -6,6 +6,7 @@ import re
 import pytest
 from browser import LEGIBLE, NEEDED, played
 from html_pages import Page
+from programs import called, document
 from rectangle import TABLE_PATH
 from run_logs import chained, header, part
 
@@ -81,12 +82,11 @@ def journal_of(tmp_path):
     return path, target
 
 
-def test_a_journal_is_laid_over_the_tree(tmp_path, capsys):
+def test_a_journal_is_laid_over_the_tree(tmp_path):
     journal, target = journal_of(tmp_path)
     output = tmp_path / "page.html"
-    words = [str(TABLE_PATH), "-o", str(output), "--trials", "50", "--journal", str(journal)]
-    assert report.main([*words, "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+    words = [TABLE_PATH, "-o", output, "--trials", "50", "--journal", journal]
+    record = document(report.main, *words, "--json")
     assert record["bytes"] == output.stat().st_size
     assert (record["nodes"], record["leaves"]) == (len(TABLE.nodes), len(TABLE.leaves))
     text = output.read_text()
@@ -98,7 +98,7 @@ def test_a_journal_is_laid_over_the_tree(tmp_path, capsys):
     assert "rejects" not in text.split("</style>")[1].split("<script")[0]
 
 
-def test_rejects_are_drawn_with_the_part(tmp_path, capsys):
+def test_rejects_are_drawn_with_the_part(tmp_path):
     journal, output = tmp_path / "j.jsonl", tmp_path / "page.html"
     parts = [entry for k in range(1, 11) for entry in part(k, [(0, 20, None)], "reject")]
     journal.write_bytes(chained([header(dumps(TABLE)), *parts]))
@@ -111,7 +111,7 @@ def test_rejects_are_drawn_with_the_part(tmp_path, capsys):
     assert "2 more" in figures
 
 
-def test_two_plans_and_two_runs_are_compared(tmp_path, capsys):
+def test_two_plans_and_two_runs_are_compared(tmp_path):
     journal, _ = journal_of(tmp_path)
     output = tmp_path / "page.html"
     words = [str(TABLE_PATH), "-o", str(output), "--trials", "50", "--compare"]
@@ -122,8 +122,8 @@ def test_two_plans_and_two_runs_are_compared(tmp_path, capsys):
     assert all(this == other for this, other in cells)
     assert report.main([*words, str(journal), "--journal", str(journal)]) == 0
     assert "ended as fault" in output.read_text()
-    assert report.main([*words, str(journal)]) == 3
-    assert capsys.readouterr().err.count("\n") == 1
+    ended = called(report.main, *words, journal)
+    assert (ended.code, ended.one_line) == (3, True)
 
 
 @NEEDED

@@ -1,16 +1,16 @@
 """Many outlines: what each comes to, and the page about them."""
 
 import math
-from pathlib import Path
 
 import pytest
 from problems import regular_polygon
+from programs import TREES
 
 from planner.diagnosis import reasons
 from planner.job import model as job_file
 from planner.report import zoo
 
-BASE = job_file.load(Path(__file__).parents[4] / "trees" / "ratchet" / "job.toml")
+BASE = job_file.load(TREES / "ratchet" / "job.toml")
 
 
 def item(outline, name="a <part>", **changes):

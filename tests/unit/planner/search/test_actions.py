@@ -1,8 +1,5 @@
 """Where the open hand may be placed."""
 
-import dataclasses
-from pathlib import Path
-
 import numpy as np
 import problems
 import pytest
@@ -10,14 +7,11 @@ import pytest
 from planner.belief.metric import Metric
 from planner.belief.particles import Belief
 from planner.frames import to_hand
-from planner.job import model as job_file
 from planner.mechanics.clearance import free_placements, least_clearance
 from planner.problem import Problem
 from planner.search.actions import ActionSet, actions_of
 from planner.search.proposals import Proposals, placed, proposals_of, stable_angles
 from planner.search.ranking import Ranking
-
-RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
 
 @pytest.mark.parametrize("name", ["rectangle", "L", "butterfly"])
@@ -69,9 +63,8 @@ def width(outline, angle):
 
 
 @pytest.fixture(scope="module")
-def job():
-    job = job_file.load(RECTANGLE)
-    return dataclasses.replace(job, actions=dataclasses.replace(job.actions, proposals="belief"))
+def job(job):
+    return job.replaced(actions={"proposals": "belief"})
 
 
 @pytest.mark.parametrize("name", ["right triangle", "butterfly", "L", "ellipse", "hexagon"])

@@ -1,33 +1,20 @@
 """Opening and release of a squeeze whose placement is chosen."""
 
-import dataclasses
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from planner.belief.observation import Partition, encoder_of
 from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes
-from planner.job import model as job_file
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.traits import as_planned
 from planner.search.handling import LEAST_PARTICLES, SPARE_MM, handling_of
 
-RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
-
 
 @pytest.fixture(scope="module")
-def job():
-    job = job_file.load(RECTANGLE)
-    return dataclasses.replace(
-        job, actions=dataclasses.replace(job.actions, openings_mm=(30.0, 50.0, 70.0))
-    )
-
-
-@pytest.fixture(scope="module")
-def free():
-    return job_file.load(RECTANGLE)
+def listing(job):
+    """A job that lists openings to choose from."""
+    return job.replaced(actions={"openings_mm": [30.0, 50.0, 70.0]})
 
 
 def held_at(job, centre):
@@ -37,38 +24,38 @@ def held_at(job, centre):
 
 
 @pytest.mark.parametrize(("y", "expected"), [(0.0, 30.0), (8.0, 50.0), (18.0, 70.0), (28.0, 85.0)])
-def test_opening_where_the_job_lists_some_is_the_least_that_leaves_room(job, y, expected):
+def test_opening_where_the_job_lists_some_is_the_least_that_leaves_room(listing, y, expected):
     belief, placement = np.tile([0.0, y, 0.0], (LEAST_PARTICLES, 1)), np.zeros(3)
-    opening, clearance, _ = handling_of(job).opening(Belief.of(belief), placement)
+    opening, clearance, _ = handling_of(listing).opening(Belief.of(belief), placement)
     assert opening == expected
     jaws = np.array([opening, 27.5, 9.5])
-    assert clearance == least_clearance(job.part.outline_mm, jaws, belief, placement)
-    assert clearance >= SPARE_MM or opening == job.gripper.opening_mm
+    assert clearance == least_clearance(listing.part.outline_mm, jaws, belief, placement)
+    assert clearance >= SPARE_MM or opening == listing.gripper.opening_mm
 
 
-def test_opening_where_the_job_lists_none_leaves_just_the_room_that_is_needed(free):
+def test_opening_where_the_job_lists_none_leaves_just_the_room_that_is_needed(job):
     poses = np.tile([[0.0, 5.0, 0.0], [0.0, -8.0, 0.1]], (LEAST_PARTICLES // 2, 1))
     belief, placement = Belief.of(poses), np.zeros(3)
-    handling = handling_of(free)
+    handling = handling_of(job)
     opening, clearance, _ = handling.opening(belief, placement)
     assert opening == handling.contact_mm(belief, placement) + SPARE_MM
     assert SPARE_MM <= clearance < 2 * SPARE_MM
-    assert handling.opening(belief, placement, pushed=True)[0] == free.gripper.opening_mm
+    assert handling.opening(belief, placement, pushed=True)[0] == job.gripper.opening_mm
     few = Belief.of(poses[1:])
-    assert handling.opening(few, placement)[0] == free.gripper.opening_mm
+    assert handling.opening(few, placement)[0] == job.gripper.opening_mm
 
 
 @pytest.mark.parametrize("trait", ["share", "across_mm", "encoder_mm"])
-def test_first_contact_of_a_part_with_something_off_comes_earlier(free, trait):
-    poses, placement, handling = np.array([[0.0, 9.0, 0.3]]), np.zeros(3), handling_of(free)
+def test_first_contact_of_a_part_with_something_off_comes_earlier(job, trait):
+    poses, placement, handling = np.array([[0.0, 9.0, 0.3]]), np.zeros(3), handling_of(job)
     traits = as_planned(1)
     plain = handling.contact_mm(Belief.of(poses, traits=traits), placement)
     traits[trait] = {"share": 0.1, "across_mm": -1.4, "encoder_mm": 1.1}[trait]
     assert handling.contact_mm(Belief.of(poses, traits=traits), placement) > plain
 
 
-def test_a_part_near_the_edge_is_dragged_to_the_middle(job):
-    handling, outcomes = handling_of(job), held_at(job, (145.0, 0.0))
+def test_a_part_near_the_edge_is_dragged_to_the_middle(listing):
+    handling, outcomes = handling_of(listing), held_at(listing, (145.0, 0.0))
     release = handling.release(outcomes)
     np.testing.assert_allclose(release, [0.0, 0.0])
     (belief,) = handling.released(np.array([140.0, 0.0, 0.0]), release, outcomes)

@@ -1,10 +1,10 @@
 """Pushes proposed from a belief: where they begin and end, and which are the best."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
+from rectangle import JOB_PATH
 
 from planner.belief.particles import PUSHED, UNREAD, Belief, initial
 from planner.belief.transition import Push
@@ -17,13 +17,12 @@ from planner.search.pushes import FINALISTS, MOST, Pusher, pusher_of
 from planner.search.ranking import Ranking
 from runtime.shell.errors import InputError
 
-RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 PUSHING = {"actions": {"pushes": "belief", "proposals": "belief"}}
 
 
 @pytest.fixture(scope="module")
 def job():
-    return job_file.load(RECTANGLE, PUSHING)
+    return job_file.load(JOB_PATH, PUSHING)
 
 
 @pytest.fixture(scope="module")
@@ -95,8 +94,8 @@ def test_best_pushes_through_a_belief_reach_where_they_were_judged_to_end(proble
 
 
 def test_a_job_that_states_that_nothing_is_pushed_is_the_job_that_does_not(job):
-    stated = job_file.load(RECTANGLE, {"actions": {"pushes": "none"}})
-    assert stated.canonical() == job_file.load(RECTANGLE).canonical()
+    stated = job_file.load(JOB_PATH, {"actions": {"pushes": "none"}})
+    assert stated.canonical() == job_file.load(JOB_PATH).canonical()
     assert pusher_of(Problem.of(stated, 1)) is None
     assert job_file.from_canonical(job.canonical()) == job
 
@@ -114,4 +113,4 @@ def test_a_job_that_states_that_nothing_is_pushed_is_the_job_that_does_not(job):
 )
 def test_jobs_that_cannot_push_are_refused(changes, reason):
     with pytest.raises(InputError, match=reason):
-        job_file.load(RECTANGLE, changes)
+        job_file.load(JOB_PATH, changes)

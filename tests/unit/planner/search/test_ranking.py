@@ -1,9 +1,8 @@
 """The ranking of grasp poses by its kernel, against the same from branches, one belief at a time."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from programs import TREES
 
 from planner.belief.particles import Belief, initial
 from planner.belief.transition import Outcomes
@@ -14,7 +13,6 @@ from planner.problem import Problem
 from planner.search.actions import actions_of
 from planner.search.ranking import ALIKE, ALIKE_MM, Ranking, judged, unlike
 
-TREES = Path(__file__).parents[4] / "trees"
 GUSSET = TREES / "gusset" / "job.toml"
 FACES = {"part": {"faces": "either"}}
 SORTED = {"goal": {"identify": False}}
@@ -62,10 +60,8 @@ def test_unlike_random_grasp_poses_leaves_no_variants_and_drops_nothing_else():
     grasps = rng.uniform([-15.0, -15.0, 0.0], [15.0, 15.0, np.pi], (60, 3))
 
     def alike(one, other):
-        shift, turn = (
-            np.hypot(*(one - other)[:2]),
-            abs(float(wrap(np.asarray(one[2] - other[2]), 2))),
-        )
+        shift = np.hypot(*(one - other)[:2])
+        turn = abs(float(wrap(np.asarray(one[2] - other[2]), 2)))
         return shift < ALIKE_MM and turn < ALIKE
 
     chosen = unlike(grasps, 60)

@@ -3,10 +3,10 @@
 import itertools
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from rectangle import JOB_PATH
 
 from planner.belief.particles import Belief
 from planner.belief.transition import Squeezed
@@ -19,7 +19,7 @@ from planner.search.search import LEAST_STRAYS, Search
 from planner.search.tree import Node, breadth_first, leaves
 
 JOB = job_file.load(
-    Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml",
+    JOB_PATH,
     {
         "actions": {"angles_deg": [0, 50, 100]},
         "uncertainty": {"orientation": "within", "orientation_halfwidth_deg": 20},

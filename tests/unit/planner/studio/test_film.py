@@ -1,21 +1,20 @@
 """The film of a simulated part: the world prints what it does, and the page gets hand, part and widths."""
 
 import json
-from pathlib import Path
 
 import pytest
+from rectangle import JOB_PATH
 
 from planner.job.model import load
 from planner.studio.film import film, make
 from planner.world import ContactWorld
 from runtime.shell.errors import UsageError
 
-TREE = Path(__file__).parents[4] / "trees" / "rectangle"
 SQUEEZED = {"before": {"x_mm": 1.0}, "after": {"x_mm": 0.0}, "width_mm": 21.0}
 
 
 def test_the_world_squeezes_as_ever_and_prints_it(capfd):
-    job = load(TREE / "job.toml")
+    job = load(JOB_PATH)
     pose = (1.0, 2.0, 0.1)
     final, width_mm, status = make(job, 3).squeeze(pose)
     assert (final, width_mm, status) == ContactWorld(job, 3).squeeze(pose)

@@ -7,9 +7,8 @@ from runtime.shell.errors import UsageError
 
 
 @pytest.fixture
-def folder(tmp_path):
-    (tmp_path / "plate.csv").write_text("0,0\n30,0\n30,21\n0,21\n")
-    return Folder(tmp_path)
+def folder(plate):
+    return Folder(plate.parent)
 
 
 @pytest.mark.parametrize(

@@ -21,9 +21,8 @@ print(json.dumps({"exit": 0}), flush=True)
 
 
 @pytest.fixture
-def plans(tmp_path):
-    (tmp_path / "plate.csv").write_text("0,0\n30,0\n30,21\n0,21\n")
-    return Plans(Folder(tmp_path))
+def plans(plate):
+    return Plans(Folder(plate.parent))
 
 
 @pytest.mark.parametrize("settings", [{"output": "x"}, {"radius": 5}, {"radius": ["5"]}])

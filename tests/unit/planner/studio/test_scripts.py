@@ -139,54 +139,61 @@ fetch = async (path) => {
 
 
 @pytest.fixture
-def plate(tmp_path, monkeypatch):
-    """A studio whose folder holds one drawing, and what it says of the drawing."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "plate.csv").write_text("0,0\n30,0\n30,21\n0,21\n")
-    read = {**preview(["plate.csv", "--units=mm"]), "command": "squeezetree try plate.csv"}
-    return Answers(Folder(tmp_path)), read
+def studio(plate):
+    """A studio whose folder holds one drawing."""
+    return Answers(Folder(plate.parent))
 
 
-def test_plan_button_while_another_tab_plans_is_disabled_with_the_reason(plate, tmp_path):
-    studio, read = plate
+@pytest.fixture
+def read(studio):
+    """What the studio says of the drawing."""
+    return {**preview(["plate.csv", "--units=mm"]), "command": "squeezetree try plate.csv"}
+
+
+def state_of(studio):
+    return json.loads(studio.state().body)
+
+
+@pytest.fixture
+def seen_in(studio, tmp_path):
+    """What a script finds on the studio's page, with these answers of its server."""
+
+    def play(script, folder, drawing):
+        answers = {"page": studio.page().body.decode(), "/folder.json": folder, "/preview": drawing}
+        return played(page_with(answers), script, tmp_path)
+
+    return play
+
+
+def test_plan_button_while_another_tab_plans_is_disabled_with_the_reason(
+    studio, read, seen_in, tmp_path
+):
     log = tmp_path / "plate.plan.jsonl"
     log.write_text('{"drawing": "plate.csv", "step": "try", "command": "squeezetree try"}\n')
     with closing(log.open("ab")) as planning:  # as the planning process does
         fcntl.flock(planning, fcntl.LOCK_EX)
-        running = json.loads(studio.state().body)
+        running = state_of(studio)
     log.write_text(log.read_text() + '{"exit": 0}\n')
-    done = json.loads(studio.state().body)
-    answers = {"page": studio.page().body.decode(), "/folder.json": running, "/preview": read}
-    seen = played(
-        page_with(answers),
-        f"""
+    script = f"""
   const settled = async (disabled) => {{
     for (let k = 0; k < 50 && (byId("settings").hidden || byId("begin").disabled !== disabled); k++)
       await new Promise((done) => setTimeout(done, 10));
     return {{disabled: byId("begin").disabled, reason: byId("occupied").textContent}};
   }};
   const during = await settled(true);
-  view.answers["/folder.json"] = {json.dumps(done)};
+  view.answers["/folder.json"] = {json.dumps(state_of(studio))};
   choose("plans", "plate");
   return {{during, after: await settled(false), error: byId("error").textContent}};
-""",
-        tmp_path,
-    )
-    assert seen["during"] == {
-        "disabled": True,
-        "reason": "plate is being planned; stop it, or wait for it.",
-    }
+"""
+    seen = seen_in(script, running, read)
+    reason = "plate is being planned; stop it, or wait for it."
+    assert seen["during"] == {"disabled": True, "reason": reason}
     assert seen["after"] == {"disabled": False, "reason": ""}
     assert seen["error"] == ""
 
 
-def test_preview_that_a_killed_server_did_not_answer_is_asked_for_again(plate, tmp_path):
-    studio, read = plate
-    state = json.loads(studio.state().body)
-    answers = {"page": studio.page().body.decode(), "/folder.json": state, "/preview": None}
-    seen = played(
-        page_with(answers),
-        f"""
+def test_preview_that_a_killed_server_did_not_answer_is_asked_for_again(studio, read, seen_in):
+    script = f"""
   const shown = async (id, wanted) => {{
     for (let k = 0; k < 50 && byId(id).hidden === wanted; k++)
       await new Promise((done) => setTimeout(done, 10));
@@ -196,28 +203,22 @@ def test_preview_that_a_killed_server_did_not_answer_is_asked_for_again(plate, t
   view.answers["/preview"] = {json.dumps(read)};
   const form = await shown("settings", true);
   return {{lost, form, error: !byId("error").hidden, facts: byId("facts").textContent}};
-""",
-        tmp_path,
-    )
+"""
+    seen = seen_in(script, state_of(studio), None)
     assert seen["lost"] == {"error": True, "form": False}
     assert (seen["form"], seen["error"]) == (True, False)
     assert "30.0 x 21.0 mm" in seen["facts"]
 
 
-def test_file_that_is_no_drawing_is_refused_without_asking_the_server(plate, tmp_path):
-    studio, read = plate
-    state = json.loads(studio.state().body)
-    answers = {"page": studio.page().body.decode(), "/folder.json": state, "/preview": read}
-    seen = played(
-        page_with(answers),
-        """
+def test_file_that_is_no_drawing_is_refused_without_asking_the_server(studio, read, seen_in):
+    script = """
   const files = new view.DataTransfer();
   files.items.add(new view.File(["x"], "photo.jpg"));
   byId("file").files = files.files;
   byId("file").dispatchEvent(new view.Event("change"));
   await new Promise((done) => setTimeout(done, 200));
   return byId("error").textContent;
-""",
-        tmp_path,
+"""
+    assert seen_in(script, state_of(studio), read).startswith(
+        "photo.jpg: is no drawing; those end in .dxf, .svg"
     )
-    assert seen.startswith("photo.jpg: is no drawing; those end in .dxf, .svg")

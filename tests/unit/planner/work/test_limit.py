@@ -1,22 +1,6 @@
 """A budget of time, and a request to end with what stands."""
 
-import pytest
-
 from planner.work.limit import Limit
-
-
-class Clock:
-    """Stands until it is told to go on."""
-
-    now = 100.0
-
-    def __call__(self):
-        return self.now
-
-
-@pytest.fixture
-def clock():
-    return Clock()
 
 
 def test_a_budget_ends_when_only_the_reserve_is_left(clock):

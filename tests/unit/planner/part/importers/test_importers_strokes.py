@@ -74,12 +74,10 @@ def test_short_strokes_of_any_kind_are_a_chain(tmp_path, add):
     assert area(read(dxf(tmp_path, draw))) == pytest.approx(FILLET_MM2, rel=4e-4)
 
 
-BOTTOM, RIGHT, TOP, LEFT = (
-    ((0, 0), (40, 0)),
-    ((40, 0), (40, 20)),
-    ((40, 20), (0, 20)),
-    ((0, 20), (0, 0)),
-)
+BOTTOM = ((0, 0), (40, 0))
+RIGHT = ((40, 0), (40, 20))
+TOP = ((40, 20), (0, 20))
+LEFT = ((0, 20), (0, 0))
 GAPS = {
     "at a corner": [BOTTOM, ((40, 0.015), (40, 20)), TOP, LEFT],
     "at each corner": [

@@ -23,20 +23,9 @@ def sheet(css, attributes='class="jig" id="jig"'):
     return f"<style>{css}</style>{jig(attributes)}"
 
 
+UNDRAWN = ("mask", "symbol", "marker", "clipPath", "pattern", "defs", "metadata", "filter")
 UNSEEN = {
-    **{
-        f"in a {kind}": f"<{kind} id='d' width='60' height='60'>{JIG}</{kind}>"
-        for kind in (
-            "mask",
-            "symbol",
-            "marker",
-            "clipPath",
-            "pattern",
-            "defs",
-            "metadata",
-            "filter",
-        )
-    },
+    **{f"in a {kind}": f"<{kind} id='d' width='60' height='60'>{JIG}</{kind}>" for kind in UNDRAWN},
     "of another vocabulary": '<i:rect xmlns:i="urn:other" width="90" height="70"/>'
     f'<i:g xmlns:i="urn:other">{JIG}</i:g>',
     "visibility": jig('visibility="hidden"'),
