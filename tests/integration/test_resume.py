@@ -198,9 +198,14 @@ def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(
     for last, world, path, kinds in killed(table, 29):
         world._grip_mm = None
         world.at_mm = (40.0, 30.0, height_mm, 0.0)
+        stood = world.at_mm
         tally, _ = process(world, path, Deaf(), PLAIN)
         touched = "placed" in kinds and "outcome" not in kinds
         assert (Outcome.ABORTED in tally.outcomes) == touched, (last, kinds)
+        if touched:
+            assert world.at_mm == stood
+            reasons = [entry["reason"] for entry in records(path) if entry["kind"] == "outcome"]
+            assert "not where the run broke off" in reasons[-1]
         assert tally.exit_code in ({24} if touched else {0, 10})
 
 
