@@ -16,7 +16,7 @@ from drivers.sim.cli import main
 
 SCALE = 20.0
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(Path(__file__).parent)))}
-ENDS = [("quit", 0), (signal.SIGTERM, 0), (signal.SIGINT, 130), ("stdin", 0)]
+ENDS = [("quit", 0), (signal.SIGTERM, 0), (signal.SIGINT, 130)]  # beside that of its stdin
 
 
 class Running:
@@ -94,8 +94,14 @@ def test_parts_lie_in_the_uncertainty_disc_and_move_only_when_squeezed(cell, gri
         assert scene.truth() is not None
 
 
-def test_above_the_part_the_fingers_meet_nothing(cell):
+def test_a_sweep_at_the_part_ends_in_an_activation_fault_and_above_it_fingers_meet_nothing(cell):
     with cell.connected() as (gripper, arm, scene):
+        gripper._link.write(bytes(6))  # inactive
+        arm.move_linear(0.0, 0.0, 60.0, 0.0, 250.0)
+        arm.move_linear(0.0, 0.0, 8.0, 0.0, 250.0)
+        with pytest.raises(RuntimeError, match="0x0D"):
+            gripper.activate()
+        arm.move_linear(0.0, 0.0, 60.0, 0.0, 250.0)
         gripper.activate()
         scene.next_part()
         before = scene.truth()
@@ -121,27 +127,15 @@ def test_fingers_placed_on_the_part_are_a_crash(cell):
         arm.move_linear(seen.x_mm, seen.y_mm, 60.0, 0.0, 250.0)
 
 
-def test_a_sweep_at_the_part_ends_in_an_activation_fault():
-    running = Running()
-    try:
-        with running.connected() as (gripper, arm, _):
-            arm.move_linear(0.0, 0.0, 8.0, 0.0, 250.0)
-            with pytest.raises(RuntimeError, match="0x0D"):
-                gripper.activate()
-    finally:
-        running.end()
-
-
 @pytest.mark.parametrize(("how", "code"), ENDS)
 def test_every_way_to_end(how, code):
     running = Running()
     if how == "quit":
         with contextlib.closing(connect.scene(running.endpoints["scene"])) as scene:
             scene._ask("quit")
-    elif how != "stdin":
+    else:
         running.process.send_signal(how)
-    if how != "stdin":
-        assert running.process.wait(20) == code
+    assert running.process.wait(20) == code
     running.end(code, "grasp-cell: interrupted\n" if code == 130 else "")
 
 
