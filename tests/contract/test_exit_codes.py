@@ -1,14 +1,13 @@
 """The exit codes are few, and OUTCOMES.md and the error classes have the same."""
 
 import importlib
-from pathlib import Path
 
 from documents import rows, section
+from programs import ROOT
 
 from runtime.shell.errors import ExpectedError
 from runtime.shell.exit_codes import ExitCode
 
-ROOT = Path(__file__).parents[2]
 MODULES = ("runtime.shell.errors", "planner.errors", "runtime.errors", "drivers.errors")
 RETURNED = {ExitCode.DONE, ExitCode.NOT_LOCATED, ExitCode.UNDECIDED, ExitCode.INTERRUPTED}
 """Codes that a command returns, and no error carries."""

@@ -1,9 +1,8 @@
 """The section on OPC UA in tools/docs/plc.md shows states, chart, nodes and limits of the code."""
 
-from pathlib import Path
 from typing import get_type_hints
 
-from documents import rows, section
+from documents import DOCS, rows, section
 from vision_chart import line
 
 from runtime.plc import admission, opcua
@@ -12,7 +11,7 @@ from runtime.plc.handshake import Error
 from runtime.plc.panel import MOST_RESULTS
 from runtime.plc.vision import STOP_REASONS, VIEW, Result
 
-PAGE = (Path(__file__).parents[2] / "tools" / "docs" / "plc.md").read_text()
+PAGE = (DOCS / "plc.md").read_text()
 SECTION = section(PAGE, "OPC UA")
 PROSE = " ".join(SECTION.split())
 

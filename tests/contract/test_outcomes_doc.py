@@ -5,6 +5,7 @@ import shlex
 from pathlib import Path
 
 from documents import rows, section
+from programs import ROOT
 from soaking import soak_run
 
 from drivers.sim.faults import KINDS
@@ -13,7 +14,6 @@ from runtime.execution.events import Phase
 from runtime.shell.exit_codes import ExitCode
 from runtime.traversal.results import EXIT_CODES, Outcome
 
-ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "runtime" / "OUTCOMES.md").read_text()
 UNIT = (ROOT / "tools" / "systemd" / "squeezetree@.service").read_text()
 

@@ -1,16 +1,15 @@
 """tools/docs/plc.md shows the registers, the state machine and the errors of the code."""
 
 import re
-from pathlib import Path
 
-from documents import rows
+from documents import DOCS, rows
 
 from runtime.commands import plc
 from runtime.plc import modbus
 from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State
 from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, WRITTEN
 
-PAGE = (Path(__file__).parents[2] / "tools" / "docs" / "plc.md").read_text()
+PAGE = (DOCS / "plc.md").read_text()
 
 
 def shown(state: State, event: Event) -> str:

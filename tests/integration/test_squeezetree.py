@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from command_parsers import parsers
 from documents import COMMANDS
 from programs import ROOT, Ended, called, ended
 
@@ -43,6 +44,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
 
 def test_a_subcommand_is_an_installed_program() -> None:
     assert {"squeezetree", *(program.name for program in PROGRAMS.values())} == set(COMMANDS)
+    assert parsers().keys() == COMMANDS.keys()
 
 
 def test_the_order_is_that_of_a_users_day() -> None:
