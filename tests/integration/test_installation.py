@@ -32,7 +32,9 @@ def test_a_run_that_nobody_watches_and_a_check_load_nothing_heavy(
 
 
 def test_modbus_loads_nothing_of_opc_ua() -> None:
-    assert loaded_after("import runtime.commands.plc, sys; del sys.modules['runtime.plc']") == "[]"
+    code = "import runtime.commands.plc\nfrom sys import modules\n"
+    code += "del modules['runtime.plc'], modules['runtime.monitoring.live']"
+    assert loaded_after(code) == "[]"
 
 
 def test_the_check_would_see_it() -> None:
@@ -40,12 +42,14 @@ def test_the_check_would_see_it() -> None:
     assert loaded_after(numpy) == "['numpy']"
 
 
+SIGNED = f"--tree {TABLE} --check --require-signed {TABLE}"
 PLANNER = "compile_job simulate evaluate expect identify report init studio try_part"
 CALLS = [
     *(("numpy", f"planner.commands:{command}", "", "planner") for command in PLANNER.split()),
     ("cv2", "drivers.camera.commands:audit", "['judge']", "audit"),
     ("cv2", "drivers.camera.commands:calibrate", "['camera']", "audit"),
     ("cv2", "drivers.sim.cli:main", f"['--tree', {str(TABLE)!r}, '--camera']", "audit"),
+    ("cryptography", "runtime.cli:main", f"{SIGNED!r}.split()", "evidence"),
     ("shtab", "runtime.commands.squeezetree:main", "['--print-completion', 'bash']", "completion"),
 ]
 EACH = """
