@@ -11,7 +11,7 @@ from planner.mechanics.contacts import FN, FT
 from planner.mechanics.simulator import STATUS_NAMES
 from planner.mechanics.step import SOLVED, solve
 
-CASES = settings(max_examples=30, deadline=None, derandomize=True)
+CASES = settings(max_examples=30, derandomize=True)
 PENETRATION_MM = 0.02
 seeds = st.integers(0, 10**6)
 frictions = st.floats(0.0, 1.0)

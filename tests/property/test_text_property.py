@@ -96,7 +96,7 @@ def printed(written: Callable[[], object]) -> str:
 
 
 @given(odd)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_no_sink_prints_what_does_not_print(text: str) -> None:
     """Even where a text came past every border: in an error, from a device, in a journal."""
     table = named(text)
