@@ -12,6 +12,7 @@ from functools import partial
 import logged_work
 import pytest
 from programs import JOB, ROOT
+from rectangle import quick_job
 from waiting import until
 
 from planner.cli import compile as plan_compile
@@ -24,7 +25,6 @@ ENVIRONMENT = os.environ | {
     "DASK_LOGGING__DISTRIBUTED": "critical",
 }
 ITEMS = 60
-QUICK = JOB.read_text(encoding="utf-8") + "\n[search]\nparticles = 300\nmax_depth = 3\n"
 
 
 @contextmanager
@@ -100,8 +100,7 @@ def test_results_come_in_order_and_errors_arrive_as_they_are(machines, tmp_path)
 
 def test_tables_of_a_sweep_are_the_same_on_a_cluster(machines, tmp_path):
     """Two jobs and one that is bad; and one job alone."""
-    job = tmp_path / "job.toml"
-    job.write_text(QUICK)
+    job = quick_job(tmp_path / "job.toml", "particles = 300\nmax_depth = 3")
     address = ["--scheduler", machines.with_workers(2).address]
     words = [str(job), "--trials", "100", "--no-advice"]
     vary = ["--vary", "uncertainty.radius_mm=4,-1,6"]
