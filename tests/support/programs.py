@@ -1,12 +1,14 @@
 """The project's programs as tests run them: in this process, or as processes of their own."""
 
 import contextlib
+import importlib.util
 import io
 import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple, Self
 
 from waiting import WAIT_S
@@ -17,6 +19,16 @@ JOB, TABLE = (TREES / "rectangle" / name for name in ("job.toml", "rectangle.msg
 RUNTIME, CELL = ((sys.executable, "-m", name) for name in ("runtime.cli", "drivers.sim.cli"))
 REHEARSAL = ("--world", "runtime.devices.rehearsal:make")
 VIRTUAL = ("--port", "sim", "--time-scale", "max")  # a simulated cell in virtual time
+
+
+def module_at(path: Path) -> ModuleType:
+    """The module in a file that belongs to no package."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    result = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(result)
+    return result
 
 
 class Closing:
