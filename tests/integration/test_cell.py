@@ -15,12 +15,13 @@ from drivers import connect
 from drivers.sim.cli import main
 
 SCALE = 20.0
-ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(Path(__file__).parent)))}
+SUPPORT = ROOT / "tests" / "support"
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(SUPPORT)))}
 ENDS = [("quit", 0), (signal.SIGTERM, 0), (signal.SIGINT, 130)]  # beside that of its stdin
 
 
 class Running:
-    def __init__(self, *arguments, world="fake_world:make"):
+    def __init__(self, *arguments, world="fake_scene:make"):
         words = ["--job", JOB, "--world", world, "--time-scale", SCALE, *arguments]
         words = [*CELL, *words, "--json", "--until-stdin-closes"]
         self.process = started(words, stdin=subprocess.PIPE, env=ENVIRONMENT)
@@ -140,7 +141,7 @@ def test_every_way_to_end(how, code):
 
 
 def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
-    running = Running(world="fake_world:stumbling")
+    running = Running(world="fake_scene:stumbling")
     with running.connected() as (gripper, arm, _):
         arm.move_linear(0.0, 0.0, 8.0, 0.0, 250.0)
         with pytest.raises((ConnectionError, RuntimeError)):
@@ -162,16 +163,15 @@ def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
             for world, says in (
                 ("nocolon", "module:factory"),
                 ("no.such.module:make", "cannot be imported"),
-                ("fake_world:missing", "no function missing"),
-                ("fake_world:not_callable", "no function"),
-                ("fake_world:broken", "this world is broken"),
+                ("fake_scene:missing", "no function missing"),
+                ("fake_scene:not_callable", "no function"),
+                ("fake_scene:broken", "this world is broken"),
                 ("runtime.devices.rehearsal:make", "--tree"),
             )
         ),
     ],
 )
 def test_arguments_that_make_no_cell_are_one_line(words, code, says, tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).parent)
     monkeypatch.chdir(tmp_path)
     Path("broken").write_text("[part\n")
     ended, out, err = called(main, *words)
