@@ -11,9 +11,8 @@ from functools import partial
 
 import logged_work
 import pytest
-from programs import JOB, ROOT
+from programs import JOB, ROOT, until
 from rectangle import quick_job
-from waiting import until
 
 from planner.cli import compile as plan_compile
 from planner.work.cluster import AHEAD

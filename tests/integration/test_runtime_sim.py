@@ -7,9 +7,8 @@ import signal
 import subprocess
 from pathlib import Path
 
-from programs import REHEARSAL, RUNTIME, WAIT_S, Ended, called, started
+from programs import REHEARSAL, RUNTIME, WAIT_S, Ended, called, started, until
 from sample_tables import small_table
-from waiting import until
 
 from runtime.cli import main
 from runtime.journal.chain import records, verify

@@ -6,9 +6,8 @@ import signal
 import subprocess
 from pathlib import Path
 
-from programs import WAIT_S, Ended, called, started
+from programs import WAIT_S, Ended, called, started, until
 from running_cells import RunningCell, runtime_command
-from waiting import until
 from written_journals import assert_sound
 
 from runtime.cli import main
