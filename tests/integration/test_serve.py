@@ -135,7 +135,9 @@ def hung_up(line: Line, random: Random) -> None:
 MISBEHAVIOURS = (half_line, wrong_order, two_at_once, silence, noise, endless, impossible, hung_up)
 
 
-def test_misbehaving_robots_get_no_wrong_answer_and_a_stop_request_is_told(tree: Path) -> None:
+def test_misbehaving_robots_get_no_wrong_answer_and_a_stop_request_ends_the_part(
+    tree: Path,
+) -> None:
     random = Random(1)
     with Served(tree) as served:
         for number in range(2 * len(MISBEHAVIOURS)):
