@@ -5,13 +5,19 @@ import signal
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
 
 from runtime.shell.interrupts import SIGNALS
 
-# A shell without job control ignores Ctrl-C in what it starts with `&`, and nohup ignores SIGHUP; processes
-# hand that down. The tests send both to themselves and to the commands they start.
+# A shell without job control ignores Ctrl-C and SIGQUIT in what it starts with `&`, and nohup ignores SIGHUP;
+# processes hand that down. The tests send them to themselves and to the commands they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
-signal.signal(signal.SIGHUP, signal.SIG_DFL)
+for ignored in (signal.SIGHUP, signal.SIGQUIT):
+    signal.signal(ignored, signal.SIG_DFL)
+
+# A deadline of an example would depend on the clock of a busy machine.
+settings.register_profile("tests", deadline=None)
+settings.load_profile("tests")
 
 # The tests have other work for every core; threads of linear algebra would wait for one another, spinning.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

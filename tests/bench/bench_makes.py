@@ -15,8 +15,8 @@ from pathlib import Path
 from statistics import mean
 
 import harness
-from gripper_tables import table_for
 from programs import REHEARSAL, RUNTIME, VIRTUAL, ended
+from sample_tables import table_for
 
 from drivers.sim.grippers import SIMULATORS
 from runtime.table import dump, load

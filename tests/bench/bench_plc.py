@@ -29,9 +29,8 @@ from typing import Any
 import harness
 from plc_programs import PlcServed, by_libmodbus, by_pymodbus, in_structured_text
 from plc_study import Study
-from programs import REHEARSAL, TABLE
+from programs import REHEARSAL, TABLE, until
 from supervisor import Supervisor, passport
-from waiting import until
 
 from runtime.plc.handshake import Error
 from runtime.plc.panel import AUTOMATIC, MACHINE

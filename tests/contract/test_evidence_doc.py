@@ -1,9 +1,9 @@
 """The page about evidence names tests that exist, for each clause that it has to map."""
 
 import re
-from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from programs import ROOT
+
 PAGE = (ROOT / "tools" / "docs" / "evidence.md").read_text(encoding="utf-8")
 CLAUSES = ("1.1.9", "1.2.1", "CR 2.8", "CR 3.4", "CR 6.1")
 

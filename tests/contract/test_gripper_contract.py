@@ -82,6 +82,8 @@ def test_closing_a_modbus_tcp_link_stops_the_jaws_and_no_other_does():
         *((f"{scheme}://127.0.0.1:1", ".") for scheme in ("tcp", "rtu+tcp")),
         *((port, ".") for port in ("udp://x:1", "tcp://:x", "tcp://127.0.0.1:99999")),
         *((port, ".") for port in ("tcp://[::1", "tcp://127.0.0.1:502/path")),
+        *((f"{scheme}://{'x' * 300}:502", ".") for scheme in ("tcp", "rtu+tcp")),
+        ("tcp://a..b:502", "."),
     ],
 )
 def test_port_that_nobody_serves_is_refused_in_one_line(port, sentence):

@@ -2,21 +2,20 @@
 
 import ast
 import re
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+from programs import ROOT, Ended, ended
 
-pytestmark = pytest.mark.slow
-
-ROOT = Path(__file__).parents[2]
 CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
     "contracts"
 ]
 LAYERS = re.findall(r"[\w.]+", " ".join(line for c in CONTRACTS for line in c.get("layers", ())))
 LINT = "import sys; from importlinter.cli import lint_imports_command; sys.exit(lint_imports_command())"
+
+CLOCKS = {"time", "datetime", "sched", "timeit"}
 
 # A tree as small as the contracts allow: module -> source. Every arrow that is allowed is in it.
 CLEAN = {f"{layer.replace('.', '/')}.py": "" for layer in LAYERS} | {
@@ -74,12 +73,18 @@ BROKEN = [
 ]
 
 
-def lint(folder: Path) -> subprocess.CompletedProcess[str]:
+def imported(path: Path) -> set[str]:
+    """The modules that a file imports."""
+    nodes = [*ast.walk(ast.parse(path.read_text()))]
+    aliases = (alias for node in nodes if isinstance(node, ast.Import) for alias in node.names)
+    names = {alias.name for alias in aliases}
+    return names | {str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)}
+
+
+def lint(folder: Path) -> Ended:
     """Run import-linter in a folder with the contracts of this project."""
-    command = [sys.executable, "-c", LINT, "--config", str(ROOT / "pyproject.toml"), "--no-cache"]
-    return subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, timeout=120, check=False
-    )
+    options = ["--config", ROOT / "pyproject.toml", "--no-cache"]
+    return ended([sys.executable, "-c", LINT, *options], cwd=folder)
 
 
 def plant(folder: Path, modules: dict[str, str]) -> None:
@@ -94,24 +99,32 @@ def plant(folder: Path, modules: dict[str, str]) -> None:
     "path", [*(ROOT / "runtime" / "shell").glob("*.py")], ids=lambda path: path.stem
 )
 def test_what_all_commands_share_needs_nothing_but_the_standard_library(path):
-    for node in ast.walk(ast.parse(path.read_text())):
-        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-        names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
-        for name in names:
-            package = name.partition(".")[0]
-            assert (
-                name.startswith("runtime.shell")
-                or package in sys.stdlib_module_names
-                or (package == "shtab" and path.stem == "command")  # for --print-completion alone
-            )
+    for name in imported(path):
+        package = name.partition(".")[0]
+        assert (
+            name.startswith("runtime.shell")
+            or package in sys.stdlib_module_names
+            or (package == "shtab" and path.stem == "command")  # for --print-completion alone
+        )
 
 
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "runtime").rglob("*.py")), ids=lambda path: path.stem
+)
+def test_only_the_system_clock_of_the_runtime_reads_the_time(path):
+    """Waits, dates and deadlines go through the Clock port, which may be a virtual one."""
+    packages = {name.partition(".")[0] for name in imported(path)}
+    assert bool(packages & CLOCKS) == (path.name == "clock.py")
+
+
+@pytest.mark.slow
 def test_allowed_imports_keep_the_rules(tmp_path):
     plant(tmp_path, CLEAN)
     result = lint(tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
+    assert result.code == 0, result
 
 
+@pytest.mark.slow
 def test_every_forbidden_import_is_found_by_its_contract(tmp_path):
     """All in one tree: each is named in the section of the contract that it breaks."""
     modules = dict(CLEAN)
@@ -119,8 +132,8 @@ def test_every_forbidden_import_is_found_by_its_contract(tmp_path):
         modules[f"{module.replace('.', '/')}.py"] += f"import {imported}\n"
     plant(tmp_path, modules)
     result = lint(tmp_path)
-    assert result.returncode == 1, result.stdout + result.stderr
-    sections = re.split(r"\n(?=\S[^\n]*\n-+\n)", result.stdout)
+    assert result.code == 1, result
+    sections = re.split(r"\n(?=\S[^\n]*\n-+\n)", result.out)
     for module, imported, contract in BROKEN:
         (broken,) = [text for text in sections if text.startswith(contract)]
         assert f"{module} -> {imported} (l." in broken, (module, imported)

@@ -1,8 +1,8 @@
 """TABLE.md lists the sections, fields and bytes that the code has, and its example is a table."""
 
 import re
-from pathlib import Path
 
+from programs import ROOT
 from sample_tables import small_table
 
 from runtime.table import HELD_UM, KINDS, dumps
@@ -10,7 +10,7 @@ from runtime.table.codec import FORMAT, MAGIC
 from runtime.table.fields import FLAG, LINE, MAX_BYTES, MAX_LEAVES, TEXT, Field
 from runtime.table.sections import SECTIONS, Section
 
-PAGE = (Path(__file__).parents[2] / "runtime" / "table" / "TABLE.md").read_text()
+PAGE = (ROOT / "runtime" / "table" / "TABLE.md").read_text()
 PROSE = " ".join(PAGE.split())
 
 

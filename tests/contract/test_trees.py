@@ -2,15 +2,14 @@
 
 import re
 import tomllib
-from pathlib import Path
 
 import pytest
 from problems import diameter
+from programs import TREES
 
 from planner.job import model as job_file
 from planner.job.overrides import changes_of
 
-TREES = Path(__file__).parents[2] / "trees"
 JOBS = {path.parent.name: path for path in sorted(TREES.glob("*/job.toml"))}
 ROWS = tomllib.loads((TREES / "table1.toml").read_text())["row"]
 FINGERS_PASS_MM = 60.0

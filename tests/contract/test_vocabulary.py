@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 from documents import rows, section
+from programs import ROOT
 
-ROOT = Path(__file__).parents[2]
 FOLDERS = ("planner", "runtime", "drivers", "tools", "tests")
 GLOSSARY = ROOT / "tools" / "docs" / "glossary.md"
 PATTERNS = ("README.md", "tools/d*/*.md", "runtime/**/*.md", "drivers/**/*.md")

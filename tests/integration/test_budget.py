@@ -5,7 +5,8 @@ import signal
 import sys
 
 import pytest
-from programs import JOB, ended, started
+from programs import ended, started
+from rectangle import CERTAIN, quick_job
 
 from planner.cli import compile as plan_compile
 from planner.compile import compile_job
@@ -15,7 +16,6 @@ from planner.planning import LEAST_TRIALS
 from planner.work.limit import Limit
 from runtime.table import dumps, load, loads
 
-SEARCH = "\n[search]\nparticles = 500\n"
 WAITING = """
 import sys, time
 from planner.cli import compile
@@ -62,10 +62,8 @@ print(sorted(name for name, _ in loaded() - limit.before))
 @pytest.fixture(scope="module")
 def job(tmp_path_factory):
     """The rectangle in a cell that is not doubted, searched for with few particles."""
-    path = tmp_path_factory.mktemp("job") / "job.toml"
-    text = JOB.read_text(encoding="utf-8").replace("chance = 0.8", "chance = 0.0")
-    path.write_text(text + SEARCH, encoding="utf-8")
-    return path
+    folder = tmp_path_factory.mktemp("job")
+    return quick_job(folder / "job.toml", "particles = 500", *CERTAIN)
 
 
 class Steps:

@@ -15,12 +15,13 @@ from drivers import connect
 from drivers.sim.cli import main
 
 SCALE = 20.0
-ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(Path(__file__).parent)))}
-ENDS = [("quit", 0), (signal.SIGTERM, 0), (signal.SIGINT, 130), ("stdin", 0)]
+SUPPORT = ROOT / "tests" / "support"
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(SUPPORT)))}
+ENDS = [("quit", 0), (signal.SIGTERM, 0), (signal.SIGINT, 130)]  # beside that of its stdin
 
 
 class Running:
-    def __init__(self, *arguments, world="fake_world:make"):
+    def __init__(self, *arguments, world="fake_scene:make"):
         words = ["--job", JOB, "--world", world, "--time-scale", SCALE, *arguments]
         words = [*CELL, *words, "--json", "--until-stdin-closes"]
         self.process = started(words, stdin=subprocess.PIPE, env=ENVIRONMENT)
@@ -94,8 +95,14 @@ def test_parts_lie_in_the_uncertainty_disc_and_move_only_when_squeezed(cell, gri
         assert scene.truth() is not None
 
 
-def test_above_the_part_the_fingers_meet_nothing(cell):
+def test_a_sweep_at_the_part_ends_in_an_activation_fault_and_above_it_fingers_meet_nothing(cell):
     with cell.connected() as (gripper, arm, scene):
+        gripper._link.write(bytes(6))  # inactive
+        arm.move_linear(0.0, 0.0, 60.0, 0.0, 250.0)
+        arm.move_linear(0.0, 0.0, 8.0, 0.0, 250.0)
+        with pytest.raises(RuntimeError, match="0x0D"):
+            gripper.activate()
+        arm.move_linear(0.0, 0.0, 60.0, 0.0, 250.0)
         gripper.activate()
         scene.next_part()
         before = scene.truth()
@@ -121,32 +128,20 @@ def test_fingers_placed_on_the_part_are_a_crash(cell):
         arm.move_linear(seen.x_mm, seen.y_mm, 60.0, 0.0, 250.0)
 
 
-def test_a_sweep_at_the_part_ends_in_an_activation_fault():
-    running = Running()
-    try:
-        with running.connected() as (gripper, arm, _):
-            arm.move_linear(0.0, 0.0, 8.0, 0.0, 250.0)
-            with pytest.raises(RuntimeError, match="0x0D"):
-                gripper.activate()
-    finally:
-        running.end()
-
-
 @pytest.mark.parametrize(("how", "code"), ENDS)
 def test_every_way_to_end(how, code):
     running = Running()
     if how == "quit":
         with contextlib.closing(connect.scene(running.endpoints["scene"])) as scene:
             scene._ask("quit")
-    elif how != "stdin":
+    else:
         running.process.send_signal(how)
-    if how != "stdin":
-        assert running.process.wait(20) == code
+    assert running.process.wait(20) == code
     running.end(code, "grasp-cell: interrupted\n" if code == 130 else "")
 
 
 def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
-    running = Running(world="fake_world:stumbling")
+    running = Running(world="fake_scene:stumbling")
     with running.connected() as (gripper, arm, _):
         arm.move_linear(0.0, 0.0, 8.0, 0.0, 250.0)
         with pytest.raises((ConnectionError, RuntimeError)):
@@ -168,16 +163,15 @@ def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
             for world, says in (
                 ("nocolon", "module:factory"),
                 ("no.such.module:make", "cannot be imported"),
-                ("fake_world:missing", "no function missing"),
-                ("fake_world:not_callable", "no function"),
-                ("fake_world:broken", "this world is broken"),
+                ("fake_scene:missing", "no function missing"),
+                ("fake_scene:not_callable", "no function"),
+                ("fake_scene:broken", "this world is broken"),
                 ("runtime.devices.rehearsal:make", "--tree"),
             )
         ),
     ],
 )
 def test_arguments_that_make_no_cell_are_one_line(words, code, says, tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).parent)
     monkeypatch.chdir(tmp_path)
     Path("broken").write_text("[part\n")
     ended, out, err = called(main, *words)

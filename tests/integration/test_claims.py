@@ -12,6 +12,7 @@ import pytest
 from counting import width_um
 from fake_cell import Deaf, fake_cell
 from programs import JOB, called, document
+from rectangle import quick_job
 from sample_tables import changed, every_field_table, random_table, small_table
 
 from planner.belief.metric import Mode
@@ -155,15 +156,9 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
                 assert pruned.leaves[~branch.target] == table.leaves[~target]
 
 
-def small_job(path: Path, *changes: tuple[str, str]) -> Path:
+def small_job(path: Path, *change: str) -> Path:
     """A job that is planned in seconds."""
-    text = JOB.read_text(encoding="utf-8")
-    text += "\n[search]\nparticles = 200\nmax_depth = 3\n"
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return quick_job(path, "particles = 200\nmax_depth = 3", *change)
 
 
 def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path) -> None:
@@ -203,7 +198,7 @@ def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
     ],
 )
 def test_tips_that_would_miss_the_part_are_refused(tmp_path, height, squeeze, message) -> None:
-    job = small_job(tmp_path / "job.toml", ("height_mm = 16.0", f"height_mm = {height}"))
+    job = small_job(tmp_path / "job.toml", "height_mm = 16.0", f"height_mm = {height}")
     job.write_text(f"{job.read_text()}[cell]\n{squeeze}\n", encoding="utf-8")
     refused = called(compile_.main, job, "-o", tmp_path / "t.msgpack")
     assert (refused.code, refused.one_line) == (InputError.exit_code, True)
@@ -213,7 +208,7 @@ def test_tips_that_would_miss_the_part_are_refused(tmp_path, height, squeeze, me
 
 def test_a_job_without_a_height_is_compiled_and_says_what_its_tips_presuppose(tmp_path) -> None:
     (text,) = re.findall(r"^height_mm = .*$", JOB.read_text(), re.MULTILINE)
-    job = small_job(tmp_path / "job.toml", (text, ""))
+    job = small_job(tmp_path / "job.toml", text, "")
     words = (job, "-o", tmp_path / "t", "--trials", "20", "--no-advice")
     code, out, _ = called(compile_.main, *words)
     assert code == 0
@@ -225,7 +220,7 @@ def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(tmp_path) -> 
     record = {}
     for kind in ("pose", "orientation"):
         goal = f'[goal]\nkind = "{kind}"\ntolerance_deg = 5.0'
-        job = small_job(tmp_path / f"{kind}.toml", ("[goal]", goal))
+        job = small_job(tmp_path / f"{kind}.toml", "[goal]", goal)
         words = (job, "--baseline", "sensorless", "--trials", "400", "--json")
         record[kind] = document(compile_.main, *words)["real"]
     # Whoever asks for the angle alone gets what is oriented; where the part lies along the jaws stays open.

@@ -11,8 +11,8 @@ from functools import partial
 
 import logged_work
 import pytest
-from programs import JOB, ROOT
-from waiting import until
+from programs import JOB, ROOT, until
+from rectangle import quick_job
 
 from planner.cli import compile as plan_compile
 from planner.work.cluster import AHEAD
@@ -24,7 +24,6 @@ ENVIRONMENT = os.environ | {
     "DASK_LOGGING__DISTRIBUTED": "critical",
 }
 ITEMS = 60
-QUICK = JOB.read_text(encoding="utf-8") + "\n[search]\nparticles = 300\nmax_depth = 3\n"
 
 
 @contextmanager
@@ -100,8 +99,7 @@ def test_results_come_in_order_and_errors_arrive_as_they_are(machines, tmp_path)
 
 def test_tables_of_a_sweep_are_the_same_on_a_cluster(machines, tmp_path):
     """Two jobs and one that is bad; and one job alone."""
-    job = tmp_path / "job.toml"
-    job.write_text(QUICK)
+    job = quick_job(tmp_path / "job.toml", "particles = 300\nmax_depth = 3")
     address = ["--scheduler", machines.with_workers(2).address]
     words = [str(job), "--trials", "100", "--no-advice"]
     vary = ["--vary", "uncertainty.radius_mm=4,-1,6"]

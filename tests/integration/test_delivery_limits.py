@@ -10,16 +10,19 @@ from math import radians
 from pathlib import Path
 
 import pytest
+from counting import SETTINGS
+from fake_cell import fake_cell
 from programs import REHEARSAL, VIRTUAL, Ended, called
 from sample_tables import small_table, with_job
 from soaking import small_setting, soak_run
+from squeezes import AT_21, jaw_moves, run
 from tapped_devices import TappedArm, TappedGripper
 
 from drivers.abb.kinematics import LAST_AXIS_DEG
 from drivers.sim.faults import Fault, Listed
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.cli import main
-from runtime.execution.delivery import from_text
+from runtime.execution.delivery import Delivery, from_text
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 from runtime.journal.chain import records
@@ -124,6 +127,17 @@ def test_a_part_that_slips_does_not_take_its_pose_along() -> None:
     counts = soaked(9, Listed([Fault("part_slips", at=0, length=9)]))
     assert (counts.findings, counts.last.outcome, counts.last.exit_code) == ([], Outcome.FAULT, 20)
     assert counts.last.leaf == ~counts.last.steps[-1].target
+
+
+@pytest.mark.parametrize(("delivery", "forces_n"), [(None, [20]), (WINDING.delivery, [20, 20, 40])])
+def test_part_that_is_carried_is_held_with_the_force_of_the_table_and_another_with_the_least(
+    delivery: Delivery | None, forces_n: list[float]
+) -> None:
+    rig = fake_cell([AT_21, AT_21])
+    options = RunOptions(handling=Handling(regulated=True), delivery=delivery)
+    assert run(rig, options).outcome is Outcome.LEAF
+    closings = [force for position, _, force in jaw_moves(rig) if position == 255]
+    assert closings == [SETTINGS.force(force) for force in forces_n]
 
 
 def test_a_table_whose_job_says_so_delivers_and_journals_the_pose_first(tree: Path) -> None:

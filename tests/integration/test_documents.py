@@ -170,18 +170,6 @@ def test_options_and_commands_that_are_named_exist(page, known_options):
     assert set(re.findall(r"(?<![\w/.-])(?:plan|grasp)-[a-z]+\b(?!\.)", text)) <= set(COMMANDS)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_the_examples_in_help_are_understood(command, monkeypatch, capsys):
-    parser, _ = understand([command], monkeypatch)
-    text = (parser.epilog or "").replace("\\\n", " ")
-    lines = map(str.strip, text.splitlines())
-    examples = [line for line in lines if line.startswith(f"{command} ")]
-    assert examples, "its --help shows no example"
-    for line in examples:
-        for words in typed(line.partition("  #")[0]):
-            check_words(words, monkeypatch)
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_to_files(page):
     links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text())

@@ -5,13 +5,12 @@ import os
 import resource
 import shutil
 import signal
-import sys
 
 import pytest
 from asking_robots import Line, Served
 from calibrations import linear
 from documents import DOCS, blocks, matches, run, shims
-from programs import REHEARSAL, TABLE, VIRTUAL, called, ended
+from programs import REHEARSAL, TABLE, VIRTUAL, called
 from sample_tables import several_table, small_table
 
 from runtime import cli
@@ -158,14 +157,6 @@ def test_a_run_keeps_its_table_whatever_becomes_of_the_file(desk):
         dump(several_table(), desk / "t.msgpack")
         line.send(b"TABLE\n")
         assert line.read() == before
-
-
-def test_without_the_library_one_line_names_the_extra(desk):
-    words = ["--tree", "t.msgpack", "--check", "--require-signed", "k.pem.pub"]
-    code = "import sys; sys.modules['cryptography'] = None; from runtime import cli; "
-    done = ended([sys.executable, "-c", f"{code}sys.exit(cli.main({words}))"], cwd=desk)
-    assert (done.code, done.one_line) == (2, True)
-    assert "squeezetree[evidence]" in done.err
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")

@@ -6,8 +6,8 @@ from itertools import product
 from typing import NamedTuple
 
 import pytest
-from gripper_tables import table_for
 from programs import ROOT
+from sample_tables import table_for
 from soaking import small_soak, soak_run
 
 from drivers.sim.faults import KINDS, Channel, Fault, Listed

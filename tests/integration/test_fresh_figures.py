@@ -1,11 +1,11 @@
 """What a table says of itself comes from trials that decided nothing."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from programs import JOB, TABLE, called
+from programs import JOB, TABLE, document
+from rectangle import quick_job
 
 from planner import compile as planning
 from planner import planning as course
@@ -75,15 +75,9 @@ def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(see
 
 
 def test_the_command_names_the_seed_and_the_evaluation_repeats_the_figures(tmp_path):
-    text = JOB.read_text(encoding="utf-8")
-    path, output = tmp_path / "job.toml", tmp_path / "table.msgpack"
-    path.write_text(text + "\n[search]\nparticles = 300\n", encoding="utf-8")
-    words = (output, "--trials", "500", "--json")
-    compiled = called(compile_.main, path, "--no-advice", "-o", *words)
-    assert compiled.code == 0
-    said = json.loads(compiled.out)
-    evaluated = called(evaluate_.main, *words, "--seed", said["trials_seed"])
-    assert evaluated.code == 0
-    seen = json.loads(evaluated.out)
+    path = quick_job(tmp_path / "job.toml", "particles = 300")
+    words = (tmp_path / "table.msgpack", "--trials", "500", "--json")
+    said = document(compile_.main, path, "--no-advice", "-o", *words)
+    seen = document(evaluate_.main, *words, "--seed", said["trials_seed"])
     names = ["success_rate", "wrong_rate", "reject_rate", "mean_squeezes", "crashes", "error_mm"]
     assert {name: said[name] for name in names} == {name: seen[name] for name in names}

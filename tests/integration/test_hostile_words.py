@@ -11,12 +11,11 @@ import pytest
 from command_parsers import parsers, subcommands
 from programs import REHEARSAL, ROOT, TABLE, Ended, called, ended
 from run_logs import chained
-from sample_tables import every_field_table, small_table, with_job
+from sample_tables import small_table
 from written_journals import write_run
 
 from runtime.journal.chain import verify
 from runtime.table import dump
-from runtime.table.codec import encode
 
 RUNTIME = ("runtime.cli", "main")
 JOURNAL = ("runtime.commands.journal", "main")
@@ -117,7 +116,7 @@ def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(
 def test_filters_that_no_record_could_pass_are_usage(
     tell: Tell, journal: Path, words, message: str
 ) -> None:
-    _, out, err = tell(JOURNAL, "show", journal, *words, code=2, shell="2>&2")
+    _, out, err = tell(JOURNAL, "show", journal, *words, code=2)
     assert (out, err.count("\n")) == ("", 1)
     assert message in err
 
@@ -137,38 +136,10 @@ def test_every_command_tells_wrong_arguments_in_one_line(capsys) -> None:
             assert "\x1b" not in err
 
 
-@pytest.mark.parametrize(
-    ("job", "message"),
-    [
-        ("[" * 100_000, "nested too deeply"),
-        ('{"a":' * 70 + "1" + "}" * 70, "nested too deeply"),
-        ("seed = 1", "not JSON"),
-        ('{"seed":' + "9" * 5000 + "}", "a number of 5000 digits"),
-        ('{"seed":NaN}', "NaN"),
-        ("[]", "no JSON object"),
-    ],
-    ids=["brackets", "braces", "toml", "digits", "nan", "list"],
-)
-def test_an_odd_job_under_a_valid_digest_is_a_refused_table(
-    tell: Tell, tmp_path: Path, job, message
-) -> None:
-    table = tmp_path / "t.msgpack"
-    table.write_bytes(encode(with_job(every_field_table(), job)))
-    before = table.read_bytes()
-    _, _, err = tell(RUNTIME, "--tree", table, "--check", code=3)
-    assert err.count("\n") == 1
-    assert message in err
-    assert table.read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    "data", [b"\xff\xfe\x00", b"delivery = 3", b"a = " + b"[" * 10_000, b"drop_mm = [1e9, 0]"]
-)
-def test_an_odd_delivery_is_refused(tell: Tell, tmp_path: Path, data: bytes) -> None:
-    (tmp_path / "d.toml").write_bytes(data)
+def test_an_odd_delivery_is_refused_before_a_part(tell: Tell, tmp_path: Path) -> None:
+    (tmp_path / "d.toml").write_text("delivery = 3")
     _, _, err = tell(RUNTIME, *simulated(tmp_path, "--deliver", "d.toml"), code=3)
-    begins = err.splitlines()[-1].startswith("grasp-runtime: --deliver d.toml")
-    assert begins or "d.toml: drop_mm" in err
+    assert err.splitlines()[-1].startswith("grasp-runtime: --deliver d.toml")
     assert not (tmp_path / "squeezetree-journal.jsonl").exists()
 
 
@@ -201,18 +172,6 @@ def test_odd_journals_do_not_verify(tell: Tell, tmp_path: Path, line: bytes) -> 
         _, out, err = tell(entry, *words, code=24)
         assert (out, err.count("\n")) == ("", 1)
     assert path.read_bytes() == line
-
-
-@pytest.mark.parametrize(
-    "port", [f"tcp://{'x' * 300}:502", f"rtu+tcp://{'x' * 300}:502", "tcp://a..b:502"]
-)
-def test_a_host_that_no_host_can_be_is_a_port_that_cannot_be_opened(
-    tell: Tell, tmp_path: Path, port
-) -> None:
-    dump(small_table(), tmp_path / "t.msgpack")
-    words = ["--tree", "t.msgpack", "--port", port, "--arm", "tcp://127.0.0.1:9"]
-    _, _, err = tell(RUNTIME, *words, code=21)
-    assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize("world", ["os:getcwd", "sys:exit", "this.is.no:module", "antigravity.:x"])

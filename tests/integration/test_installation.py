@@ -4,10 +4,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from programs import REHEARSAL, TABLE, ended
+from programs import REHEARSAL, TABLE, VIRTUAL, ended
 
 HEAVY = ("numpy", "scipy", "numba", "sklearn", "cv2", "planner.job.model", "runtime.plc")
 HEAVY += ("asyncua", "cryptography", "zipfile", "importlib.metadata", "runtime.signing")
+HEAVY += ("runtime.monitoring.live",)
 CHECK = f"import sys; print([name for name in {HEAVY} if name in sys.modules])"
 
 
@@ -15,19 +16,25 @@ def loaded_after(code: str) -> str:
     """What of HEAVY a fresh interpreter has loaded after some code; the last line it prints."""
     done = ended([sys.executable, "-c", f"{code}\n{CHECK}"])
     assert done.code == 0, done.err
+    assert "\x1b" not in done.out  # colours are for a terminal
     return done.out.splitlines()[-1]
 
 
-def test_a_run_and_a_check_load_nothing_heavy(tree: Path, tmp_path: Path) -> None:
-    words = ["--tree", str(tree), "--port", "sim", "--time-scale", "60"]
-    words += ["--journal", str(tmp_path / "journal.jsonl")]
-    code = f"import runtime.cli\nassert runtime.cli.main({words!r}) in (0, 10)\n"
+def test_a_run_that_nobody_watches_and_a_check_load_nothing_heavy(
+    tree: Path, tmp_path: Path
+) -> None:
+    words = ["--tree", str(tree), "--journal", str(tmp_path / "journal.jsonl")]
+    real, virtual = (*words, "--port", "sim", "--time-scale", "60"), (*words, *VIRTUAL, *REHEARSAL)
+    code = f"import runtime.cli\nfor words in {real!r}, {virtual!r}:\n"
+    code += "    assert runtime.cli.main([*words]) in (0, 10)\n"
     code += f"assert runtime.cli.main(['--tree', {str(tree)!r}, '--check']) == 0"
     assert loaded_after(code) == "[]"
 
 
 def test_modbus_loads_nothing_of_opc_ua() -> None:
-    assert loaded_after("import runtime.commands.plc, sys; del sys.modules['runtime.plc']") == "[]"
+    code = "import runtime.commands.plc\nfrom sys import modules\n"
+    code += "del modules['runtime.plc'], modules['runtime.monitoring.live']"
+    assert loaded_after(code) == "[]"
 
 
 def test_the_check_would_see_it() -> None:
@@ -35,12 +42,14 @@ def test_the_check_would_see_it() -> None:
     assert loaded_after(numpy) == "['numpy']"
 
 
+SIGNED = f"--tree {TABLE} --check --require-signed {TABLE}"
 PLANNER = "compile_job simulate evaluate expect identify report init studio try_part"
 CALLS = [
     *(("numpy", f"planner.commands:{command}", "", "planner") for command in PLANNER.split()),
     ("cv2", "drivers.camera.commands:audit", "['judge']", "audit"),
     ("cv2", "drivers.camera.commands:calibrate", "['camera']", "audit"),
     ("cv2", "drivers.sim.cli:main", f"['--tree', {str(TABLE)!r}, '--camera']", "audit"),
+    ("cryptography", "runtime.cli:main", f"{SIGNED!r}.split()", "evidence"),
     ("shtab", "runtime.commands.squeezetree:main", "['--print-completion', 'bash']", "completion"),
 ]
 EACH = """

@@ -6,6 +6,7 @@ import os
 
 import pytest
 from programs import JOB, TABLE, called, document
+from rectangle import CERTAIN, quick_job
 
 from planner.cli import compile as compile_
 from planner.cli import evaluate, report, simulate
@@ -15,10 +16,7 @@ from runtime.table import load
 @pytest.fixture
 def quick(tmp_path):
     """The rectangle in a cell that is not doubted, with a rough search."""
-    path = tmp_path / "quick.toml"
-    text = JOB.read_text().replace("chance = 0.8", "chance = 0.0")
-    path.write_text(text + "\n[search]\nparticles = 1500\n")
-    return path
+    return quick_job(tmp_path / "quick.toml", "particles = 1500", *CERTAIN)
 
 
 def test_evaluate_prints_the_promised_keys_of_the_world_asked_for():

@@ -3,8 +3,8 @@
 import json
 import signal
 import socket
-import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from math import degrees
 from pathlib import Path
 
@@ -46,16 +46,11 @@ def test_parts_by_a_plc_have_the_results_that_are_printed_and_journalled(
 ) -> None:
     monkeypatch.setattr(station, "HEARTBEAT_LIMIT_S", 1e6)  # of a machine that may be busy
     journal, port = tmp_path / "j", free_port()
-    lines: list[dict[str, int]] = []
-
-    def with_plc() -> None:
-        lines.extend(program(port, PARTS))
-
-    thread = threading.Thread(target=with_plc)
-    thread.start()
     words = [*VIRTUAL, *REHEARSAL, "--tree", str(TABLE), "--json", "--journal", str(journal)]
-    code = main([*words, "--plc", f"modbus-tcp://127.0.0.1:{port}", "--count", str(PARTS)])
-    thread.join()
+    with ThreadPoolExecutor(1) as pool:
+        taken = pool.submit(program, port, PARTS)
+        code = main([*words, "--plc", f"modbus-tcp://127.0.0.1:{port}", "--count", str(PARTS)])
+        lines = taken.result()
     parts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert len(lines) == len(parts) == PARTS
     assert code == max(part["exit_code"] for part in parts)
@@ -118,12 +113,11 @@ def test_ladder_takes_each_result_once_whatever_interrupts_it() -> None:
     assert begun == list(range(1, len(begun) + 1))
 
 
-SLOW = ("--time-scale", "12", *REHEARSAL)
-
-
 @pytest.mark.slow
-def test_lost_connection_while_busy_ends_in_the_result_of_that_id(tree: Path) -> None:
-    with PlcServed(tree, more=SLOW) as served:
+def test_lost_connection_and_stop_request_while_busy_end_in_the_result_of_that_id(
+    tree: Path,
+) -> None:
+    with PlcServed(tree, more=("--time-scale", "12", *REHEARSAL)) as served:
         with served.plc() as plc:
             plc.begin(77)
             served.until_squeezing(1)
@@ -134,23 +128,9 @@ def test_lost_connection_while_busy_ends_in_the_result_of_that_id(tree: Path) ->
             assert plc.result(77)["outcome"] in (1, 3)
             plc.begin(78)
             served.until_squeezing(2)
-            assert plc.result(78)["outcome"] in (1, 3)
-        served.process.send_signal(signal.SIGTERM)
-        code, parts, _ = served.ended()
-    assert (code, len(parts)) == (40, 2)
-
-
-@pytest.mark.slow
-def test_stop_request_ends_safely_and_the_plc_is_informed(tree: Path) -> None:
-    with PlcServed(tree, more=SLOW) as served, served.plc() as plc:
-        plc.begin(4)
-        served.until_squeezing(1)
-        plc.result(4)
-        plc.begin(5)
-        served.until_squeezing(2)
-        served.process.send_signal(signal.SIGTERM)
-        result = plc.result(5)
-        assert (result["outcome"], result["exit_code"], result["error_id"]) == (4, 40, 40)
+            served.process.send_signal(signal.SIGTERM)
+            result = plc.result(78)
+            assert (result["outcome"], result["exit_code"], result["error_id"]) == (4, 40, 40)
         code, parts, _ = served.ended()
     assert code == 40
     assert [part["outcome"] for part in parts] == [parts[0]["outcome"], "stopped"]

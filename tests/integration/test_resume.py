@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import pytest
 from crash_cell import KilledError, World, process, restart_takes_a_while
-from fake_cell import Deaf
 from sample_tables import pushing_table, small_table
 from written_journals import assert_sound
 
@@ -78,7 +77,7 @@ def killed(some: Some, tmp_path: Path) -> Runs:
         for last in some(moments_of(table, PLAIN, tmp_path / "whole.jsonl"), step):
             world, path = World(table, PATH), tmp_path / f"{last}.jsonl"
             with pytest.raises(KilledError):
-                process(world, path, Deaf(), PLAIN, last=last)
+                process(world, path, PLAIN, last=last)
             restart_takes_a_while(world)
             yield Killed(last, world, path, whole_kinds(path))
 
@@ -87,7 +86,7 @@ def killed(some: Some, tmp_path: Path) -> Runs:
 
 def moments_of(table: Table, plan: RunOptions, path: Path) -> int:
     world = World(table, PATH)
-    tally, moments = process(world, path, Deaf(), plan)
+    tally, moments = process(world, path, plan)
     assert tally.outcomes == {Outcome.LEAF: 1}
     assert world.wrongs == []
     return moments
@@ -100,7 +99,7 @@ def survive(
     world = World(table, PATH)
     for last in (*deaths, None):
         try:
-            process(world, path, Deaf(), plan, last=last, after_crash=after_crash)
+            process(world, path, plan, last=last, after_crash=after_crash)
             break
         except KilledError:
             restart_takes_a_while(world)
@@ -174,7 +173,7 @@ def test_a_run_that_is_given_up_says_so_and_moves_nothing(
         if not begun or "end" in begun or "outcome" in begun:
             continue
         with pytest.raises(BrokenRunError, match="nothing was moved"):
-            process(world, path, Deaf(), PLAIN, after_crash="abort")
+            process(world, path, PLAIN, after_crash="abort")
         assert (world.at_mm, world.model.read_output()) == stood
         last_kinds = whole_kinds(path)[-2:]
         assert last_kinds[-1] == "end"
@@ -198,9 +197,14 @@ def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(
     for last, world, path, kinds in killed(table, 29):
         world._grip_mm = None
         world.at_mm = (40.0, 30.0, height_mm, 0.0)
-        tally, _ = process(world, path, Deaf(), PLAIN)
+        stood = world.at_mm
+        tally, _ = process(world, path, PLAIN)
         touched = "placed" in kinds and "outcome" not in kinds
         assert (Outcome.ABORTED in tally.outcomes) == touched, (last, kinds)
+        if touched:
+            assert world.at_mm == stood
+            reasons = [entry["reason"] for entry in records(path) if entry["kind"] == "outcome"]
+            assert "not where the run broke off" in reasons[-1]
         assert tally.exit_code in ({24} if touched else {0, 10})
 
 
@@ -214,7 +218,7 @@ def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one
             continue
         world.model.lose_object(world.time.now())
         restart_takes_a_while(world)
-        tally, _ = process(world, path, Deaf(), PLAIN)
+        tally, _ = process(world, path, PLAIN)
         assert tally.outcomes == {Outcome.ABORTED: 1}
         refused += 1
     assert refused
@@ -228,7 +232,7 @@ def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(
         world.model.write_output(0, bytes(6), world.time.now())
         stood = world.at_mm
         try:
-            tally, _ = process(world, path, Deaf(), PLAIN)
+            tally, _ = process(world, path, PLAIN)
             codes.add(tally.exit_code)
         except Exception as error:
             codes.add(error.exit_code)

@@ -7,10 +7,8 @@ import signal
 import subprocess
 from pathlib import Path
 
-import pytest
-from programs import REHEARSAL, RUNTIME, WAIT_S, Ended, called, started
+from programs import REHEARSAL, RUNTIME, WAIT_S, Ended, called, started, until
 from sample_tables import small_table
-from waiting import until
 
 from runtime.cli import main
 from runtime.journal.chain import records, verify
@@ -94,24 +92,6 @@ def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: P
     last = printed.splitlines()[-1]
     assert last.startswith("6 parts: ")
     assert str(journal) in last
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_stop_in_the_middle_of_a_part_leaves_the_declared_safe_state(
-    tree: Path, number: signal.Signals
-) -> None:
-    process = squeezing(tree, "12")
-    process.send_signal(number)
-    code, out, err = finish(process)
-    assert code == 40, err
-    journal = tree.with_name("journal.jsonl")
-    *_, stopped, end = records(journal)
-    assert (stopped["kind"], stopped["outcome"]) == ("outcome", "stopped")
-    assert stopped["safe_state"][0].startswith("fingers stopped at ")
-    assert (end["kind"], end["exit_code"]) == ("end", 40)
-    assert "STOPPED" in out
-    assert verify(journal).closed
-    wait_until_no_cell(tree)
 
 
 def test_a_killed_runtime_leaves_no_cell_and_a_journal_that_says_so(tree: Path) -> None:

@@ -1,5 +1,7 @@
-"""`grasp-runtime --serve`: a robot that asks is answered as a driven run is, and a bad one is not."""
+"""`grasp-runtime --serve`: a robot that asks is answered as a driven run is, and as the page says."""
 
+import re
+import shutil
 import signal
 import socket
 import time
@@ -9,12 +11,13 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from asking_robots import WAIT_S, Controller, Line, Served, SimulatedRobot, client, driven
+from asking_robots import CLIENTS, WAIT_S, Controller, Line, Served, SimulatedRobot, client, driven
+from programs import ROOT, TABLE
 from sample_tables import every_field_table, small_table
 from soaking import small_setting
 from written_journals import assert_sound
 
-from runtime.execution.asked import ERRORS, MAX_LINE
+from runtime.execution.asked import ERRORS, MAX_LINE, VERSION
 from runtime.journal.chain import Journal
 from runtime.table import Table, dump
 
@@ -132,7 +135,9 @@ def hung_up(line: Line, random: Random) -> None:
 MISBEHAVIOURS = (half_line, wrong_order, two_at_once, silence, noise, endless, impossible, hung_up)
 
 
-def test_misbehaving_robots_get_no_wrong_answer_and_hold_nobody_up(tree: Path) -> None:
+def test_misbehaving_robots_get_no_wrong_answer_and_a_stop_request_ends_the_part(
+    tree: Path,
+) -> None:
     random = Random(1)
     with Served(tree) as served:
         for number in range(2 * len(MISBEHAVIOURS)):
@@ -148,12 +153,15 @@ def test_misbehaving_robots_get_no_wrong_answer_and_hold_nobody_up(tree: Path) -
                 assert line.ask("NEXT").startswith("SQUEEZE 0 ")
                 assert line.ask("WIDTH 30.0").startswith("SQUEEZE 1 1.000 -2.000 89.99998 ")
                 assert line.ask("WIDTH 21.0 OBJECT 1") == "LEAF 1 -1.200 -2.000 90.01167 0.995000"
-        served.process.send_signal(signal.SIGTERM)
+        with good(served) as line:
+            assert line.ask("NEXT").startswith("SQUEEZE 0 ")
+            served.process.send_signal(signal.SIGTERM)
+            assert line.read() == "ERROR 40 " + ERRORS[40]
         code, parts, _ = served.ended()
-    assert code == 40
+    assert (code, parts[-1]["outcome"]) == (40, "stopped")
     leaves = [part["leaf"] for part in parts if part["outcome"] == "leaf"]
     assert leaves == [1] * 2 * len(MISBEHAVIOURS)
-    assert {part["outcome"] for part in parts} == {"leaf", "aborted"}
+    assert {part["outcome"] for part in parts[:-1]} == {"leaf", "aborted"}
     assert_sound(tree.with_name("journal.jsonl"))
 
 
@@ -190,17 +198,6 @@ def test_what_is_held_is_dragged_and_let_go_before_the_answer(tmp_path: Path) ->
     assert_sound(tmp_path / "journal.jsonl")
 
 
-def test_a_stop_request_ends_the_part_and_tells_the_robot(tree: Path) -> None:
-    with Served(tree) as served:
-        with Line(served) as line:
-            assert line.ask("NEXT").startswith("SQUEEZE 0 ")
-            served.process.send_signal(signal.SIGINT)
-            assert line.read() == "ERROR 40 " + ERRORS[40]
-        code, (part,), _ = served.ended()
-    assert (code, part["outcome"]) == (40, "stopped")
-    assert_sound(tree.with_name("journal.jsonl"))
-
-
 def test_a_part_of_a_server_that_was_killed_is_given_up_first(tree: Path) -> None:
     with Served(tree) as served, Line(served) as line:
         assert line.ask("NEXT").startswith("SQUEEZE 0 ")
@@ -214,3 +211,59 @@ def test_a_part_of_a_server_that_was_killed_is_given_up_first(tree: Path) -> Non
             assert line.ask("WIDTH 21").startswith("LEAF 0 ")
         assert served.ended()[0] == 0
     assert_sound(tree.with_name("journal.jsonl"))
+
+
+PAGE = (ROOT / "tools" / "docs" / "serve.md").read_text()
+REQUESTS = {"NEXT", "COUNTS", "WIDTH", "RESET", "STATUS", "TABLE", "VERSION"}
+ANSWERS = {"SQUEEZE", "DRAG", "LEAF", "UNRESOLVED", "REJECT", "ERROR"}
+USED = {"NEXT", "COUNTS", "SQUEEZE", "DRAG", "LEAF"}
+FLAGS = {"OBJECT", "NONE"}
+# What opens a block and what closes it; a RAPID `IF ... THEN` stands for the one that is closed.
+BLOCKS = {
+    "robot.mod": {"MODULE": "ENDMODULE", "PROC": "ENDPROC", "FUNC": "ENDFUNC", "WHILE": "ENDWHILE"},
+    "robot.script": {"def": "end", "while": "end", "if": "end"},
+}
+
+
+def test_the_session_is_what_the_server_says(tmp_path: Path) -> None:
+    shutil.copy(TABLE, tmp_path / "t.msgpack")
+    (session,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+    pairs = re.findall(r"^> (.*)\n< (.*)$", session, re.MULTILINE)
+    assert len(pairs) == session.count("\n") // 2 > 10
+    with Served(tmp_path / "t.msgpack") as served, Line(served) as line:
+        for request, answer in pairs:
+            assert line.ask(request) == answer, request
+    assert {request.split()[0] for request, _ in pairs} <= REQUESTS
+
+
+def test_the_errors_and_words_are_those_of_the_protocol() -> None:
+    record = dict(re.findall(r"^\| (\d+) \| (.*) \|$", PAGE, re.MULTILINE))
+    assert record == {str(number): sentence for number, sentence in ERRORS.items()}
+    first = re.findall(r"^\| `([A-Z]+)", PAGE, re.MULTILINE)
+    assert set(first) == REQUESTS | ANSWERS
+    assert f"`VERSION {VERSION} squeezetree`" in PAGE
+    assert f"at most {MAX_LINE} characters" in PAGE
+
+
+@pytest.mark.parametrize("name", ["robot.py", "robot.mod", "robot.script", "robot.st"])
+def test_a_program_speaks_the_protocol_s_words(name: str) -> None:
+    text = (CLIENTS / name).read_text()
+    quoted = " ".join(re.findall(r"'([^'\n]*)'" if name.endswith("st") else r'"([^"\n]*)"', text))
+    words = set(re.findall(r"\b[A-Z]{4,}\b", quoted))
+    assert words >= USED - ({"COUNTS"} if name == "robot.py" else set())
+    assert words <= REQUESTS | ANSWERS | FLAGS
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_the_blocks_of_a_program_are_closed(name: str) -> None:
+    pairs, closed = BLOCKS[name], []
+    for line in (CLIENTS / name).read_text().splitlines():
+        words = re.findall(r"[A-Za-z_]+", re.split(r"[!#]", line)[0])
+        first = words[0] if words else ""
+        if first in pairs:
+            closed.append(pairs[first])
+        elif first == "IF" and words[-1] == "THEN":
+            closed.append("ENDIF")
+        elif closed and first in {*pairs.values(), "ENDIF"}:
+            assert closed.pop() == first, line
+    assert closed == []

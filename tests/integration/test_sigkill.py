@@ -4,17 +4,14 @@ import os
 import shutil
 import signal
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
-import pytest
-from programs import WAIT_S, Ended, called, started
+from programs import WAIT_S, Ended, called, started, until
 from running_cells import RunningCell, runtime_command
-from waiting import until
 from written_journals import assert_sound
 
 from runtime.cli import main
-from runtime.journal.chain import records, verify
+from runtime.journal.chain import records
 from runtime.journal.files import broken_of
 
 
@@ -62,48 +59,30 @@ def test_a_killed_process_is_taken_over_by_the_next_one(tree: Path) -> None:
     assert_sound(journal)
 
 
-def test_without_a_policy_the_next_one_gives_up_and_the_one_after_begins_anew(tree: Path) -> None:
-    journal = tree.with_name("journal.jsonl")
-    with RunningCell(tree, time_scale=20) as cell:
-        killed(tree, cell, "placed", 1)
-        code, _, err = run(tree, cell)
-        assert code == 24
-        assert "given up and nothing was moved" in err
-        code, _, err = run(tree, cell, "--jaws-empty")
-        assert code in (0, 10), err
-    assert verify(journal).runs == 2
-    assert_sound(journal)
-
-
-@pytest.mark.parametrize("policy", ["resume", "restart"])
-def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path, policy: str) -> None:
+def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path) -> None:
     journal = tree.with_name("journal.jsonl")
     with RunningCell(tree, time_scale=40) as cell:
         killed(tree, cell, "part", 3, "--count", "5")
         *_, broken = (entry["part"] for entry in records(journal) if "part" in entry)
-        code, out, err = run(tree, cell, "--after-crash", policy, "--count", "2")
+        code, out, err = run(tree, cell, "--after-crash", "restart", "--count", "2")
     assert broken >= 3
     ended = [entry["part"] for entry in records(journal) if entry["kind"] == "outcome"]
     assert ended == list(range(1, broken + 1)), (out, err)
     assert code in (0, 10)
 
 
-def copied_and_truncated(path: Path) -> None:
-    shutil.copy(path, path.with_name("journal.jsonl.old"))
-    os.truncate(path, 0)
-
-
-@pytest.mark.parametrize("displace", [Path.unlink, copied_and_truncated])
 def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refused(
-    tree: Path, displace: Callable[[Path], None]
+    tree: Path,
 ) -> None:
-    journal = tree.with_name("journal.jsonl")
+    """Copied and truncated, as `logrotate` does it; the tests of the journal displace it otherwise."""
+    journal, old = (tree.with_name(name) for name in ("journal.jsonl", "journal.jsonl.old"))
     with RunningCell(tree, time_scale=40) as cell:
         process = start(tree, cell, "--count", "1000")
         wait_for(journal, "outcome", 1)
         process.send_signal(signal.SIGSTOP)  # no record comes between the copy and the cut
         os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WNOWAIT)
-        displace(journal)
+        shutil.copy(journal, old)
+        os.truncate(journal, 0)
         process.send_signal(signal.SIGCONT)
         out, err = process.communicate(timeout=WAIT_S)
         assert process.returncode == 24, (out, err)
@@ -112,8 +91,7 @@ def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refus
         assert code == 24
         assert f"beneath a run, whose records are in {broken_of(journal)}" in err
     kept = broken_of(journal).read_bytes()
-    old = journal.with_name("journal.jsonl.old")
-    journal.write_bytes((old.read_bytes() if old.exists() else b"") + kept)
+    journal.write_bytes(old.read_bytes() + kept)
     broken_of(journal).unlink()
     assert_sound(journal)
     *_, outcome, end = records(journal)

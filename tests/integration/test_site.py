@@ -1,6 +1,5 @@
 """The site is built with warnings as errors, every link in it leads somewhere, and it loads nothing."""
 
-import importlib.util
 import json
 import os
 import re
@@ -10,27 +9,10 @@ from html import unescape
 import pytest
 from documents import COMMANDS, DOCS
 from launch import RESULTS
-from programs import ROOT, ended
+from programs import ROOT, ended, module_at
 
 SITE = DOCS / "site"
-
-
-def module(name):
-    """A module of the site's builder, which is no package."""
-    result = importlib.util.spec_from_file_location(f"site_{name}", SITE / f"{name}.py")
-    loaded = importlib.util.module_from_spec(result)
-    result.loader.exec_module(loaded)
-    return loaded
-
-
-@pytest.fixture(scope="module")
-def links():
-    return module("links")
-
-
-@pytest.fixture(scope="module")
-def kept():
-    return module("kept")
+kept, links = (module_at(SITE / name) for name in ("kept.py", "links.py"))
 
 
 # Notebooks are run by test_python_page.py, in one process and not as three kernels.
@@ -81,7 +63,7 @@ def test_every_document_is_a_page(site):
         assert words_of(title.replace("`", "")) == words_of(shown), source
 
 
-def test_every_link_leads_somewhere_and_nothing_is_loaded_from_elsewhere(site, links):
+def test_every_link_leads_somewhere_and_nothing_is_loaded_from_elsewhere(site):
     result = links.check(site)
     assert result.faults == []
     assert all(address.startswith("https://") for address in result.outside)
@@ -118,7 +100,7 @@ def test_every_command_is_in_the_reference(site):
         assert f"usage: {name}" in usage or shown, name
 
 
-def test_the_performance_page_holds_what_is_kept(kept):
+def test_the_performance_page_holds_what_is_kept():
     for page in (kept.README.read_text(), kept.PAGE.read_text()):
         assert kept.filled(page) == page, "run python tools/docs/site/kept.py"
     for row in json.loads((RESULTS / "table1.json").read_text())["rows"]:
@@ -126,7 +108,7 @@ def test_the_performance_page_holds_what_is_kept(kept):
             assert f"| {100 * row['success_rate']:.2f} % | {row['mean_squeezes']:.2f} |" in page
 
 
-def test_the_results_are_filled_in_when_the_site_is_built(site, kept):
+def test_the_results_are_filled_in_when_the_site_is_built(site):
     written = kept.LISTING.read_text()
     names = [result[1] for result in kept.PLACE.finditer(written)]
     assert len(names) == len(set(names)) > 30
@@ -136,7 +118,7 @@ def test_the_results_are_filled_in_when_the_site_is_built(site, kept):
             assert words_of(line) in page, f"{name}: {line}"
 
 
-def test_every_file_of_figures_is_on_the_page_with_its_command(kept):
+def test_every_file_of_figures_is_on_the_page_with_its_command():
     page = kept.LISTING.read_text()
     shown = {result[1].partition("-")[0] for result in kept.PLACE.finditer(page)}
     assert {path.stem for path in RESULTS.iterdir()} <= shown
@@ -148,7 +130,7 @@ def test_every_file_of_figures_is_on_the_page_with_its_command(kept):
         assert "```console" in section, section.splitlines()[0]
 
 
-def test_tables_are_filled_in_where_the_page_says(kept, monkeypatch, tmp_path):
+def test_tables_are_filled_in_where_the_page_says(monkeypatch, tmp_path):
     monkeypatch.setattr(kept, "RESULTS", tmp_path)
     page = "a\n\n<!-- table push_actions -->\nold\n<!-- end -->\n\nb\n"
     assert kept.filled(page) == page.replace("old", "\nNot measured in this version.\n")
@@ -165,7 +147,7 @@ def test_tables_are_filled_in_where_the_page_says(kept, monkeypatch, tmp_path):
         kept.table_of("nothing")
 
 
-def test_figures_over_seeds_are_reported_as_mean_least_and_most(kept, monkeypatch, tmp_path):
+def test_figures_over_seeds_are_reported_as_mean_least_and_most(monkeypatch, tmp_path):
     monkeypatch.setattr(kept, "RESULTS", tmp_path)
     plan = {"planner": "now", "part": "rectangle-25", "wrong": 0.001, "cpu_s": 30.0}
     plans = [plan | {"success": 0.99 + 0.001 * k, "squeezes": 2.8 + 0.1 * k} for k in range(4)]

@@ -1,16 +1,19 @@
-"""A slice of tools/soak, and proof that it finds what it looks for."""
+"""Slices of `tools/soak` and `tools/hostile displaced`, and proof that they find what they look for."""
 
 import json
 import sys
 from collections import Counter
 from dataclasses import replace
 
+import pytest
+from hostile_displaced import campaign
 from programs import REHEARSAL, ended
 from soaking import SCRIPT, small_setting, small_soak, soak_run
 
 from drivers.robotiq.gripper import Gripper
 from drivers.sim.faults import KINDS, Seeded
 from drivers.sim.virtual.cell import VirtualCell
+from runtime.execution.hand import Hand
 from runtime.traversal.results import PartResult
 
 
@@ -96,3 +99,31 @@ def test_a_virtual_cell_says_the_same_bytes_again():
         return said
 
     assert transcript() == transcript()
+
+
+PARTS = range(30)
+
+
+def displaced(reports: list[str]) -> dict[str, int]:
+    setting = small_setting()
+    return dict(campaign(setting, setting.subject, PARTS, 1, reports.append))
+
+
+def test_displaced_arm_above_tolerance_is_a_fault_and_below_it_none() -> None:
+    reports: list[str] = []
+    ends = displaced(reports)
+    assert reports == []
+    assert ends == {"above the tolerance: a fault": 27, "below the tolerance: no fault": 3}
+
+
+def test_displaced_arm_without_the_check_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    where = Hand.where
+
+    def believing(hand: Hand) -> tuple[float, float, float, float]:
+        hand._sent_to = None
+        return where(hand)
+
+    monkeypatch.setattr(Hand, "where", believing)
+    reports: list[str] = []
+    ends = displaced(reports)
+    assert ends["FAILED above the tolerance: no fault of the arm"] == len(reports) == 27

@@ -7,8 +7,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from command_parsers import parsers
 from documents import COMMANDS
-from programs import ROOT, Ended, called, ended
+from programs import ROOT, called, ended
 
 from planner.cli import first_look, first_plan
 from planner.job import model as job_file
@@ -19,14 +20,15 @@ from runtime.commands import squeezetree
 from runtime.commands.squeezetree import PROGRAMS
 from runtime.table import load
 
-BLOCK = "import sys; sys.argv = ['squeezetree', *{words}]; sys.modules['numpy'] = None; "
-CALL = "from runtime.commands.squeezetree import main; sys.exit(main())"
+WITHOUT_NUMPY = """
+import sys
+sys.modules["numpy"] = None
+from runtime.commands.squeezetree import main
+sys.argv[0] = "squeezetree"
+sys.exit(main())
+"""
 ORDER = "try studio init plan evaluate report doctor calibrate run cell serve journal audit"
 Calls = list[list[str]]
-
-
-def process(*words: str) -> Ended:
-    return ended([sys.executable, "-c", BLOCK.format(words=list(words)) + CALL])
 
 
 @pytest.fixture
@@ -43,11 +45,12 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
 
 def test_a_subcommand_is_an_installed_program() -> None:
     assert {"squeezetree", *(program.name for program in PROGRAMS.values())} == set(COMMANDS)
+    assert parsers().keys() == COMMANDS.keys()
 
 
 def test_the_order_is_that_of_a_users_day() -> None:
     assert " ".join(PROGRAMS).startswith(ORDER)
-    result = process("--help").out
+    result = called(squeezetree.main, "--help").out
     places = [result.index(f"\n  {word} ") for word in PROGRAMS]
     assert places == sorted(places)
 
@@ -66,14 +69,17 @@ def test_a_program_gets_its_arguments_and_its_exit_code_is_ours(calls: Calls) ->
 def test_the_version_is_the_distributions() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert project["version"] == VERSION
-    assert process("--version").out == f"squeezetree {VERSION}\n"
+    assert called(squeezetree.main, "--version").out == f"squeezetree {VERSION}\n"
 
 
 def test_a_command_that_cannot_run_is_one_line_and_one_of_the_cell_needs_no_numpy() -> None:
-    assert process("journal", "show", "none.jsonl").code == 24
-    for word, said in (("try", "squeezetree[planner]"), ("evalute", "is evaluate meant?")):
-        done = process(word, "part.dxf")
-        assert (done.code, done.out, done.one_line) == (2, "", True)
+    for words, code, said in (
+        (("journal", "show", "none.jsonl"), 24, "none.jsonl"),
+        (("try", "part.dxf"), 2, "squeezetree[planner]"),
+        (("evalute", "part.dxf"), 2, "is evaluate meant?"),
+    ):
+        done = ended([sys.executable, "-c", WITHOUT_NUMPY, *words])
+        assert (done.code, done.out, done.one_line) == (code, "", True)
         assert said in done.err
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from signal import SIGHUP, SIGINT, SIGQUIT, SIGTERM
 
 import pytest
-from hostile_signals import Bench, Case, Ended, campaign, usual_signals
+from hostile_signals import Bench, Case, Ended, campaign
 from programs import WAIT_S, ended, started
 from running_cells import Notices, calibrate_command, runtime_command
 
@@ -28,21 +28,15 @@ CASES = {
 }
 
 
-@contextlib.contextmanager
-def bench_of(folder: Path, *, faulty: bool) -> Iterator[Bench]:
-    with usual_signals(), contextlib.closing(Bench(folder, faulty=faulty)) as bench:
-        yield bench
-
-
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    with bench_of(tmp_path_factory.mktemp("sound"), faulty=False) as bench:
+    with contextlib.closing(Bench(tmp_path_factory.mktemp("sound"), faulty=False)) as bench:
         yield bench
 
 
 @pytest.fixture(scope="module")
 def faulty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    with bench_of(tmp_path_factory.mktemp("faulty"), faulty=True) as bench:
+    with contextlib.closing(Bench(tmp_path_factory.mktemp("faulty"), faulty=True)) as bench:
         yield bench
 
 

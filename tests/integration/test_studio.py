@@ -7,8 +7,7 @@ from urllib.request import Request, urlopen
 
 import pytest
 from html_pages import Page
-from programs import started
-from waiting import until
+from programs import started, until
 
 from runtime.table import load
 

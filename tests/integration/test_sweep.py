@@ -4,24 +4,22 @@ import json
 from pathlib import Path
 
 import pytest
-from programs import JOB, called
+from programs import called
+from rectangle import CERTAIN, quick_job
 
 from planner.cli import compile as plan_compile
 from planner.cli import sweep as sweep_cli
 from planner.cli.sweep import Order, orders_of
 from runtime.shell.errors import UsageError
 
-QUICK = "\n[search]\nparticles = 200\nmax_depth = 3\n"
 RADII = "uncertainty.radius_mm=4,6"
 
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory):
     """The rectangle's job, planned hastily."""
-    path = tmp_path_factory.mktemp("job") / "job.toml"
-    text = JOB.read_text(encoding="utf-8").replace("chance = 0.8", "chance = 0.0")
-    path.write_text(text + QUICK, encoding="utf-8")
-    return path
+    folder = tmp_path_factory.mktemp("job")
+    return quick_job(folder / "job.toml", "particles = 200\nmax_depth = 3", *CERTAIN)
 
 
 def compiled(job, output, *options):

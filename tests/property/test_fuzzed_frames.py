@@ -12,7 +12,7 @@ from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_tcp import MbapSlave
 from drivers.sim.wire.modbus import crc16
 
-CASES = settings(max_examples=100, deadline=None, derandomize=True)
+CASES = settings(max_examples=100, derandomize=True)
 listeners, cuts = st.integers(0, 2), st.integers(0, 31)
 frames = st.sampled_from([bytes(frame[2:]) for frame in CORPUS])
 noise = st.binary(max_size=40)

@@ -38,7 +38,7 @@ def star(lengths: list[float], shift: tuple[float, float]) -> np.ndarray:
     return np.array(lengths)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]) + shift
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(radii, shifts, st.floats(0.0, 2.0), st.floats(0.0, 2.0), st.integers(0, 2**63 - 1))
 def test_any_job_round_trips_exactly(lengths, shift, low, high, seed):
     drawn = star(lengths, shift).tolist()
@@ -71,7 +71,7 @@ def refusal(read: Callable[[str, str], job.Job], text: str) -> InputError | None
     return None
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.sampled_from(PLACES), anything)
 def test_any_value_anywhere_gives_a_job_or_a_one_line_error(place, value):
     section, key = place
@@ -82,7 +82,7 @@ def test_any_value_anywhere_gives_a_job_or_a_one_line_error(place, value):
     assert "\n" not in str(error)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.text(alphabet=st.sampled_from("[]{}=\"'.,#\n part1e9_\\x\x00é"), max_size=60))
 def test_any_text_gives_a_one_line_error(text):
     error = refusal(job.parse, text)

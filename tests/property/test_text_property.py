@@ -10,7 +10,7 @@ from pathlib import Path
 
 import programs
 import pytest
-from fake_cell import FakeClock, FakeJournal
+from asked import asked_parts
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_tables import several_table, small_table, with_job
@@ -18,9 +18,7 @@ from sample_tables import several_table, small_table, with_job
 from planner.export.write import FORMS, _text
 from planner.job import model as job_file
 from runtime.commands.journal import _line
-from runtime.execution.asked import MAX_LINE, AskedParts
-from runtime.execution.events import Tally
-from runtime.execution.executor import RunOptions
+from runtime.execution.asked import MAX_LINE
 from runtime.monitoring.console import Lines, Objects
 from runtime.shell import strict_json
 from runtime.shell.command import say, tell
@@ -28,7 +26,6 @@ from runtime.shell.errors import InputError
 from runtime.shell.plain_text import cleaned
 from runtime.table import Table, TableError, TableFile, dumps, loads
 from runtime.table.codec import encode
-from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome, PartResult
 
 ODD = "\n\r\t\x00\x07\x1b\x7f\x85\x9b\u2028\u2029\u202e\u2066\ufeff"
@@ -98,27 +95,15 @@ def printed(written: Callable[[], object]) -> str:
     return stream.getvalue()
 
 
-def asked(table: Table) -> list[str]:
-    """All answers to a robot that comes to leaf 0, which names the part."""
-    parts = AskedParts(
-        table,
-        "0" * 64,
-        FakeJournal(),
-        FakeClock(),
-        Objects(table, Path("j")),
-        Tally(),
-        RunOptions(Policy()),
-    )
-    return [parts.answer(line) for line in ("NEXT", "COUNTS 174 OBJECT", "TABLE", "STATUS")]
-
-
 @given(odd)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_no_sink_prints_what_does_not_print(text: str) -> None:
     """Even where a text came past every border: in an error, from a device, in a journal."""
     table = named(text)
     answers: list[str] = []
-    printed(lambda: answers.extend(asked(table)))
+    parts = asked_parts(table)
+    lines = ("NEXT", "COUNTS 174 OBJECT", "TABLE", "STATUS")  # to leaf 0, which names the part
+    printed(lambda: answers.extend(map(parts.answer, lines)))
     assert answers[1].startswith("LEAF 0 ")
     for answer in answers:
         assert answer.isascii()

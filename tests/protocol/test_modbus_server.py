@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 from plc_programs import NAMED, TcpPlc
-from waiting import until
+from programs import until
 
 from runtime.devices.clock import SystemClock
 from runtime.monitoring.live.server import Address, listening

@@ -14,9 +14,9 @@ import pytest
 from asyncua import Client, ua
 from asyncua.client.ua_client import UaClient
 from asyncua.server.internal_session import InternalSession
+from programs import until
 from supervisor import Passport, Supervisor, passport
 from vision_chart import LOCATED, OFFERS
-from waiting import until
 
 from runtime.devices.clock import SystemClock
 from runtime.plc import admission

@@ -27,11 +27,16 @@ BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
 class ArmRig:
-    """A driver and a simulated controller; a subclass makes `arm`, which it moves, `url` and `now`."""
+    """A driver and a simulated controller of an arm; a subclass sets `url` and `model`, the controller."""
 
     far_mm = 900.0
     base = BASE  # that its address states
     limits = "&reach=580"
+
+    def __init__(self):
+        self.arm = ArmModel(BASE)
+        self.site = Site(SCALE)
+        self.now = self.site.now
 
     @property
     def moves(self):
@@ -47,6 +52,9 @@ class ArmRig:
         url = f"{self.url}?{'&'.join(words)}{self.limits}" if words else self.url
         return contextlib.closing(connect.arm(url, time_scale=SCALE, read_only=read_only))
 
+    def close(self):
+        self.site.close()
+
 
 class Abb(ArmRig):
     """The open_abb driver and its simulated server."""
@@ -54,14 +62,9 @@ class Abb(ArmRig):
     base, limits = None, ""
 
     def __init__(self):
-        self.model = self.arm = ArmModel(BASE)
-        self.site = Site(SCALE)
-        self.now = self.site.now
-        self.server = ArmServer(self.model, self.site)
-
-    @property
-    def url(self):
-        return self.server.url
+        super().__init__()
+        self.model = self.arm
+        self.url = ArmServer(self.model, self.site).url
 
     def truth(self):
         x, y, z, rotation = self.model.pose_at(self.now())
@@ -69,9 +72,6 @@ class Abb(ArmRig):
 
     def silence(self):
         self.model.execute = lambda text, now: Answer(None, math.inf)
-
-    def close(self):
-        self.site.close()
 
 
 class AbbWithBase(Abb):
@@ -84,38 +84,24 @@ class Ur(ArmRig):
     """The UR driver and a simulated controller."""
 
     def __init__(self):
-        self.arm = ArmModel(BASE)
+        super().__init__()
         self.model = UrModel(self.arm, BASE)
-        self.site = Site(SCALE)
-        self.now = self.site.now
         self.script_port, self.rtde = served(self.model, self.site)
-
-    @property
-    def url(self):
-        return f"ur://127.0.0.1:{self.rtde.port}"
+        self.url = f"ur://127.0.0.1:{self.rtde.port}"
 
     def silence(self):
         self.rtde.mute = True
-
-    def close(self):
-        self.site.close()
 
 
 class OmniCoreRig(ArmRig):
     """The OmniCore driver and a simulated controller."""
 
     def __init__(self, *, digest=False):
-        self.arm = ArmModel(BASE)
+        super().__init__()
         self.model = OmniCore(self.arm)
-        self.site = Site(SCALE)
-        self.now = self.site.now
-        lock, pem = threading.RLock(), certificate()
-        self.server = RwsServer(self.model, lock, self.now, pem, digest=digest)
-        os.environ[rws.CERTIFICATE] = pem
-
-    @property
-    def url(self):
-        return self.server.url
+        pem = os.environ[rws.CERTIFICATE] = certificate()
+        self.server = RwsServer(self.model, threading.RLock(), self.now, pem, digest=digest)
+        self.url = self.server.url
 
     def silence(self):
         self.server.mute = True
@@ -123,7 +109,7 @@ class OmniCoreRig(ArmRig):
     def close(self):
         os.environ.pop(rws.CERTIFICATE, None)
         self.server.close()
-        self.site.close()
+        super().close()
 
 
 @cache

@@ -1,13 +1,12 @@
 """Robots that ask `grasp-runtime --serve`, and the server as a process of its own."""
 
-import importlib.util
 import socket
 from math import radians
 from pathlib import Path
 from types import ModuleType
 
 from counting import count_of
-from programs import ROOT, WAIT_S, Closing
+from programs import ROOT, WAIT_S, Closing, module_at
 from served import ServedRun
 from structured_text import FunctionBlock
 
@@ -27,12 +26,7 @@ CLIENTS = ROOT / "tools" / "docs" / "clients"
 
 def client() -> ModuleType:
     """The documented client, which imports nothing of ours."""
-    spec = importlib.util.spec_from_file_location("robot", CLIENTS / "robot.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_at(CLIENTS / "robot.py")
 
 
 class SimulatedRobot:

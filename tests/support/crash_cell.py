@@ -9,7 +9,6 @@ import os
 import random
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from datetime import UTC, datetime, timedelta
 from math import hypot, inf, remainder, tau
 from pathlib import Path
 from unittest.mock import patch
@@ -18,6 +17,7 @@ from drivers.clock import Pace
 from drivers.ports import TURN_RADIUS_MM
 from drivers.robotiq.gripper import Gripper
 from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.virtual.clock import VirtualClock
 from runtime.execution import crash, session
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
@@ -57,30 +57,14 @@ class Life:
         self.moment_passes()
 
 
-class Time:
-    """Virtual seconds; a look at a device takes `LOOK_S`."""
-
-    def __init__(self) -> None:
-        self.seconds = 0.0
-
-    def now(self) -> float:
-        return self.seconds
-
-    def sleep(self, seconds: float) -> None:
-        self.seconds += max(seconds, 0.0)
+class Time(VirtualClock):
+    """Virtual seconds; idling takes as many as it is asked for, a look at a device `LOOK_S`."""
 
     def idle(self, seconds: float, until: float) -> None:
-        self.sleep(min(seconds, until - self.seconds))
-
-    def deadline(self, seconds: float) -> float:
-        return self.seconds + seconds + 30.0
-
-    def stamp(self) -> str:
-        moment = datetime(2026, 11, 21, tzinfo=UTC) + timedelta(seconds=self.seconds)
-        return moment.isoformat(timespec="milliseconds")
+        self.sleep(min(seconds, until - self.now()))
 
     def uptime(self) -> Mapping[str, object]:
-        return {"boot": "a boot", "up_s": self.seconds}
+        return {"boot": "a boot", "up_s": self.now()}
 
 
 class World:
@@ -104,7 +88,7 @@ class World:
         self._grip_mm: float | None = None
         self.model = GripperModel(random.Random(1), self, table.gripper.profile)
         self.model.write_output(0, bytes([1, 0, 0, 0, 0, 0]), 0.0)
-        self.time.seconds = 20.0
+        self.time.advance(20.0)
         self.model.advance(self.time.now())  # activated since
 
     # what the fingers meet
@@ -254,7 +238,6 @@ class CountedJournal(Journal):
 def process(
     world: World,
     path: Path,
-    console: Console,
     options: RunOptions,
     *,
     last: int | None = None,
@@ -271,7 +254,7 @@ def process(
     fields = {"on_reject": on_reject, "on_unresolved": on_unresolved}
     with CountedJournal(path, world, life) as journal:
         begun = crash.look(
-            *(journal, data, fields, after_crash, console),
+            *(journal, data, fields, after_crash, Console()),
             now={"time": world.time.stamp(), **world.time.uptime()},
             most_s=RESUME_WITHIN_S,
         )
@@ -279,7 +262,14 @@ def process(
         crash.begin(journal, begun, data, fields, after_crash)
         cell = Cell(gripper, CountedArm(world, life), world.time, journal)
         tally = session.run_journalled(
-            world.table, cell, None, console, count=1, activate=False, options=options, broken=begun
+            world.table,
+            cell,
+            None,
+            Console(),
+            count=1,
+            activate=False,
+            options=options,
+            broken=begun,
         )
     return tally, life.moment
 

@@ -30,3 +30,36 @@ class FakeWorld:
 def setting(world=None):
     """A setting with that world."""
     return Setting(None, GEOMETRY, "fake", lambda job, seed: world or FakeWorld())
+
+
+# Worlds as `--world` names them.
+
+
+def make(job, seed):
+    return FakeWorld()
+
+
+def broken(job, seed):
+    raise RuntimeError("this world\nis broken")
+
+
+class Stumbling:
+    """Works once, to warm up; the next one fails."""
+
+    instances = 0
+
+    def __init__(self):
+        Stumbling.instances += 1
+        self.fails = Stumbling.instances > 1
+
+    def squeeze(self, pose_hand):
+        if self.fails:
+            raise RuntimeError("no such squeeze")
+        return pose_hand, 0.0, "untouched"
+
+
+def stumbling(job, seed):
+    return Stumbling()
+
+
+not_callable = 3

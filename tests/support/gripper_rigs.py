@@ -54,18 +54,18 @@ class Robotiq(GripperRig):
 
     contact_um = 20969  # count 174
 
-    def __init__(self, bus: str, channel: str = "contract") -> None:
+    def __init__(self, bus: str) -> None:
         self.site = Site(SCALE)
         self.now = self.site.now
         self.mute, self.node = False, None
         self.model = GripperModel(random.Random(1), self)
-        self.name = self._opened(bus, channel)
+        self.name = self._opened(bus)
 
-    def _opened(self, bus: str, channel: str) -> str:
+    def _opened(self, bus: str) -> str:
         """Opens the port; returns its name for the driver."""
         if bus == "can":
-            self.node = CanNode(self.model, self.now, CanMap(channel, "virtual"))
-            return f"can:{channel}?interface=virtual"
+            self.node = CanNode(self.model, self.now, CanMap("contract", "virtual"))
+            return "can:contract?interface=virtual"
         if bus.startswith("urcap"):
             urcap = Urcap(self.model, self.now, b"" if bus.endswith("bare") else b"\n")
             port = self.site.answer_lines(

@@ -3,7 +3,6 @@
 from collections import Counter
 from dataclasses import replace
 from math import sqrt
-from typing import NamedTuple
 
 import numpy as np
 from programs import TABLE as TREE
@@ -51,41 +50,32 @@ def drawn(
     predicted = [row / row[-1] for row in odds]
     scatter = [0.6 * np.array(sigmas(tree, leaf)) for leaf in tree.leaves]
     rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate
-    cell = _Cell(tree, maps, predicted, scatter, width_shift_um, residual_shift, rate)
-    return [_part(cell, number, rng) for number in range(first, first + count)]
 
+    def part(number: int) -> Part:
+        squeezes: list[Squeezed] = []
+        target = 0
+        while target >= 0:
+            node = tree.nodes[target]
+            branch = node.branches[int(predicted[target].searchsorted(rng.random(), "right"))]
+            spread = 0.25 * (branch.high_um - branch.low_um) / sqrt(12.0)
+            healthy = min(
+                max(rng.normal(branch.expected_um, spread), branch.low_um), branch.high_um
+            )
+            width = healthy + width_shift_um
+            profile = tree.gripper.profile
+            read_um = min(max(profile.reading_um(profile.step(width)), 0), profile.stroke_um)
+            taken = maps[target].at(read_um)
+            if taken < 0:
+                return Part(number, (*squeezes, Squeezed(target, None, read_um)), "reject")
+            squeezes.append(Squeezed(target, taken, read_um))
+            target = node.branches[taken].target
+        if not tree.leaves[~target].resolved:
+            return Part(number, tuple(squeezes), "unresolved", ~target)
+        residual = rng.normal(0.0, scatter[~target]) + residual_shift
+        verdict = "fail" if rng.random() < rate else "pass"
+        return Part(number, tuple(squeezes), "leaf", ~target, verdict, tuple(map(float, residual)))
 
-class _Cell(NamedTuple):
-    tree: Table
-    maps: list
-    shares: list  # of the branches of each node up to each of them
-    scatter: list  # of the residuals at each leaf
-    width_shift_um: float
-    residual_shift: tuple[float, float, float]
-    fail_rate: float
-
-
-def _part(cell, number, rng):
-    tree, squeezes, target = cell.tree, [], 0
-    while target >= 0:
-        node = tree.nodes[target]
-        branch = node.branches[int(cell.shares[target].searchsorted(rng.random(), "right"))]
-        spread = 0.25 * (branch.high_um - branch.low_um) / sqrt(12.0)
-        healthy = min(max(rng.normal(branch.expected_um, spread), branch.low_um), branch.high_um)
-        width = healthy + cell.width_shift_um
-        profile = tree.gripper.profile
-        read_um = min(max(profile.reading_um(profile.step(width)), 0), profile.stroke_um)
-        taken = cell.maps[target].at(read_um)
-        if taken < 0:
-            return Part(number, (*squeezes, Squeezed(target, None, read_um)), "reject")
-        squeezes.append(Squeezed(target, taken, read_um))
-        target = node.branches[taken].target
-    leaf = tree.leaves[~target]
-    if not leaf.resolved:
-        return Part(number, tuple(squeezes), "unresolved", ~target)
-    residual = rng.normal(0.0, cell.scatter[~target]) + cell.residual_shift
-    verdict = "fail" if rng.random() < cell.fail_rate else "pass"
-    return Part(number, tuple(squeezes), "leaf", ~target, verdict, tuple(map(float, residual)))
+    return [part(number) for number in range(first, first + count)]
 
 
 def history(tree: Table, *stretches: list[Part]) -> History:

@@ -14,7 +14,6 @@ gripper tells whether
 
 import contextlib
 import json
-import queue
 import random
 import re
 import signal
@@ -133,10 +132,14 @@ class Bench:
             words = kind.command(self, journal)
             process = started(words, env=notices.environment, stdin=subprocess.PIPE)
             assert process.stdin is not None
+            assert process.stdout is not None
             try:
                 process.stdin.write("\n" * 9)
                 process.stdin.flush()
-                kind.wait(notices, process)
+                if kind.notice is None:
+                    process.stdout.readline()
+                elif kind.notice:
+                    notices.wait(kind.notice, process)
                 self._send(process, case)
                 stdin, process.stdin = process.stdin, None  # its end would be a cause of its own
                 out, err = process.communicate(timeout=WAIT_S)
@@ -185,24 +188,6 @@ class Bench:
                 arm.move_linear(x_mm, y_mm, UP_MM, angle_rad, 250.0)
         if "arm at retreat height" in ended.out and z_mm < UP_MM - 0.1:
             yield f"the arm stands at {z_mm} mm"
-
-
-def _nothing(notices: Notices, process: "subprocess.Popen[str]") -> None:
-    """Wait for nothing: the process may still be importing."""
-
-
-def _ready(notices: Notices, process: "subprocess.Popen[str]") -> None:
-    notices.wait("READY=1", process)
-
-
-def _safe(notices: Notices, process: "subprocess.Popen[str]") -> None:
-    notices.wait(": safe", process)
-
-
-def _asked(notices: Notices, process: "subprocess.Popen[str]") -> None:
-    """Wait until a calibration asks for something."""
-    assert process.stdout is not None
-    process.stdout.readline()
 
 
 def _run(bench: Bench, journal: Path) -> list[str]:
@@ -270,30 +255,29 @@ class Kind(NamedTuple):
     Attributes:
         weight: how often it is drawn.
         active: whether the gripper is active before.
-        faulty: whether the cell's gripper fails.
-        lasts_s: the latest moment of the first signal, after `wait`.
+        lasts_s: the latest moment of the first signal, after its notice.
         command: the process.
-        wait: waits for the moment from which on signals come.
+        notice: what the process tells the service manager before signals come; empty for none, as it may
+            still be importing, None for its first line.
         check: what is wrong with how it ended.
     """
 
     weight: int
     active: bool
-    faulty: bool
     lasts_s: float
     command: Callable[[Bench, Path], list[str]]
-    wait: Callable[[Notices, "subprocess.Popen[str]"], None]
+    notice: str | None
     check: Callable[[Ended], Iterator[str]]
 
 
 KINDS = {
-    "start": Kind(2, True, False, 1.0, _run, _nothing, _stopped_or_never_begun),
-    "run": Kind(6, True, False, 2.5, _run, _ready, _stopped),
-    "simulated run": Kind(2, True, False, 2.5, _simulate, _ready, _stopped),
-    "activation": Kind(4, False, False, 0.8, _run, _ready, _stopped),
-    "calibration": Kind(4, True, False, 1.5, _calibrate, _asked, _interrupted),
-    "calibration's activation": Kind(4, False, False, 0.8, _calibrate, _asked, _interrupted),
-    "fault": Kind(4, True, True, REAL_S, _run, _safe, _failed),
+    "start": Kind(2, True, 1.0, _run, "", _stopped_or_never_begun),
+    "run": Kind(6, True, 2.5, _run, "READY=1", _stopped),
+    "simulated run": Kind(2, True, 2.5, _simulate, "READY=1", _stopped),
+    "activation": Kind(4, False, 0.8, _run, "READY=1", _stopped),
+    "calibration": Kind(4, True, 1.5, _calibrate, None, _interrupted),
+    "calibration's activation": Kind(4, False, 0.8, _calibrate, None, _interrupted),
+    "fault": Kind(4, True, REAL_S, _run, ": safe", _failed),
 }
 
 
@@ -316,20 +300,15 @@ def campaign(count: int, seed: int, first: int = 0) -> int:
     Returns:
         How many failed; each is printed with its number.
     """
-    cases: dict[bool, queue.SimpleQueue[tuple[int, Case]]]
-    cases = {kind: queue.SimpleQueue() for kind in (False, True)}
-    for number in range(first, first + count):
-        case = drawn(random.Random(f"{seed}/{number}"))
-        cases[KINDS[case.kind].faulty].put((number, case))
+    numbered = [(k, drawn(random.Random(f"{seed}/{k}"))) for k in range(first, first + count)]
+    faulty = [each for each in numbered if each[1].kind == "fault"]
+    others = [each for each in numbered if each[1].kind != "fault"]
+    shares = [faulty, *(others[worker :: WORKERS - 1] for worker in range(WORKERS - 1))]
     failed: list[int] = []
 
-    def work(folder: Path, *, faulty: bool) -> None:
-        with (
-            contextlib.closing(Bench(folder, faulty=faulty)) as bench,
-            contextlib.suppress(queue.Empty),
-        ):
-            while True:
-                number, case = cases[faulty].get_nowait()
+    def work(share: list[tuple[int, Case]], folder: Path) -> None:
+        with contextlib.closing(Bench(folder, faulty=share is faulty)) as bench:
+            for number, case in share:
                 try:
                     _, wrong = bench.run(case)
                 except Exception as error:
@@ -344,14 +323,7 @@ def campaign(count: int, seed: int, first: int = 0) -> int:
         usual_signals(),
         ThreadPoolExecutor(WORKERS) as pool,
     ):
-        workers = []
-        for number in range(WORKERS):
-            faulty = number == 0
-            if not cases[faulty].empty():
-                ours = Path(folder, str(number))
-                ours.mkdir()
-                workers.append(pool.submit(work, ours, faulty=faulty))
-        for worker in workers:
-            worker.result()
+        given = [share for share in shares if share]
+        list(pool.map(work, given, [Path(tempfile.mkdtemp(dir=folder)) for _ in given]))
     print(json.dumps({"signals": count, "seed": seed, "failed": sorted(failed)}), flush=True)
     return len(failed)

@@ -7,11 +7,10 @@ from collections.abc import Callable, Sequence
 from ctypes.util import find_library
 from pathlib import Path
 
-from programs import ROOT, WAIT_S, Closing
+from programs import ROOT, WAIT_S, Closing, until
 from pymodbus.client import ModbusTcpClient
 from served import ServedRun
 from structured_text import FunctionBlock
-from waiting import until
 
 from runtime.plc.handshake import Error
 from runtime.plc.registers import MAP, READ, READ_AT, WRITTEN_AT, Register, as_json

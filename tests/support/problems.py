@@ -166,9 +166,9 @@ def place(outline: np.ndarray, pose: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(turned(outline, pose[2]) + pose[:2])
 
 
-def finger_box(finger: int, face: float, jaws: np.ndarray = JAWS) -> shapely.Polygon:
+def finger_box(finger: int, face: float) -> shapely.Polygon:
     """The finger (+1 upper, -1 lower) whose inner face lies at y = face."""
-    half, outer = jaws[1] / 2, face + finger * jaws[2]
+    half, outer = JAWS[1] / 2, face + finger * JAWS[2]
     return shapely.box(-half, min(face, outer), half, max(face, outer))
 
 

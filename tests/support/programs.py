@@ -1,22 +1,45 @@
-"""The project's programs as tests run them: in this process, or as processes of their own."""
+"""The project's programs as tests run them, in this process or as others, and waiting for what they do."""
 
 import contextlib
+import importlib.util
 import io
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from types import ModuleType
+from typing import Any, NamedTuple, Self, TypeVar
 
-from waiting import WAIT_S
-
+WAIT_S = 120.0  # generous: the machine may have other work
 ROOT = Path(__file__).parents[2]
 TREES = ROOT / "trees"
 JOB, TABLE = (TREES / "rectangle" / name for name in ("job.toml", "rectangle.msgpack"))
 RUNTIME, CELL = ((sys.executable, "-m", name) for name in ("runtime.cli", "drivers.sim.cli"))
 REHEARSAL = ("--world", "runtime.devices.rehearsal:make")
 VIRTUAL = ("--port", "sim", "--time-scale", "max")  # a simulated cell in virtual time
+
+T = TypeVar("T")
+
+
+def until(holds: Callable[[], T], what: object = "", pause_s: float = 0.01) -> T:
+    """The first true value of a condition; fails with `what` if there is none within `WAIT_S`."""
+    end = time.monotonic() + WAIT_S
+    while not (result := holds()):
+        assert time.monotonic() < end, f"not within {WAIT_S:g} s: {what}"
+        time.sleep(pause_s)
+    return result
+
+
+def module_at(path: Path) -> ModuleType:
+    """The module in a file that belongs to no package."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    result = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(result)
+    return result
 
 
 class Closing:

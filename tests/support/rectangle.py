@@ -7,7 +7,18 @@ JOB_PATH, TABLE_PATH = FOLDER / "job.toml", FOLDER / "rectangle.msgpack"
 TEXT = JOB_PATH.read_text(encoding="utf-8")
 
 
+CERTAIN = ("chance = 0.8", "chance = 0.0")
+"""The passage that doubts the cell, and one that does not."""
+
+
 def edited(old: str, new: str) -> str:
     """The job's text with one passage replaced."""
     assert TEXT.count(old) == 1, f"the test expects {old!r} once in the rectangle's job"
     return TEXT.replace(old, new)
+
+
+def quick_job(path: Path, search: str, *change: str) -> Path:
+    """A file of the job with what it says of its search, and at most one passage replaced."""
+    text = edited(*change) if change else TEXT
+    path.write_text(f"{text}\n[search]\n{search}\n", encoding="utf-8")
+    return path

@@ -24,6 +24,7 @@ from runtime.table import (
     Squeeze,
     Table,
     Tolerance,
+    profile_of,
 )
 
 GRIPPER = replace(GripperSpec.of(PROFILES["robotiq-2f-85"], 27_500, 9_500), model="Robotiq 2F-85")
@@ -68,6 +69,19 @@ def two_squeeze_table() -> Table:
         branches = tuple(branch._replace(probability_ppm=ppm) for branch, ppm in pairs)
         table = changed(table, {f"nodes.{index}.branches": branches})
     return table
+
+
+def table_for(model: str) -> Table:
+    """Two squeezes of a rectangle by a gripper that opens fully and presses with 40 N, or its least."""
+    table, profile = small_table(), profile_of(model)
+    force_mn = round(1000 * max(40.0, profile.force_n[0]))
+    squeezes = (node.squeeze for node in table.nodes)
+    changed = (each._replace(opening_um=profile.stroke_um, force_mn=force_mn) for each in squeezes)
+    nodes = (node._replace(squeeze=each) for node, each in zip(table.nodes, changed, strict=True))
+    gripper = table.gripper
+    gripper = GripperSpec.of(profile, gripper.finger_length_um, gripper.finger_width_um)
+    limits = replace(table.limits, max_force_mn=max(table.limits.max_force_mn, force_mn))
+    return replace(table, gripper=gripper, limits=limits, nodes=tuple(nodes))
 
 
 HAND = Hypothesis("left hand", 400_000, 10_571, 2)

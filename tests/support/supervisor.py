@@ -18,8 +18,7 @@ from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtendedKeyUsageOID
-from programs import Closing
-from waiting import WAIT_S, until
+from programs import WAIT_S, Closing, until
 
 from runtime.plc.address_space import NAMESPACE, SYSTEM
 from runtime.plc.panel import AUTOMATIC, MACHINE, RECIPES, RESULTS

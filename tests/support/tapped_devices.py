@@ -37,7 +37,7 @@ class TappedGripper:
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         self.path = os.ttyname(self._slave)
-        self._stop_read, self._stop_write = os.pipe()
+        self._closed = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
     def __enter__(self) -> "TappedGripper":
@@ -45,10 +45,10 @@ class TappedGripper:
         return self
 
     def __exit__(self, *_: object) -> None:
-        os.write(self._stop_write, b"x")
+        self._closed.set()
         self._thread.join()
-        for descriptor in (self._master, self._slave, self._stop_read, self._stop_write):
-            os.close(descriptor)
+        os.close(self._master)
+        os.close(self._slave)
 
     def hear(self, data: bytes) -> None:
         """Bytes off the wire, as they come."""
@@ -56,11 +56,8 @@ class TappedGripper:
 
     def _serve(self) -> None:
         frame = b""
-        while True:
-            ready = select.select([self._master, self._stop_read], [], [], 0.05)[0]
-            if self._stop_read in ready:
-                return
-            if not ready:
+        while not self._closed.is_set():
+            if not select.select([self._master], [], [], 0.05)[0]:
                 frame = b""
                 continue
             data = os.read(self._master, 256)

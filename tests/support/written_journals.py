@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from fake_cell import fake_cell
+from fake_cell import Deaf, fake_cell
 from sample_tables import small_table
 from squeezes import AT_21, AT_30, AT_36
 
@@ -11,7 +11,6 @@ from runtime.execution import session
 from runtime.execution.executor import Cell, RunOptions
 from runtime.journal.chain import SEGMENT_BYTES, Journal, records, verify
 from runtime.journal.replay import Replay
-from runtime.monitoring.console import Objects
 from runtime.table import Calibration, dumps
 from runtime.traversal.decision import Policy
 
@@ -37,7 +36,7 @@ def write_run(
         journal.header(dumps(table), fields)
         cell = Cell(rig.gripper, rig.arm, rig.cell.clock, journal)
         run = {"count": 4, "activate": False, "options": RunOptions(policy)}
-        session.run_journalled(table, cell, None, Quiet(), **run)
+        session.run_journalled(table, cell, None, Deaf(), **run)
     return path
 
 
@@ -45,13 +44,3 @@ def assert_sound(journal: Path) -> None:
     """A journal verifies, has its last record, and its decisions are derived again."""
     assert verify(journal).closed
     assert list(Replay().follow(records(journal))) == []
-
-
-class Quiet(Objects):
-    """A console that says nothing."""
-
-    def __init__(self) -> None:
-        super().__init__(small_table(), Path())
-
-    def part(self, result: object, seen: object) -> None:
-        """Nothing."""

@@ -4,7 +4,7 @@ import sys
 import threading
 
 import pytest
-from waiting import until
+from programs import until
 
 from planner.studio import plans as studio_plans
 from planner.studio.folder import Folder

@@ -4,8 +4,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from fake_cell import Deaf
 from sample_tables import small_table
-from written_journals import Quiet, write_run
+from written_journals import write_run
 
 from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError
@@ -32,7 +33,7 @@ def look(path: Path, policy: str, now: Entry | None = None, table: bytes = TABLE
     with Journal(path, STAMP) as journal:
         given = {**FIELDS, **fields}
         now = moment() if now is None else now
-        return crash.look(journal, table, given, policy, Quiet(), now=now, most_s=300.0)
+        return crash.look(journal, table, given, policy, Deaf(), now=now, most_s=300.0)
 
 
 def moment(wall_s: float = 0.0, up_s: float = 0.0, boot: str | None = None) -> dict[str, object]:
@@ -158,7 +159,7 @@ def test_going_on_is_recorded_with_what_was_cut_off(tmp_path):
     with path.open("ab") as file:
         file.write(b'{"seq":4,"ti')
     with Journal(path, STAMP) as journal:
-        arguments = (journal, TABLE, FIELDS, crash.RESUME, Quiet())
+        arguments = (journal, TABLE, FIELDS, crash.RESUME, Deaf())
         seen = crash.look(*arguments, now=moment(), most_s=300.0)
         crash.begin(journal, seen, TABLE, FIELDS, crash.RESUME)
     last = list(records(path))[-1]

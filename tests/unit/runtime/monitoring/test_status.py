@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from fake_cell import Deaf
 from sample_tables import small_table
-from written_journals import Quiet
 
 from runtime.execution.events import Phase, Tally
 from runtime.monitoring.monitor import Monitor, Views, notify
@@ -72,7 +72,7 @@ def test_the_service_manager_hears_ready_alive_and_stopping(tmp_path, monkeypatc
         monkeypatch.setenv("NOTIFY_SOCKET", name)
         dump(small_table(), tmp_path / "small")
         loaded = load(tmp_path / "small")
-        with Monitor(Quiet(), loaded, Path("small"), Views()) as monitor:
+        with Monitor(Deaf(), loaded, Path("small"), Views()) as monitor:
             monitor.ready()
             monitor.phase(3, Phase.SQUEEZE, 1)
             monitor.phase(3, Phase.DONE, None)
@@ -94,7 +94,7 @@ def test_notify_without_a_service_manager_is_no_error(address, monkeypatch):
 def test_monitor_after_many_parts_holds_no_more_memory_than_before(tmp_path):
     """All charts of a healthy and of a drifting cell; widths repeat after 500 parts."""
     dump(small_table(), tmp_path / "t")
-    with Monitor(Quiet(), load(tmp_path / "t"), tmp_path / "t") as monitor:
+    with Monitor(Deaf(), load(tmp_path / "t"), tmp_path / "t") as monitor:
 
         def run(first, last):
             for number in range(first, last):

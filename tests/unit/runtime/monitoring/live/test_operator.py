@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 from browser import LEGIBLE, NEEDED, played
+from fake_cell import Deaf
 from html_pages import Page
 from sample_tables import small_table
-from written_journals import Quiet
 
 from runtime.execution.events import Phase, Tally
 from runtime.monitoring.live import operator, page
@@ -94,7 +94,7 @@ def test_a_normal_end_looks_normal_and_a_fault_says_what_failed():
 )
 def test_a_run_that_breaks_off_says_so(tmp_path, error, sentence):
     dump(TABLE, tmp_path / "t")
-    monitor = Monitor(Quiet(), load(tmp_path / "t"), tmp_path / "t", Views())
+    monitor = Monitor(Deaf(), load(tmp_path / "t"), tmp_path / "t", Views())
     with pytest.raises(type(error)), monitor:
         raise error
     assert sentence in operator.state(monitor._status.as_object())
