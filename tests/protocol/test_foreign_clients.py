@@ -12,9 +12,9 @@ import minimalmodbus
 import pyrobotiqur
 import pytest
 from fake_scene import setting
+from programs import until
 from pymodbus import FramerType, ModbusException
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
-from waiting import until
 
 from drivers.sim.cell import Cell
 

@@ -2,8 +2,8 @@
 
 import pytest
 from gripper_rigs import Dh
+from programs import until
 from pyDHgripper import AG95, PGE
-from waiting import until
 
 SCALE = 20.0
 

@@ -13,8 +13,7 @@ import pytest
 from arm_rigs import BASE, Ur
 from impostor import Impostor
 from lines import Line
-from programs import ended
-from waiting import until
+from programs import ended, until
 
 from drivers import connect
 from drivers.abb.codec import hand_rotation
