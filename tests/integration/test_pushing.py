@@ -29,7 +29,7 @@ CHANGES = {
     "doubt": {"chance": 0.0},
     "friction": {"doubt": 0.0},
     "actions": {"proposals": "belief", "pushes": "belief"},
-    "search": {"particles": 300, "max_depth": 2},
+    "search": {"particles": 600, "max_depth": 2},
 }
 
 
