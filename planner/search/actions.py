@@ -79,9 +79,14 @@ class ActionSet:
 
 
 def middle_of(states: Array, mode: Mode) -> Array:
-    """A mode's pose (3,), moved to the middle of the states (n, 3 or 4) that lie at its angle or opposite."""
+    """A mode's pose (3,), moved to the middle of the states (n, 3 or 4) that lie at its angle or opposite.
+
+    The pose itself where none does: a mode may lie between states, or be the symmetric pose of all.
+    """
     angle = mode.pose[2]
     along = states[np.abs(wrap(states[:, 2] - angle, 2)) < ALONG, :2]
+    if not len(along):
+        return np.array(mode.pose)
     return np.array([*0.5 * (along.min(axis=0) + along.max(axis=0)), angle])
 
 

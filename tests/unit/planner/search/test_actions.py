@@ -4,12 +4,12 @@ import numpy as np
 import problems
 import pytest
 
-from planner.belief.metric import Metric
+from planner.belief.metric import Metric, Mode
 from planner.belief.particles import Belief
 from planner.frames import to_hand
 from planner.mechanics.clearance import free_placements, least_clearance
 from planner.problem import Problem
-from planner.search.actions import ActionSet, actions_of
+from planner.search.actions import ActionSet, actions_of, middle_of
 from planner.search.proposals import Proposals, placed, proposals_of, stable_angles
 from planner.search.ranking import Ranking
 
@@ -42,6 +42,12 @@ def test_proposals_stand_about_the_main_modes_and_the_middle_along_each():
     np.testing.assert_allclose(sides.about_middles[:, 0], [0.0, 7.0, 0.0, -7.0], atol=1e-9)
     np.testing.assert_allclose(sides.about_middles[:, 2], sides.about_modes[:, 2])
     assert len(actions.within(sides.about_modes)) == 2
+
+
+def test_middle_of_a_mode_at_whose_angle_no_state_lies_is_its_pose():
+    pose = np.array([1.0, 2.0, np.pi / 2])
+    states = np.repeat([[3.0, 4.0, 0.0]], 5, axis=0)
+    np.testing.assert_array_equal(middle_of(states, Mode(pose, 1.0)), pose)
 
 
 def test_candidates_where_open_jaws_at_the_mode_hit_a_part_stand_at_the_middle(job):
