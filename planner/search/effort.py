@@ -13,7 +13,6 @@ class Pass(NamedTuple):
     finer: float  # least probability of nodes that also try a finer partition of the readings
     work: float  # share of the time of all passes, for progress
     frugal: bool = False  # whether all nodes are expanded as cursorily as improbable ones
-    most: int = 1_000_000  # nodes expanded; further passes go on where this one leaves parts open
 
 
 class Effort(NamedTuple):
@@ -26,7 +25,7 @@ class Effort(NamedTuple):
 
 
 PASSES = (
-    Pass(1 / 8, 0, 0, 0.0005, 2.0, work=0.1, frugal=True, most=200),
+    Pass(1 / 8, 0, 0, 0.0005, 2.0, work=0.1, frugal=True),
     Pass(1 / 8, 1, 16, 0.002, 0.5, work=0.25),
     Pass(1 / 4, 8, 8, 0.002, 0.1, work=0.25),
     Pass(1 / 2, 6, 0, 0.002, 0.1, work=0.25),

@@ -110,17 +110,14 @@ class Search:
         Returns:
             Whether the search is complete.
         """
-        threads, expanded = Threads(self.problem.mixture.workers), 0
+        threads = Threads(self.problem.mixture.workers)
         while tips := [tip for tip in breadth_first(root) if self._is_due(tip)]:
-            if expanded >= self.stage.most:
-                break
             if over() and root.best is not None:  # a plan needs its first squeeze
                 return False
             chosen = sorted(tips, key=lambda tip: -tip.share * tip.value)[:AT_ONCE]
             cases = list(zip(chosen, self.rng.spawn(len(chosen)), strict=True))
             for tip, actions in zip(chosen, list(threads.map(self._actions, cases)), strict=True):
                 self._expand(tip, actions)
-            expanded += len(chosen)
             progress(sum(tip.share for tip in tips))
         return True
 

@@ -189,13 +189,6 @@ def test_grow_spent_limit_leaves_a_whole_plan_of_one_squeeze(problem):
     assert not any(child.children for child in root.children)
 
 
-def test_grow_pass_of_few_expansions_is_done_with_leaves_open(problem):
-    stage = PASSES[1]._replace(most=1)
-    search, root = searched(problem, problem.belief(500, np.random.default_rng(2)), stage)
-    assert root.children
-    assert any(search.is_open(leaf) for leaf in leaves(root))
-
-
 def test_absorb_parts_beside_a_leaf_pose_reopens_it(tree):
     search, root = deepcopy(tree)
     ends = leaves(root)
