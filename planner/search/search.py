@@ -250,7 +250,7 @@ class Search:
         _partition(node.best, children)
 
     def _actions(self, case: tuple[Node, np.random.Generator]) -> list[Action]:
-        """Actions for a leaf, with a generator of its own: squeezes its belief at each candidate pose."""
+        """Actions for a leaf, given with its generator: squeezes its belief at each candidate grasp pose."""
         node, rng = case
         tried, cases = list[tuple[_Candidate, float]](), list[tuple[Belief, Array]]()
         for candidate in self._candidates(node, rng):

@@ -79,7 +79,7 @@ class Hand:
         check_arc(handling.arc, table.limits, self.calibration)
         self.timing = handling.lifted(schedule.timing, self.calibration)
         self._half_turn = pi if close_alike(job_of(table)) else tau
-        self._off_rad = 0.0  # how far the hand is turned beside the plan of the part
+        self._off_rad = 0.0  # angle of the hand beyond that of the plan: 0 or half a turn
         self._may_turn = may_turn(table, job_of(table), self.middle_mm)
         self.jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
         # where the arm should stand, None: unknown
