@@ -105,13 +105,15 @@ def interval_um(low: int, high: int, encoder: Encoder) -> tuple[int, int]:
 
 def _leaf(node: Node, job: Job) -> tables.Leaf:
     x_um, y_um, theta_urad = pose_of(node.mode.pose)
+    trials = node.belief[: node.fresh].states
+    within = metric_of(job).explained(trials, node.mode) if len(trials) else node.mode.ratio
     leaf = tables.Leaf(
         x_um=x_um,
         y_um=y_um,
         theta_urad=theta_urad,
         covariance=tables.Covariance(0, 0, 0, 0, 0, 0),
-        success_ppm=round(tables.PPM * node.mode.ratio),
-        trials=0,
+        success_ppm=round(tables.PPM * float(np.mean(within))),
+        trials=len(trials),
         resolved=StoppingRule(job.goal.confidence).holds(node.mode.ratio, len(node.belief)),
         alternatives=tuple(
             tables.LeafPose(*pose_of(pose), which)

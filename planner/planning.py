@@ -14,7 +14,7 @@ from planner.diagnosis.clearance import no_first_squeeze
 from planner.errors import NoPlanError
 from planner.evaluation.disturbance import NONE, WITH_DOUBTS
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.measured import tried, with_figures, without_untried
+from planner.evaluation.measured import leading, with_figures, without_untried
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.lower import lower
@@ -23,7 +23,7 @@ from planner.paper.search import METHODS
 from planner.problem import STEP_MM, Problem
 from planner.search.effort import LEAVES, PASSES
 from planner.search.search import Search
-from planner.search.tree import Node, pruned
+from planner.search.tree import Node, leaves, pruned
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Threads
@@ -193,12 +193,13 @@ def _parts(run: Evaluation) -> Belief:
 def finished(
     root: Node, job: Job, table: Table, run: Evaluation, trials: int, cut: Cut | None = None
 ) -> Planned:
-    """The plan without branches that no trial took: their widths are REJECT.
+    """The plan without branches to leaves that no trial of any round reached: their widths are REJECT.
 
     Raises:
         NoPlanError: no branch remains.
     """
-    kept = tried(table, run)
+    before = {number for number, leaf in enumerate(leaves(root)) if leaf.fresh}
+    kept = leading(table, before.union(run.leaf.tolist()))
     if not kept[0]:
         raise no_plan(table, run, job, cut)
     untried = sum(

@@ -1,9 +1,9 @@
 """Puts the figures of an evaluation into its table: probabilities are measured, not believed.
 
-Branches that no trial took are never claimed: their widths become REJECT.
+Branches to leaves that no trial reached are never claimed: their widths become REJECT.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -67,24 +67,13 @@ def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
     return replace(table, predicted=predicted)
 
 
-def tried(table: tables.Table, run: Evaluation) -> list[list[int]]:
-    """The branches of each node that trials took and that lead to an outcome."""
-    took = [set[int]() for _ in table.nodes]
-    passed = run.path >= 0
-    for index, number in set(
-        zip(run.path[passed].tolist(), run.branch[passed].tolist(), strict=True)
-    ):
-        took[index].add(number)
-    return ending(table, took)
-
-
-def ending(table: tables.Table, chosen: Sequence[Collection[int]]) -> list[list[int]]:
-    """Among the branches chosen at each node, those that reach an outcome through chosen ones only."""
+def leading(table: tables.Table, reached: Collection[int]) -> list[list[int]]:
+    """The branches of each node that lead to one of the leaves that parts reached."""
     kept: list[list[int]] = [[] for _ in table.nodes]
     for index in reversed(range(len(table.nodes))):  # children come after their parents
         targets = enumerate(branch.target for branch in table.nodes[index].branches)
         kept[index] = [
-            n for n, target in targets if n in chosen[index] and (target < 0 or kept[target])
+            n for n, target in targets if (kept[target] if target >= 0 else ~target in reached)
         ]
     return kept
 

@@ -5,7 +5,6 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from random import Random
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from planner.belief.observation import Partition
 from planner.belief.particles import Belief
 from planner.cli import compile as compile_
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.measured import tried, without_untried
+from planner.evaluation.measured import leading, without_untried
 from planner.evaluation.outcome import REJECTED
 from planner.evaluation.trials import encoder_of_table
 from planner.job import model as job_file
@@ -122,14 +121,8 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
     seed: int,
 ) -> None:
     table, random = random_table(seed, 12), Random(seed)
-    taken = [
-        [n for n in range(len(node.branches)) if random.random() < 0.7] or [0]
-        for node in table.nodes
-    ]
-    rows = [(index, number) for index, numbers in enumerate(taken) for number in numbers]
-    path, branch = (np.array([[row[k]] for row in rows]) for k in (0, 1))
-    run = SimpleNamespace(path=path, branch=branch)
-    kept = tried(table, run)
+    reached = {n for n in range(len(table.leaves)) if random.random() < 0.5} | {0}
+    kept = leading(table, reached)
     pruned, root = without_untried(table, kept), plans.pruned(tree_of(table), kept)
     # Validates it; the figures were those of all leaves.
     dumps(replace(pruned, predicted=Prediction(0, 0, 0)))
