@@ -147,7 +147,7 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
     for number, stage in enumerate(PASSES):
         begun = search.begin(stage, root)
         whole = search.grow(begun, limit.over, partial(course.in_pass, number))
-        if root is None or whole:
+        if root is None or whole or search.close(begun):
             root = begun
         if not root.actions:
             raise NoPlanError(f"{job.name}: {no_first_squeeze(job)}")

@@ -122,13 +122,6 @@ class Costs:
         )
         return self.timing.squeeze(visit).total_s / self.typical_s
 
-    def squeezes(self, hand: Hand | None, placements: Array, widths_mm: Array) -> Array:
-        """The costs (k,) of squeezes whose jaws meet the part at the width at which they stop."""
-        if self.timing is None:
-            return np.ones(len(placements))
-        rows = zip(placements, widths_mm.tolist(), strict=True)
-        return np.array([self.squeeze(hand, at, Closing(mm, mm, mm)) for at, mm in rows])
-
     def back(self, hand: Hand | None, home: Array | None) -> float:
         """The cost of the way to `home` (3,) in the world, the first squeeze of the next part."""
         if self.timing is None or hand is None or home is None:

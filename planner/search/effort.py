@@ -13,6 +13,9 @@ class Pass(NamedTuple):
     finer: float  # least probability of nodes that also try a finer partition of the readings
     work: float  # share of the time of all passes, for progress
     frugal: bool = False  # whether all nodes are expanded as cursorily as improbable ones
+    explores: bool = (
+        False  # whether it continues the tree before, at all first squeezes that may be better
+    )
 
 
 class Effort(NamedTuple):
@@ -26,13 +29,13 @@ class Effort(NamedTuple):
 
 PASSES = (
     Pass(1 / 8, 0, 0, 0.0005, 2.0, work=0.1, frugal=True),
-    Pass(1 / 8, 1, 16, 0.002, 0.5, work=0.25),
+    Pass(1 / 8, 1, 16, 0.002, 0.5, work=0.1),
+    Pass(1 / 8, 1, 16, 0.002, 0.5, work=0.15, explores=True),
     Pass(1 / 4, 8, 8, 0.002, 0.1, work=0.25),
     Pass(1 / 2, 6, 0, 0.002, 0.1, work=0.25),
     Pass(1, 4, 0, 0.002, 0.1, work=0.15),
 )
 LEAVES = PASSES[-1]._replace(kept=1, least=0.0)  # after fresh trials of the leaves of the last pass
-EXPLORING = PASSES[1]  # its first actions are continued until they cost more than another
 EFFORTS = (
     Effort(0.5, 16, 192, 400),
     Effort(0.1, 12, 192, 400),

@@ -131,14 +131,10 @@ class Pusher:
         Where no grasp pose clears a belief, the cost grows with its spread.
         """
         costs = np.array([SPREAD * each.belief.poses[:, :2].std(axis=0).max() for each in tried])
-        priced = [self.costs.pushes(hand, each.pushes) for each in tried]
-        asked = [
-            Asked(each.belief, ranking.candidates(each.belief, each.belief), stands)
-            for each, (_, stands) in zip(tried, priced, strict=True)
-        ]
+        asked = [Asked(each.belief, ranking.candidates(each.belief, each.belief)) for each in tried]
         for k, options in enumerate(ranking.rank(asked, rng)):
-            if len(options.cost_to_go):
-                costs[k] = priced[k][0] + options.cost_to_go[0]
+            if len(options.squeezes):
+                costs[k] = self.costs.pushes(hand, tried[k].pushes)[0] + options.squeezes[0]
         return costs
 
     def _from_beside_all(

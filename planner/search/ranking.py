@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.belief.costs import Hand
 from planner.belief.metric import mode_shares
 from planner.belief.particles import PUSHED, Belief
 from planner.belief.partition import MOST_CELLS, Costs, in_cells, intervals, into_cells
@@ -39,25 +38,24 @@ class Asked(NamedTuple):
 
     belief: Belief
     placements: Array  # (k, 3) of the hand in the world
-    hand: Hand | None  # the hand before it; None before the first squeeze
 
 
 class Options(NamedTuple):
-    """Grasp poses of one belief, the cheapest first, with the cost of one squeeze at each.
+    """Grasp poses of one belief, the best first.
 
     Attributes:
         placements: (k, 3) of the hand in the world.
-        cost_to_go: (k,) cost of the squeeze plus the leaf heuristic after it.
+        squeezes: (k,) expected until the end: one at the grasp pose, and the leaf heuristic after it.
     """
 
     placements: Array
-    cost_to_go: Array
+    squeezes: Array
 
     @classmethod
-    def sorted(cls, placements: Array, cost_to_go: Array) -> Options:
+    def sorted(cls, placements: Array, squeezes: Array) -> Options:
         """Sorts options."""
-        order = np.argsort(cost_to_go, kind="stable")
-        return cls(placements[order], cost_to_go[order])
+        order = np.argsort(squeezes, kind="stable")
+        return cls(placements[order], squeezes[order])
 
     def joined(self, other: Options) -> Options:
         """Merges these options with others of the same belief."""
@@ -69,25 +67,23 @@ class _Contest:
     """The options of one belief during sequential halving."""
 
     belief: Belief
-    hand: Hand | None
     placements: Array  # (k, 3) of the remaining ones
     stop: int  # particles that will have squeezed after this round
-    # By all particles so far, for each option: poses (k, n, 3), readings (k, n), and mean widths (k,).
+    # By all particles so far, for each option: poses (k, n, 3) and readings (k, n).
     poses: Array
     reading: IntArray
-    widths_mm: Array
-    cost_to_go: Array  # (k,) latest costs
+    squeezes: Array  # (k,) latest estimates
 
     @classmethod
     def of(cls, asked: Asked) -> _Contest:
         """The first round: the more options, the fewer particles, spread evenly through the belief."""
-        belief, placements, hand = asked
+        belief, placements = asked
         few, k = len(belief), len(placements)
         if k > FINALISTS:
             few = min(few, max(FIRST_PARTICLES, round(FIRST_SHARE * few)))
             belief = belief[np.argsort(np.arange(len(belief)) * GOLDEN % 1.0, kind="stable")]
-        nothing = np.zeros((k, 0, 3)), np.zeros((k, 0), np.int64), np.zeros(k), np.zeros(k)
-        return cls(belief, hand, placements, few, *nothing)
+        nothing = np.zeros((k, 0, 3)), np.zeros((k, 0), np.int64), np.zeros(k)
+        return cls(belief, placements, few, *nothing)
 
     @property
     def start(self) -> int:
@@ -106,10 +102,6 @@ class _Contest:
 
     def add(self, squeezed: list[Squeezed]) -> None:
         """Adds this round's outcomes, one for each option."""
-        widths_mm = np.array([new.width_mm for new in squeezed])
-        self.widths_mm = (
-            self.start * self.widths_mm + (self.stop - self.start) * widths_mm
-        ) / self.stop
         poses, reading = zip(
             *((new.belief.poses, new.belief.reading) for new in squeezed), strict=True
         )
@@ -124,13 +116,13 @@ class _Contest:
         fourth = np.broadcast_to(hypothesis[:, None], (*self.poses.shape[:2], 1))
         return np.concatenate([self.poses, fourth], axis=2)
 
-    def halve(self, cost_to_go: Array) -> None:
+    def halve(self, squeezes: Array) -> None:
         """Drops the worse options, unless all particles have judged them."""
-        self.cost_to_go = cost_to_go
+        self.squeezes = squeezes
         if self.waiting:
             most = max(FINALISTS, -(-len(self.placements) // 2))
-            kept = np.sort(np.argsort(cost_to_go, kind="stable")[:most])
-            self.placements, self.widths_mm = self.placements[kept], self.widths_mm[kept]
+            kept = np.sort(np.argsort(squeezes, kind="stable")[:most])
+            self.placements = self.placements[kept]
             self.poses, self.reading = self.poses[kept], self.reading[kept]
             self.stop = (
                 len(self.belief) if len(kept) <= FINALISTS else min(len(self.belief), 2 * self.stop)
@@ -159,6 +151,9 @@ class Ranking:
     def rank(self, asked: list[Asked], rng: np.random.Generator) -> list[Options]:
         """The best of every belief's grasp poses (k, 3), each judged by all its particles.
 
+        Squeezes count, whatever the job minimises: seconds differ less between grasp poses than the estimate
+        errs, and favour those that tell little. The search values the best ones in the job's unit.
+
         All grasp poses are judged by few particles first, the better half by twice as many, and so on,
         until few are left (sequential halving: Karnin, Koren and Somekh, ICML 2013).
         """
@@ -172,20 +167,11 @@ class Ranking:
             for contest in waiting:
                 contest.add([next(squeezed) for _ in contest.placements])
             for contest, left in zip(waiting, self._judge(waiting), strict=True):
-                contest.halve(self._costs(contest) + left)
-        return [Options.sorted(contest.placements, contest.cost_to_go) for contest in contests]
-
-    def _costs(self, contest: _Contest) -> Array:
-        """The costs (k,) of a contest's squeezes."""
-        return self.problem.costs.squeezes(contest.hand, contest.placements, contest.widths_mm)
+                contest.halve(1.0 + left)
+        return [Options.sorted(contest.placements, contest.squeezes) for contest in contests]
 
     def varied(
-        self,
-        belief: Belief,
-        thin: Belief,
-        options: Options,
-        hand: Hand | None,
-        rng: np.random.Generator,
+        self, belief: Belief, thin: Belief, options: Options, rng: np.random.Generator
     ) -> Options:
         """The options and variants of the best of them, with decreasing spread: a random local search.
 
@@ -193,14 +179,13 @@ class Ranking:
             belief: the belief that open fingers must clear.
             thin: its particles that are squeezed.
             options: of the belief.
-            hand: the hand before the squeeze.
             rng: source of randomness.
         """
         for spread in VARIED if self.actions.proposals and belief.touched else ():
             near = varied(options.placements[:VARIED_BEST], VARIED_BEST, spread, rng)
             near = self.free(belief, self.actions.within(near))
             if len(near):
-                options = options.joined(self.rank([Asked(thin, near, hand)], rng)[0])
+                options = options.joined(self.rank([Asked(thin, near)], rng)[0])
         return options
 
     def unlike(self, belief: Belief, placements: Array, most: int) -> Array:

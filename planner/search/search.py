@@ -26,7 +26,7 @@ from planner.belief.transition import Outcomes, Push, Squeezed
 from planner.frames import to_hand
 from planner.problem import Problem
 from planner.search.actions import LEAST_MODE, MAIN_MODES, actions_of
-from planner.search.effort import EFFORTS, EXPLORING, FRUGAL, PASSES, Effort, Pass
+from planner.search.effort import EFFORTS, FRUGAL, PASSES, Effort, Pass
 from planner.search.handling import Handling, Opening, handling_of
 from planner.search.proposals import placed, varied
 from planner.search.pushes import Pusher, pusher_of
@@ -91,8 +91,13 @@ class Search:
         self.handling, self.pusher = handling_of(job), pusher_of(self.problem)
 
     def begin(self, stage: Pass, previous: Node | None) -> Node:
-        """Begins a pass: returns its root, a belief of new particles."""
+        """Begins a pass: returns its root, a belief of new particles unless the pass continues a tree."""
         self.stage, job = stage, self.problem.job
+        if stage.explores and previous is not None:
+            for child in [child for action in previous.actions or () for child in action.children]:
+                child.value = child.value if child.actions else self.leaf_value(child)
+            self.back_up(previous)
+            return previous
         rng = np.random.default_rng([job.seed, PASSES.index(stage)])
         belief = self.problem.belief(max(1, round(stage.particles * job.search.particles)), rng)
         root = Node(belief, 1.0, self.problem.metric.mode(belief.states), previous=previous)
@@ -121,6 +126,21 @@ class Search:
             progress(sum(tip.share for tip in tips))
         return True
 
+    def close(self, node: Node) -> bool:
+        """Removes unfinished actions wherever another is finished, after a pass that was cut short.
+
+        Returns:
+            Whether this leaves no leaf that the pass would have expanded.
+        """
+        if node.actions is None:
+            return not self._is_due(node)
+        finished = [
+            action for action in node.actions if all(self.close(child) for child in action.children)
+        ]
+        node.actions = finished or node.actions
+        self._update(node)
+        return bool(finished) or not node.actions
+
     def _is_due(self, node: Node) -> bool:
         """Whether this pass expands a node."""
         return self.is_open(node) and node.share >= self.stage.least
@@ -141,9 +161,8 @@ class Search:
         left = float(stopping.cost_to_go(ratio * size, size)[0])
         if not self.is_open(node):
             return back + left
-        # A lower bound of one squeeze makes a pass expand every first action that may be the best.
-        if node.depth == 1 and self.stage is EXPLORING:
-            return back + 1.0
+        if node.depth == 1 and self.stage.explores:
+            return back + 1.0  # a lower bound: all first actions that may be the best are expanded
         if node.previous is not None and node.previous.actions:
             return node.previous.value
         return back + max(left, 1.0) + FURTHER
@@ -151,21 +170,23 @@ class Search:
     def back_up(self, node: Node | None) -> None:
         """Updates the values of a node and of all above it; their best actions may change."""
         while node is not None:
-            for action in node.actions or ():
-                share = np.array([child.share for child in action.children])
-                left = float(share @ [child.value for child in action.children]) / float(
-                    share.sum()
-                )
-                crashes = action.squeeze.crashes
-                action.value = (
-                    action.squeeze.cost
-                    + self.problem.stopping.failure * crashes
-                    + (1.0 - crashes) * left
-                )
-            if node.actions:
-                node.actions.sort(key=lambda action: action.value)
-            node.value = node.actions[0].value if node.actions else self.leaf_value(node)
+            self._update(node)
             node = node.parent
+
+    def _update(self, node: Node) -> None:
+        """Updates the value of a node from those below it."""
+        for action in node.actions or ():
+            share = np.array([child.share for child in action.children])
+            left = float(share @ [child.value for child in action.children]) / float(share.sum())
+            crashes = action.squeeze.crashes
+            action.value = (
+                action.squeeze.cost
+                + self.problem.stopping.failure * crashes
+                + (1.0 - crashes) * left
+            )
+        if node.actions:
+            node.actions.sort(key=lambda action: action.value)
+        node.value = node.actions[0].value if node.actions else self.leaf_value(node)
 
     def absorb(self, root: Node, ended: dict[int, Belief], strays: dict[int, Belief]) -> float:
         """Adds fresh trials to the beliefs of the leaves where they ended.
@@ -384,9 +405,9 @@ class Search:
         grasps = self.problem.costs.short_way(hand, np.concatenate(groups))
         if not len(grasps):
             return grasps
-        options = ranking.rank([Asked(thin, grasps, hand)], rng)[0]
+        options = ranking.rank([Asked(thin, grasps)], rng)[0]
         if effort.actions > 1:
-            options = ranking.varied(belief, thin, options, hand, rng)
+            options = ranking.varied(belief, thin, options, rng)
         return ranking.unlike(belief, options.placements, effort.actions)
 
     def _number(self) -> int:

@@ -58,17 +58,6 @@ def test_short_way_is_a_quarter_turn_at_most_to_the_same_squeezes_of_fingers_tha
     np.testing.assert_array_equal(costs.short_way(None, placements), placements)
 
 
-def test_squeezes_of_many_grasp_poses_cost_what_each_alone_costs(costs):
-    rng = np.random.default_rng(0)
-    places, widths = rng.uniform(-3.0, 3.0, (5, 3)), rng.uniform(20.0, 40.0, 5)
-    hand = Hand(np.zeros(3), 25.0)
-    each = [
-        costs.squeeze(hand, at, Closing(mm, mm, mm))
-        for at, mm in zip(places, widths.tolist(), strict=True)
-    ]
-    np.testing.assert_allclose(costs.squeezes(hand, places, widths), each)
-
-
 @pytest.mark.parametrize(
     ("halfwidth_deg", "turn"), [(180.0, 0.0), (90.0, 1.2)], ids=["turned", "as planned"]
 )

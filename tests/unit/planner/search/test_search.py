@@ -14,7 +14,7 @@ from planner.frames import wrap
 from planner.job import model as job_file
 from planner.mechanics.mixture import Mixture
 from planner.problem import Problem
-from planner.search.effort import EXPLORING, PASSES
+from planner.search.effort import PASSES
 from planner.search.search import LEAST_STRAYS, Search
 from planner.search.tree import Node, breadth_first, leaves
 
@@ -61,11 +61,17 @@ def least_squeezes(counts, places):
     return best
 
 
-def searched(problem, belief, stage=PASSES[1]):
-    search = Search(problem, np.random.default_rng(1), stage)
+CURSORY, FIRST, EXPLORING, *_ = PASSES
+
+
+def searched(problem, belief):
+    search = Search(problem, np.random.default_rng(1), FIRST)
     root = Node(belief, 1.0, problem.metric.mode(belief.states))
     root.value = search.leaf_value(root)
-    assert search.grow(root, lambda: False, lambda _: None)
+    for stage in (FIRST, EXPLORING):
+        if stage.explores:
+            assert search.begin(stage, root) is root
+        assert search.grow(root, lambda: False, lambda _: None)
     return search, root
 
 
@@ -168,20 +174,37 @@ def test_back_up_real_squeezes_satisfies_the_bellman_equation(tree, problem):
 
 def test_grow_exploring_pass_distrusts_the_cursory_pass_before_it(problem):
     search = Search(problem, np.random.default_rng(1))
-    frugal = search.begin(PASSES[0], None)
+    frugal = search.begin(CURSORY, None)
     assert search.grow(frugal, lambda: False, lambda _: None)
     for action in frugal.actions:
         for child in action.children:
             child.value = 2.5  # as if the second squeezes tried there were poor
-    root, steps = search.begin(EXPLORING, frugal), iter(range(100))
-    search.grow(root, lambda: next(steps, None) is None, lambda _: None)
+    root = search.begin(FIRST, frugal)
+    assert search.grow(root, lambda: False, lambda _: None)
+    search.begin(EXPLORING, root)
     again = [child for action in root.actions for child in action.children if child.previous]
     assert again
     assert not [child for child in again if search.is_open(child) and child.value > 1.0]
 
 
+def test_close_exploring_pass_cut_short_leaves_the_finished_plan(problem):
+    _, counts = next(worlds())
+    toy = Toy(problem.mixture, counts)
+    search = Search(replace(problem, model=toy, ahead=toy), np.random.default_rng(1), FIRST)
+    belief = Belief.of(np.repeat(PLACES, EACH, axis=0))
+    root = Node(belief, 1.0, problem.metric.mode(belief.states))
+    assert search.grow(root, lambda: False, lambda _: None)
+    finished, value = {id(node) for node in breadth_first(root)}, root.value
+    search.begin(EXPLORING, root)
+    assert not search.grow(root, lambda: True, lambda _: None)
+    assert not finished.issuperset(map(id, leaves(root)))
+    assert search.close(root)
+    assert finished.issuperset(map(id, leaves(root)))
+    assert root.value == pytest.approx(value)
+
+
 def test_grow_spent_limit_leaves_a_whole_plan_of_one_squeeze(problem):
-    search = Search(problem, np.random.default_rng(1), PASSES[1])
+    search = Search(problem, np.random.default_rng(1), FIRST)
     belief = problem.belief(500, np.random.default_rng(2))
     root = Node(belief, 1.0, problem.metric.mode(belief.states))
     assert not search.grow(root, lambda: True, lambda _: None)
