@@ -41,6 +41,8 @@ EVALUATING = 0.4  # most of the remaining budget that evaluations may take
 SQUEEZES = (
     3.0  # of a part by a finished plan, where the first pass leaves it unresolved after fewer
 )
+CURSORY = 0.2  # most of a budget for the first pass, which may leave some parts without a plan
+REPAIRS = 0.25  # of a budget, for leaves that trials of the last pass refute
 AFTER_PASSES = 0.5  # share of the work after the passes, for progress
 
 
@@ -146,7 +148,8 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
     )
     for number, stage in enumerate(PASSES):
         begun = search.begin(stage, root)
-        whole = search.grow(begun, limit.over, partial(course.in_pass, number))
+        over = partial(limit.over, limit.budget_s * (REPAIRS if number else 1.0 - CURSORY))
+        whole = search.grow(begun, over, partial(course.in_pass, number))
         if root is None or whole or search.close(begun):
             root = begun
         if not root.actions:
@@ -154,7 +157,7 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
         limit.standing = True
         if number == 0 and limit.bounded:
             rounds = rounds.within(limit, root, job, problem.mixture.workers)
-        if not whole or limit.over():
+        if limit.over() or (number and over()):
             whole &= number == len(PASSES) - 1
             break
     assert root is not None

@@ -190,7 +190,7 @@ class Goal:
     # all of them: for an uncertainty wider than the jaws open.
     crash_share: Annotated[float, Number(0, 0.05, default=0.0)]
     # What a plan minimises.
-    minimise: Annotated[str, Text(("squeezes", "seconds"), default="squeezes")] = "squeezes"
+    minimise: Annotated[str, Text(("seconds", "squeezes"), default="seconds")] = "seconds"
     # Whether an answer must name the hypothesis, if there are several; None: yes.
     identify: Annotated[bool | None, Flag(default=None)] = None
 
