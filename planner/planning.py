@@ -150,7 +150,12 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
         begun = search.begin(stage, root)
         over = partial(limit.over, limit.budget_s * (REPAIRS if number else 1.0 - CURSORY))
         whole = search.grow(begun, over, partial(course.in_pass, number))
-        if root is None or whole or search.close(begun):
+        if (
+            root is None
+            or whole
+            or search.close(begun)
+            or search.missing(begun) < search.missing(root)
+        ):
             root = begun
         if not root.actions:
             raise NoPlanError(f"{job.name}: {no_first_squeeze(job)}")

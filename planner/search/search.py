@@ -141,6 +141,11 @@ class Search:
         self._update(node)
         return bool(finished) or not node.actions
 
+    def missing(self, root: Node) -> float:
+        """The share of the parts that end in leaves of a plan that miss the goal."""
+        reached = self.problem.stopping.reached
+        return sum(leaf.share for leaf in leaves(root) if not reached(leaf.mode.ratio))
+
     def _is_due(self, node: Node) -> bool:
         """Whether this pass expands a node."""
         return self.is_open(node) and node.share >= self.stage.least
