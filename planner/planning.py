@@ -167,6 +167,8 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
             break
     assert root is not None
     search.stage, settled = LEAVES, False
+    if not whole:
+        search.reopen(root)
     for attempt in range(ATTEMPTS + 1):
         table = lower(root, job)
         fresh = rounds.fresh if attempt == 0 else -(-rounds.fresh // 2)

@@ -141,6 +141,12 @@ class Search:
         self._update(node)
         return bool(finished) or not node.actions
 
+    def reopen(self, root: Node) -> None:
+        """Opens the leaves again at which no squeeze gained anything: a later pass tries harder."""
+        for leaf in leaves(root):
+            if leaf.actions is not None and not self.problem.stopping.reached(leaf.mode.ratio):
+                leaf.actions, leaf.previous = None, None
+
     def missing(self, root: Node) -> float:
         """The share of the parts that end in leaves of a plan that miss the goal."""
         reached = self.problem.stopping.reached

@@ -203,6 +203,19 @@ def test_close_exploring_pass_cut_short_leaves_the_finished_plan(problem):
     assert root.value == pytest.approx(value)
 
 
+def test_reopen_dead_end_of_a_cursory_pass_is_searched_again(problem):
+    search = Search(problem, np.random.default_rng(1), FIRST)
+    root = search.begin(FIRST, None)
+    assert search.grow(root, lambda: False, lambda _: None)
+    node = next(node for node in breadth_first(root) if node.depth and node.children)
+    node.actions = []
+    assert not search.is_open(node)
+    search.reopen(root)
+    assert search.is_open(node)
+    assert search.grow(root, lambda: False, lambda _: None)
+    assert node.children
+
+
 def test_grow_spent_limit_leaves_a_whole_plan_of_one_squeeze(problem):
     search = Search(problem, np.random.default_rng(1), FIRST)
     belief = problem.belief(500, np.random.default_rng(2))
