@@ -43,7 +43,7 @@ class Plan:
 
     @property
     def total(self) -> float:
-        """What the job minimises: mean squeezes, a part that is not located counting as 100."""
+        """Mean squeezes, a part that is not located counting as 100."""
         return self.squeezes + 100.0 * (1.0 - self.success)
 
 
