@@ -13,9 +13,8 @@ class Pass(NamedTuple):
     finer: float  # least probability of nodes that also try a finer partition of the readings
     work: float  # share of the time of all passes, for progress
     frugal: bool = False  # whether all nodes are expanded as cursorily as improbable ones
-    explores: bool = (
-        False  # whether it continues the tree before, at all first squeezes that may be better
-    )
+    # Whether it continues the tree of the pass before at all first squeezes that may be better.
+    explores: bool = False
 
 
 class Effort(NamedTuple):
