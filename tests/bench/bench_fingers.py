@@ -4,7 +4,7 @@
 
 FOLDER holds `three_fingers.csv`, squeezes as the paper's authors simulate them, and `robot_runs/*.csv`, what
 a real robot did (condensed from their public toolbox). Their hexagon's quartic, fitted to a random sample of
-pressure, is not recorded: it is identified from one squeeze in six and judged by the others, beside that of
+pressure, is not recorded: it is identified from one squeeze in three and judged by the others, beside that of
 a uniform pressure. Not part of the gate. Prints figures and writes `results/fingers.json`.
 """
 
@@ -27,13 +27,14 @@ from planner.frames import wrap
 from planner.kernel import inner_kernel
 from planner.mechanics import limit_surface, quartic_fit
 from planner.mechanics.boundary import Drive, directions
-from planner.mechanics.contacts import NX, NY, SIDE, UN, UT, place
+from planner.mechanics.contacts import FN, FT, NX, NY, SIDE, UN, UT, place
 from planner.mechanics.lcp import SOLVED
 from planner.mechanics.push import Paths
 from planner.mechanics.quartic import QuarticSurface
 from planner.mechanics.simulator import Simulator
+from planner.mechanics.step import StepWork, rotate_surface, solve
 from planner.mechanics.stepping import Body, Scratch, find_contacts, scratch_of
-from planner.mechanics.surface_step import solve_surface
+from planner.mechanics.surface_step import local_matrix, solve_surface
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Pressure, support
 
@@ -48,9 +49,10 @@ TRIANGLE_A = [
     [0.01242, 1.06166, -0.01284],
     [-0.16074, -0.01284, 4.58574],
 ]
-FIT_EVERY = 6  # squeezes are one to fit to
-# Of the fit: its loss, its differences, its length.
-SCALE_MM, MOST_MM, FIRST_STEP, LOOKS = 0.1, 3.0, 0.02, 14
+FIT_EVERY = 3  # squeezes are one to fit to
+# Of the fit: its loss, its differences, the length of each round.
+SCALE_MM, MOST_MM, STEPS, LOOKS = 0.1, 3.0, (0.05, 0.02, 0.005), 14
+CUT = 5.0  # of the net force at the fingers' speed; the scale of the quartic adapts to it
 
 UNIFORM = Pressure("uniform", 20)
 
@@ -95,7 +97,30 @@ class Push(NamedTuple):
 
 
 @inner_kernel
-def close(body: Body, tips: Tips, q: Array, scratch: Scratch) -> float:
+def cut_short(
+    surface: Array, c: float, s: float, mu: float, count: int, cut: float, work: StepWork
+) -> bool:
+    """Solves one LCP of a quartic at two or more contacts, its matrix at equal components of the wrench.
+
+    Returns whether the net force stays below `cut`, so that the sequence ends there. This reproduces the
+    recorded squeezes; that it is the authors' rule is inferred from them.
+    """
+    if count < 2 or cut == 0.0:
+        return False
+    work.F[:] = 1.0 / np.sqrt(3.0)
+    local_matrix(surface, work.F, work.local)
+    rotate_surface(work.local, c, s, work.A)
+    if solve(mu, mu, count, work) != SOLVED:
+        return False
+    C, x, y = work.C, 0.0, 0.0
+    for k in range(count):
+        x += C[k, FN] * C[k, NX] - C[k, FT] * C[k, NY]
+        y += C[k, FN] * C[k, NY] + C[k, FT] * C[k, NX]
+    return bool(np.hypot(x, y) < cut)
+
+
+@inner_kernel
+def close(body: Body, tips: Tips, cut: float, q: Array, scratch: Scratch) -> float:
     """Closes the tips on one part at q (3,), modified, until it is held; returns their distance [mm]."""
     work, boundary, away = scratch.work, scratch.work.boundary, tips.ends_mm[0]
     boundary.fingers, boundary.points, boundary.radius = 0, 3, tips.radius_mm
@@ -112,20 +137,21 @@ def close(body: Body, tips: Tips, q: Array, scratch: Scratch) -> float:
         for k in range(work.contacts):
             x, y = -size * at[I[k, SIDE], 0] / away, -size * at[I[k, SIDE], 1] / away
             C[k, UN], C[k, UT] = x * C[k, NX] + y * C[k, NY], y * C[k, NX] - x * C[k, NY]
-        c, s = np.cos(q[2]), np.sin(q[2])
-        if solve_surface(body.surface, c, s, tips.mu, tips.mu, work.contacts, work.step) != SOLVED:
+        c, s, count, mu = np.cos(q[2]), np.sin(q[2]), work.contacts, tips.mu
+        solved = cut_short(body.surface, c, s, mu, count, cut * size, work.step)
+        if not solved and solve_surface(body.surface, c, s, mu, mu, count, work.step) != SOLVED:
             break
         q[0], q[1], q[2], away = q[0] + V[0], q[1] + V[1], q[2] + V[2] / body.rho, away - size
     return away
 
 
-def squeezed(part: Part, tips: Tips, poses: Array) -> Array:
-    """Where parts at poses (n, 3) end."""
+def squeezed(part: Part, tips: Tips, poses: Array, cut: float = 0.0) -> Array:
+    """Where parts at poses (n, 3) end; `cut` as for `cut_short`, 0 for the converged sequence."""
     reach = float(np.hypot(*part.outline.T).max())
     body = Body(np.ascontiguousarray(part.outline.T), reach, part.surface, part.rho_mm)
     ends, scratch = np.array(poses), scratch_of(part.outline)
     for q in ends:
-        close(body, tips, q, scratch)
+        close(body, tips, cut, q, scratch)
     return ends
 
 
@@ -165,34 +191,36 @@ def three(folder: Path) -> dict[str, Any]:
     uniform = squeezed(part._replace(surface=spread.hessian_table()), tips, start)
     known = np.arange(len(start)) % FIT_EVERY == 0
     fitted = identified(part, spread, tips, start[known], end[known])
-    others = squeezed(part._replace(surface=fitted.hessian_table()), tips, start[~known])
+    part = part._replace(surface=fitted.hessian_table())
+    cut, converged = (squeezed(part, tips, start[~known], limit) for limit in (CUT, 0.0))
     return {
         "triangle, ellipsoid": figures(triangle, poses["triangle"][1]),
         "hexagon, quartic of uniform pressure": figures(uniform, end),
-        "hexagon, quartic identified, others": figures(others, end[~known]),
+        "hexagon, quartic identified, others": figures(cut, end[~known]),
+        "hexagon, the same, sequence converged": figures(converged, end[~known]),
     }
 
 
 def identified(
     part: Part, first: QuarticSurface, tips: Tips, start: Array, end: Array
 ) -> QuarticSurface:
-    """The quartic whose squeezes from poses (n, 3) end nearest to others, robustly (soft L1)."""
-    scale = 0.05 * np.abs(first.coefficients).max()
+    """The quartic whose cut sequences take poses (n, 3) nearest to others, robustly (soft L1)."""
+    first = replace(first, coefficients=first.coefficients / np.abs(first.coefficients).max())
 
     def surface(unknown: Array) -> QuarticSurface:
-        return replace(first, coefficients=first.coefficients + scale * (unknown - 1.0))
+        return replace(first, coefficients=first.coefficients + 0.05 * (unknown - 1.0))
 
     def residuals(unknown: Array) -> Array:
-        ends = squeezed(part._replace(surface=surface(unknown).hessian_table()), tips, start)
+        ends = squeezed(part._replace(surface=surface(unknown).hessian_table()), tips, start, CUT)
         apart = ends - end
         apart[:, 2] = part.rho_mm * wrap(apart[:, 2])
-        # The scale of all coefficients changes nothing.
-        return np.append(np.clip(apart, -MOST_MM, MOST_MM).ravel(), 0.01 * (unknown - 1.0))
+        return np.append(np.clip(apart, -MOST_MM, MOST_MM).ravel(), 0.003 * (unknown - 1.0))
 
-    # As in `planner.identification.motions`, unknowns are shifted by 1.
-    robust = {"loss": "soft_l1", "f_scale": SCALE_MM}
-    steps = {"diff_step": FIRST_STEP, "max_nfev": LOOKS}
-    return surface(least_squares(residuals, np.ones(15), **robust, **steps).x)
+    unknown = np.ones(15)  # shifted by 1, as in `planner.identification.motions`
+    for step in STEPS:
+        robust = {"loss": "soft_l1", "f_scale": SCALE_MM, "diff_step": step, "max_nfev": LOOKS}
+        unknown = least_squares(residuals, unknown, **robust).x
+    return surface(unknown)
 
 
 def pushes(folder: Path) -> Iterator[Push]:
