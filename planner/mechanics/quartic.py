@@ -20,11 +20,11 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.mechanics import limit_surface
 from planner.part.quartic_form import (
-    CERTIFICATES,
     FORM,
-    GAUGE,
     PAIRS,
+    certificates,
     coefficients_of,
+    gauge,
     gradient_rows,
     gram,
     monomials,
@@ -76,7 +76,8 @@ def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
     Raises:
         ValueError: Q is not positive definite, so that it certifies nothing.
     """
-    Q = np.einsum("kij,k->ij", CERTIFICATES, np.einsum("kij,ij->k", CERTIFICATES, Q))
+    basis = certificates()
+    Q = np.einsum("kij,k->ij", basis, np.einsum("kij,ij->k", basis, Q))
     if np.linalg.eigvalsh(Q)[0] <= 0.0:
         raise ValueError(
             "the certificate is not positive definite; the quartic is not shown to be convex"
@@ -121,12 +122,12 @@ def _centred(Q: Array) -> Array:
     """The same quartic's certificate of largest determinant, by Newton steps on -log det."""
     for _ in range(100):
         factor = np.linalg.inv(np.linalg.cholesky(Q))
-        white = factor @ GAUGE @ factor.T  # (9, 9, 9)
+        white = factor @ gauge() @ factor.T  # (9, 9, 9)
         slope = np.trace(white, axis1=1, axis2=2)
         curvature = np.einsum("kij,lij->kl", white, white)
         step = np.linalg.solve(curvature, slope)
         decrement = float(np.sqrt(slope @ step))
-        Q = Q + np.einsum("k,kij->ij", step / (1.0 + decrement), GAUGE)
+        Q = Q + np.einsum("k,kij->ij", step / (1.0 + decrement), gauge())
         if decrement < 1e-9:
             break
     return np.asarray(0.5 * (Q + Q.T))

@@ -9,6 +9,7 @@ y^T Q y.
 
 import itertools
 from collections import Counter
+from functools import cache
 
 import numpy as np
 
@@ -73,10 +74,17 @@ COEFFICIENT_ROWS = _ENTRIES.reshape(15, 81) / 12.0
 HESSIAN_ROWS = FORM @ (np.eye(81) - 144.0 * COEFFICIENT_ROWS.T / _MULTIPLICITY @ COEFFICIENT_ROWS)
 """(36, 81), of rank 21: its null space is the Q whose y^T Q y is the Hessian of some quartic."""
 
-GAUGE = _null_space(FORM)  # (9, 9, 9) orthonormal directions of Q that do not affect y^T Q y
 
-CERTIFICATES = _null_space(HESSIAN_ROWS)
-"""(24, 9, 9): an orthonormal basis of the Q that belong to a quartic."""
+@cache
+def gauge() -> Array:
+    """Orthonormal directions (9, 9, 9) of Q that do not affect y^T Q y."""
+    return _null_space(FORM)
+
+
+@cache
+def certificates() -> Array:
+    """An orthonormal basis (24, 9, 9) of the Q that belong to a quartic."""
+    return _null_space(HESSIAN_ROWS)
 
 
 def monomials(F: Array) -> Array:
