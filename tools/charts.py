@@ -98,7 +98,7 @@ def _open_frame(axes: Axes, named: Literal["x", "y"], measured: Literal["x", "y"
 
 def calibration(kept: Mapping[str, Any]) -> Figure:
     """Shares of measured coordinates of pushes in intervals of draws, as `bench_contact.py` keeps them."""
-    figure = canvas.blank(WIDTH_IN, 3.2)
+    figure = canvas.blank(WIDTH_IN, 3.4)
     panels = canvas.panels(figure, 1, 3, 3)
     nominal = 100.0 * np.array(kept["nominal"])
     for axes, name in zip(panels, ("x", "y", "turn"), strict=True):
@@ -129,8 +129,8 @@ def worst_pushes(kept: Mapping[str, Any]) -> Figure:
         tip = np.array(row["tip_mm"])
         axes.plot(*tip.T, color=canvas.BLACK, linewidth=0.8, label="way of the tip")
         canvas.polygons(axes, tip[:, None] + disc, canvas.BLACK, 0.8)
-        title = f"{row['shape']}, {row['surface']}\n{row['mm']:.0f} mm, {row['deg']:.0f}°"
-        axes.set_title(title, fontsize=FONT)
+        off = f"{row['mm']:.0f} mm, {row['deg']:.0f}° (authors {row['authors_mm']:.0f} mm)"
+        axes.set_title(f"{row['shape']}, {row['surface']}\n{off}", fontsize=FONT)
         axes.set_aspect("equal")
         canvas.faint_grid(axes)
     canvas.caption(figure, "x / mm", "y / mm", FONT)

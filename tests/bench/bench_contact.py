@@ -59,7 +59,7 @@ LOADS = {
 JOBS = sorted((ROOT / "trees").glob("*/job.toml"))
 SQUEEZES = 1000  # of each part
 APART_MM, APART_DEG = 1.0, 3.0
-DRAWN_MM = 0.3  # Tolerance of outlines that are kept to be drawn
+DRAWN_MM = 0.1  # Tolerance of outlines that are kept to be drawn
 
 
 class Recorded(NamedTuple):
@@ -191,6 +191,7 @@ def worst(pushes: Recorded, moved: Array) -> dict[str, Any]:
     """The push whose predicted end, of displacements (n, 3), is farthest from the measured one."""
     off = errors(moved, pushes)
     k = int(off.mm.argmax())
+    authors = errors(pushes.authors["authors' quartic"], pushes)
     tip = pushes.paths.centres[k]
     drawn = {
         "outline_mm": simplified(pushes.outline, DRAWN_MM),
@@ -203,6 +204,7 @@ def worst(pushes: Recorded, moved: Array) -> dict[str, Any]:
         "surface": pushes.surface,
         "mm": round(float(off.mm[k]), 1),
         "deg": round(float(off.deg[k]), 1),
+        "authors_mm": round(float(authors.mm[k]), 1),
         **{name: np.round(values, 2).tolist() for name, values in drawn.items()},
     }
 
