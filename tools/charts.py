@@ -1,4 +1,4 @@
-"""Charts of the figures kept in `tests/bench/results`: this planner beside the paper and other programs."""
+"""Charts of the figures kept in `tests/bench/results`: Table I beside the paper's, and recorded pushes."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
@@ -14,6 +14,12 @@ FONT = 8.5
 SMALL = 7.5
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
+GROUPS = {"all": canvas.BLACK, "abs": canvas.BLUE, "plywood": ORANGE}
+ENDS = {
+    "start": ("at the start", canvas.GREY),
+    "measured": ("measured end", canvas.BLUE),
+    "predicted": ("predicted end", canvas.RED),
+}
 METHODS = {
     "closed-loop": ("this planner", canvas.BLUE),
     "fixed-actions": ("this planner, fixed actions", SKY),
@@ -88,3 +94,51 @@ def _open_frame(axes: Axes, named: Literal["x", "y"], measured: Literal["x", "y"
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(axis=named, length=0)
     canvas.faint_grid(axes, measured)
+
+
+def calibration(kept: Mapping[str, Any]) -> Figure:
+    """Shares of measured coordinates of pushes in intervals of draws, as `bench_contact.py` keeps them."""
+    figure = canvas.blank(WIDTH_IN, 3.4)
+    panels = canvas.panels(figure, 1, 3, 3)
+    nominal = 100.0 * np.array(kept["nominal"])
+    for axes, name in zip(panels, ("x", "y", "turn"), strict=True):
+        axes.plot([0, 100], [0, 100], color=canvas.GREY, linewidth=0.8, label="as stated")
+        for group, colour in GROUPS.items():
+            shares = 100.0 * np.array(kept["groups"][group]["calibration"][name])
+            axes.plot(nominal, shares, "o-", color=colour, linewidth=1.0, markersize=3, label=group)
+        axes.set_title(name, fontsize=FONT)
+        axes.set(xlim=(0, 100), ylim=(0, 100), aspect="equal")
+        canvas.faint_grid(axes)
+    canvas.caption(figure, "draws in the interval / %", "measured in it / %", FONT)
+    _legend(figure, panels[0])
+    return figure
+
+
+def worst_pushes(kept: Mapping[str, Any]) -> Figure:
+    """The pushes that end farthest from where they are predicted, as `bench_contact.py` keeps them."""
+    figure = canvas.blank(WIDTH_IN, 4.7)
+    panels = canvas.panels(figure, 2, 4, len(kept["worst"]))
+    turn = np.linspace(0.0, 2.0 * np.pi, 40)
+    disc = kept["radius_mm"] * np.column_stack([np.cos(turn), np.sin(turn)])
+    for axes, row in zip(panels, kept["worst"], strict=True):
+        for pose, (label, colour) in ENDS.items():
+            x, y, degrees = row.get(pose, (0.0, 0.0, 0.0))
+            outline = np.array(row["outline_mm"] + row["outline_mm"][:1])
+            placed = canvas.placed(outline, np.array([x, y, np.radians(degrees)]))
+            axes.plot(*placed.T, color=colour, linewidth=1.2, label=label)
+        tip = np.array(row["tip_mm"])
+        axes.plot(*tip.T, color=canvas.BLACK, linewidth=0.8, label="way of the tip")
+        canvas.polygons(axes, tip[:, None] + disc, canvas.BLACK, 0.8)
+        off = f"{row['mm']:.0f} mm, {row['deg']:.0f}° (authors {row['authors_mm']:.0f} mm)"
+        axes.set_title(f"{row['shape']}, {row['surface']}\n{off}", fontsize=FONT)
+        axes.set_aspect("equal")
+        canvas.faint_grid(axes)
+    canvas.caption(figure, "x / mm", "y / mm", FONT)
+    _legend(figure, panels[0])
+    return figure
+
+
+def _legend(figure: Figure, axes: Axes) -> None:
+    """Names once what every panel shows."""
+    style: dict[str, Any] = {"ncols": 4, "frameon": False, "fontsize": FONT}
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", **style)

@@ -19,6 +19,8 @@ from typing import Any, NamedTuple
 import harness
 import numpy as np
 import shapely
+from problems import random_poses
+from programs import ROOT
 
 from planner.arrays import Array, BoolArray
 from planner.cli import pushes as stated
@@ -34,7 +36,7 @@ from planner.mechanics.push import Paths
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.surface import MIDDLE
 from planner.part.importers.file import Imported
-from planner.part.outline import canonical, radius_of_gyration
+from planner.part.outline import canonical, radius_of_gyration, simplified
 from planner.part.pressure import Pressure, support
 
 RESULTS = harness.Kept("contact")
@@ -44,10 +46,20 @@ NEAR_MM, NEAR_DEG = 3.0, 5.0
 FRICTIONS = (0.15, 0.175, 0.2, 0.225, 0.25, 0.3)
 SURFACES = ("abs", "plywood")
 DRAWS, EVERY = 200, 5  # of every so many pushes, for intervals
+SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of draws, in the middle
 MODELS = ("uniform, friction .25", "authors' ellipsoid", "authors' quartic")
 MODELS += ("new job", "from own pairs")
 SQUARE = np.array([[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]])  # passes the jaws
 UNIFORM = {"kind": "uniform", "limit_surface": "ellipsoid"}
+LOADS = {
+    "rim": {"kind": "boundary", "limit_surface": "ellipsoid"},
+    "area": UNIFORM,
+    "quartic": {"kind": "boundary", "limit_surface": "quartic"},
+}
+JOBS = sorted((ROOT / "trees").glob("*/job.toml"))
+SQUEEZES = 1000  # of each part
+APART_MM, APART_DEG = 1.0, 3.0
+DRAWN_MM = 0.1  # Tolerance of outlines that are kept to be drawn
 
 
 class Recorded(NamedTuple):
@@ -170,10 +182,60 @@ def new_job(pushes: Recorded) -> Job:
     return stated.exact(written.replaced(part=part, gripper={"opening_mm": 1000.0}))
 
 
-def predicted(pushes: Recorded, part: Simulator, mu: float) -> Errors:
-    """Errors of a simulator's nominal pushes."""
-    pushed = part.push(pushes.paths, part.nominal(len(pushes.moved), mu), RADIUS_MM)
-    return errors(pushed.moved, pushes)
+def predicted(pushes: Recorded, part: Simulator, mu: float) -> Array:
+    """Displacements (n, 3) of the centroid by a simulator's nominal pushes."""
+    return part.push(pushes.paths, part.nominal(len(pushes.moved), mu), RADIUS_MM).moved
+
+
+def worst(pushes: Recorded, moved: Array) -> dict[str, Any]:
+    """The push whose predicted end, of displacements (n, 3), is farthest from the measured one."""
+    off = errors(moved, pushes)
+    k = int(off.mm.argmax())
+    authors = errors(pushes.authors["authors' quartic"], pushes)
+    tip = pushes.paths.centres[k]
+    drawn = {
+        "outline_mm": simplified(pushes.outline, DRAWN_MM),
+        "tip_mm": np.array([tip, tip + pushes.paths.shifts[k]]),
+        "measured": stated.in_degrees(pushes.moved)[k],
+        "predicted": stated.in_degrees(moved)[k],
+    }
+    return {
+        "shape": pushes.shape,
+        "surface": pushes.surface,
+        "mm": round(float(off.mm[k]), 1),
+        "deg": round(float(off.deg[k]), 1),
+        "authors_mm": round(float(authors.mm[k]), 1),
+        **{name: np.round(values, 2).tolist() for name, values in drawn.items()},
+    }
+
+
+def by_load(job: Job, end: Callable[[Simulator], Array]) -> dict[str, Array]:
+    """Displacements (n, 3) that a simulator of the job predicts with each of `LOADS`."""
+    return {
+        name: end(Simulator.of_job(job.replaced(pressure=load), 1)) for name, load in LOADS.items()
+    }
+
+
+def squeezed(path: Path) -> dict[str, Array]:
+    """Displacements (n, 3) of a job's part in squeezes from random poses, by load."""
+    job = job_file.load(path)
+    start = random_poses(np.random.default_rng(0), SQUEEZES, job.uncertainty.radius_mm)
+    mu = 0.5 * (job.friction.finger_part_min + job.friction.finger_part_max)
+    return by_load(job, lambda part: part.roll_out(start, part.nominal(SQUEEZES, mu)).poses - start)
+
+
+def elsewhere(all_moved: list[dict[str, Array]]) -> dict[str, float]:
+    """How often parts end elsewhere than with the ellipsoid of a load on the rim."""
+    moved = {load: np.concatenate([each[load] for each in all_moved]) for load in LOADS}
+    touched = moved["rim"].any(axis=1)
+    rim = moved["rim"][touched]
+    row = {"count": len(rim), "moved_mm": round(float(np.median(np.hypot(*rim[:, :2].T))), 2)}
+    for load in ("area", "quartic"):
+        off = moved[load][touched] - rim
+        turn = np.degrees(np.abs(wrap(off[:, 2])))
+        far = (np.hypot(off[:, 0], off[:, 1]) > APART_MM) | (turn > APART_DEG)
+        row[load] = round(float(far.mean()), 4)
+    return row
 
 
 def pairs_of(folder: Path, pushes: Recorded, rho: float) -> identify.Normalised:
@@ -229,13 +291,13 @@ def leave_one_out(result: dict[tuple[str, str], dict[float, Errors]], shape: str
 
 
 def coverage(pushes: Recorded, job: Job, part: Simulator, seed: int) -> BoolArray:
-    """Whether x, y and the angle (n, 3) of some pushes lie in 90 % intervals of a job's draws."""
+    """Whether x, y and the angle of some pushes lie in intervals (S, n, 3) of `SHARES` of a job's draws."""
     rows = np.arange(0, len(pushes.moved), EVERY)
-    paths = Paths(*(values[rows] for values in pushes.paths))
-    rng = np.random.default_rng(seed)
-    drawn = stated.drawn(part, job, paths, RADIUS_MM, DRAWS, rng).bounds.reshape(-1, 3, 2)
-    moved = stated.in_degrees(pushes.moved[rows])
-    return np.asarray((drawn[..., 0] <= moved) & (moved <= drawn[..., 1]))
+    many = Paths(*(np.repeat(values[rows], DRAWS, axis=0) for values in pushes.paths))
+    pushed = stated.draw(part, job, many, RADIUS_MM, np.random.default_rng(seed))
+    drawn, half = pushed.moved.reshape(len(rows), DRAWS, 3), 0.5 * np.array(SHARES)
+    low, high = (np.quantile(drawn, quantiles, axis=1) for quantiles in (0.5 - half, 0.5 + half))
+    return np.asarray((low <= pushes.moved[rows]) & (pushes.moved[rows] <= high))
 
 
 def figures(ours: list[Errors]) -> dict[str, float]:
@@ -259,27 +321,35 @@ def measured(folder: Path) -> dict[str, Any]:
     ours: dict[str, dict[tuple[str, str], Errors]] = {model: {} for model in MODELS}
     pairs: dict[tuple[str, str], dict[float, Errors]] = {}
     covered: dict[tuple[str, str], BoolArray] = {}
+    farthest: dict[str, dict[str, Any]] = {}
+    pushed: list[dict[str, Array]] = []
     for number, (key, pushes) in enumerate(sets.items()):
         job = new_job(pushes)
         new = Simulator.of_job(job, 1)
         plain = job.replaced(pressure=UNIFORM, doubt={"pressure": "stated"})
         uniform = Simulator.of_job(plain, 1)
-        ours["uniform, friction .25"][key] = predicted(pushes, uniform, 0.25)
-        ours["new job"][key] = predicted(pushes, new, middle)
+        nominal = predicted(pushes, new, middle)
+        ours["uniform, friction .25"][key] = errors(predicted(pushes, uniform, 0.25), pushes)
+        ours["new job"][key] = errors(nominal, pushes)
+        rows = [worst(pushes, nominal), farthest.get(pushes.shape, {"mm": 0.0})]
+        farthest[pushes.shape] = max(rows, key=lambda row: row["mm"])
+        pushed.append(by_load(job, lambda part, p=pushes: predicted(p, part, middle)))  # type: ignore[misc]
         for model, moved in pushes.authors.items():
             ours[model][key] = errors(moved, pushes)
         part = identified(folder, pushes, uniform)
-        pairs[key] = {mu: predicted(pushes, part, mu) for mu in FRICTIONS}
+        pairs[key] = {mu: errors(predicted(pushes, part, mu), pushes) for mu in FRICTIONS}
         covered[key] = coverage(pushes, job, new, number)
     chosen = {shape: leave_one_out(pairs, shape) for shape, _ in sets}
     ours["from own pairs"] = {key: values[chosen[key[0]]] for key, values in pairs.items()}
 
     def grouped(pick: Callable[[tuple[str, str]], bool]) -> dict[str, Any]:
         keys = [key for key in sets if pick(key)]
-        shares = np.concatenate([covered[key] for key in keys]).mean(axis=0)
+        shares = np.concatenate([covered[key] for key in keys], axis=1).mean(axis=1).round(4)
+        curves = dict(zip(("x", "y", "turn"), shares.T.tolist(), strict=True))
         return {
             **{model: figures([ours[model][key] for key in keys]) for model in MODELS},
-            "coverage": dict(zip(("x", "y", "turn"), np.round(shares, 4).tolist(), strict=True)),
+            "coverage": {name: curve[SHARES.index(0.9)] for name, curve in curves.items()},
+            "calibration": curves,
         }
 
     shapes = list(dict.fromkeys(shape for shape, _ in sets))
@@ -302,7 +372,14 @@ def measured(folder: Path) -> dict[str, Any]:
             {"shape": shape, "surface": surface, **turning(folder, pushes)}
             for (shape, surface), pushes in sets.items()
         ],
+        "nominal": SHARES,
+        "radius_mm": RADIUS_MM,
         "groups": groups,
+        "worst": list(farthest.values()),
+        "elsewhere": {
+            "pushes": elsewhere(pushed),
+            "squeezes": elsewhere([squeezed(path) for path in JOBS]),
+        },
     }
 
 

@@ -1,10 +1,14 @@
 """The pictures of the documentation: they show what is kept, no text covers another, files are small."""
 
+import json
 import re
 from xml.etree import ElementTree
 
+import charts
 import movie
+import numpy as np
 import pytest
+from launch import RESULTS
 
 from planner.report.replay import replay
 
@@ -23,3 +27,18 @@ def test_the_moving_picture_shows_a_part_that_the_table_locates(table, job):
     message = " ".join(drawn.itertext())
     assert message.count("the encoder reads") == 3
     assert float(re.search(r"off by (\S+) mm", message)[1]) < job.goal.distance_mm
+
+
+def test_pushes_are_drawn_as_they_are_kept():
+    kept = json.loads((RESULTS / "contact.json").read_text())
+    nine_tenths = kept["nominal"].index(0.9)
+    for axes, name in zip(charts.calibration(kept).axes, ("x", "y", "turn"), strict=True):
+        for group, line in zip(charts.GROUPS, axes.lines[1:], strict=True):
+            shown = line.get_xydata()[nine_tenths]
+            assert shown == pytest.approx([90.0, 100 * kept["groups"][group]["coverage"][name]])
+    for axes, row in zip(charts.worst_pushes(kept).axes, kept["worst"], strict=True):
+        start, measured, predicted, _ = (line.get_xydata()[:-1] for line in axes.lines)
+        assert start == pytest.approx(np.array(row["outline_mm"]))
+        off_mm = np.hypot(*(measured - predicted).T)  # of corners, about the error of the middle
+        assert off_mm.min() < row["mm"] < off_mm.max()
+        assert f"{row['mm']:.0f} mm" in axes.get_title()
