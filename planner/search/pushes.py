@@ -50,8 +50,8 @@ class Pusher:
     """Proposes pushes and chooses among them.
 
     Attributes:
-        model: pushes beliefs.
-        costs: of a push.
+        model: simulates pushes of beliefs.
+        costs: the prices of the job.
         jaws: (4,) as in `Simulator`.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         turnable: whether a turn of a whole plan about the origin changes nothing, so that one direction of
@@ -67,7 +67,7 @@ class Pusher:
     least_share: float = LEAST_SHARE
 
     def options(self, belief: Belief) -> list[Push]:
-        """Pushes through a belief, each from beside all of it to beyond where all of it begins."""
+        """Candidate pushes: each starts before all parts of a belief, and ends past the near side of all."""
         result, reach = (
             list[Push](),
             max(float(np.hypot(*outline.T).max()) for outline in self._outlines),
@@ -117,7 +117,7 @@ class Pusher:
         return finalists
 
     def pushed(self, belief: Belief, pushes: Pushes, rng: np.random.Generator) -> Belief:
-        """A belief after pushes, each particle simulated twice: open fingers must clear the scatter, too."""
+        """Simulates pushes of a belief, each particle twice: open fingers must clear the scatter, too."""
         belief = Belief.joined([belief, belief])
         for push in pushes:
             belief = self.model.push(belief, push, rng)

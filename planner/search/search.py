@@ -127,10 +127,10 @@ class Search:
         return True
 
     def close(self, node: Node) -> bool:
-        """Removes unfinished actions wherever another is finished, after a pass that was cut short.
+        """Removes the unfinished actions of each node that has a finished one, after a pass was cut short.
 
         Returns:
-            Whether this leaves no leaf that the pass would have expanded.
+            Whether the node is finished: no leaf below it is one that the pass would have expanded.
         """
         if node.actions is None:
             return not self._is_due(node)
@@ -364,7 +364,7 @@ class Search:
     def _again(
         self, node: Node, actions: list[Action], most: int, rng: np.random.Generator
     ) -> list[_Candidate]:
-        """Actions of the previous pass as candidates for a node's belief, no two of them variants."""
+        """Candidates from the previous pass: distinct grasp poses, and at most one with pushes before it."""
         plain = np.array([a.squeeze.placement for a in actions if not a.squeeze.pushes]).reshape(
             -1, 3
         )
