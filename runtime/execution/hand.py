@@ -55,9 +55,9 @@ LOOK_S = 0.05
 class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
-    Its `calibration` is that of nominal to true widths. `arm_known` tells whether the arm stands where its
-    last acknowledged motion left it, or, before its first one, where it was read first. All its places are
-    those where the fingers meet: the arm is sent beside them where that is off its own middle.
+    `calibration` converts nominal to true widths. `arm_known` tells whether the arm stands where its last
+    acknowledged motion left it or, before the first motion, where it was first read. Every place is the one
+    where the fingers meet; if they meet off the hand's middle, the arm is sent beside the place.
 
     Raises:
         TableError: the limits leave no room for the tips' arc.

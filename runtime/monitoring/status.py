@@ -16,7 +16,7 @@ RECENT = 10  # parts listed in a snapshot
 
 
 class Status:
-    """The snapshot of a run of a table, by its name, fed by the loop and read by any thread."""
+    """State of the run of a named table; the run's loop updates it, and any thread may read it."""
 
     def __init__(self, name: str, loaded: TableFile, shift: Shift) -> None:
         self._name, self._loaded, self._shift = name, loaded, shift
@@ -65,7 +65,7 @@ class Status:
                 self._audits[result.audit] += 1
 
     def end(self, grade: str, sentence: str) -> None:
-        """The run ended: "good" where nobody has to do anything, else "fair" or "poor", with a sentence."""
+        """Records the run's end: grade "good" where nobody has to do anything, else "fair" or "poor"."""
         with self._lock:
             self._end = {"grade": grade, "sentence": sentence}
 

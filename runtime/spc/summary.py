@@ -71,7 +71,7 @@ class NodeRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """All figures: by outcome and verdict, of success with its 95 % interval, by leaf, by node; charts."""
+    """Figures of the parts in journals: outcomes, verdicts, success, leaves, nodes and control charts."""
 
     outcomes: dict[str, int]
     verdicts: dict[str, int]

@@ -82,11 +82,11 @@ class Schedule:
         *,
         first: bool,
     ) -> tuple[Phases, Stand, float]:
-        """One squeeze.
+        """The phases of one squeeze and their times.
 
         Args:
             squeezed: its node and outcome.
-            before: the hand before it; None: above the squeeze's place.
+            before: where the hand is before it; None: above the place of the squeeze.
             after: the next node of the same part, or None.
             jaws_s: how long the jaws still move.
             first: whether it is the part's first, before which the hand is at the retreat height.
