@@ -244,7 +244,7 @@ class Soak:
     handled: tuple[RunOptions, ...] = HANDLED
 
     def plan(self, seed: int) -> RunOptions:
-        """Handling of one run's parts."""
+        """Draws the options of the run with a seed."""
         return random.Random(f"{seed}/plan").choice(self.handled)
 
     def squeeze_s(self) -> float:

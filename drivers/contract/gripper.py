@@ -140,7 +140,7 @@ class GripperContract:
                 gripper.wait()
 
     def test_a_closed_link_stays_closed(self, rig: GripperRig) -> None:
-        """It says so."""
+        """Reading from a closed link raises a LinkError that says so."""
         with rig.open() as gripper:
             gripper.close()
             with pytest.raises(LinkError, match="closed"):
