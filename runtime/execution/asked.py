@@ -1,6 +1,6 @@
-"""Parts of a robot that uses --serve: one line each way; the robot's program moves hand and jaws.
+"""Parts that a robot locates by asking `--serve`: one line each way; its program moves hand and jaws.
 
-Drives a part's program (`traversal.program`): its requests become lines. `tools/docs/serve.md` is the
+Drives a part's program (`traversal.program`), whose requests become lines. `tools/docs/serve.md` is the
 protocol. The robot may do anything between two lines.
 """
 

@@ -180,7 +180,7 @@ class Station:
             self._disable(Error.HEARTBEAT)
 
     def disconnect(self) -> None:
-        """The connection with write access is lost: ends enabling, keeps levels, lest a false edge occur."""
+        """Ends enabling after the writing connection is lost; keeps the levels, lest a false edge occur."""
         if self.enabled:
             self._disable(Error.CONNECTION_LOST)
 

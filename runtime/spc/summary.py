@@ -59,7 +59,7 @@ class NameRow(NamedTuple):
 
 
 class NodeRow(NamedTuple):
-    """The squeezes at one node, against the table's shares by Pearson's chi-square."""
+    """The squeezes at one node, compared with the shares of the table by Pearson's chi-square test."""
 
     node: int
     counts: tuple[int, ...]  # of each branch, and last of rejects

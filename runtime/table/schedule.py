@@ -98,7 +98,7 @@ class Schedule:
         squeeze, place = node.squeeze, Stand.at(node.squeeze)
         following = self.nodes[0 if after is None else after]
         if first and self.turns and before is not None:
-            # In the frame of the plan of the next part, which is turned.
+            # The plan of the next part is turned; converts the hand's place to its frame.
             turn_rad = before.turn_from(place)
             before = Stand(*turned_pose(before, -turn_rad))
         push_s, before = self._push_s(node, before or place)

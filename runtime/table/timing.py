@@ -146,7 +146,7 @@ class Timing:
     def move_s(
         self, way_mm: float, turn_rad: float = 0.0, speed_mm_s: float | None = None
     ) -> float:
-        """One motion of the arm by a way and a turn of its hand; 0 without either."""
+        """Seconds of one motion of the arm over a way and a turn of the hand; 0 without either."""
         way_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         if way_mm <= 0.0:
             return 0.0
