@@ -39,10 +39,10 @@ def no_report(kind: str, fields: Mapping[str, object]) -> None:
 class ObjectState(IntEnum):
     """State of an object between the fingers; a journal holds the number."""
 
-    NONE = 0  # none yet: the fingers are moving, or were never asked to move
+    NONE = 0  # unknown: the fingers are moving, or were never asked to move
     OPENING = 1  # something stopped them while opening
     CLOSING = 2  # something stopped them while closing
-    AT_TARGET = 3  # they are at the requested width
+    AT_TARGET = 3  # the fingers are at the requested width
 
     @property
     def sentence(self) -> str:

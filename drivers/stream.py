@@ -142,7 +142,7 @@ class SerialStream:
 def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
     """Host and port of `scheme://host:port`; the port may be omitted if a usual one is given.
 
-    The caller removes settings after a `?` before.
+    The caller first removes settings after a `?`.
 
     Raises:
         PortError: it has another form.

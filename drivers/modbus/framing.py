@@ -17,7 +17,7 @@ ERROR_BIT = 0x80
 
 
 class RtuFraming:
-    """RTU frames with CRC (Modbus over serial line 1.02); answers have no number of their request."""
+    """RTU frames with CRC (Modbus over serial line 1.02); answers carry no number of their request."""
 
     numbered = False
 

@@ -39,7 +39,7 @@ class Limits(NamedTuple):
 
 
 class Gripper(PolledGripper[Input, Output]):
-    """A SCHUNK gripper. Connecting reads and never writes, nor acknowledges.
+    """A SCHUNK gripper. Connecting only reads; it does not even acknowledge an error.
 
     Raises:
         PortError: the module is not of that profile.

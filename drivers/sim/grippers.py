@@ -48,7 +48,7 @@ class Simulator:
 
     # of the device: its draws, what its fingers may meet, its profile
     model: Callable[..., Fingers]
-    faulty: Callable[..., Fingers]  # the same, and what says when it fails
+    faulty: Callable[..., Fingers]  # the same, and the desk that gives its faults
     registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, at its time
     unit: int  # on the serial line
     scheme: str  # prefix of the serial port's path
