@@ -49,7 +49,7 @@ AFTER_PASSES = 0.5  # share of the work after the passes, for progress
 class Cut(NamedTuple):
     """How a search was cut short."""
 
-    asked: bool  # by a request; otherwise by the budget
+    asked: bool  # whether by a request; otherwise by the budget
     open_share: float = 0.0  # share of all parts that end in unresolved leaves
 
     def figures(self) -> dict[str, Any]:

@@ -1,6 +1,6 @@
-"""Certificate: a lower bound on the squeezes of any plan that is as good as this one.
+"""Certificate of a plan: a lower bound on the squeezes of any plan that is as good.
 
-It covers the job's placements, those along stable sides and the plan's own; not scattered placements.
+It covers the placements of job and plan and those along stable sides, but not scattered ones.
 """
 
 import math

@@ -140,7 +140,7 @@ class Pusher:
     def _from_beside_all(
         self, belief: Belief, pushes: Pushes, rng: np.random.Generator
     ) -> Pushed | None:
-        """The same pushes started clear of a whole belief, and the result; None outside the area."""
+        """Pushes moved back to start clear of a whole belief, with their result; None outside the area."""
         beside = list[Push]()
         for push in pushes:
             beside.append(self._from_beside(push, belief))
@@ -150,7 +150,7 @@ class Pusher:
         return Pushed(tuple(beside), belief)
 
     def _from_beside(self, push: Push, belief: Belief) -> Push:
-        """The same push to the same end, started far enough back to clear a whole belief."""
+        """A push with the same end, but started far enough back to clear a whole belief."""
         along = np.array([np.cos(push.start[2]), np.sin(push.start[2])])
         face = float(push.start[:2] @ along) + 0.5 * float(self.jaws[1])
         back = max(0.0, face + BESIDE_MM - float(self._begins(belief, along).min()))

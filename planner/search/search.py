@@ -148,7 +148,7 @@ class Search:
                 leaf.actions, leaf.previous = None, None
 
     def missing(self, root: Node) -> float:
-        """The share of the parts that end in leaves of a plan that miss the goal."""
+        """The share of parts that end in leaves whose mode ratio is below the goal's confidence."""
         reached = self.problem.stopping.reached
         return sum(leaf.share for leaf in leaves(root) if not reached(leaf.mode.ratio))
 
@@ -335,12 +335,12 @@ class Search:
         return [plain] if same else [plain, finer]
 
     def _jaws(self, candidate: _Candidate) -> Opening:
-        """The jaws before a candidate's squeeze."""
+        """The opening of the jaws before the squeeze of a candidate."""
         pushed = bool(candidate.pushes)
         return self.handling.opening(candidate.lying, candidate.placement, pushed=pushed)
 
     def _candidates(self, node: Node, rng: np.random.Generator) -> list[_Candidate]:
-        """What to expand: the best of the previous pass and the best of many new grasp poses."""
+        """Candidates to expand: the best of the previous pass, and the best of many new grasp poses."""
         rows = FRUGAL if self.stage.frugal else EFFORTS
         effort = next(row for row in rows if node.share >= row.least)
         old, new, probable = list[_Candidate](), effort.actions, node.share >= PROBABLE
@@ -390,7 +390,7 @@ class Search:
         near: Array,
         rng: np.random.Generator,
     ) -> Array:
-        """Grasp poses (k, 3) for a belief, the best first, no two of them variants of one.
+        """Grasp poses (k, 3) for a belief, the best first, without near duplicates.
 
         Args:
             belief: to squeeze.
