@@ -65,7 +65,7 @@ class TcpStream:
             raise StalledError from error
 
     def receive(self, seconds: float) -> bytes:
-        """Data received by then."""
+        """Data received within `seconds`; empty if there is none."""
         if not select.select([self._socket], [], [], max(seconds, 0.0))[0]:
             return b""
         if data := self._socket.recv(CHUNK):
@@ -104,7 +104,7 @@ class SerialStream:
                 data = data[os.write(file, data) :]
 
     def receive(self, seconds: float) -> bytes:
-        """Data received by then."""
+        """Data received within `seconds`; empty if there is none."""
         file = self._port.fileno()
         if not select.select([file], [], [], max(seconds, 0.0))[0]:
             return b""

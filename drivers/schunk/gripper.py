@@ -75,7 +75,7 @@ class Gripper(PolledGripper[Input, Output]):
         return self._state(self._read(), asked)
 
     def activate(self) -> None:
-        """Acknowledges errors and the start; nothing moves."""
+        """Acknowledges errors, so that the gripper becomes ready; nothing moves."""
         seen = self._read()
         if seen.status & Status.READY and not seen.error:
             return
