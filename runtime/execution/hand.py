@@ -390,7 +390,7 @@ class Hand:
 
 
 def _outward(angle_rad: float, low_rad: float, high_rad: float) -> float:
-    """How far out an angle is in a range: 0 in its inner half, from there to 1 or, below, -1 at its ends."""
+    """How far an angle is outside the inner half of a range: 0 within it, -1 and 1 at the ends."""
     half_rad = 0.5 * (high_rad - low_rad)
     if isinf(half_rad):
         return 0.0

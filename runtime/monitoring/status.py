@@ -35,14 +35,14 @@ class Status:
         self._recent: deque[dict[str, object]] = deque(maxlen=RECENT)
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """The phase changed."""
+        """Records a change of phase."""
         with self._lock:
             if part != self._part:
                 self._steps = []
             self._part, self._phase, self._node = part, phase, -1 if node is None else node
 
     def step(self, step: Step) -> None:
-        """A squeeze ended."""
+        """Records a squeeze that has ended."""
         with self._lock:
             self._squeezes += 1
             self._width_um = step.width_um
@@ -50,7 +50,7 @@ class Status:
             self._steps.append({"node": step.node, "width_mm": width_mm, "target": step.target})
 
     def part(self, result: PartResult) -> None:
-        """A part ended."""
+        """Records the result of a part."""
         with self._lock:
             self._outcomes[result.outcome] += 1
             said = None
