@@ -43,7 +43,7 @@ class BoundedSocket:
         return io.BufferedReader(_Incoming(self))
 
     def close(self) -> None:
-        """Disconnects, once the files made from it are closed, too."""
+        """Disconnects as soon as the files made by `makefile` are closed, too."""
         self._socket.close()
 
     def _set_timeout(self) -> None:

@@ -182,7 +182,7 @@ class ManualGripper:
         self._asked = width_um
 
     def wait(self) -> ports.Settled:
-        """Asks to set the opening, or for the width that is read."""
+        """Asks the person to set the requested opening or, after closing, for the width on the calipers."""
         if self._asked is None:
             raise GripperFault("no move to wait for; call move() first")
         asked, self._asked = self._asked, None

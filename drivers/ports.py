@@ -39,10 +39,10 @@ def no_report(kind: str, fields: Mapping[str, object]) -> None:
 class ObjectState(IntEnum):
     """State of an object between the fingers; a journal holds the number."""
 
-    NONE = 0  # none yet: the fingers are moving, or were never asked to move
+    NONE = 0  # unknown: the fingers are moving, or were never asked to move
     OPENING = 1  # something stopped them while opening
     CLOSING = 2  # something stopped them while closing
-    AT_TARGET = 3  # they are at the requested width
+    AT_TARGET = 3  # the fingers are at the requested width
 
     @property
     def sentence(self) -> str:
@@ -170,10 +170,10 @@ class Gripper(Protocol):
         """
 
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
-        """Requests a width of the grid, and returns at once.
+        """Requests a width on the grid of readings, and returns at once.
 
-        Below 0 the fingers close, at the stroke they open as far as they go. Speed and force are the
-        greatest settings of the device that do not exceed the arguments, or its least.
+        A negative width closes the fingers; the stroke opens them as far as they go. The device is set to
+        its greatest speed and force that do not exceed the arguments, or else to its least.
 
         Raises:
             GripperFault: it is not ready, or reports a fault.

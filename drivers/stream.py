@@ -65,7 +65,7 @@ class TcpStream:
             raise StalledError from error
 
     def receive(self, seconds: float) -> bytes:
-        """Data received by then."""
+        """Data received within `seconds`; empty if there is none."""
         if not select.select([self._socket], [], [], max(seconds, 0.0))[0]:
             return b""
         if data := self._socket.recv(CHUNK):
@@ -104,7 +104,7 @@ class SerialStream:
                 data = data[os.write(file, data) :]
 
     def receive(self, seconds: float) -> bytes:
-        """Data received by then."""
+        """Data received within `seconds`; empty if there is none."""
         file = self._port.fileno()
         if not select.select([file], [], [], max(seconds, 0.0))[0]:
             return b""
@@ -142,7 +142,7 @@ class SerialStream:
 def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
     """Host and port of `scheme://host:port`; the port may be omitted if a usual one is given.
 
-    The caller removes settings after a `?` before.
+    The caller first removes settings after a `?`.
 
     Raises:
         PortError: it has another form.

@@ -98,7 +98,7 @@ class Episodes:
         return np.asarray(self.box.mean(axis=0) + 0.5 * (self.box[1] - self.box[0]) * actions)
 
     def begin(self, rows: IntArray | BoolArray, rng: np.random.Generator) -> None:
-        """Starts these episodes, each with a new part."""
+        """Starts the episodes `rows`, each with a new part."""
         self.squeezes[rows] = 0
         self.states[rows] = self.model.initial(len(self.squeezes[rows]), rng)
 

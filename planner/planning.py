@@ -49,7 +49,7 @@ AFTER_PASSES = 0.5  # share of the work after the passes, for progress
 class Cut(NamedTuple):
     """How a search was cut short."""
 
-    asked: bool  # by a request; otherwise by the budget
+    asked: bool  # whether by a request; otherwise by the budget
     open_share: float = 0.0  # share of all parts that end in unresolved leaves
 
     def figures(self) -> dict[str, Any]:
@@ -92,7 +92,7 @@ class Rounds(NamedTuple):
         return cls(max(1, round(FRESH * job.search.particles)), trials)
 
     def within(self, limit: Limit, root: Node, job: Job, workers: int) -> Rounds:
-        """At most the numbers that a budget has time for; that time is reserved from now on."""
+        """Limits the numbers to those that a budget has time for, and reserves that time in `limit`."""
         table = lower(root, job)
         judged(job, 1, workers, table, 0)  # loads its kernels
         began_s = limit.spent_s
@@ -183,7 +183,7 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
 
 
 def _ended(run: Evaluation) -> dict[int, Belief]:
-    """The parts of an evaluation by the leaf that they reached."""
+    """The parts of an evaluation, grouped by the leaf that they reached."""
     parts = _parts(run)
     return {int(leaf): parts[run.leaf == leaf] for leaf in np.unique(run.leaf[run.leaf >= 0])}
 

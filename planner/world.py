@@ -61,7 +61,7 @@ class ContactWorld:
 
     @classmethod
     def of_simulator(cls, simulator: Simulator, seed: Sequence[int]) -> Self:
-        """The world of an existing simulator, with its own random stream."""
+        """A world that squeezes with an existing simulator, and draws from a random stream of its own."""
         world = cls.__new__(cls)
         world._simulator, world._stated = simulator, as_planned(1)
         world._rng = np.random.default_rng([*seed, SEED_WORLD])

@@ -100,7 +100,7 @@ class Track(NamedTuple):
 
 
 def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
-    """Puts the squeezes one after the other."""
+    """Renders the squeezes of a story, one after the other, as an animated SVG."""
     each_s = ARRIVE_S + CLOSE_S + READ_S + OPEN_S
     total_s = each_s * len(story.squeezes) + END_S
     moving, hands = list[tuple[float, Array]](), []

@@ -106,7 +106,7 @@ class Watch:
             self.wrist_deg = (min(self.wrist_deg[0], angle), max(self.wrist_deg[1], angle))
 
     def _is_retreat(self, target: tuple[float, ...]) -> bool:
-        """Whether it goes straight up, as the safe sequence does without asking the gripper."""
+        """Whether a motion goes straight up, as the safe sequence does without asking the gripper."""
         return math.dist(target[:2], self.at_mm[:2]) <= SAME_MM and target[2] >= self.at_mm[2]
 
 
@@ -244,7 +244,7 @@ class Soak:
     handled: tuple[RunOptions, ...] = HANDLED
 
     def plan(self, seed: int) -> RunOptions:
-        """Handling of one run's parts."""
+        """Draws the options of the run with a seed."""
         return random.Random(f"{seed}/plan").choice(self.handled)
 
     def squeeze_s(self) -> float:

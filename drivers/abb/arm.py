@@ -18,11 +18,11 @@ from drivers.ports import TURN_RADIUS_MM
 from drivers.stream import Stream, open_tcp, tcp_address
 
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
-STALE_S = 0.2  # and a stale acknowledgement follows at once
+STALE_S = 0.2  # within which a stale acknowledgement follows
 ANSWER_S = 2.0  # commands that do not move
 STARVED_S = 2.0  # wall: longest delay of a simulated controller
 QUIET_S = 0.01  # wall: silence after which a reply is complete
-# Past a deadline, for data that is there already: this process may have been stopped meanwhile.
+# Reads after a deadline, for data that has already arrived: this process may have been stopped meanwhile.
 LATE_LOOKS = 3
 CONNECT_TRIES = 3
 

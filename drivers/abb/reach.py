@@ -118,14 +118,14 @@ class Wrist(NamedTuple):
     y_mm: float
 
     def moved(self, x_mm: float, y_mm: float, setup: Setup) -> float:
-        """Sum of angle and last axis at another place, rad; the same as here where the base is unknown."""
+        """Sum of hand angle and last axis at a place, rad; `whole_rad` where the arm's base is unknown."""
         if setup.base is None:
             return self.whole_rad
         turn = _bearing(x_mm, y_mm, setup) - _bearing(self.x_mm, self.y_mm, setup)
         return self.whole_rad + math.remainder(turn, math.tau)
 
     def turn_range(self, x_mm: float, y_mm: float, setup: Setup) -> tuple[float, float]:
-        """Least and greatest angle of the hand there for which the last axis stays in its range, rad."""
+        """Least and greatest angle of the hand at a place that keep the last axis in its range, rad."""
         spare = SPARE_DEG if setup.base is not None else SPARE_BLIND_DEG
         whole = self.moved(x_mm, y_mm, setup)
         low, high = setup.wrist

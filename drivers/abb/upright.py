@@ -16,7 +16,7 @@ from drivers.errors import ArmError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM, PoseOfHand
 
 MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
-# In one motion: the controller turns the shortest way, which is ambiguous at half a turn.
+# Largest turn in one motion: the controller turns the shortest way, which is ambiguous at half a turn.
 MOST_TURN_RAD = 3.0
 Read = TypeVar("Read")
 

@@ -113,7 +113,7 @@ class ArmContract:
             assert rig.moves == 1
 
     def test_what_is_out_of_reach_is_refused_and_the_arm_stays_usable(self, rig: ArmRig) -> None:
-        """The message says so."""
+        """The message says that the place is out of reach, and that the arm has not moved."""
         with rig.open() as arm:
             with pytest.raises(ArmError, match=r"not moved.*reach"):
                 arm.move_linear(rig.far_mm, 0.0, 50.0, 0.0, 5000.0)
@@ -121,7 +121,7 @@ class ArmContract:
             arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
 
     def test_after_a_silence_everything_is_refused(self, rig: ArmRig) -> None:
-        """Its place is unknown then."""
+        """The place of an arm that was silent is unknown."""
         with rig.open() as arm:
             rig.silence()
             with pytest.raises(ArmError) as raised:

@@ -117,13 +117,13 @@ class GripperContract:
             assert gripper.state().width_um == rig.contact_um
 
     def test_moves_need_activation(self, rig: GripperRig) -> None:
-        """Nothing is sent without it."""
+        """Without activation a move raises a GripperFault, and nothing is sent."""
         with rig.open() as gripper, pytest.raises(GripperFault, match="not active"):
             close(gripper)
         assert not rig.commanded()
 
     def test_stopping_halfway_leaves_the_jaws_there(self, rig: GripperRig) -> None:
-        """They stand still, not yet closed."""
+        """The jaws stand still, not yet closed."""
         with rig.open() as gripper:
             gripper.activate()
             close(gripper)
@@ -140,7 +140,7 @@ class GripperContract:
                 gripper.wait()
 
     def test_a_closed_link_stays_closed(self, rig: GripperRig) -> None:
-        """It says so."""
+        """Reading from a closed link raises a LinkError that says so."""
         with rig.open() as gripper:
             gripper.close()
             with pytest.raises(LinkError, match="closed"):

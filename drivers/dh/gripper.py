@@ -33,7 +33,7 @@ class Reading(NamedTuple):
 
     @property
     def ready(self) -> bool:
-        """Whether it may be moved."""
+        """Whether the gripper may be moved."""
         return self.initialised is Initialised.YES
 
     @property

@@ -1,6 +1,6 @@
 """A DH gripper's registers over Modbus RTU.
 
-Answers have no number of their request. The two blocks of a reading have different lengths and are read in
+Answers carry no number of their request. The two blocks of a reading have different lengths and are read in
 turn, so a late answer is usually discarded; device logic does not rely on a single reading.
 """
 

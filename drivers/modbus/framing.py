@@ -17,7 +17,7 @@ ERROR_BIT = 0x80
 
 
 class RtuFraming:
-    """RTU frames with CRC (Modbus over serial line 1.02); answers have no number of their request."""
+    """RTU frames with CRC (Modbus over serial line 1.02); answers carry no number of their request."""
 
     numbered = False
 
@@ -31,7 +31,7 @@ class RtuFraming:
         return self._framer.buildFrame(pdu)
 
     def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
-        """The first answer of that unit, to that function and of the requested length."""
+        """The first answer to a request in received bytes: of its unit, function and requested length."""
         head = bytes((pdu.dev_id, pdu.function_code))
         for start in range(len(buffer) - 1):
             if buffer[start] != head[0] or buffer[start + 1] & ~ERROR_BIT != head[1]:
@@ -64,7 +64,7 @@ class TcpFraming:
         return self._framer.buildFrame(pdu)
 
     def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
-        """The answer with the number of the last request; skips answers to earlier ones."""
+        """The answer to the last request in received bytes, by its number; skips answers to earlier ones."""
         while buffer:
             try:
                 used, answer = self._framer.handleFrame(buffer, pdu.dev_id, pdu.transaction_id)

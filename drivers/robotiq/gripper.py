@@ -172,7 +172,7 @@ class Gripper(PolledGripper[Reading, int]):
 
 
 def _has_latched(seen: Reading) -> bool:
-    """Whether it reports a fault that only a reset clears."""
+    """Whether a reading reports a fault that only a reset clears."""
     return seen.fault != 0 and fault_text(seen.fault).severity == MAJOR
 
 

@@ -1,7 +1,7 @@
 """The gripper's register blocks over Modbus: RTU on a serial port, RTU over TCP, Modbus TCP.
 
-`read` may be repeated; a write is not, the device logic reads the state first. Behind a gateway the blocks
-may have other addresses:
+A failed read is repeated. A failed write is not: the device logic first reads the state. Behind a gateway
+the blocks may have other addresses:
 
     tcp://192.168.1.20:502?unit=9&output=0x03E8&input=0x07D0&function=3
 """
@@ -74,7 +74,7 @@ class ModbusLink(Master):
 
 
 def rtu_link(stream: Stream, pace: Pace, report: Report = no_report) -> ModbusLink:
-    """A link with RTU frames on any byte stream, wired as usual."""
+    """A link with RTU frames on any byte stream, at the default unit and addresses."""
     return ModbusLink(stream, RtuFraming(), RTU, pace, report)
 
 

@@ -39,7 +39,7 @@ class Limits(NamedTuple):
 
 
 class Gripper(PolledGripper[Input, Output]):
-    """A SCHUNK gripper. Connecting reads and never writes, nor acknowledges.
+    """A SCHUNK gripper. Connecting only reads; it does not even acknowledge an error.
 
     Raises:
         PortError: the module is not of that profile.
@@ -75,7 +75,7 @@ class Gripper(PolledGripper[Input, Output]):
         return self._state(self._read(), asked)
 
     def activate(self) -> None:
-        """Acknowledges errors and the start; nothing moves."""
+        """Acknowledges errors, so that the gripper becomes ready; nothing moves."""
         seen = self._read()
         if seen.status & Status.READY and not seen.error:
             return

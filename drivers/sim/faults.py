@@ -106,7 +106,7 @@ class Fault(NamedTuple):
 
     @property
     def channel(self) -> Channel:
-        """Its events."""
+        """The channel whose events the fault counts."""
         return KINDS[self.kind].channel
 
 

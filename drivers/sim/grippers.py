@@ -48,7 +48,7 @@ class Simulator:
 
     # of the device: its draws, what its fingers may meet, its profile
     model: Callable[..., Fingers]
-    faulty: Callable[..., Fingers]  # the same, and what says when it fails
+    faulty: Callable[..., Fingers]  # the same, and the desk that gives its faults
     registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, at its time
     unit: int  # on the serial line
     scheme: str  # prefix of the serial port's path
@@ -62,7 +62,7 @@ class Simulator:
         surroundings: Surroundings,
         desk: Desk | None = None,
     ) -> Fingers:
-        """The device.
+        """Creates the simulated device.
 
         Args:
             profile: of its model.
@@ -76,7 +76,7 @@ class Simulator:
         return self.faulty(lags, surroundings, profile, desk)
 
     def slave(self, device: Any, now: Callable[[], float], line: CleanLine) -> RtuSlave:
-        """The device on a serial line."""
+        """The device on the other end of a serial line."""
         return RtuSlave(self.registers(device, now), line, self.unit)
 
     def ports(self, device: Any, site: Site, line: Callable[..., CleanLine]) -> Ports:
@@ -93,7 +93,7 @@ class Simulator:
     def driver(
         self, stream: Stream, pace: Pace, report: Report, profile: GripperProfile
     ) -> Gripper:
-        """The driver, on that serial line."""
+        """The driver on one end of a serial line."""
         return self.gripper(self.link(stream, pace, report), pace, report, profile)
 
 

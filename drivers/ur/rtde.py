@@ -16,7 +16,7 @@ PORT = 30004
 VERSION = 2
 FREQUENCY_HZ = 125.0
 ANSWER_S = 2.0  # wall
-# Past a deadline, for data that is there already: this process may have been stopped meanwhile.
+# Reads after a deadline, for data that has already arrived: this process may have been stopped meanwhile.
 LATE_LOOKS = 3
 HEADER = struct.Struct(">HB")
 FORMATS = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}

@@ -123,7 +123,7 @@ class Costs:
         return self.timing.squeeze(visit).total_s / self.typical_s
 
     def back(self, hand: Hand | None, home: Array | None) -> float:
-        """The cost of the way to `home` (3,) in the world, the first squeeze of the next part."""
+        """The cost of the way to `home` (3,), the placement of the next part's first squeeze in the world."""
         if self.timing is None or hand is None or home is None:
             return 0.0
         if self.plans_turn:

@@ -1,4 +1,4 @@
-"""What a squeeze shows: readings of the finger encoder, a linear map of the gripper with noise."""
+"""Model of observations: readings of the finger encoder, linear in the width, with noise."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from planner.arrays import Array, IntArray
 from planner.job.model import Job
 
 SIGMAS = 6.0
-"""Standard deviations of a reading between two widths that are distinguished; 0.3 % are mistaken."""
+"""Least distance of two widths that are distinguished, in standard deviations; 0.3 % are mistaken."""
 COARSE_MM = 0.4  # widths that the search may take for one where there are very many
 MARGIN_MM = 1.0
 """Distance beyond the widths seen that a branch reaches, at most half a gap."""

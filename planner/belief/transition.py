@@ -23,7 +23,7 @@ Case: TypeAlias = tuple[Belief, Array]
 
 
 class Push(NamedTuple):
-    """The hand comes down beside the part and goes straight on along its own x axis."""
+    """A push: the hand comes down beside the part, and moves straight ahead along its own x axis."""
 
     start: Array  # (3,) the hand frame in the world, where it comes down [mm, mm, rad]
     opening_mm: float  # of the jaws; 0: closed

@@ -1,6 +1,6 @@
-"""Certificate: a lower bound on the squeezes of any plan that is as good as this one.
+"""Certificate of a plan: a lower bound on the squeezes of any plan that is as good.
 
-It covers the job's placements, those along stable sides and the plan's own; not scattered placements.
+It covers the placements of job and plan and those along stable sides, but not scattered ones.
 """
 
 import math
@@ -50,11 +50,11 @@ class Covered:
     sample that it judges with.
 
     Attributes:
-        first: (k, 3) those of the first squeeze, the table's own first, no two of them equivalent.
+        first: (k, 3) placements of the first squeeze, that of the table first, no two of them equivalent.
     """
 
     def __init__(self, job: Job, table: Table, squeeze: Squeeze, dense: bool) -> None:
-        """The placements of a table's job and its own, and a grid about the middle if `dense`."""
+        """Collects the placements of a job and of its table and, if `dense`, a grid about the middle."""
         self._actions, self._metric, self._squeeze = actions_of(job), metric_of(job), squeeze
         self._more, self._seed = np.zeros((0, 3)), [job.seed, SEED_PILOTS]
         if dense:  # every 15 degrees, in the middle and on either side of it
@@ -71,7 +71,7 @@ class Covered:
         self._squeezed = dict[History, Belief]()
 
     def __call__(self, history: History) -> Array:
-        """The placements (k, 3) of the next squeeze, the table's own last where it has one."""
+        """The placements (k, 3) of the next squeeze; that of the table is last, if it has one."""
         if not history:
             return self.first
         pilots, node = self._after(history), self._node(history)

@@ -204,7 +204,7 @@ def _search(local: Array, added: bool, turn: float, best: int, stack: Array) -> 
 def _count(
     local: Array, middle: tuple[float, float, float], added: bool, turn: float, reach: float
 ) -> tuple[int, int]:
-    """How many poses lie within 1 of `middle`, and how many within `reach`."""
+    """Counts the poses `local` (n, 3) within distance 1 of `middle`, and those within `reach`."""
     inner, outer = 0, 0
     for i in range(local.shape[0]):
         dx, dy = local[i, 0] - middle[0], local[i, 1] - middle[1]

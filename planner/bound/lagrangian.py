@@ -33,9 +33,9 @@ class Term(NamedTuple):
 
 
 def leaves_term(levels: list[Level], confidence: float, success: float, certainty: float) -> Term:
-    """The bound for plans in which each leaf that claims a pose locates the share `confidence` of its parts.
+    """The bound for plans in which each leaf that claims a pose locates a share `confidence` of its parts.
 
-    At least the share `success` of all parts ends in such leaves. The bounds of all terms hold together with
+    At least a share `success` of all parts ends in such leaves. The bounds of all terms hold together with
     probability `certainty`.
     """
     error, n = (1.0 - certainty) / EVENTS, int(levels[0].size.sum())

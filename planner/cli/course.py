@@ -24,17 +24,17 @@ Arguments: the seconds so far, and how much of the current stage is done, of how
 
 
 def unknown(_seconds: float, _done: int, _total: int) -> float | None:
-    """Share of a search: unknown until it ends."""
+    """The share of a search that is done: unknown until it ends."""
     return None
 
 
 def counted(_seconds: float, done: int, total: int) -> float | None:
-    """Share of work that is one stage, or many stages with one count."""
+    """The share done of work in one stage, or in many stages with one count."""
     return done / total if total else None
 
 
 def of_time(expected_s: float) -> Whole:
-    """Share of work that ends after a stated time [s]; unknown once it takes longer."""
+    """The share done of work that should end after a time [s]; unknown once it takes longer."""
     return lambda seconds, _done, _total: seconds / expected_s if seconds < expected_s else None
 
 
@@ -70,7 +70,7 @@ def shown(
 
 
 class _Course:
-    """Tracks how far a command's work is, and estimates its end."""
+    """Tracks the progress of a command's work, and estimates its end."""
 
     def __init__(self, whole: Whole, clock: Callable[[], float]) -> None:
         self.share = 0.0  # of the whole work, never less than before

@@ -127,7 +127,7 @@ def check_thickness(imported: Imported) -> None:
 
 
 def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
-    """The plan within the time until an answer [s]; if `patient`, in longer time where needed.
+    """Plans within the time until an answer [s]; if that is too short and `patient`, again in `SLOW_S`.
 
     Raises:
         NoPlanError: the time does not suffice, or no plan exists.

@@ -182,7 +182,7 @@ def run(
 
     Raises:
         UsageError: as `paths_of`.
-        OutputError: a file cannot be written, or its folder not be made.
+        OutputError: a file cannot be written, or its folder cannot be created.
         UnreachableError: the connection to the cluster was lost.
     """
     paths = paths_of(orders, output)

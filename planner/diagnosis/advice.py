@@ -80,7 +80,7 @@ def _noise_lines(gains: Sequence[Gain]) -> list[str]:
 
 
 class Advice(NamedTuple):
-    """What limits a plan."""
+    """The causes that limit a plan, and their remedies."""
 
     failing: float  # share of the parts that are not located
     rejected: float  # share whose width no branch has

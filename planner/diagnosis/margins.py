@@ -1,4 +1,4 @@
-"""What branches rest on: how far widths may be off."""
+"""Margins of a plan: how far widths may be off before its branches no longer fit."""
 
 from typing import NamedTuple
 

@@ -33,7 +33,7 @@ class Answer(NamedTuple):
 
     @property
     def apart_mm(self) -> float | None:
-        """The largest difference between the two at any squeeze."""
+        """Largest difference of `widths_mm` and `ours_mm` at any squeeze [mm]; None without the latter."""
         pairs = zip(self.widths_mm, self.ours_mm, strict=True) if self.ours_mm else ()
         return max((round(abs(theirs - ours), 2) for theirs, ours in pairs), default=None)
 

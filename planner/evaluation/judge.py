@@ -62,7 +62,7 @@ def claimed(table: Table, leaf: IntArray) -> BoolArray:
 def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
     """Compares true poses (n, 3) in the world with the answers of their leaves (n,), where >= 0.
 
-    A fourth column is the hypothesis; without it, it is the first.
+    A fourth column is the hypothesis; without it, every part has the first.
     """
     metric = metric_of_table(table)
     # A goal of another kind may state no distance.

@@ -1,6 +1,6 @@
 """Writes an export: a table's data and executor in one language, with vectors that test them.
 
-All forms store what follows each reading as runs of counts.
+Every language stores the branches of a node as runs of consecutive counts.
 """
 
 import json

@@ -273,7 +273,7 @@ def _grasp(delivery: dict[str, Any], part: dict[str, Any]) -> tuple[float, float
 
 
 def _check_delivery(values: Values) -> None:
-    """Checks that the hand comes down within its area for each of the part's symmetric turns."""
+    """Checks width and area, and that some symmetric turn of the part puts the hand down within the area."""
     delivery, opening = values["delivery"], values["gripper"]["opening_mm"]
     width = delivery["width_mm"]
     if width is not None and width >= opening:

@@ -38,7 +38,7 @@ class ForeignPart:
 class Hypothesis(ForeignPart):
     """One of the parts that may lie on the table."""
 
-    share: float  # of the parts that come
+    share: float  # fraction of all parts that come
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +87,7 @@ class Job:
 
     @property
     def name(self) -> str:
-        """Names of the parts that may lie there, for people."""
+        """Names of the parts of the job, as text for people."""
         return " or ".join(job.part.name for job in self.alone)
 
     @classmethod

@@ -33,7 +33,7 @@ FACTOR = 3.0  # Radius of the region in radii of the job's uncertainty (paper, V
 
 
 class RollOuts(NamedTuple):
-    """Training squeezes, ordered by ring."""
+    """Training squeezes, ordered by the ring in which they start, the innermost first."""
 
     initial: Array  # (n, 3) poses before, in the hand frame [mm, mm, rad]
     final: Array  # (n, 3) poses after

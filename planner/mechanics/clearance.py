@@ -114,7 +114,7 @@ def free_closing(
 
 @inner_kernel
 def _room(points: Array, opening: float, h: float, thickness: float) -> float:
-    """Least distance along y between the open fingers and the part [mm]; -1 where one stands on it."""
+    """Least distance along y between the open fingers and the part [mm]; -1 where a finger stands on it."""
     top = 0.5 * opening
     if stand(points, top, -top, h, thickness):
         return -1.0

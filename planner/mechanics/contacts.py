@@ -236,9 +236,9 @@ def _add_corners(
 
 @inner_kernel
 def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
-    """Marks in `out` (N,) on which sides of the fingers' surroundings each vertex lies outside.
+    """Writes the outcode of each vertex into `out` (N,): where it lies relative to the fingers.
 
-    Outcodes, after Cohen and Sutherland: an edge whose ends share one of the `FAR` bits is farther than
+    As in Cohen and Sutherland's line clipping: an edge whose ends share one of the `FAR` bits is farther than
     `margin` from all fingers, one whose ends share any bit runs no deeper than `PENETRATION_MM` in one.
     """
     first, second = hand.first, hand.second

@@ -112,7 +112,7 @@ def _factor(surface: QuarticSurface) -> Array:
 
 
 def lifted(S: Array) -> Array:
-    """Transforms (n, 6, 6) by S (n, 3, 3) of the six products of two coordinates, ordered as `PAIRS`."""
+    """How S (n, 3, 3) maps the six products of two coordinates (`PAIRS`), as matrices (n, 6, 6)."""
     (i, j), (k, m) = PAIRS.T[:, :, None], PAIRS.T[:, None, :]
     other = np.where(k == m, 0.0, 1.0)
     return np.asarray(S[:, i, k] * S[:, j, m] + other * S[:, i, m] * S[:, j, k])

@@ -86,7 +86,7 @@ def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
 
 
 def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
-    """Distributed loads, over the rim, the area and its middle; and sets of three feet."""
+    """Other supports that a job allows: distributed over rim, area or its middle; and sets of three feet."""
     pressure, outline, rng = job.pressure, job.part.outline_mm, np.random.default_rng(FEET)
     if job.doubt.pressure == "stated":
         return [], []

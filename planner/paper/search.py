@@ -192,5 +192,5 @@ def nearest_observation(
 
 
 def search_depth(actions: int) -> int:
-    """The paper's d, which it does not state: up to 3, while the sequences stay few enough."""
+    """Depth d of the search, which the paper does not state: 3, or less where sequences are too many."""
     return next((d for d in range(DEEPEST, 1, -1) if actions**d <= MOST_SEQUENCES), 1)

@@ -80,10 +80,10 @@ def _with_few_vertices(outline: Outline) -> Outline:
 def _maps_onto_itself(
     boundary: shapely.LinearRing, outline: Outline, n: int, tolerance_mm: float
 ) -> bool:
-    """Tests the turns one by one, starting with those that are most likely to fail.
+    """Whether every turn by a multiple of 360 / `n` degrees maps an outline onto itself.
 
-    A few vertices are turned first, then all of them. A part between two circles within the tolerance
-    passes every turn.
+    Turns a few vertices first, then all, by the likeliest angles to fail first. An outline between two
+    circles within the tolerance passes every turn.
     """
     radii = np.hypot(*outline.T)
     if radii.max() - shapely.distance(boundary, shapely.Point(0.0, 0.0)) <= tolerance_mm:

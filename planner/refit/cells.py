@@ -123,7 +123,10 @@ class Off(Disturbance):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """Cells of one job that run one table, addressed by points of their space."""
+    """Simulated cells that run a table of one job; a point (d + 1,) states the latent parameters of one.
+
+    Its first d entries are the quantities of `space`, the last is the index of the limit surface.
+    """
 
     job: Job
     program: Program

@@ -24,7 +24,7 @@ RIDGE = 1e-6  # of the regression, in units of the features' variance
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Likelihood:
-    """Likelihood of cells by k features: k observed statistics, and a regression of their mean on p terms."""
+    """Gaussian likelihood of a cell with k features, from k statistics whose mean is regressed on p terms."""
 
     centre: Array  # (k,) of the features
     scale: Array  # (k,)

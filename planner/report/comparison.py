@@ -38,7 +38,7 @@ class Plan(NamedTuple):
 
 
 def of_plans(this: Plan, other: Plan, trials: int) -> Comparison:
-    """Compares two plans, each in the cell that its job states, by the trials of the table or `trials`."""
+    """Compares two plans, each in the cell of its job, by as many trials as its table, or `trials`."""
     columns = [dict(_plan_figures(plan, trials)) for plan in (this, other)]
     jobs = [_flat(json.loads(plan.job.canonical())) for plan in (this, other)]
     rows = [Row(name, value, columns[1][name]) for name, value in columns[0].items()]

@@ -47,7 +47,7 @@ class Item(NamedTuple):
 
 
 def judge(item: Item) -> Figures:
-    """Plans an outline and evaluates its table; raises only where the cluster is lost."""
+    """Plans an outline and evaluates its table; reports every error in the figures but `UnreachableError`."""
     started = time.thread_time(), time.perf_counter()
     figures: Figures = {
         "name": item.name,

@@ -28,8 +28,8 @@ class AlongSides(NamedTuple):
     """Hand placements along a part's sides, for a belief; none where there are no proposals.
 
     Attributes:
-        about_modes: (k, 3) about its main modes [mm, mm, rad].
-        about_middles: (k, 3) the same about the middle of the poses along each, where open jaws clear more.
+        about_modes: (k, 3) about the main modes of the belief [mm, mm, rad].
+        about_middles: (k, 3) the same about the middle of each mode's poses, where open jaws clear more.
     """
 
     about_modes: Array

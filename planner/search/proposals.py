@@ -36,7 +36,7 @@ class Proposals:
 
     Attributes:
         relative: (m, 3) the hand in the part's frame [mm, mm, rad].
-        scattered: (n, 3) more of them, all about the part: the first few fill the space as evenly as all.
+        scattered: (n, 3) more of them, spread evenly about the part, as is every prefix.
     """
 
     relative: Array

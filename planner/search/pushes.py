@@ -50,8 +50,8 @@ class Pusher:
     """Proposes pushes and chooses among them.
 
     Attributes:
-        model: pushes beliefs.
-        costs: of a push.
+        model: simulates pushes of beliefs.
+        costs: the prices of the job.
         jaws: (4,) as in `Simulator`.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         turnable: whether a turn of a whole plan about the origin changes nothing, so that one direction of
@@ -67,7 +67,7 @@ class Pusher:
     least_share: float = LEAST_SHARE
 
     def options(self, belief: Belief) -> list[Push]:
-        """Pushes through a belief, each from beside all of it to beyond where all of it begins."""
+        """Candidate pushes: each starts before all parts of a belief, and ends past the near side of all."""
         result, reach = (
             list[Push](),
             max(float(np.hypot(*outline.T).max()) for outline in self._outlines),
@@ -117,7 +117,7 @@ class Pusher:
         return finalists
 
     def pushed(self, belief: Belief, pushes: Pushes, rng: np.random.Generator) -> Belief:
-        """A belief after pushes, each particle simulated twice: open fingers must clear the scatter, too."""
+        """Simulates pushes of a belief, each particle twice: open fingers must clear the scatter, too."""
         belief = Belief.joined([belief, belief])
         for push in pushes:
             belief = self.model.push(belief, push, rng)
@@ -140,7 +140,7 @@ class Pusher:
     def _from_beside_all(
         self, belief: Belief, pushes: Pushes, rng: np.random.Generator
     ) -> Pushed | None:
-        """The same pushes started clear of a whole belief, and the result; None outside the area."""
+        """Pushes moved back to start clear of a whole belief, with their result; None outside the area."""
         beside = list[Push]()
         for push in pushes:
             beside.append(self._from_beside(push, belief))
@@ -150,7 +150,7 @@ class Pusher:
         return Pushed(tuple(beside), belief)
 
     def _from_beside(self, push: Push, belief: Belief) -> Push:
-        """The same push to the same end, started far enough back to clear a whole belief."""
+        """A push with the same end, but started far enough back to clear a whole belief."""
         along = np.array([np.cos(push.start[2]), np.sin(push.start[2])])
         face = float(push.start[:2] @ along) + 0.5 * float(self.jaws[1])
         back = max(0.0, face + BESIDE_MM - float(self._begins(belief, along).min()))

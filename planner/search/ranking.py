@@ -117,7 +117,7 @@ class _Contest:
         return np.concatenate([self.poses, fourth], axis=2)
 
     def halve(self, squeezes: Array) -> None:
-        """Drops the worse options, unless all particles have judged them."""
+        """Keeps the better half of the options, at least `FINALISTS`, while particles are left to squeeze."""
         self.squeezes = squeezes
         if self.waiting:
             most = max(FINALISTS, -(-len(self.placements) // 2))
@@ -189,9 +189,9 @@ class Ranking:
         return options
 
     def unlike(self, belief: Belief, placements: Array, most: int) -> Array:
-        """At most `most` of a belief's grasp poses (k, 3), the best first, no two of them variants of one.
+        """Drops near duplicates from a belief's grasp poses (k, 3), the best first; keeps at most `most`.
 
-        Of the fixed ones for a first squeeze each may begin another plan.
+        The fixed grasp poses of a first squeeze are all kept, since each may begin another plan.
         """
         fixed = self.actions.first is not None and not belief.touched
         return np.asarray(placements[unlike(placements, most, 0.0 if fixed else 1.0)])
@@ -291,12 +291,12 @@ def judged(states: Array, reading: IntArray, costs: Costs, left: Array) -> None:
 
 
 def unlike(placements: Array, most: int, distance: float = 1.0) -> list[int]:
-    """Indices of grasp poses (k, 3), the best first, that are no variants of earlier ones; at most `most`.
+    """Indices of grasp poses (k, 3), the best first, that are not near an earlier one; at most `most`.
 
     Args:
         placements: the grasp poses.
         most: how many at most.
-        distance: up to which they are variants, in units of `ALIKE_MM` and `ALIKE`; 0: only equal ones are.
+        distance: up to which two are near, in units of `ALIKE_MM` and `ALIKE`; 0: only equal ones are.
     """
     chosen = list[int]()
     for k, placement in enumerate(placements):

@@ -127,10 +127,10 @@ class Search:
         return True
 
     def close(self, node: Node) -> bool:
-        """Removes unfinished actions wherever another is finished, after a pass that was cut short.
+        """Removes the unfinished actions of each node that has a finished one, after a pass was cut short.
 
         Returns:
-            Whether this leaves no leaf that the pass would have expanded.
+            Whether the node is finished: no leaf below it is one that the pass would have expanded.
         """
         if node.actions is None:
             return not self._is_due(node)
@@ -148,7 +148,7 @@ class Search:
                 leaf.actions, leaf.previous = None, None
 
     def missing(self, root: Node) -> float:
-        """The share of the parts that end in leaves of a plan that miss the goal."""
+        """The share of parts that end in leaves whose mode ratio is below the goal's confidence."""
         reached = self.problem.stopping.reached
         return sum(leaf.share for leaf in leaves(root) if not reached(leaf.mode.ratio))
 
@@ -335,12 +335,12 @@ class Search:
         return [plain] if same else [plain, finer]
 
     def _jaws(self, candidate: _Candidate) -> Opening:
-        """The jaws before a candidate's squeeze."""
+        """The opening of the jaws before the squeeze of a candidate."""
         pushed = bool(candidate.pushes)
         return self.handling.opening(candidate.lying, candidate.placement, pushed=pushed)
 
     def _candidates(self, node: Node, rng: np.random.Generator) -> list[_Candidate]:
-        """What to expand: the best of the previous pass and the best of many new grasp poses."""
+        """Candidates to expand: the best of the previous pass, and the best of many new grasp poses."""
         rows = FRUGAL if self.stage.frugal else EFFORTS
         effort = next(row for row in rows if node.share >= row.least)
         old, new, probable = list[_Candidate](), effort.actions, node.share >= PROBABLE
@@ -364,7 +364,7 @@ class Search:
     def _again(
         self, node: Node, actions: list[Action], most: int, rng: np.random.Generator
     ) -> list[_Candidate]:
-        """Actions of the previous pass as candidates for a node's belief, no two of them variants."""
+        """Candidates from the previous pass: distinct grasp poses, and at most one with pushes before it."""
         plain = np.array([a.squeeze.placement for a in actions if not a.squeeze.pushes]).reshape(
             -1, 3
         )
@@ -390,7 +390,7 @@ class Search:
         near: Array,
         rng: np.random.Generator,
     ) -> Array:
-        """Grasp poses (k, 3) for a belief, the best first, no two of them variants of one.
+        """Grasp poses (k, 3) for a belief, the best first, without near duplicates.
 
         Args:
             belief: to squeeze.

@@ -26,7 +26,7 @@ class Folder:
         self.path = path.resolve()
 
     def files(self) -> list[File]:
-        """Its regular files, by name: no links, hidden files, or names that are not text."""
+        """The regular files of the folder, by name: no links, hidden files, or names that are not text."""
         result = []
         with os.scandir(self.path) as entries:
             for entry in entries:

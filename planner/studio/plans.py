@@ -117,7 +117,7 @@ class Plans:
         return Plan(name, alive and log.exit is None, alive and log.exit is not None, log, kept)
 
     def _begun(self, stem: str) -> tuple[str, int]:
-        """The first name without files of a plan, and a locked descriptor of its log."""
+        """Creates and locks the log of a new plan; returns the first free name, and the log's descriptor."""
         number = 1
         while True:
             name = stem if number == 1 else f"{stem}-{number}"

@@ -39,7 +39,7 @@ MODBUS, OPC_UA = "modbus-tcp", "opc.tcp"
 WAKE_S = 2.0  # between two notifications of the service manager
 ENDING_S = 5.0  # for a PLC to end the handshake of the last part
 FAREWELL_S = 3.0  # the same where a stop request or an error ends the run
-GLANCE_S = 1.0  # for a PLC to read once more
+GLANCE_S = 1.0  # for a PLC to read the last state
 EXCLUDED = {
     "serve": "answers a robot that moves itself",
     "check": "moves nothing",

@@ -1,6 +1,6 @@
-"""Parts of a robot that uses --serve: one line each way; the robot's program moves hand and jaws.
+"""Parts that a robot locates by asking `--serve`: one line each way; its program moves hand and jaws.
 
-Drives a part's program (`traversal.program`): its requests become lines. `tools/docs/serve.md` is the
+Drives a part's program (`traversal.program`), whose requests become lines. `tools/docs/serve.md` is the
 protocol. The robot may do anything between two lines.
 """
 
@@ -145,10 +145,10 @@ class AskedParts:
         return None if self._part is None else self._part.deadline
 
     def answer(self, line: str) -> str:
-        """The answer to a line, both without their ends.
+        """The answer to a line, both without a line end.
 
         Raises:
-            JournalError: it cannot be written; the line then has no effect.
+            JournalError: the journal cannot be written; the line then has no effect.
         """
         name, *words = line.split(" ")
         try:
@@ -181,7 +181,7 @@ class AskedParts:
         return self._go_on(part)
 
     def _width(self, words: list[str]) -> str:
-        """`WIDTH mm [OBJECT|NONE] [node]`."""
+        """Answers `WIDTH mm [OBJECT|NONE] [node]`."""
         part, seen = self._due(words, 1)
         _check(NUMBER.fullmatch(words[0]) is not None, 10)
         width_um = round(1000 * float(words[0]))
@@ -193,7 +193,7 @@ class AskedParts:
         return self._read(part, reading_um, seen, " ".join(["WIDTH", *words]))
 
     def _counts(self, words: list[str]) -> str:
-        """`COUNTS n OBJECT|NONE [node]`."""
+        """Answers `COUNTS n OBJECT|NONE [node]`."""
         part, seen = self._due(words, 2)
         _check(seen is not None and re.fullmatch(r"\d{1,9}", words[0]) is not None, 10)
         assert seen is not None

@@ -95,7 +95,7 @@ def look(
 def begin(
     journal: Journal, broken: Replay | None, table: bytes, fields: Mapping[str, object], policy: str
 ) -> None:
-    """Writes a new run's header, or that the broken one is resumed.
+    """Writes the header of a new run, or the record that the broken one is resumed.
 
     Raises:
         JournalError: the journal cannot be written.

@@ -48,7 +48,7 @@ class Delivery:
         }
 
     def of(self, hypothesis: int) -> Self:  # noqa: ARG002
-        """The delivery of the only part."""
+        """This delivery, whatever the hypothesis: there is only one part."""
         return self
 
     def each(self) -> list[tuple[str, Self]]:

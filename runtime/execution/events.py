@@ -92,16 +92,16 @@ class Console:
     """Observer of run events, called in order. Implementations must not raise and may override any subset."""
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """The phase changed; `node` where there is one."""
+        """Receives a change of phase; `node` where there is one."""
 
     def note(self, sentence: str) -> None:
-        """A message for the reader."""
+        """Receives a message for people."""
 
     def step(self, part: int, step: Step) -> None:
-        """A squeeze ended."""
+        """Receives a squeeze that has ended."""
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """A part ended."""
+        """Receives the result of a part."""
 
     def summary(self, tally: Tally, journal: Path) -> None:
-        """The run ended."""
+        """Receives the sums of a run that has ended."""

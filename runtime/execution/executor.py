@@ -254,7 +254,7 @@ class Executor:
         self._hand.retreat()
 
     def _finish(self, result: PartResult) -> PartResult:
-        """At a leaf: asks the auditor, then delivers; other outcomes pass unchanged."""
+        """Asks the auditor and delivers, after a part that ended at a leaf; other results pass unchanged."""
         if result.outcome is not Outcome.LEAF or result.leaf is None:
             return result
         leaf = self._program.table.leaves[result.leaf]
@@ -304,7 +304,7 @@ class Executor:
         return self._ended(replace(result, leaf=self._found))
 
     def _ended(self, result: PartResult) -> PartResult:
-        """Records a fault's result; a journal that fails now is noted there instead of hiding the fault."""
+        """Records a fault's result; if the journal fails, too, the result adds that to the fault."""
         try:
             self._cell.journal.record("outcome", outcome_fields(self._program.table, result))
         except ExpectedError as error:

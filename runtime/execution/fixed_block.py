@@ -26,7 +26,7 @@ from runtime.traversal.geometry import compose
 ROOM_MM = 15.0  # clearance between a block in the middle and each open finger
 COARSE_MM = 6.0  # distance from its stated place at which the block is searched
 NEAR_MM = 4.0  # largest distance at which it may be
-# beside where it was found, on either side; rounding averages out
+# offsets of the final grips to either side of the block's place; several, so that rounding averages out
 FINE_MM = (1.5, 2.5, 3.7, 5.0, 6.4, 8.0)
 ROUGH_MM = 0.4  # how well the readings must fit a block held fast, standard deviation
 

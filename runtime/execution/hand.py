@@ -55,9 +55,9 @@ LOOK_S = 0.05
 class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
-    Its `calibration` is that of nominal to true widths. `arm_known` tells whether the arm stands where its
-    last acknowledged motion left it, or, before its first one, where it was read first. All its places are
-    those where the fingers meet: the arm is sent beside them where that is off its own middle.
+    `calibration` converts nominal to true widths. `arm_known` tells whether the arm stands where its last
+    acknowledged motion left it or, before the first motion, where it was first read. Every place is the one
+    where the fingers meet; if they meet off the hand's middle, the arm is sent beside the place.
 
     Raises:
         TableError: the limits leave no room for the tips' arc.
@@ -390,7 +390,7 @@ class Hand:
 
 
 def _outward(angle_rad: float, low_rad: float, high_rad: float) -> float:
-    """How far out an angle is in a range: 0 in its inner half, from there to 1 or, below, -1 at its ends."""
+    """How far an angle is outside the inner half of a range: 0 within it, -1 and 1 at the ends."""
     half_rad = 0.5 * (high_rad - low_rad)
     if isinf(half_rad):
         return 0.0

@@ -16,7 +16,7 @@ class Handling:
     calibration: Calibration | None = None
     arc: TipArc | None = None  # the tips' arc; None where they move straight
     regulated: bool = False  # whether squeezes close gently and raise their force after contact
-    # whether jaws close fast to just before the part; not for a person
+    # whether jaws close fast until just before the part; not where a person closes them
     approaches: bool = True
     # motor current at which a regulated squeeze raises its force no further, or None
     grip_current_ma: int | None = None

@@ -1,4 +1,4 @@
-"""Where the fingers meet, as measured on a block, and what it means for a table."""
+"""The place where the fingers meet, as measured on a gauge block, and how far a table is off by it."""
 
 from math import hypot
 from typing import NamedTuple, Self

@@ -1,9 +1,10 @@
 """State of a broken run, and how to free the hand without moving the part.
 
-A part's last record determines what the hand may be doing: after `pushing` it stands anywhere on the ways
-to, of and from the node's pushes, and holds nothing; after `placed` the fingers may be anywhere between
-open and closed at that node's place; after `squeeze` they hold the part, drag it, have released it, or are
-moving; after `freed`, and before the first, they touch nothing. A squeeze cut short is repeated.
+A part's last record determines what the hand may be doing: after `pushing` it holds nothing, and
+stands anywhere on its ways to, during or after the node's pushes; after `placed` the fingers may be
+anywhere between open and closed at that node's place; after `squeeze` they hold the part, drag it, have
+released it, or are moving; after `freed`, and before the first record, they touch nothing. A squeeze cut
+short is repeated.
 """
 
 from math import pi, remainder, tau
@@ -76,9 +77,9 @@ def _moved(pose: PoseOfHand, where: str) -> BrokenRunError:
 
 
 def _between(pose: PoseOfHand, start: Pose2, end: Pose2, alike: bool) -> bool:
-    """Whether the arm stands between two places, at any height.
+    """Whether the hand stands on the straight way between two places, at any height.
 
-    Hands whose fingers close alike may be half a turn round.
+    If the fingers close alike, a hand turned by half a turn is the same.
     """
     turn = pi if alike else tau
     off_mm = from_segment(pose[:2], start[:2], end[:2])

@@ -127,7 +127,7 @@ def put_down(
             with interrupts.stoppable():
                 return held.put_down(hand, table, options.delivery, cell.journal)
         except BaseException:
-            # It is unknown what they hold: after a calibration it may be a clamped block.
+            # The fingers may hold anything: after a calibration perhaps a clamped block.
             for sentence in reach_safe_state(
                 cell.gripper,
                 cell.arm,

@@ -148,7 +148,7 @@ def _check_regular(path: Path, mode: int) -> None:
 
 
 def displacement(path: Path, file: int, size: int) -> str:
-    """What happened to an open file that should be at a path with a size; "" if nothing."""
+    """What happened to an open file, as words for a message; "" if it is still at `path` with `size`."""
     opened = os.fstat(file)
     try:
         there = path.lstat()

@@ -15,7 +15,7 @@ from runtime.table import TableFile
 from runtime.traversal.results import Outcome, PartResult, Step
 
 FAREWELL_S = 1.0  # for a page to poll once more, and learn how the run ended
-SENT_S = 0.1  # for that answer to be sent
+SENT_S = 0.1  # for the last answer to be sent
 
 
 class Views(NamedTuple):
@@ -45,15 +45,15 @@ class Monitor(Console):
         self._stack = ExitStack()
 
     def ready(self) -> None:
-        """The devices answer, and the run begins."""
+        """Notifies the service manager that the devices answer and the run begins."""
         notify("READY=1")
 
     def note(self, sentence: str) -> None:
-        """A message for the reader."""
+        """Passes a message to the console."""
         self._console.note(sentence)
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """The phase changed; called from the loop's thread.
+        """Records a change of phase, and notifies the watchdog; called from the loop's thread.
 
         A loop that hangs in a device sends no notification, and the service manager ends it; so
         `WatchdogSec` has to be longer than the longest phase.
@@ -63,17 +63,17 @@ class Monitor(Console):
         notify("WATCHDOG=1", f"STATUS=part {part}: {phase.value}{where}")
 
     def step(self, part: int, step: Step) -> None:
-        """A squeeze ended."""
+        """Passes a squeeze to the status and the console."""
         self._status.step(step)
         self._console.step(part, step)
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """A part ended."""
+        """Passes a part to the status and the console."""
         self._status.part(result)
         self._console.part(result, seen)
 
     def summary(self, tally: Tally, journal: Path) -> None:
-        """The run ended."""
+        """Passes the sums of the run to the status and the console."""
         self._status.end(*ended(tally))
         self._console.summary(tally, journal)
 

@@ -17,12 +17,12 @@ class Loss(NamedTuple):
     """Parts that were lost in the same way after the same number of squeezes; details are of the latest."""
 
     kind: str  # an outcome, "audit" or "delivery"
-    squeeze: int  # number of parts
+    squeeze: int  # number of squeezes before the loss
     node: int | None  # of the last squeeze; None without one
     width_mm: float | None  # width read there
     reason: str
-    part: int
-    parts: int
+    part: int  # number of the latest one
+    parts: int  # number of such parts
 
 
 class Shift:

@@ -16,7 +16,7 @@ RECENT = 10  # parts listed in a snapshot
 
 
 class Status:
-    """The snapshot of a run of a table, by its name, fed by the loop and read by any thread."""
+    """State of the run of a named table; the run's loop updates it, and any thread may read it."""
 
     def __init__(self, name: str, loaded: TableFile, shift: Shift) -> None:
         self._name, self._loaded, self._shift = name, loaded, shift
@@ -35,14 +35,14 @@ class Status:
         self._recent: deque[dict[str, object]] = deque(maxlen=RECENT)
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """The phase changed."""
+        """Records a change of phase."""
         with self._lock:
             if part != self._part:
                 self._steps = []
             self._part, self._phase, self._node = part, phase, -1 if node is None else node
 
     def step(self, step: Step) -> None:
-        """A squeeze ended."""
+        """Records a squeeze that has ended."""
         with self._lock:
             self._squeezes += 1
             self._width_um = step.width_um
@@ -50,7 +50,7 @@ class Status:
             self._steps.append({"node": step.node, "width_mm": width_mm, "target": step.target})
 
     def part(self, result: PartResult) -> None:
-        """A part ended."""
+        """Records the result of a part."""
         with self._lock:
             self._outcomes[result.outcome] += 1
             said = None
@@ -65,7 +65,7 @@ class Status:
                 self._audits[result.audit] += 1
 
     def end(self, grade: str, sentence: str) -> None:
-        """The run ended: "good" where nobody has to do anything, else "fair" or "poor", with a sentence."""
+        """Records the run's end: grade "good" where nobody has to do anything, else "fair" or "poor"."""
         with self._lock:
             self._end = {"grade": grade, "sentence": sentence}
 

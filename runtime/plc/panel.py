@@ -48,14 +48,14 @@ class Configuration(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A change of the displayed state."""
+    """A transition of the displayed state."""
 
     left: VisionState
     entered: VisionState
 
     @property
     def name(self) -> str:
-        """Its name by the specification."""
+        """Name of the transition in the specification."""
         return f"{self.left.value}To{self.entered.value}"
 
 

@@ -180,12 +180,12 @@ class Station:
             self._disable(Error.HEARTBEAT)
 
     def disconnect(self) -> None:
-        """The connection with write access is lost: ends enabling, keeps levels, lest a false edge occur."""
+        """Ends enabling after the writing connection is lost; keeps the levels, lest a false edge occur."""
         if self.enabled:
             self._disable(Error.CONNECTION_LOST)
 
     def finish(self, answer: Answer) -> None:
-        """The current part has ended; its answer stays until it is taken."""
+        """Ends the current part, and presents its answer until the PLC acknowledges it."""
         assert self.order is not None
         self._result_id, self._answer, self.order = self.order.trigger_id, answer, None
         self._counters.add(answer.outcome, answer.seconds)

@@ -314,7 +314,7 @@ def _unwritten(error: OSError) -> str:
 
 
 def _give_up(file: TextIO, error: OSError) -> None:
-    """Prints nothing more to a stream, and remembers what standard output has lost."""
+    """Discards all further output to a stream; remembers errors of standard output but a closed pipe."""
     if file is sys.stdout and not isinstance(error, BrokenPipeError):
         _lost.append(error)
     _discard(file)

@@ -99,7 +99,7 @@ def within(seconds: float, late: Callable[[], Exception]) -> Iterator[None]:
 
 
 def conclude() -> None:
-    """The command's outcome is decided: a stop request raises nothing any more."""
+    """Marks the command's outcome as decided: from now on a stop request raises nothing."""
     _request.over = True
 
 

@@ -63,7 +63,7 @@ class SigningKey:
 
     @property
     def public(self) -> PublicKey:
-        """Its public key."""
+        """The public key that belongs to this key."""
         return _public(self.private.public_key())
 
     def sign(self, data: bytes) -> bytes:

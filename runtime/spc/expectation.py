@@ -45,7 +45,7 @@ class Expectation:
             )
 
     def gains(self, table: Table, part: Part) -> list[float]:
-        """For each other world the logarithm of a part's likelihood ratio, at most `CLIP`."""
+        """Log-likelihood ratio of a part in each other world to the planned one, at most `CLIP`."""
         places = [
             (squeeze.node, table.gripper.bin_of(squeeze.width_um)) for squeeze in part.squeezes
         ]
@@ -56,7 +56,7 @@ class Expectation:
 
 @dataclass(slots=True)
 class ShiryaevRoberts:
-    """The chart: the mean over the other worlds of their Shiryaev-Roberts statistics."""
+    """Control chart: the mean Shiryaev-Roberts statistic of all worlds but the planned one."""
 
     expected: Expectation
     sums: list[float] = field(default_factory=list)

@@ -59,7 +59,7 @@ class NameRow(NamedTuple):
 
 
 class NodeRow(NamedTuple):
-    """The squeezes at one node, against the table's shares by Pearson's chi-square."""
+    """The squeezes at one node, compared with the shares of the table by Pearson's chi-square test."""
 
     node: int
     counts: tuple[int, ...]  # of each branch, and last of rejects
@@ -71,7 +71,7 @@ class NodeRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """All figures: by outcome and verdict, of success with its 95 % interval, by leaf, by node; charts."""
+    """Figures of the parts in journals: outcomes, verdicts, success, leaves, nodes and control charts."""
 
     outcomes: dict[str, int]
     verdicts: dict[str, int]

@@ -91,7 +91,7 @@ def _goal(table: Table, stated: Section) -> Compared:
 
 
 def _parts(table: Table, job: Section) -> Compared:
-    """Number, names, shares, symmetry and rho of the parts that may lie there."""
+    """Compares number, names, shares, symmetry and rho of the parts that the cell may meet."""
     parts = parts_of(job)
     if not parts:
         return

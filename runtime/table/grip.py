@@ -38,7 +38,7 @@ class Shape(NamedTuple):
     outline: Outline
     reach: float  # farthest point from the origin
     rho: float  # radius of gyration
-    narrowest: float  # width
+    narrowest: float  # least width
     coarse: float  # distance of removed points from the lines between the others
 
 
@@ -60,7 +60,7 @@ class Grip(NamedTuple):
     half_length: float  # of a finger
     low: float  # y of the lower face in the hand frame
     high: float
-    off: float  # how far either face may be from there
+    off: float  # largest error of the place of either face
 
 
 def validate_grips(table: Table, job: Section) -> None:
@@ -96,7 +96,7 @@ def not_held(table: Table, job: Section) -> Iterator[tuple[int, int]]:
 
 
 def _shapes(table: Table, job: Section) -> list[Shape]:
-    """The parts that may lie there; empty where the job has none, or nothing is identified."""
+    """Shapes of the job's parts; empty if it states none, or the goal does not identify the part."""
     outlines = [points(section(part, "part"), "outline_mm") for part in parts_of(job)]
     if not outlines or min(map(len, outlines)) < 3 or not table.goal.identify:
         return []

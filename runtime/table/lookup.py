@@ -76,7 +76,7 @@ class Segments(NamedTuple):
     branches: tuple[int, ...]  # an index into a node's branches, or `REJECT`; two neighbours differ
 
     def at(self, width_um: int) -> int:
-        """The value at a width; `REJECT` below 0."""
+        """The branch at a width; `REJECT` for a negative width."""
         return REJECT if width_um < 0 else self.branches[bisect_right(self.starts_um, width_um) - 1]
 
     def intervals(self) -> list[tuple[int, int, int]]:

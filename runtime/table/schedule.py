@@ -82,11 +82,11 @@ class Schedule:
         *,
         first: bool,
     ) -> tuple[Phases, Stand, float]:
-        """One squeeze.
+        """The phases of one squeeze and their times.
 
         Args:
             squeezed: its node and outcome.
-            before: the hand before it; None: above the squeeze's place.
+            before: where the hand is before it; None: above the place of the squeeze.
             after: the next node of the same part, or None.
             jaws_s: how long the jaws still move.
             first: whether it is the part's first, before which the hand is at the retreat height.
@@ -98,7 +98,7 @@ class Schedule:
         squeeze, place = node.squeeze, Stand.at(node.squeeze)
         following = self.nodes[0 if after is None else after]
         if first and self.turns and before is not None:
-            # In the frame of the plan of the next part, which is turned.
+            # The plan of the next part is turned; converts the hand's place to its frame.
             turn_rad = before.turn_from(place)
             before = Stand(*turned_pose(before, -turn_rad))
         push_s, before = self._push_s(node, before or place)

@@ -29,7 +29,7 @@ def figures(seconds: Mapping[float, int], takt_s: float | None = None) -> dict[s
 
 
 def text(summary: Mapping[str, float]) -> str:
-    """The share within the takt for people: "98.21% done within 6 s"."""
+    """The share of parts done within the takt, as text: "98.21% done within 6 s"."""
     return f"{summary['takt_probability']:.2%} done within {summary['takt_s']:g} s"
 
 

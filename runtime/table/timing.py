@@ -112,10 +112,10 @@ class Timing:
 
     arm_speed_mm_s: float
     arm_acceleration_mm_s2: float
-    # of a motion of the arm: asked for, begun, and its end believed, beside the motion
+    # from the request of a motion of the arm to its confirmed end, without the motion itself
     arm_answer_s: float
-    jaw_answer_s: float  # of a stroke of the jaws, likewise: settled is three equal readings
-    # of a look at jaws on their way or at rest, and of asking them for something else
+    jaw_answer_s: float  # the same of a stroke of the jaws: settled after three equal readings
+    # of one reading of the jaws, and of a new request to them
     poll_s: float
     turn_radius_mm: float  # a turn takes as long as a straight way of this radius times its angle
     fastest_mm_s: float  # of the jaws, where they touch nothing
@@ -146,7 +146,7 @@ class Timing:
     def move_s(
         self, way_mm: float, turn_rad: float = 0.0, speed_mm_s: float | None = None
     ) -> float:
-        """One motion of the arm by a way and a turn of its hand; 0 without either."""
+        """Seconds of one motion of the arm over a way and a turn of the hand; 0 without either."""
         way_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         if way_mm <= 0.0:
             return 0.0
@@ -162,7 +162,7 @@ class Timing:
         return way_mm <= NEAR_MM and self.retreat_mm - self.regrasp_mm <= aside_mm
 
     def approach_mm(self, opening_mm: float, contact_mm: float | None, speed_mm_s: float) -> float:
-        """Opening down to which the jaws close at full speed; `opening_mm` where that saves nothing."""
+        """Opening at which closing jaws slow down from full speed; `opening_mm` where that saves nothing."""
         if contact_mm is None:
             return opening_mm
         near_mm = min(contact_mm + APPROACH_MM, opening_mm)
@@ -174,21 +174,21 @@ class Timing:
     def close_s(
         self, opening_mm: float, contact_mm: float | None, width_mm: float, speed_mm_s: float
     ) -> float:
-        """Closing to where the jaws stop, until the reading is accepted."""
+        """Seconds of closing to where the jaws stop, until the reading is accepted."""
         near_mm = max(self.approach_mm(opening_mm, contact_mm, speed_mm_s), width_mm)
         fast_s = (opening_mm - near_mm) / max(self.fastest_mm_s, speed_mm_s)
         between_s = self._between_s if near_mm < opening_mm else 0.0
         return fast_s + between_s + max(near_mm - width_mm, 0.0) / speed_mm_s + self.jaw_answer_s
 
     def free_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
-        """Opening until the jaws are clear of what they hold."""
+        """Seconds of opening until the jaws are clear of what they hold."""
         stroke_s = CLEAR_MM / speed_mm_s
         return stroke_s + (
             3.0 * self.poll_s if next_mm > width_mm + CLEAR_MM else self.jaw_answer_s
         )
 
     def opening_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
-        """Seconds that jaws clear of a part move on to the next opening, while the hand rises and travels."""
+        """Seconds of opening from clear of a part to the next opening, while the hand rises and travels."""
         stroke_mm = abs(next_mm - width_mm - CLEAR_MM)
         return stroke_mm / (max(self.fastest_mm_s, speed_mm_s) if self.streams else speed_mm_s)
 
@@ -202,7 +202,7 @@ class Timing:
         push_mm: float,
         push_mm_s: float,
     ) -> float:
-        """One push, from and to the retreat height.
+        """Seconds of one push, from and to the retreat height.
 
         Args:
             way_mm: of the hand to its place of descent.

@@ -21,12 +21,12 @@ class Decision(NamedTuple):
 
     @property
     def target(self) -> int | None:
-        """Its target: >= 0 a node, < 0 leaf ~target, None for `REJECT`."""
+        """What follows: node `target` if >= 0, leaf `~target` if < 0, None for `REJECT`."""
         return None if self.branch == REJECT else self.node.branches[self.branch].target
 
     @property
     def reason(self) -> str | None:
-        """Why it is `REJECT`, None where it is not."""
+        """Why the reading is rejected; None where it is not."""
         if self.branch != REJECT:
             return None
         if self.object is ObjectState.AT_TARGET:

@@ -33,7 +33,7 @@ class Trust:
     sigma_mm: Array  # (n, m) of the worse of both directions
 
     def at(self, x_mm: float, y_mm: float) -> float:
-        """Bilinear interpolation on the grid; beyond, in proportion to the distance."""
+        """Standard deviation at a place [mm], bilinearly interpolated; it grows away from the grid."""
         along_rows = [np.interp(x_mm, self.x_mm, row) for row in self.sigma_mm]
         inside = np.interp(y_mm, self.y_mm, along_rows)
         low, high = np.array([[axis[0], axis[-1]] for axis in (self.x_mm, self.y_mm)]).T

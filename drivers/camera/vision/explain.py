@@ -46,7 +46,7 @@ def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | Non
 
 
 def _partly_seen(picture: Picture, view: View, tag: PartTag, expected: Pose2) -> bool:
-    """Whether a quarter of the tag is seen near its expected place: each is searched separately."""
+    """Whether any of the four quarters of a tag is seen near its expected place."""
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     drawn = cv2.aruco.generateImageMarker(family, tag.number, SQUARES * PX_PER_SQUARE)
     pattern = np.pad(drawn, PX_PER_SQUARE, constant_values=255)

@@ -83,7 +83,7 @@ class Folder(Source):
             raise UnreachableError(f"picture {self._path / name}: {error.strerror}") from error
 
     def _whole(self, path: Path, until: float) -> Picture:
-        """The picture of a file, which may still be incomplete."""
+        """Decodes a file, and waits while the file is still being written."""
         data = path.read_bytes()
         while True:
             try:

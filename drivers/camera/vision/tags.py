@@ -1,7 +1,7 @@
 """Detection of tags: OpenCV detects and reads them, `drivers.camera.vision.edges` refines their corners.
 
-OpenCV's own refinements are not used: the sub-pixel one searches a pixel or so where squares are small, the
-one of AprilTag takes a second a picture and counts pixels from their corners instead of their centres.
+OpenCV's own refinements are not used: where squares are small, the sub-pixel one searches about a pixel only;
+that of AprilTag takes a second per picture, and counts pixels from their corners instead of their centres.
 """
 
 from collections.abc import Iterable

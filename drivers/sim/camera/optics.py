@@ -18,7 +18,7 @@ ITERATIONS = 15  # the last one moves a ray by less than 1e-7 pixels
 
 @dataclass(frozen=True, eq=False)
 class Optics:
-    """A pinhole with distortion somewhere above or below the table."""
+    """A pinhole camera with lens distortion, above or below the table."""
 
     width: int  # of the picture, pixels
     height: int  # of the picture, pixels
@@ -42,7 +42,7 @@ class Optics:
         return np.stack([ray_x, ray_y, np.ones_like(ray_x)], axis=-1) @ self.rotation
 
     def moved(self, x_mm: float, y_mm: float) -> Self:
-        """The same camera beside its place."""
+        """The same camera, shifted parallel to the table."""
         result = replace(self, eye_mm=self.eye_mm + np.array([x_mm, y_mm, 0.0]))
         # Its rays have the same directions, and take longer to compute than a picture.
         result.__dict__["corner_rays"] = self.corner_rays

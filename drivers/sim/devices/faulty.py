@@ -118,7 +118,7 @@ class Failing(Fingers):
         return faults
 
     def _misread(self, position: int, faults: list[Fault], most: int = MOST_COUNT) -> int:
-        """A position of 0 to `most`, with its faults; a schedule uses 255ths of the stroke."""
+        """A position, 0 to `most`, as faults misreport it; their values are in 255ths of the stroke."""
         values = {fault.kind: round(fault.value * most / MOST_COUNT) for fault in faults}
         if "count_frozen" not in values or self._last is None:
             self._last = position

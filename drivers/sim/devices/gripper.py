@@ -77,7 +77,7 @@ class GripperModel(Fingers):
         self._reset(0)
 
     def _reset(self, fault: int) -> None:
-        """Stops, inactive from now on, with a fault or 0."""
+        """Stops the fingers and deactivates the gripper, with the number of a fault or 0."""
         self._stand()
         self._legs: list[int] = []  # counts that the activation sweep still has to visit
         self._status, self._fault = robotiq.STA_RESET, fault

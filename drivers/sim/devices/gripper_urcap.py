@@ -15,7 +15,7 @@ MAX_LINE = 256
 
 @dataclass
 class Urcap:
-    """Answers of the URCap to lines."""
+    """The URCap of a simulated gripper: answers lines of text."""
 
     device: GripperModel
     now: Callable[[], float]  # simulated seconds
@@ -23,7 +23,7 @@ class Urcap:
     line_end: bytes = b"\n"
 
     def answer(self, line: bytes) -> bytes:
-        """The answer."""
+        """The answer to one line."""
         match line.decode("latin-1").split():
             case ["GET", name] if name in READ:
                 fields = unpack(INPUT_FIELDS, self.device.read_input(self.now()))

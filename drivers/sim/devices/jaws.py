@@ -42,7 +42,7 @@ class Stroke(NamedTuple):
 
 
 class ObjectFlag(NamedTuple):
-    """The object state during one move: the old one, 0 while moving, the outcome; each change comes late."""
+    """The object state during a move: first the old one, then 0, then the outcome; each change is delayed."""
 
     old: int
     moving_s: float

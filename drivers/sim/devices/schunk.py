@@ -60,13 +60,13 @@ BLOCKED = Stop(Status(0), schunk.MOVE_BLOCKED)
 
 
 class SchunkModel(Fingers):
-    """A gripper with a brake from power-up on. Times are simulated seconds and never go back.
+    """A SCHUNK gripper with a brake, after power-up. Times are simulated seconds and never go back.
 
     Args:
         rng: draws the lags of the outcomes.
         surroundings: what the fingers may meet.
         profile: stroke, speeds and forces.
-        silence_s: longest silence of the host.
+        silence_s: longest silence of the host that is no fault.
     """
 
     CYCLE_S = 0.002

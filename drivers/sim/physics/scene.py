@@ -24,7 +24,7 @@ class World(Protocol):
     """The physics of one squeeze; true width, without the encoder's noise."""
 
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
-        """Part pose in the hand frame -> its pose afterwards, the width in mm, and a status."""
+        """Squeezes a part at a pose in the hand frame: its pose afterwards, the width in mm, and a status."""
 
 
 class Geometry(NamedTuple):

@@ -174,7 +174,7 @@ class Vice(TableTop):
     """A table without parts, to which the setting's block is fixed."""
 
     def squeeze(self, hand: Pose2) -> float | None:
-        """The first finger that touches stops both: the width (mm, as the encoder reads it), or None."""
+        """Closes until a finger touches the block, which stops both; returns the width read [mm], or None."""
         self.squeezes += 1
         needed_mm = self._needed(hand)
         if needed_mm is None:

@@ -18,11 +18,11 @@ TURNAROUND_S = 0.001  # of the gripper, and of the network to the arm's controll
 
 
 class VirtualPort:
-    """A port in memory, as `drivers.stream.Stream`: data arrives at its time.
+    """A port in memory, a `drivers.stream.Stream` whose data arrives in virtual time.
 
     Args:
-        endpoint: its name in messages.
-        clock: the cell's.
+        endpoint: name of the port in messages.
+        clock: clock of the cell.
     """
 
     def __init__(self, endpoint: str, clock: VirtualClock) -> None:
@@ -32,7 +32,7 @@ class VirtualPort:
         self._gone: OSError | None = None
 
     def receive(self, seconds: float) -> bytes:
-        """Data that has arrived; events during the wait may send more."""
+        """Data received, after at most `seconds` in which devices may send more; empty if there is none."""
         until = self._clock.now() + max(seconds, 0.0)
         while not self._arrived:
             self._check()

@@ -33,7 +33,7 @@ class Contour(NamedTuple):
     ambiguity: str = ""  # why its lines may bound another contour; where, and what to do
     area_mm2: float = 0.0  # enclosed area
     holes: int = 0  # how many contours lie inside it
-    outer: bool = True  # whether it lies inside none
+    outer: bool = True  # whether it lies inside no other contour
 
 
 def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour], list[str]]:

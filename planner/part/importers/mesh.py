@@ -52,19 +52,19 @@ def lying(data: bytes, where: str, options: Options) -> list[Lying]:
 
 
 def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
-    """The silhouette of a solid above finger tips, which closing fingers meet, seen from above.
+    """The outline that closing fingers meet: the shadow of what a solid has above the finger tips.
 
-    The tips are `height_mm` above its lowest point, or at the default height for a part of its height.
+    The tips are `height_mm` above the solid's lowest point, by default at the height for its thickness.
 
     Raises:
-        UsageError: the tips are above or below it.
+        UsageError: the tips are above or below the solid.
         InputError: nothing is above the tips.
     """
     low, high = solid.bounds[:, 2].tolist()
     if low == high:
         raise InputError("is flat; export a solid", where=where)
     height = height_mm
-    if height is None:  # of what is too thin for tips there is an outline all the same
+    if height is None:  # a solid too thin for tips has an outline, too
         height = max(tips_height_mm(high - low), 0.0) or 0.5 * (high - low)
     if not 0.0 < height < high - low:
         raise UsageError(

@@ -124,7 +124,7 @@ def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[
 def _to_nearest(
     tree: shapely.STRtree, ends: _Ends, k: int, join_mm: float
 ) -> shapely.Geometry | None:
-    """The shortest line from an end to a line within `join_mm`, the far part of its own chain included."""
+    """The shortest line, up to `join_mm`, from an end to another chain or to the far part of its own."""
     end, index = shapely.Point(ends.points[k]), int(ends.chain[k])
     near = tree.query(end, predicate="dwithin", distance=join_mm)
     lines = [tree.geometries[j] for j in near if j != index]

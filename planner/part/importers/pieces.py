@@ -37,7 +37,7 @@ class Options(NamedTuple):
 
     @property
     def unit_mm(self) -> float | None:
-        """Size of one unit; None for that of the file."""
+        """Size of one unit [mm]; None: as the file states it."""
         return self.scale or (UNITS_MM[self.units] if self.units else None)
 
     @property

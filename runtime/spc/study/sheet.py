@@ -188,7 +188,7 @@ def _crossed_cells(name: str, study: Crossed) -> Iterator[str]:
 
 
 def _capability(value: float | None) -> str:
-    """A Cg or Cgk; where hardly anything scatters, as in a simulated cell, its digits mean nothing."""
+    """A Cg or Cgk as text; above `MOST_CAPABLE`, as in a simulated cell, its digits mean nothing."""
     return f"over {MOST_CAPABLE:g}" if value and value > MOST_CAPABLE else _figure(value, ".2f")
 
 
