@@ -4,7 +4,8 @@
 
 Not part of the gate. The jobs of Table I, each planned with doubts about the cell, also about the scatter of
 friction with the table as `plan-init` writes it, and with leaves that are surer. All plans go through the
-standard set of worlds of `plan-evaluate --sweep`, with the same parts. Prints figures and writes `results/worlds.json` beside this file.
+standard set of worlds of `plan-evaluate --sweep`, with the same parts. Prints figures and writes
+`results/worlds.json` beside this file.
 """
 
 import platform
