@@ -82,8 +82,8 @@ def _maps_onto_itself(
 ) -> bool:
     """Whether every turn by a multiple of 360 / `n` degrees maps an outline onto itself.
 
-    Turns a few vertices first, then all, by the likeliest angles to fail first. An outline between two
-    circles within the tolerance passes every turn.
+    A few vertices are tried before all of them, and the angles that fail most often before the others. An
+    outline between two circles within the tolerance passes every turn.
     """
     radii = np.hypot(*outline.T)
     if radii.max() - shapely.distance(boundary, shapely.Point(0.0, 0.0)) <= tolerance_mm:

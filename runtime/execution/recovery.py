@@ -1,7 +1,7 @@
 """State of a broken run, and how to free the hand without moving the part.
 
 A part's last record determines what the hand may be doing: after `pushing` it holds nothing, and
-stands anywhere on its ways to, during or after the node's pushes; after `placed` the fingers may be
+stands anywhere on its way to, along or back from the node's pushes; after `placed` the fingers may be
 anywhere between open and closed at that node's place; after `squeeze` they hold the part, drag it, have
 released it, or are moving; after `freed`, and before the first record, they touch nothing. A squeeze cut
 short is repeated.

@@ -3,9 +3,10 @@
     python tests/bench/bench_fingers.py --data FOLDER
 
 FOLDER holds `three_fingers.csv`, squeezes as the paper's authors simulate them, and `robot_runs/*.csv`, what
-a real robot did (condensed from their public toolbox). Their hexagon's quartic, fitted to a random sample of
-pressure, is not recorded: it is identified from one squeeze in three and judged by the others, beside that of
-a uniform pressure. Not part of the gate. Prints figures and writes `results/fingers.json`.
+a real robot did (condensed from their public toolbox). Their hexagon's quartic is not recorded: it is
+identified from one squeeze in three and judged by the others, beside that of a uniform pressure. Where two
+fingers touch, their sequence of LCPs seems to end early (`cut_short`); the same quartic is also judged with
+the sequence converged. Not part of the gate. Prints figures and writes `results/fingers.json`.
 """
 
 import math
@@ -49,10 +50,11 @@ TRIANGLE_A = [
     [0.01242, 1.06166, -0.01284],
     [-0.16074, -0.01284, 4.58574],
 ]
-FIT_EVERY = 3  # squeezes are one to fit to
+FIT_EVERY = 3  # Every third squeeze is fitted
 # Of the fit: its loss, its differences, the length of each round.
 SCALE_MM, MOST_MM, STEPS, LOOKS = 0.1, 3.0, (0.05, 0.02, 0.005), 14
-CUT = 5.0  # of the net force at the fingers' speed; the scale of the quartic adapts to it
+CUT = 5.0
+"""Net force up to which a sequence of LCPs ends early, per mm of closing, in units of the quartic's scale."""
 
 UNIFORM = Pressure("uniform", 20)
 

@@ -2,9 +2,9 @@
 
     python tests/bench/bench_worlds.py [--parts butterfly-10 ...] [--trials 20000]
 
-Not part of the gate. The jobs of Table I, each planned with doubts about the cell, also about the scatter of
-friction with the table as `plan-init` writes it, and with leaves that are surer. All plans go through the
-standard set of worlds of `plan-evaluate --sweep`, with the same parts. Prints figures and writes
+Not part of the gate. The jobs of Table I are planned with doubts about the cell; with these and a doubt of
+the scatter of friction with the table, as `plan-init` writes it; and with surer leaves. All plans go through
+the standard set of worlds of `plan-evaluate --sweep`, with the same parts. Prints figures and writes
 `results/worlds.json` beside this file.
 """
 
