@@ -74,10 +74,8 @@ def compile_job(
     arguments.count(trials, "trials")
     arguments.count(1 if workers is None else workers, "workers")
     refuse_alike(job)
-    limit, work = (
-        limit or Limit(),
-        scheduler or (Threads() if workers is None else Threads(workers)),
-    )
+    limit = limit or Limit()
+    work = scheduler or (Threads() if workers is None else Threads(workers))
     if job.search.method in METHODS:
         return _measured(job, _by_the_paper(job, workers, trials, say), work, say)
     problem = Problem.of(job, workers)

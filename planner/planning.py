@@ -38,9 +38,7 @@ LEAST_SHORT = 0.0005  # least probability of failing leaves for which they are s
 TIMED_TRIALS = 500  # parts squeezed to estimate the duration of an evaluation
 LEAST_TRIALS = 1000  # parts of an evaluation when a budget has no time for more
 EVALUATING = 0.4  # most of the remaining budget that evaluations may take
-SQUEEZES = (
-    3.0  # of a part by a finished plan, where the first pass leaves it unresolved after fewer
-)
+SQUEEZES = 3.0  # of a part by a finished plan; the first pass may give up after fewer
 CURSORY = 0.2  # most of a budget for the first pass, which may leave some parts without a plan
 REPAIRS = 0.25  # of a budget, for leaves that trials of the last pass refute
 AFTER_PASSES = 0.5  # share of the work after the passes, for progress
@@ -141,11 +139,8 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
         NoPlanError: no first squeeze is both free of collision and useful, or no leaf is within the goal.
     """
     job, course, rounds = problem.job, Course(report), Rounds.of(problem.job, trials)
-    search, root, whole = (
-        Search(problem, np.random.default_rng([job.seed, len(PASSES)])),
-        None,
-        True,
-    )
+    search = Search(problem, np.random.default_rng([job.seed, len(PASSES)]))
+    root, whole = None, True
     for number, stage in enumerate(PASSES):
         begun = search.begin(stage, root)
         over = partial(limit.over, limit.budget_s * (REPAIRS if number else 1.0 - CURSORY))

@@ -183,10 +183,8 @@ def off(columns: Array, i: int, centre: Array, weights: Array) -> tuple[float, f
         which = int(columns[3, i])
     turn, period = columns[2, i] - centre[2], weights[which, 4]
     turn -= period * np.round(turn / period)
-    x, y = (
-        weights[which, 1] * (columns[0, i] - centre[0]),
-        weights[which, 2] * (columns[1, i] - centre[1]),
-    )
+    x = weights[which, 1] * (columns[0, i] - centre[0])
+    y = weights[which, 2] * (columns[1, i] - centre[1])
     angle = weights[which, 3] * abs(turn)
     if weights[which, 0] > 0.0:
         return np.sqrt(x * x + y * y) + angle, turn
@@ -267,11 +265,9 @@ def largest_mode(columns: Array, n: int, weights: Array, state: Array) -> float:
         The share, 0 to 1.
     """
     stride, best = max(1, n // CANDIDATES), -1
-    centre, mean, inside = (
-        np.empty(columns.shape[0]),
-        np.empty(columns.shape[0]),
-        np.empty(n, np.bool_),
-    )
+    centre = np.empty(columns.shape[0])
+    mean = np.empty(columns.shape[0])
+    inside = np.empty(n, np.bool_)
     for start in range(0, n, stride):
         centre[:] = columns[:, start]
         if 2 * within(columns, 0, n, centre, weights, inside) < best:

@@ -61,12 +61,10 @@ def _most_located(
     largest, weights_of_part = 1, weights[0]
     for k in range(located.shape[0]):
         largest = max(largest, start[k + 1] - start[k])
-    local, column, stack, pose = (
-        np.empty((largest, 3)),
-        np.empty(largest),
-        np.empty((64, 7)),
-        np.empty(3),
-    )
+    local = np.empty((largest, 3))
+    column = np.empty(largest)
+    stack = np.empty((64, 7))
+    pose = np.empty(3)
     turn = weights_of_part[3] * 2.0 * np.pi / order
     for k in range(located.shape[0]):
         group = poses[start[k] : start[k + 1]]

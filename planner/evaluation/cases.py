@@ -226,19 +226,17 @@ def assumption_cases(job: Job) -> list[Case]:
             {"gripper": {"noise_mm": noise}},
             broken=Condition("the encoder's noise", "below", noise, " mm"),
         ),
-    ]
-    if not job.actions.openings_mm:  # such a job needs fingers that move alike
-        name = f"the upper finger makes {100 * share:.3g} % of the way"
-        change = {"gripper": {"upper_finger_share": share}}
-        cases.append(Case(name, change, broken=_share(share, share > planned)))
-    released = {"release": {"shift_mm": 0.5, "turn_deg": 1.0}}
-    cases.append(
+        Case(
+            f"the upper finger makes {100 * share:.3g} % of the way",
+            {"gripper": {"upper_finger_share": share}},
+            broken=_share(share, share > planned),
+        ),
         Case(
             "parts shift by 0.5 mm and 1 degree when let go",
-            released,
+            {"release": {"shift_mm": 0.5, "turn_deg": 1.0}},
             broken=Condition("the shift of parts that are let go", "below", 0.5, " mm"),
-        )
-    )
+        ),
+    ]
     if job.pressure.kind in ("boundary", "uniform"):
         other = "uniform" if job.pressure.kind == "boundary" else "boundary"
         where = {"boundary": "with its rim", "uniform": "with its whole area"}[job.pressure.kind]
@@ -281,12 +279,7 @@ def uneven(job: Job, share: float, centred: bool) -> Case:
     off = (job.gripper.upper_finger_share - share) * (
         job.gripper.opening_mm - min_width(job.part.outline_mm)
     )
-    # A job that chooses openings requires fingers that move alike; the world does not need the
-    # choice.
-    changes: dict[str, dict[str, Any]] = {
-        "actions": {"openings_mm": []},
-        "gripper": {"upper_finger_share": share},
-    }
+    changes = {"gripper": {"upper_finger_share": share}}
     name = f"upper finger moves {share:.0%}" + (", centred" if centred else "")
     return Case(name, changes, Disturbance(across_mm=-off) if centred else NONE)
 

@@ -36,9 +36,7 @@ ARM_KG = 1e3  # of a hand that pushes: the arm behind it does not yield
 FEET = 24  # feet for a pressure along a line or over an area
 FOOT_M = 5e-4  # radius of a foot
 ROUND_M = 2e-5  # radius of the corners of part and fingers
-PLATE_M = (
-    2e-4  # thickness of the faces: impacts drive a corner in by 0.035 mm, less than half of it
-)
+PLATE_M = 2e-4  # thickness of the faces, more than twice as deep as impacts drive a corner in
 CLOSED_M = 5e-5  # jaws nearer than this have met: only the rounding of a sharp corner fits between
 TIMESTEP_S = 2.5e-4
 CONTACT_S = 5e-4  # time constant of contacts: they yield by less than 0.05 mm under 40 N

@@ -111,7 +111,6 @@ def check_conflicts(values: Values) -> None:
     _check_doubt(values["doubt"], values["pressure"])
     _check_heights(values["part"]["height_mm"], values["cell"])
     _check_actions(values["actions"], values["cell"])
-    _check_openings(values["actions"], values["gripper"])
     if values["actions"]["pushes"] == "belief":
         _check_pushes(values["search"]["method"], values["actions"]["proposals"])
     _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"])
@@ -244,25 +243,11 @@ def _check_pushes(method: str, proposals: str) -> None:
     raise _conflict("actions", "pushes", f'is "belief", {problem}')
 
 
-def _check_openings(actions: dict[str, Any], gripper: dict[str, Any]) -> None:
-    """Checks that the openings to choose from are within the range of the gripper."""
-    widest = actions["openings_mm"].max(initial=0.0)
-    if widest > gripper["opening_mm"]:
-        problem = (
-            f"{widest:g} is more than opening_mm = {gripper['opening_mm']:g} of [gripper]; lower it"
-        )
-        raise _conflict("actions", "openings_mm", problem)
-    if widest and gripper["upper_finger_share"] != 0.5:
-        problem = "needs upper_finger_share = 0.5: otherwise the opening decides which finger touches first"
-        raise _conflict("actions", "openings_mm", problem)
-
-
 def _grasp(delivery: dict[str, Any], part: dict[str, Any]) -> tuple[float, float]:
-    """Where the hand takes the part, in its frame [mm]: as stated, or by the name of one of its picks."""
+    """Where the hand takes the part, in its frame [mm]."""
     name, picks = delivery["grasp"], part["picks"] or {}
     if name is None:
-        x, y = delivery["grasp_mm"]
-        return float(x), float(y)
+        return 0.0, 0.0
     if name not in picks:
         problem = f"is {name!r}, none of [part] picks: {', '.join(picks) or 'there are none'}"
         raise _conflict("delivery", "grasp", problem)
@@ -285,17 +270,17 @@ def _check_delivery(values: Values) -> None:
         problem = "must be [x_min, y_min, x_max, y_max] with min below max"
         raise _conflict("delivery", "area_mm", problem)
     order = values["part"]["symmetry"]
-    turns = math.radians(delivery["drop_angle_deg"]) + np.arange(order) * math.tau / order
+    turns = math.radians(delivery["drop"][2]) + np.arange(order) * math.tau / order
     x, y = _grasp(delivery, values["part"])
     across = np.column_stack(
         [np.cos(turns) * x - np.sin(turns) * y, np.sin(turns) * x + np.cos(turns) * y]
     )
-    hands = delivery["drop_mm"] + across
+    hands = delivery["drop"][:2] + across
     if not ((low <= hands) & (hands <= high)).all(axis=1).any():
         outside = "work_area_mm of [cell]" if delivery["area_mm"] is None else "area_mm"
         place = f"({hands[0, 0]:g}, {hands[0, 1]:g})"
         problem = f"brings the hand to {place}, outside {outside}; move it or widen the area"
-        raise _conflict("delivery", "drop_mm", problem)
+        raise _conflict("delivery", "drop", problem)
 
 
 def _check_fit(part_outline: outline.Outline, opening_mm: float) -> None:

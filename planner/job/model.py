@@ -258,8 +258,7 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
     job_checks.check_conflicts(values)
     if actions["pushes"] == "none":
         actions["pushes"] = None  # a job that states a default is the same job as one without it
-    for key in ("angles_deg", "openings_mm"):
-        actions[key] = tuple(actions[key].tolist())
+    actions["angles_deg"] = tuple(actions["angles_deg"].tolist())
     for key in ("finger_share", "middle_mm", "encoder_mm", "encoder_gain"):
         values["doubt"][key] = tuple(values["doubt"][key].tolist())
     values["goal"]["tolerance_mm"] = tuple(values["goal"]["tolerance_mm"].tolist())

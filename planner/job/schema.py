@@ -157,10 +157,6 @@ class Actions:
     proposals: Annotated[str, Text(("belief", "none"), default="belief")]
     # "belief": parts may be pushed before a squeeze, as their belief suggests; None: they are not.
     pushes: Annotated[str | None, Text(("belief", "none"), default=None)]
-    # Openings to descend with; the least one that stays clear is used. Empty: any opening.
-    openings_mm: Annotated[
-        tuple[float, ...], Numbers(Number(0, MM, above=True), least=0, most=100, default=[])
-    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,13 +230,9 @@ class Cell:
 class Delivery:
     """Delivery of a localised part; `runtime.execution.delivery` reads it from the table's job."""
 
-    # (2,) target of the origin of the part's frame, in the world, and the part's angle there.
-    drop_mm: Annotated[Array, Numbers(PLACE, least=2, most=2)]
-    drop_angle_deg: Annotated[float, Number(-360, 360, default=0.0)]
-    # (2,) the hand's centre in the part's frame, and the hand's angle there.
-    grasp_mm: Annotated[Array, Numbers(PLACE, least=2, most=2, default=[0.0, 0.0])]
-    grasp_angle_deg: Annotated[float, Number(-360, 360, default=0.0)]
-    # Instead of the two above, the name of one of [part] picks.
+    # (3,) target of the part's frame in the world: x, y [mm] and angle [deg].
+    drop: Annotated[Array, Numbers(PLACE, least=3, most=3)]
+    # Name of one of [part] picks; None: the origin of the part's frame.
     grasp: Annotated[str | None, Text(default=None)]
     # Width that the fingers have to read; None: any but an empty hand.
     width_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]

@@ -21,9 +21,7 @@ from planner.learned.rollouts import RollOuts
 from planner.mechanics.clearance import STANDS_ON, TOUCHES, classify_contact
 from planner.work.scheduler import Threads
 
-SPREAD = (
-    40.0  # [squares of the bandwidth]; weights below e^(-SPREAD / 2) of the largest are ignored
-)
+SPREAD = 40.0  # squared bandwidths; weights below e^(-SPREAD / 2) of the largest are ignored
 BANDWIDTH_MM = 0.5  # h1 and h2
 NEIGHBOURS = 400  # number of nearest roll-outs considered
 LOOK = 0.8  # Guess of the distance to the nearest roll-out, in spacings; it affects speed only

@@ -96,14 +96,10 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
     sx, sy, sz = grid.size
     x, y, z = q[0] - grid.corner[0], q[1] - grid.corner[1], q[2]
     square, result = reach * reach, 0
-    x_first, x_last = (
-        int(max(np.floor((x - reach) / sx), 0)),
-        int(min(np.floor((x + reach) / sx), nx - 1)),
-    )
-    y_first, y_last = (
-        int(max(np.floor((y - reach) / sy), 0)),
-        int(min(np.floor((y + reach) / sy), ny - 1)),
-    )
+    x_first = int(max(np.floor((x - reach) / sx), 0))
+    x_last = int(min(np.floor((x + reach) / sx), nx - 1))
+    y_first = int(max(np.floor((y - reach) / sy), 0))
+    y_last = int(min(np.floor((y + reach) / sy), ny - 1))
     for i in range(x_first, x_last + 1):
         gap_x = _gap(x, i * sx, sx)
         for j in range(y_first, y_last + 1):

@@ -37,11 +37,9 @@ def one_contact(A: Array, C: Array, k: int, mu: float) -> int:
     `SOLVED`, or `RAY` where neither is consistent.
     """
     nx, ny, n2, t2 = C[k, NX], C[k, NY], C[k, N2], C[k, T2]
-    a, b, c = (
-        form(A, nx, ny, n2, nx, ny, n2),
-        form(A, nx, ny, n2, -ny, nx, t2),
-        form(A, -ny, nx, t2, -ny, nx, t2),
-    )
+    a = form(A, nx, ny, n2, nx, ny, n2)
+    b = form(A, nx, ny, n2, -ny, nx, t2)
+    c = form(A, -ny, nx, t2, -ny, nx, t2)
     un, ut = C[k, UN] - C[k, GAP], C[k, UT]
     determinant = a * c - b * b
     fn, ft = (c * un - b * ut) / determinant, (a * ut - b * un) / determinant
@@ -177,11 +175,9 @@ def three_contacts(
             return RAY
         mu = mu_top if I[k, FINGER] == 1 else mu_bottom
         G[3, a] = -mu if slip > 0.0 else mu
-        d0, d1, d2 = (
-            C[k, NX] - G[3, a] * C[k, NY],
-            C[k, NY] + G[3, a] * C[k, NX],
-            C[k, N2] + G[3, a] * C[k, T2],
-        )
+        d0 = C[k, NX] - G[3, a] * C[k, NY]
+        d1 = C[k, NY] + G[3, a] * C[k, NX]
+        d2 = C[k, N2] + G[3, a] * C[k, T2]
         for p in range(3):
             G[p, a] = A[p, 0] * d0 + A[p, 1] * d1 + A[p, 2] * d2
     f0, f1, f2 = _linear(G, v0, v1, v2)

@@ -244,12 +244,10 @@ def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
     first, second = hand.first, hand.second
     high, low = first.face, second.face if hand.fingers == 2 and second.side < 0 else -np.inf
     side = max(abs(first.centre), abs(second.centre)) + first.h + margin
-    above, below, deep, deep_below = (
-        high - margin,
-        low + margin,
-        high + PENETRATION_MM,
-        low - PENETRATION_MM,
-    )
+    above = high - margin
+    below = low + margin
+    deep = high + PENETRATION_MM
+    deep_below = low - PENETRATION_MM
     for i in range(points.shape[1]):
         x, y = points[0, i], points[1, i]
         between, outside = (y > below) & (y < above), (y >= deep_below) & (y <= deep)

@@ -75,10 +75,8 @@ def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
     """
     if paths.points.shape[1] > MAX_POINTS:
         raise ValueError(f"a pusher of {paths.points.shape[1]} points; give {MAX_POINTS} at most")
-    n, arms = (
-        len(paths.angles),
-        np.linalg.norm(paths.points - paths.centres[:, None], axis=2).max(axis=1),
-    )
+    n = len(paths.angles)
+    arms = np.linalg.norm(paths.points - paths.centres[:, None], axis=2).max(axis=1)
     way = np.abs(paths.angles) * arms + np.hypot(*paths.shifts.T)
     none = np.zeros(n)
     return Pushers(paths, way, np.zeros(n, np.int64), none, none, none, np.full(n, radius_mm))

@@ -121,9 +121,8 @@ def inequivalent(placements: Array, common: Array, job: Job) -> Array:
     turn must map the placements (m, 3) common to all squeezes onto themselves; those about modes turn with
     the parts.
     """
-    alike = (
-        job.gripper.upper_finger_share == 0.5
-    )  # then half a turn of the hand changes nothing either
+    # For fingers that move alike, half a turn of the hand changes nothing either.
+    alike = job.gripper.upper_finger_share == 0.5
     seen: dict[tuple[Key, Key], Array] = {}
     for placement in placements:
         turns = [placement[2], placement[2] + math.pi] if turnable(job) else [0.0]

@@ -4,7 +4,6 @@ Neither affects where a squeeze ends in the hand frame: from any opening the fin
 place, since the jaws are one linkage.
 """
 
-import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -54,28 +53,28 @@ class Handling:
     Attributes:
         outlines: (N, 2) of the part [mm], for each hypothesis.
         jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-        openings_mm: to choose from, ascending; empty: any that clears the part.
+        alike: whether the fingers move alike; otherwise the opening decides which one touches first.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         encoder: turns the branches' counts into widths.
     """
 
     outlines: tuple[Array, ...]
     jaws: Array
-    openings_mm: tuple[float, ...]
+    alike: bool
     area: Array
     encoder: Encoder
 
     def opening(self, belief: Belief, placement: Array, *, pushed: bool = False) -> Opening:
         """The least opening `SPARE_MM` wider than the first contact.
 
-        The full opening for parts that were `pushed` before, and for few particles: their pose is less
-        certain.
+        The full opening for fingers that do not move alike, for parts that were `pushed` before, and for few
+        particles: their pose is less certain.
         """
         contact_mm = self.contact_mm(belief, placement)
         uncertain = pushed or len(belief) < LEAST_PARTICLES
-        least_mm = math.inf if uncertain else contact_mm + SPARE_MM
-        wide = (opening for opening in self.openings_mm or (least_mm,) if opening >= least_mm)
-        opening = min(next(wide, math.inf), float(self.jaws[0]))
+        full_mm = float(self.jaws[0])
+        free = self.alike and not uncertain
+        opening = min(contact_mm + SPARE_MM, full_mm) if free else full_mm
         clearance_mm = max(self._clearance(opening, belief, placement), 0.0)
         return Opening(opening, clearance_mm, contact_mm)
 
@@ -148,13 +147,10 @@ class Handling:
 
 def handling_of(job: Job) -> Handling:
     """The choices that a job allows."""
-    gripper = job.gripper
-    alike = gripper.upper_finger_share == 0.5
-    openings_mm = job.actions.openings_mm if alike else (gripper.opening_mm,)
     return Handling(
         outlines=tuple(alone.part.outline_mm for alone in job.alone),
-        jaws=jaws_of(gripper),
-        openings_mm=tuple(sorted(openings_mm)),
+        jaws=jaws_of(job.gripper),
+        alike=job.gripper.upper_finger_share == 0.5,
         area=np.array(job.cell.work_area_mm),
         encoder=encoder_of(job),
     )

@@ -68,10 +68,8 @@ class Pusher:
 
     def options(self, belief: Belief) -> list[Push]:
         """Candidate pushes: each starts before all parts of a belief, and ends past the near side of all."""
-        result, reach = (
-            list[Push](),
-            max(float(np.hypot(*outline.T).max()) for outline in self._outlines),
-        )
+        result = list[Push]()
+        reach = max(float(np.hypot(*outline.T).max()) for outline in self._outlines)
         for angle in self._angles(belief):
             along, across = np.array(
                 [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]

@@ -38,13 +38,8 @@ from runtime.table import MAX_BRANCHES
 PROBABLE = 0.01  # nodes of smaller probability try only one action of the previous pass
 MARGIN = 0.4  # excess over the best, in squeezes, of actions that are retried
 FURTHER = 0.2  # assumed cost of an open leaf beyond the leaf heuristic, in squeezes
-REMEMBERED = (
-    24  # grasp poses relative to the part, recent winners elsewhere, that every node also tries
-)
-SPREAD = (
-    2.0,
-    np.radians(5.0),
-)  # standard deviation of variants of the best old grasp poses [mm, rad]
+REMEMBERED = 24  # recent winners elsewhere, relative to the part, that every node also tries
+SPREAD = 2.0, np.radians(5.0)  # standard deviation of variants of the best old grasp poses
 VARIANTS = 8
 LEAST_PARTICLES = 400  # size up to which a belief is repeated before its next squeeze
 RANKING_SHARE = 0.1  # largest share of a job's particles that rank grasp poses

@@ -13,6 +13,7 @@ from runtime.execution.tips import TipArc
 from runtime.monitoring.monitor import Views
 from runtime.shell.errors import UsageError
 from runtime.table import Table, job_of
+from runtime.traversal.answer import frames_of
 from runtime.traversal.decision import Policy
 
 PATIENCE = 200.0  # a person may take so much longer than an arm: about half an hour
@@ -164,7 +165,7 @@ def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | deli
         return delivery.by_name(words, table)
     if len(words) > 1:
         raise UsageError("--deliver stands twice, and the table is of one part; give one place")
-    return delivery.from_word(words[0])
+    return delivery.from_word(words[0], frames_of(table)[0].picks)
 
 
 def _takes_part(arguments: argparse.Namespace) -> bool:

@@ -12,16 +12,10 @@ from typing import Self
 from runtime.shell import strict_toml
 from runtime.shell.errors import InputError, UsageError
 from runtime.table import Area, Pose2, Table
-from runtime.traversal.answer import frames_in
+from runtime.traversal.answer import frames_in, frames_of
 
-KEYS = {
-    "drop_mm": 2,
-    "drop_angle_deg": 0,
-    "grasp_mm": 2,
-    "grasp_angle_deg": 0,
-    "width_mm": 0,
-    "area_mm": 4,
-}
+NUMBERS = {"drop": 3, "width_mm": 0, "area_mm": 4}  # how many a key takes; 0: one, not in a list
+KEYS = (*NUMBERS, "grasp")
 WIDTH_TOLERANCE_MM = 1.5  # tolerance of a stated width at the grasp: encoder and contour
 LARGEST = 10_000.0  # mm or degrees; larger than any cell
 
@@ -76,9 +70,9 @@ class Sorting:
         return list(self.named.items())
 
 
-def from_word(word: str) -> Delivery:
+def from_word(word: str, picks: Mapping[str, Pose2]) -> Delivery:
     """The delivery of `x,y,angle`, see `from_text`, or of the name of a file, see `from_file`."""
-    return from_text(word) if "," in word else from_file(Path(word))
+    return from_text(word) if "," in word else from_file(Path(word), picks)
 
 
 def from_text(text: str) -> Delivery:
@@ -93,7 +87,7 @@ def from_text(text: str) -> Delivery:
         raise UsageError(
             f"--deliver {text!r}: write x,y,angle in mm, mm and degrees, or a file"
         ) from None
-    return from_keys({"drop_mm": [x_mm, y_mm], "drop_angle_deg": angle_deg}, "--deliver")
+    return from_keys({"drop": [x_mm, y_mm, angle_deg]}, "--deliver", {})
 
 
 def by_name(words: Sequence[str], table: Table) -> Sorting:
@@ -104,6 +98,9 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
             part and pose.
     """
     goal, numbers = table.goal, dict(enumerate(hypothesis.name for hypothesis in table.hypotheses))
+    picks = {
+        name: frames.picks for name, frames in zip(numbers.values(), frames_of(table), strict=True)
+    }
     if goal.kind == "identity" or not goal.identify:
         raise UsageError(
             "--deliver: this table does not tell both which part it is and where it lies"
@@ -119,11 +116,11 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
             )
         if name in result:
             raise UsageError(f"--deliver {word!r}: {name} has a place already; give each part one")
-        result[name] = from_word(place)
+        result[name] = from_word(place, picks[name])
     return Sorting(result, numbers)
 
 
-def from_file(path: Path) -> Delivery:
+def from_file(path: Path, picks: Mapping[str, Pose2]) -> Delivery:
     """The delivery of a TOML file, its keys at the top or in a section `delivery`.
 
     Raises:
@@ -138,7 +135,7 @@ def from_file(path: Path) -> Delivery:
         ) from error
     except ValueError as error:
         raise InputError(f"--deliver {path}: no TOML file ({error})") from error
-    return from_keys(document.get("delivery", document), f"--deliver {path}")
+    return from_keys(document.get("delivery", document), f"--deliver {path}", picks)
 
 
 def from_job(job: Mapping[str, object] | None) -> Delivery | None:
@@ -150,37 +147,30 @@ def from_job(job: Mapping[str, object] | None) -> Delivery | None:
     keys = (job or {}).get("delivery")
     if keys is None:
         return None
-    where = "the job's section delivery"
-    if not isinstance(keys, Mapping) or keys.get("grasp") is None:
-        return from_keys(keys, where)
-    name = keys["grasp"]
-    picks = frames_in((job or {}).get("part")).picks
-    if name not in picks:
-        raise InputError(
-            f"{where}: grasp {name!r} is none of [part] picks: {', '.join(picks) or 'none'}"
-        )
-    others = {
-        key: value
-        for key, value in keys.items()
-        if key not in ("grasp", "grasp_mm", "grasp_angle_deg")
-    }
-    return replace(from_keys(others, where), grasp=picks[name])
+    return from_keys(keys, "the job's section delivery", frames_in((job or {}).get("part")).picks)
 
 
-def from_keys(keys: object, where: str) -> Delivery:
-    """The delivery of parsed keys.
+def from_keys(keys: object, where: str, picks: Mapping[str, Pose2]) -> Delivery:
+    """The delivery of parsed keys, for a part with these picks.
 
     Raises:
-        InputError: not a section of keys, or a key is unknown, missing or has the wrong number of values.
+        InputError: not a section of keys; a key is unknown, missing or has the wrong number of values; or the
+            grasp is none of the picks.
     """
     if not isinstance(keys, Mapping):
         raise InputError(f"{where}: delivery is no section of keys and values")
-    if unknown := keys.keys() - KEYS.keys():
+    if unknown := keys.keys() - {*KEYS}:
         raise InputError(f"{where}: unknown key {sorted(unknown)[0]}; known are {', '.join(KEYS)}")
-    if "drop_mm" not in keys:
-        raise InputError(f"{where}: drop_mm is missing; say where the part goes")
-    numbers = {name: _numbers(where, name, keys[name]) for name in KEYS if name in keys}
-    delivery = Delivery(_pose(numbers, "drop"), _pose(numbers, "grasp"))
+    if "drop" not in keys:
+        raise InputError(f"{where}: drop is missing; say where the part goes: [x, y, angle]")
+    numbers = {name: _numbers(where, name, keys[name]) for name in NUMBERS if name in keys}
+    x_mm, y_mm, angle_deg = numbers["drop"]
+    delivery = Delivery((x_mm, y_mm, math.radians(angle_deg)))
+    if (grasp := keys.get("grasp")) is not None:
+        if not isinstance(grasp, str) or grasp not in picks:
+            known = ", ".join(picks) or "none"
+            raise InputError(f"{where}: grasp {grasp!r} is none of [part] picks: {known}")
+        delivery = replace(delivery, grasp=picks[grasp])
     if "width_mm" in numbers:
         width = numbers["width_mm"][0]
         held = (width - WIDTH_TOLERANCE_MM, width + WIDTH_TOLERANCE_MM)
@@ -197,7 +187,7 @@ def from_keys(keys: object, where: str) -> Delivery:
 
 def _numbers(where: str, name: str, value: object) -> tuple[float, ...]:
     items: list[object] = value if isinstance(value, list) else [value]
-    wanted = KEYS[name]
+    wanted = NUMBERS[name]
     if isinstance(value, list) != bool(wanted) or len(items) != max(wanted, 1):
         raise InputError(f"{where}: {name} takes {wanted or 'one'} number{'s' if wanted else ''}")
     numbers = []
@@ -210,9 +200,3 @@ def _numbers(where: str, name: str, value: object) -> tuple[float, ...]:
             )
         numbers.append(float(item))
     return tuple(numbers)
-
-
-def _pose(numbers: Mapping[str, tuple[float, ...]], name: str) -> Pose2:
-    x_mm, y_mm = numbers.get(f"{name}_mm", (0.0, 0.0))
-    (angle_deg,) = numbers.get(f"{name}_angle_deg", (0.0,))
-    return x_mm, y_mm, math.radians(angle_deg)

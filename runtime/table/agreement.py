@@ -111,11 +111,9 @@ def _parts(table: Table, job: Section) -> Compared:
 
 
 def _squeezes(table: Table, job: Section) -> Compared:
-    """Opening (where the job states a choice), speed and force of squeezes; whether pushes are allowed."""
+    """Speed and force of squeezes; whether pushes are allowed."""
     gripper, actions = section(job, "gripper"), section(job, "actions")
-    openings_mm = numbers(actions, "openings_mm")
     allowed = {
-        "opening_um": openings_mm and [*openings_mm, *numbers(gripper, "opening_mm")],
         "speed_um_s": numbers(gripper, "speed_mm_s"),
         "force_mn": numbers(gripper, "force_n"),
     }

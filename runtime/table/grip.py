@@ -23,9 +23,7 @@ from runtime.table.embedded import (
 from runtime.table.goal import Pose2, hypotheses_of, poses_of
 from runtime.table.model import HELD_UM, Branch, Leaf, Node, Table
 
-MOST_POINTS = (
-    48  # points of an outline that is checked against hundreds of leaves within milliseconds
-)
+MOST_POINTS = 48  # of an outline, so that hundreds of leaves are checked within milliseconds
 DIRECTIONS = 90  # directions in which the narrowest width is searched
 MARGIN_MM = 0.5
 TAIL = 4.0  # standard deviations

@@ -25,10 +25,8 @@ class Stand(NamedTuple):
 
     def moved(self, way_mm: float) -> Self:
         """The stand after a way along the hand's x axis."""
-        x_mm, y_mm = (
-            self.x_mm + way_mm * cos(self.angle_rad),
-            self.y_mm + way_mm * sin(self.angle_rad),
-        )
+        x_mm = self.x_mm + way_mm * cos(self.angle_rad)
+        y_mm = self.y_mm + way_mm * sin(self.angle_rad)
         return self._replace(x_mm=x_mm, y_mm=y_mm)
 
     def turn_from(self, place: "Stand") -> float:

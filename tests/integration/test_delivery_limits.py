@@ -32,7 +32,7 @@ from runtime.traversal.results import Outcome
 # With this drop-off a part that takes both squeezes brings the hand once round, each time the same way.
 WINDING = RunOptions(handling=Handling(regulated=True), delivery=from_text("50,0,210"))
 WIDE = """
-drop_mm = [{x}, 0.0]
+drop = [{x}, 0.0, 0.0]
 area_mm = [-1000, -1000, 1000, 1000]
 """
 
@@ -141,7 +141,7 @@ def test_part_that_is_carried_is_held_with_the_force_of_the_table_and_another_wi
 
 
 def test_a_table_whose_job_says_so_delivers_and_journals_the_pose_first(tree: Path) -> None:
-    job = {"delivery": {"drop_mm": [40.0, -20.0], "drop_angle_deg": 90.0}}
+    job = {"delivery": {"drop": [40.0, -20.0, 90.0]}}
     dump(with_job(small_table(), json.dumps(job)), tree)
     code, out, err = simulated(tree, "--seed", "1")
     assert (code, err) == (0, "")

@@ -230,9 +230,7 @@ PUSHES = (
 0.3 452 150 9 1 0 0 0
 """
 )
-DELIVERY = b"""drop_mm = [50.0, 0.0]
-drop_angle_deg = 90.0
-grasp_mm = [0.0, 0.0]
+DELIVERY = b"""drop = [50.0, 0.0, 90.0]
 width_mm = 21.0
 area_mm = [-60, -60, 90, 60]
 """

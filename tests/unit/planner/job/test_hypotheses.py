@@ -68,7 +68,7 @@ def broken(number=1, **entry):
         (broken(3, part={"name": "x"}), r"\[hypothesis 3.part\]: missing key outline_mm"),
         (broken(1, part=several()["hypothesis"][1]["part"]), "stands twice"),
         (several(search={"method": "paper"}), "plans for one part"),
-        (several(delivery={"drop_mm": [0, 0]}), "is of one part"),
+        (several(delivery={"drop": [0, 0, 0]}), "is of one part"),
         (several(**{FOREIGN: []}), "1 to 16 entries"),
         (several(**{FOREIGN: [{"part": {"name": "x"}}]}), r"\[stranger 1.part\]: missing key"),
     ],

@@ -92,24 +92,23 @@ def test_canonical_text_that_is_not_a_json_object_is_refused(text):
         job.from_canonical(text)
 
 
-MOST_KEYS = 70  # besides those that go with one kind of pressure
+MOST_KEYS = 66  # besides those that go with one kind of pressure
 WIDTH_AND_AREA = {"width_mm": 21, "area_mm": [-60, -60, 90, 60]}
-DELIVERY = "[delivery]\ndrop_mm = [50, 0]\ndrop_angle_deg = 180\n"
+DELIVERY = "[delivery]\ndrop = [50, 0, 180]\n"
 
 
 def test_the_runtime_reads_the_delivery_that_a_job_states():
     result = job.parse(TEXT + DELIVERY + "width_mm = 21\narea_mm = [-60, -60, 90, 60]\n")
     assert job.from_canonical(result.canonical()) == result
-    keys = {"drop_mm": [50, 0], "drop_angle_deg": 180} | WIDTH_AND_AREA
-    assert delivery.from_job(json.loads(result.canonical())) == delivery.from_keys(keys, "here")
+    keys = {"drop": [50, 0, 180]} | WIDTH_AND_AREA
+    assert delivery.from_job(json.loads(result.canonical())) == delivery.from_keys(keys, "here", {})
     shorter = json.loads(job.parse(TEXT + DELIVERY).canonical())
     assert delivery.from_job(shorter) == delivery.from_text("50,0,180")
 
 
 def test_job_and_runtime_know_the_same_keys_of_a_delivery():
-    assert {*schema.FIELDS["delivery"]} - {*delivery.KEYS} == {"grasp"}  # stands for two of them
-    assert {*delivery.KEYS} <= {*schema.FIELDS["delivery"]}
-    for key, count in delivery.KEYS.items():
+    assert {*schema.FIELDS["delivery"]} == {*delivery.KEYS}
+    for key, count in delivery.NUMBERS.items():
         field = schema.FIELDS["delivery"][key]
         assert (field.least if isinstance(field, fields.Numbers) else 0) == count
 
@@ -117,15 +116,15 @@ def test_job_and_runtime_know_the_same_keys_of_a_delivery():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[delivery]\ndrop_angle_deg = 3", "missing key drop_mm"),
-        ("[delivery]\ndrop_mm = [1, 2, 3]", "must have 2 entries"),
-        ("[delivery]\ndrop_mm = [50, 0]\ndrop = 3", "unknown key"),
+        ("[delivery]\nwidth_mm = 3", "missing key drop"),
+        ("[delivery]\ndrop = [1, 2]", "must have 3 entries"),
+        ("[delivery]\ndrop = [50, 0, 0]\ndrop_mm = 3", "unknown key"),
         (
-            "[delivery]\ndrop_mm = [500, 0]",
+            "[delivery]\ndrop = [500, 0, 0]",
             "brings the hand to .500, 0., outside work_area_mm of .cell.",
         ),
-        ("[delivery]\ndrop_mm = [50, 0]\narea_mm = [9, 9, 0, 0]", "min below max"),
-        ("[delivery]\ndrop_mm = [50, 0]\nwidth_mm = 90", "not below opening_mm"),
+        ("[delivery]\ndrop = [50, 0, 0]\narea_mm = [9, 9, 0, 0]", "min below max"),
+        ("[delivery]\ndrop = [50, 0, 0]\nwidth_mm = 90", "not below opening_mm"),
         ("delivery = 3", "must be a section"),
     ],
 )

@@ -86,7 +86,6 @@ WRONG = [
     ("[actions]", "orientation_halfwidth_deg = 20\n[actions]", "uncertainty", "orientation"),
     ("[0, 45, 90, 135]", "[0, 45, 0.0]", "actions", "angles_deg"),
     ("centers_mm = [[0, 0]]", "centers_mm = [[0, 0], [0, 151]]", "actions", "centers_mm"),
-    ("[goal]", "openings_mm = [90.0]\n[goal]", "actions", "openings_mm"),
     ("[goal]", "[search]\nmax_depth = 0\n[goal]", "search", "max_depth"),
     ("[goal]", "[search]\nmethod = 'open-loop'\n[goal]", "search", "method"),
     ("[goal]", "[cell]\nwork_area_mm = [[9, -9], [-9, 9]]\n[goal]", "cell", "work_area_mm"),

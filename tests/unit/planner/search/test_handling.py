@@ -11,29 +11,28 @@ from planner.mechanics.traits import as_planned
 from planner.search.handling import LEAST_PARTICLES, SPARE_MM, handling_of
 
 
-@pytest.fixture(scope="module")
-def listing(job):
-    """A job that lists openings to choose from."""
-    return job.replaced(actions={"openings_mm": [30.0, 50.0, 70.0]})
-
-
 def held_at(job, centre):
     """Outcomes of one cluster: a part held at 21 mm, its centre there."""
     counts = np.full(50, round(230 - 21.0 / encoder_of(job).mm_per_step))
     return Outcomes(Partition.of([counts]), [Belief.of(np.tile([*centre, 0.1], (50, 1)))], 21.0)
 
 
-@pytest.mark.parametrize(("y", "expected"), [(0.0, 30.0), (8.0, 50.0), (18.0, 70.0), (28.0, 85.0)])
-def test_opening_where_the_job_lists_some_is_the_least_that_leaves_room(listing, y, expected):
+@pytest.mark.parametrize("y", [0.0, 8.0, 18.0, 28.0])
+def test_opening_clearance_is_that_of_the_open_fingers_at_most_fully_open(job, y):
     belief, placement = np.tile([0.0, y, 0.0], (LEAST_PARTICLES, 1)), np.zeros(3)
-    opening, clearance, _ = handling_of(listing).opening(Belief.of(belief), placement)
-    assert opening == expected
+    opening, clearance, _ = handling_of(job).opening(Belief.of(belief), placement)
     jaws = np.array([opening, 27.5, 9.5])
-    assert clearance == least_clearance(listing.part.outline_mm, jaws, belief, placement)
-    assert clearance >= SPARE_MM or opening == listing.gripper.opening_mm
+    assert clearance == least_clearance(job.part.outline_mm, jaws, belief, placement)
+    assert clearance >= SPARE_MM or opening == job.gripper.opening_mm
 
 
-def test_opening_where_the_job_lists_none_leaves_just_the_room_that_is_needed(job):
+def test_opening_fingers_that_do_not_move_alike_is_full(job):
+    belief = Belief.of(np.zeros((LEAST_PARTICLES, 3)))
+    uneven = job.replaced(gripper={"upper_finger_share": 0.6})
+    assert handling_of(uneven).opening(belief, np.zeros(3))[0] == job.gripper.opening_mm
+
+
+def test_opening_leaves_just_the_room_that_is_needed(job):
     poses = np.tile([[0.0, 5.0, 0.0], [0.0, -8.0, 0.1]], (LEAST_PARTICLES // 2, 1))
     belief, placement = Belief.of(poses), np.zeros(3)
     handling = handling_of(job)
@@ -54,8 +53,8 @@ def test_first_contact_of_a_part_with_something_off_comes_earlier(job, trait):
     assert handling.contact_mm(Belief.of(poses, traits=traits), placement) > plain
 
 
-def test_a_part_near_the_edge_is_dragged_to_the_middle(listing):
-    handling, outcomes = handling_of(listing), held_at(listing, (145.0, 0.0))
+def test_a_part_near_the_edge_is_dragged_to_the_middle(job):
+    handling, outcomes = handling_of(job), held_at(job, (145.0, 0.0))
     release = handling.release(outcomes)
     np.testing.assert_allclose(release, [0.0, 0.0])
     (belief,) = handling.released(np.array([140.0, 0.0, 0.0]), release, outcomes)

@@ -10,13 +10,12 @@ from runtime.execution.delivery import Delivery, by_name, from_file, from_job, f
 from runtime.shell.errors import InputError, UsageError
 
 FULL = """
-drop_mm = [50.0, -10]
-drop_angle_deg = 90
-grasp_mm = [1, 2]
-grasp_angle_deg = -90
+drop = [50.0, -10, 90]
+grasp = "handle"
 width_mm = 21.0
 area_mm = [-60, -60, 90, 60]
 """
+PICKS = {"handle": (1.0, 2.0, -pi / 2)}
 
 
 def test_three_numbers_are_a_drop_off():
@@ -29,9 +28,9 @@ def test_three_numbers_are_a_drop_off():
 def test_a_file_may_have_a_section(tmp_path, header):
     path = tmp_path / "d.toml"
     path.write_text(header + FULL)
-    result = from_file(path)
+    result = from_file(path, PICKS)
     assert result.drop == (50.0, -10.0, pytest.approx(pi / 2))
-    assert result.grasp == (1.0, 2.0, pytest.approx(-pi / 2))
+    assert result.grasp == PICKS["handle"]
     assert result.width_mm == (19.5, 22.5)
     assert result.area_um == (-60_000, -60_000, 90_000, 60_000)
 
@@ -39,59 +38,61 @@ def test_a_file_may_have_a_section(tmp_path, header):
 def test_a_job_without_the_section_delivers_nothing():
     assert from_job(None) is None
     assert from_job({"seed": 1}) is None
-    assert from_job({"delivery": {"drop_mm": [1, 2]}}) == Delivery(drop=(1.0, 2.0, 0.0))
-    assert from_keys({"drop_mm": [0, 0], "width_mm": 10}, "x").width_mm == (8.5, 11.5)
+    assert from_job({"delivery": {"drop": [1, 2, 0]}}) == Delivery(drop=(1.0, 2.0, 0.0))
+    assert from_keys({"drop": [0, 0, 0], "width_mm": 10}, "x", {}).width_mm == (8.5, 11.5)
 
 
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({}, "drop_mm is missing"),
-        ({"drop_mm": [1, 2], "drop": 3}, "unknown key drop; known are drop_mm"),
-        ({"drop_mm": [1, 2, 3]}, "drop_mm takes 2 numbers"),
-        ({"drop_mm": 1}, "drop_mm takes 2 numbers"),
-        ({"drop_mm": [1, 2], "width_mm": [3]}, "width_mm takes one number"),
-        ({"drop_mm": [1, "2"]}, "holds '2', which is no number"),
-        ({"drop_mm": [1, True]}, "which is no number"),
-        ({"drop_mm": [1, nan]}, "which is no number"),
-        ({"drop_mm": [1, inf]}, "beyond 10000"),
-        ({"drop_mm": [1, 10**400]}, "beyond 10000"),
-        ({"drop_mm": [1, 2], "area_mm": [5, 0, 5, 9]}, "min below its max"),
+        ({}, "drop is missing"),
+        ({"drop": [1, 2, 0], "drop_mm": 3}, "unknown key drop_mm; known are drop"),
+        ({"drop": [1, 2]}, "drop takes 3 numbers"),
+        ({"drop": 1}, "drop takes 3 numbers"),
+        ({"drop": [1, 2, 0], "width_mm": [3]}, "width_mm takes one number"),
+        ({"drop": [1, 2, "2"]}, "holds '2', which is no number"),
+        ({"drop": [1, 2, True]}, "which is no number"),
+        ({"drop": [1, 2, nan]}, "which is no number"),
+        ({"drop": [1, 2, inf]}, "beyond 10000"),
+        ({"drop": [1, 2, 10**400]}, "beyond 10000"),
+        ({"drop": [1, 2, 0], "area_mm": [5, 0, 5, 9]}, "min below its max"),
+        ({"drop": [1, 2, 0], "grasp": "rim"}, "grasp 'rim' is none of .* picks: handle"),
+        ({"drop": [1, 2, 0], "grasp": [1, 2]}, "is none of .* picks"),
         (3, "no section"),
     ],
 )
 def test_what_is_wrong_is_named(keys, message):
     with pytest.raises(InputError, match=message):
-        from_keys(keys, "delivery")
+        from_keys(keys, "delivery", PICKS)
 
 
 def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(InputError, match=r"none\.toml"):
-        from_file(tmp_path / "none.toml")
-    (tmp_path / "bad.toml").write_text("drop_mm = [")
+        from_file(tmp_path / "none.toml", {})
+    (tmp_path / "bad.toml").write_text("drop = [")
     (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
     (tmp_path / "other.toml").write_text("delivery = 3")
     (tmp_path / "binary.toml").write_bytes(bytes(range(256)))
     for name in ("bad", "deep", "other", "binary"):
         with pytest.raises(InputError, match=rf"{name}\.toml") as refused:
-            from_file(tmp_path / f"{name}.toml")
+            from_file(tmp_path / f"{name}.toml", {})
         assert "\n" not in str(refused.value)
 
 
 def test_a_pick_of_the_part_is_where_it_is_taken():
     part = {"datum": [10.0, 0.0, 90.0], "picks": {"handle": [5.0, 0.0, 0.0]}}
-    result = from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "handle"}})
+    result = from_job({"part": part, "delivery": {"drop": [0, 50, 0], "grasp": "handle"}})
     assert result is not None
     assert result.grasp == pytest.approx((10.0, 5.0, pi / 2))
     with pytest.raises(InputError, match="none of"):
-        from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "rim"}})
+        from_job({"part": part, "delivery": {"drop": [0, 50, 0], "grasp": "rim"}})
 
 
 def test_several_parts_are_sorted_by_their_names(tmp_path):
     path = tmp_path / "d.toml"
-    path.write_text(FULL)
+    path.write_text("drop = [50.0, -10, 90]\nwidth_mm = 21.0\n")
     sorting = by_name(["right hand=1,2,0", f"left hand={path}"], several_table())
-    assert sorting.of(0) == from_file(path)
+    assert sorting.of(0) == from_file(path, {})
     assert sorting.of(1) == from_text("1,2,0")
     result = sorting.record()
     assert json.loads(json.dumps(result, allow_nan=False)) == result

@@ -64,15 +64,6 @@ def test_a_table_that_its_job_contradicts_is_refused(path, value, said):
     assert str(refused.value).endswith("recompile it")
 
 
-def test_an_opening_is_one_of_those_that_the_job_lists_if_it_lists_any():
-    job = json.loads(TABLE.job or "")
-    narrow = changed(TABLE, {"nodes.0.squeeze.opening_um": 80_000})
-    loads(encode(narrow))
-    listed = with_job(narrow, json.dumps({**job, "actions": {"openings_mm": [70.0, 85.0]}}))
-    with pytest.raises(TableError, match="says one of 70000, 85000"):
-        loads(encode(listed))
-
-
 @pytest.mark.parametrize("direction", range(8))
 def test_leaves_that_all_lie_15_mm_off_are_refused_in_any_direction(direction):
     turn = direction * pi / 4
