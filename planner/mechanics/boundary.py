@@ -8,26 +8,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array
 from planner.kernel import inlined_kernel
-from planner.mechanics.contacts import (
-    CORNER,
-    FINGER,
-    GAP,
-    KIND,
-    N2,
-    NX,
-    NY,
-    OUTER,
-    RX,
-    RY,
-    T2,
-    TIP,
-    UN,
-    UT,
-    Finger,
-    Hand,
-)
+from planner.mechanics.contacts import CORNER, OUTER, TIP, Contacts, Finger, Hand
 
 MAX_POINTS = 16
 BOUNDARY = np.dtype(
@@ -98,30 +81,31 @@ def hand_of(boundary: Boundary, faces: Array) -> Hand:
 
 
 @inlined_kernel
-def directions(C: Array, I: IntArray, count: int, rho: float, drive: Drive) -> None:
-    """Moments and pusher displacements of all contacts (the Jacobian of eq. 2); `C` is modified in place."""
+def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None:
+    """Moments and pusher displacements of all contacts (the Jacobian of eq. 2), in place."""
     for k in range(count):
-        nx, ny, rx, ry = C[k, NX], C[k, NY], C[k, RX], C[k, RY]
-        C[k, N2], C[k, T2] = (rx * ny - ry * nx) / rho, (rx * nx + ry * ny) / rho
+        contact = contacts[k]
+        nx, ny, rx, ry = contact.nx, contact.ny, contact.x, contact.y
+        contact.n2, contact.t2 = (rx * ny - ry * nx) / rho, (rx * nx + ry * ny) / rho
         ux = drive.x - drive.turn * ry
-        uy = drive.y + drive.turn * rx + (-drive.top if I[k, FINGER] == 1 else drive.bottom)
-        C[k, UN], C[k, UT] = ux * nx + uy * ny, uy * nx - ux * ny
+        uy = drive.y + drive.turn * rx + (-drive.top if contact.finger == 1 else drive.bottom)
+        contact.un, contact.ut = ux * nx + uy * ny, uy * nx - ux * ny
 
 
 @inlined_kernel
-def subtract_carriage(C: Array, count: int, rho: float, drive: Drive, V: Array) -> None:
+def subtract_carriage(contacts: Contacts, count: int, rho: float, drive: Drive, V: Array) -> None:
     """Converts displacements over the table, of the part (V) and at the contacts, to those in the frame."""
     turn = rho * drive.turn
     V[0], V[1], V[2] = V[0] - drive.x, V[1] - drive.y, V[2] - turn
     for k in range(count):
-        C[k, UN] -= C[k, NX] * drive.x + C[k, NY] * drive.y + C[k, N2] * turn
-        C[k, UT] -= C[k, NX] * drive.y - C[k, NY] * drive.x + C[k, T2] * turn
+        contact = contacts[k]
+        contact.un -= contact.nx * drive.x + contact.ny * drive.y + contact.n2 * turn
+        contact.ut -= contact.nx * drive.y - contact.ny * drive.x + contact.t2 * turn
 
 
 @inlined_kernel
 def turn(
-    C: Array,
-    I: IntArray,
+    contacts: Contacts,
     count: int,
     turned: tuple[float, float],
     q: Array,
@@ -137,19 +121,20 @@ def turn(
     """
     c, s = turned
     for k in range(count):
-        rx, ry = C[k, RX], C[k, RY]
-        if I[k, KIND] == CORNER or I[k, KIND] == OUTER:
-            nx, ny, gap = C[k, NX], C[k, NY], C[k, GAP] + radius
+        contact = contacts[k]
+        rx, ry = contact.x, contact.y
+        if contact.kind == CORNER or contact.kind == OUTER:
+            nx, ny, gap = contact.nx, contact.ny, contact.gap + radius
             mx, my = c * nx - s * ny, s * nx + c * ny
-            closed = -0.5 * drive.top if I[k, FINGER] == 1 else 0.5 * drive.bottom
-            C[k, NX], C[k, NY] = mx, my
-            C[k, RX] = q[0] + rx - gap * nx + gap * mx - half[0]
-            C[k, RY] = q[1] + ry - gap * ny + closed + gap * my - half[1]
+            closed = -0.5 * drive.top if contact.finger == 1 else 0.5 * drive.bottom
+            contact.nx, contact.ny = mx, my
+            contact.x = q[0] + rx - gap * nx + gap * mx - half[0]
+            contact.y = q[1] + ry - gap * ny + closed + gap * my - half[1]
         else:
-            C[k, RX], C[k, RY] = c * rx - s * ry, s * rx + c * ry
-            if I[k, KIND] == TIP and radius > 0.0:
-                away = C[k, GAP] + radius
-                dx = half[0] + C[k, RX] - (q[0] + rx - away * C[k, NX])
-                dy = half[1] + C[k, RY] - (q[1] + ry - away * C[k, NY])
+            contact.x, contact.y = c * rx - s * ry, s * rx + c * ry
+            if contact.kind == TIP and radius > 0.0:
+                away = contact.gap + radius
+                dx = half[0] + contact.x - (q[0] + rx - away * contact.nx)
+                dy = half[1] + contact.y - (q[1] + ry - away * contact.ny)
                 distance = np.sqrt(dx * dx + dy * dy)
-                C[k, NX], C[k, NY] = dx / distance, dy / distance
+                contact.nx, contact.ny = dx / distance, dy / distance

@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.kernel import inlined_kernel, inner_kernel
-from planner.mechanics.contacts import FINGER, FN, FT, GAP, N2, NX, NY, T2, UN, UT
+from planner.mechanics.contacts import Contact, Contacts
 from planner.mechanics.lcp import RAY, SOLVED
 
 SLIP_TOLERANCE_MM = 1e-10
@@ -30,54 +30,54 @@ def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: fl
 
 
 @inlined_kernel
-def one_contact(A: Array, C: Array, k: int, mu: float) -> int:
-    """Solves eqs 1-5 for contact k alone: stick, else slide along the edge of the friction cone.
+def one_contact(A: Array, contact: Contact, mu: float) -> int:
+    """Solves eqs 1-5 for one contact alone: stick, else slide along the edge of the friction cone.
 
-    A (3, 3) is in the hand frame; the forces of row k of the contacts C are modified in place. Returns
+    A (3, 3) is in the hand frame; the forces of the contact are modified in place. Returns
     `SOLVED`, or `RAY` where neither is consistent.
     """
-    nx, ny, n2, t2 = C[k, NX], C[k, NY], C[k, N2], C[k, T2]
+    nx, ny, n2, t2 = contact.nx, contact.ny, contact.n2, contact.t2
     a = form(A, nx, ny, n2, nx, ny, n2)
     b = form(A, nx, ny, n2, -ny, nx, t2)
     c = form(A, -ny, nx, t2, -ny, nx, t2)
-    un, ut = C[k, UN] - C[k, GAP], C[k, UT]
+    un, ut = contact.un - contact.gap, contact.ut
     determinant = a * c - b * b
     fn, ft = (c * un - b * ut) / determinant, (a * ut - b * un) / determinant
     if abs(ft) <= mu * fn:
-        C[k, FN], C[k, FT] = fn, ft
+        contact.fn, contact.ft = fn, ft
         return SOLVED
     first = 1.0 if ft > 0.0 else -1.0
     for sign in (first, -first):
         fn = un / (a + sign * mu * b)
         if fn >= 0.0 and sign * (fn * (b + sign * mu * c) - ut) <= SLIP_TOLERANCE_MM:
-            C[k, FN], C[k, FT] = fn, sign * mu * fn
+            contact.fn, contact.ft = fn, sign * mu * fn
             return SOLVED
     return RAY
 
 
 @inlined_kernel
-def _gram(A: Array, C: Array, i: int, j: int, G: Array) -> None:
+def _gram(A: Array, i: Contact, j: Contact, G: Array) -> None:
     """G = W^T A W for W = [N_i, T_i, N_j, T_j]; `G` (4, 4) is modified in place."""
     for p in range(4):
-        k, tangent = (i if p < 2 else j), p % 2 == 1
-        f0, f1 = (-C[k, NY], C[k, NX]) if tangent else (C[k, NX], C[k, NY])
-        f2 = C[k, T2] if tangent else C[k, N2]
+        one, tangent = (i if p < 2 else j), p % 2 == 1
+        f0, f1 = (-one.ny, one.nx) if tangent else (one.nx, one.ny)
+        f2 = one.t2 if tangent else one.n2
         for r in range(p, 4):
-            m, along = (i if r < 2 else j), r % 2 == 1
-            g0, g1 = (-C[m, NY], C[m, NX]) if along else (C[m, NX], C[m, NY])
-            g2 = C[m, T2] if along else C[m, N2]
+            other, along = (i if r < 2 else j), r % 2 == 1
+            g0, g1 = (-other.ny, other.nx) if along else (other.nx, other.ny)
+            g2 = other.t2 if along else other.n2
             G[p, r] = form(A, f0, f1, f2, g0, g1, g2)
             G[r, p] = G[p, r]
 
 
 @inlined_kernel
 def _both_slide(
-    C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, sj: float, G: Array
+    i: Contact, j: Contact, mu_i: float, mu_j: float, si: float, sj: float, G: Array
 ) -> bool:
     """Contacts i and j slide with the senses si and sj."""
     a, b = G[0, 0] + si * mu_i * G[0, 1], G[0, 2] + sj * mu_j * G[0, 3]
     c, d = G[2, 0] + si * mu_i * G[2, 1], G[2, 2] + sj * mu_j * G[2, 3]
-    p, r = C[i, UN] - C[i, GAP], C[j, UN] - C[j, GAP]
+    p, r = i.un - i.gap, j.un - j.gap
     determinant = a * d - b * c
     if abs(determinant) <= 1e-12 * (abs(a * d) + abs(b * c)):
         return False
@@ -85,24 +85,24 @@ def _both_slide(
     if fi < 0.0 or fj < 0.0:
         return False
     ti, tj = si * mu_i * fi, sj * mu_j * fj
-    slip_i = G[1, 0] * fi + G[1, 1] * ti + G[1, 2] * fj + G[1, 3] * tj - C[i, UT]
-    slip_j = G[3, 0] * fi + G[3, 1] * ti + G[3, 2] * fj + G[3, 3] * tj - C[j, UT]
+    slip_i = G[1, 0] * fi + G[1, 1] * ti + G[1, 2] * fj + G[1, 3] * tj - i.ut
+    slip_j = G[3, 0] * fi + G[3, 1] * ti + G[3, 2] * fj + G[3, 3] * tj - j.ut
     if si * slip_i > SLIP_TOLERANCE_MM or sj * slip_j > SLIP_TOLERANCE_MM:
         return False
-    C[i, FN], C[i, FT], C[j, FN], C[j, FT] = fi, ti, fj, tj
+    i.fn, i.ft, j.fn, j.ft = fi, ti, fj, tj
     return True
 
 
 @inlined_kernel
 def _one_sticks(
-    C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: float, G: Array
+    i: Contact, j: Contact, o: int, mu_i: float, mu_j: float, sj: float, G: Array
 ) -> bool:
     """Contact i sticks while j slides with sense sj; `o` is 0 where i is first in G, else 2."""
     v = 2 - o
     a00, a01, a02 = G[o, o], G[o, o + 1], G[o, v] + sj * mu_j * G[o, v + 1]
     a10, a11, a12 = G[o + 1, o], G[o + 1, o + 1], G[o + 1, v] + sj * mu_j * G[o + 1, v + 1]
     a20, a21, a22 = G[v, o], G[v, o + 1], G[v, v] + sj * mu_j * G[v, v + 1]
-    p, r, w = C[i, UN] - C[i, GAP], C[i, UT], C[j, UN] - C[j, GAP]
+    p, r, w = i.un - i.gap, i.ut, j.un - j.gap
     m0, m1, m2 = a11 * a22 - a12 * a21, a10 * a22 - a12 * a20, a10 * a21 - a11 * a20
     determinant = a00 * m0 - a01 * m1 + a02 * m2
     if abs(determinant) <= 1e-10 * (abs(a00 * m0) + abs(a01 * m1) + abs(a02 * m2)):
@@ -113,28 +113,26 @@ def _one_sticks(
     if fj < 0.0 or abs(ti) > mu_i * fi:
         return False
     tj = sj * mu_j * fj
-    slip = (
-        G[v + 1, o] * fi + G[v + 1, o + 1] * ti + G[v + 1, v] * fj + G[v + 1, v + 1] * tj - C[j, UT]
-    )
+    slip = G[v + 1, o] * fi + G[v + 1, o + 1] * ti + G[v + 1, v] * fj + G[v + 1, v + 1] * tj - j.ut
     if sj * slip > SLIP_TOLERANCE_MM:
         return False
-    C[i, FN], C[i, FT], C[j, FN], C[j, FT] = fi, ti, fj, tj
+    i.fn, i.ft, j.fn, j.ft = fi, ti, fj, tj
     return True
 
 
 @inlined_kernel
-def two_contacts(A: Array, C: Array, i: int, j: int, mu_i: float, mu_j: float, G: Array) -> int:
+def two_contacts(A: Array, i: Contact, j: Contact, mu_i: float, mu_j: float, G: Array) -> int:
     """Solves eqs 1-5 for contacts i and j, both pressed; see `one_contact`. G is a (4, 4) workspace.
 
     Returns `SOLVED`, or `RAY` where no mode in which both press is consistent.
     """
-    _gram(A, C, i, j, G)
+    _gram(A, i, j, G)
     for si in (1.0, -1.0):
         for sj in (1.0, -1.0):
-            if _both_slide(C, i, j, mu_i, mu_j, si, sj, G):
+            if _both_slide(i, j, mu_i, mu_j, si, sj, G):
                 return SOLVED
     for s in (1.0, -1.0):
-        if _one_sticks(C, i, j, 0, mu_i, mu_j, s, G) or _one_sticks(C, j, i, 2, mu_j, mu_i, s, G):
+        if _one_sticks(i, j, 0, mu_i, mu_j, s, G) or _one_sticks(j, i, 2, mu_j, mu_i, s, G):
             return SOLVED
     return RAY
 
@@ -159,45 +157,45 @@ def _linear(G: Array, b0: float, b1: float, b2: float) -> tuple[float, float, fl
 
 @inner_kernel
 def three_contacts(
-    A: Array, C: Array, I: IntArray, active: IntArray, mu_top: float, mu_bottom: float, G: Array
+    A: Array, contacts: Contacts, active: IntArray, mu_top: float, mu_bottom: float, G: Array
 ) -> int:
     """Solves eqs 1-5 for the three active contacts, all pressed and sliding; see `two_contacts`."""
     for a in range(3):
-        k = active[a]
-        G[a, 0], G[a, 1], G[a, 2], G[a, 3] = C[k, NX], C[k, NY], C[k, N2], C[k, UN] - C[k, GAP]
+        contact = contacts[active[a]]
+        G[a, 0], G[a, 1], G[a, 2] = contact.nx, contact.ny, contact.n2
+        G[a, 3] = contact.un - contact.gap
     v0, v1, v2 = _linear(G, G[0, 3], G[1, 3], G[2, 3])
     if v0 == np.inf:
         return RAY
     for a in range(3):
-        k = active[a]
-        slip = C[k, NX] * v1 - C[k, NY] * v0 + C[k, T2] * v2 - C[k, UT]
+        contact = contacts[active[a]]
+        slip = contact.nx * v1 - contact.ny * v0 + contact.t2 * v2 - contact.ut
         if abs(slip) <= SLIP_TOLERANCE_MM:
             return RAY
-        mu = mu_top if I[k, FINGER] == 1 else mu_bottom
+        mu = mu_top if contact.finger == 1 else mu_bottom
         G[3, a] = -mu if slip > 0.0 else mu
-        d0 = C[k, NX] - G[3, a] * C[k, NY]
-        d1 = C[k, NY] + G[3, a] * C[k, NX]
-        d2 = C[k, N2] + G[3, a] * C[k, T2]
+        d0 = contact.nx - G[3, a] * contact.ny
+        d1 = contact.ny + G[3, a] * contact.nx
+        d2 = contact.n2 + G[3, a] * contact.t2
         for p in range(3):
             G[p, a] = A[p, 0] * d0 + A[p, 1] * d1 + A[p, 2] * d2
     f0, f1, f2 = _linear(G, v0, v1, v2)
     if min(f0, f1, f2) < 0.0 or max(f0, f1, f2) > LARGEST_FORCE:
         return RAY
-    i, j, k = active[0], active[1], active[2]
-    C[i, FN], C[j, FN], C[k, FN] = f0, f1, f2
-    C[i, FT], C[j, FT], C[k, FT] = G[3, 0] * f0, G[3, 1] * f1, G[3, 2] * f2
+    for a, f in ((0, f0), (1, f1), (2, f2)):
+        contacts[active[a]].fn, contacts[active[a]].ft = f, G[3, a] * f
     return SOLVED
 
 
 @inlined_kernel
-def motion(A: Array, C: Array, active: IntArray, m: int, V: Array) -> None:
+def motion(A: Array, contacts: Contacts, active: IntArray, m: int, V: Array) -> None:
     """V = A F for the forces of the m active contacts (eqs 1, 2); `V` (3,) is modified in place."""
     F0, F1, F2 = 0.0, 0.0, 0.0
     for a in range(m):
-        k = active[a]
-        fn, ft = C[k, FN], C[k, FT]
-        F0 += fn * C[k, NX] - ft * C[k, NY]
-        F1 += fn * C[k, NY] + ft * C[k, NX]
-        F2 += fn * C[k, N2] + ft * C[k, T2]
+        contact = contacts[active[a]]
+        fn, ft = contact.fn, contact.ft
+        F0 += fn * contact.nx - ft * contact.ny
+        F1 += fn * contact.ny + ft * contact.nx
+        F2 += fn * contact.n2 + ft * contact.t2
     for p in range(3):
         V[p] = A[p, 0] * F0 + A[p, 1] * F1 + A[p, 2] * F2

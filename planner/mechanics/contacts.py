@@ -14,18 +14,10 @@ vertices (TIP).
 A pair counts only where its normal lies in the normal cones of both features; nearly parallel pairs are the
 exception, since they hold a flush edge that is longer than the finger.
 
-Outlines stand in columns (2, N), so that loops over vertices are vectorised. Contacts live in two plain
-arrays, one row a contact:
-
-    C (MAX_CONTACTS, C_COLUMNS) float:  r - part origin (RX, RY) [mm], unit normal into the part (NX, NY),
-        GAP [mm], moments of normal and tangent over rho (N2, T2), finger displacement along normal and
-        tangent (UN, UT) [mm], forces (FN, FT), the slip along the tangent (-NY, NX) after which the pair of
-        features ends (LOW, HIGH) [mm];
-    I (MAX_CONTACTS, I_COLUMNS) int:    FINGER (+1 looks down, -1 up), KIND, SIDE (of the finger, the sign of
-        x), VERTEX.
+Outlines stand in columns (2, N), so that loops over vertices are vectorised.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -38,12 +30,23 @@ END = 2
 OUTER = 3
 TIP = 4
 
-RX, RY, NX, NY, GAP, N2, T2, UN, UT, FN, FT, LOW, HIGH = range(13)
-C_COLUMNS = 13
-FINGER, KIND, SIDE, VERTEX = range(4)
-I_COLUMNS = 4
-
 MAX_CONTACTS = 12
+CONTACT = np.dtype(
+    [
+        *((name, np.float64) for name in ("x", "y", "nx", "ny", "gap", "low", "high")),
+        *((name, np.float64) for name in ("n2", "t2", "un", "ut", "fn", "ft")),
+        *((name, np.int64) for name in ("finger", "kind", "side", "vertex")),
+    ]
+)
+"""A contact of the part with a finger.
+
+x, y: its place from the part's origin [mm]. nx, ny: unit normal into the part. gap [mm]. low, high: the slips
+along the tangent (-ny, nx) after which the pair of features ends [mm]. n2, t2: moments of normal and tangent
+over rho. un, ut: displacement of the finger along normal and tangent [mm]. fn, ft: forces. finger: 1 looks
+down, -1 up. kind: one of those above. side: of the finger, the sign of x. vertex: of the part.
+"""
+Contact: TypeAlias = Any  # a record of `CONTACT`
+Contacts: TypeAlias = Any  # (n,) of them
 NEARLY_PARALLEL = 0.08  # Sine of the angle of an edge that counts as parallel to a finger's face
 LEAST_ARM_MM = 0.5
 """For a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
@@ -73,15 +76,24 @@ class Tips(NamedTuple):
     radius: float  # of each; 0 for points [mm]
 
 
-class _Contact(NamedTuple):
-    """A contact before the step is solved."""
+class _Pair(NamedTuple):
+    """The features of a contact, as `CONTACT` has them."""
 
-    gap: float  # [mm]
-    x: float  # its place [mm]
+    finger: int
+    kind: int
+    side: int
+    vertex: int
+
+
+class _Geometry(NamedTuple):
+    """The geometry of a contact, as `CONTACT` has it, but its place in the hand frame."""
+
+    gap: float
+    x: float
     y: float
-    nx: float  # unit normal into the part
+    nx: float
     ny: float
-    low: float  # slips after which the pair of features ends [mm]
+    low: float
     high: float
 
 
@@ -108,22 +120,24 @@ def place_turned(outline: Array, q: Array, c: float, s: float, points: Array) ->
 
 
 @inlined_kernel
-def _slot(C: Array, count: int, gap: float) -> int:
+def _slot(contacts: Contacts, count: int, gap: float) -> int:
     """Row for a new contact: the next free one, or the one with the widest gap if wider; -1 for none."""
     if count < MAX_CONTACTS:
         return count
     widest = 0
     for k in range(MAX_CONTACTS):
-        if C[k, GAP] > C[widest, GAP]:
+        if contacts[k].gap > contacts[widest].gap:
             widest = k
-    return widest if C[widest, GAP] > gap else -1
+    return widest if contacts[widest].gap > gap else -1
 
 
 @inlined_kernel
-def _write(C: Array, slot: int, contact: _Contact) -> None:
-    C[slot, RX], C[slot, RY], C[slot, GAP] = contact.x, contact.y, contact.gap
-    C[slot, NX], C[slot, NY] = contact.nx, contact.ny
-    C[slot, LOW], C[slot, HIGH] = contact.low, contact.high
+def _write(contact: Contact, pair: _Pair, geometry: _Geometry) -> None:
+    contact.finger, contact.kind = pair.finger, pair.kind
+    contact.side, contact.vertex = pair.side, pair.vertex
+    contact.x, contact.y, contact.gap = geometry.x, geometry.y, geometry.gap
+    contact.nx, contact.ny = geometry.nx, geometry.ny
+    contact.low, contact.high = geometry.low, geometry.high
 
 
 @inlined_kernel
@@ -158,7 +172,7 @@ def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> 
 
 @inlined_kernel
 def _add_face(
-    C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float
+    contacts: Contacts, count: int, points: Array, i: int, finger: Finger, margin: float
 ) -> int:
     """Adds vertex i on the inner face, where it is below the face, near it and not yet added."""
     side, h, x = finger.side, finger.h, points[0, i] - finger.centre
@@ -167,22 +181,22 @@ def _add_face(
     if inside < 0.0 or gap > margin or gap < -margin or (gap < 0.0 and inside < -gap):
         return count
     for k in range(count):
-        if I[k, VERTEX] == i and I[k, KIND] == FACE and I[k, FINGER] == side:
+        other = contacts[k]
+        if other.vertex == i and other.kind == FACE and other.finger == side:
             return count
     along = side * x
-    slot = _slot(C, count, gap)
+    slot = _slot(contacts, count, gap)
     if slot < 0:
         return count
-    I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = side, FACE, 0, i
-    y = points[1, i]
-    _write(C, slot, _Contact(gap, points[0, i], y, 0.0, -float(side), -h - along, h - along))
+    px, py = points[0, i], points[1, i]
+    geometry = _Geometry(gap, px, py, 0.0, -float(side), -h - along, h - along)
+    _write(contacts[slot], _Pair(side, FACE, 0, i), geometry)
     return min(count + 1, MAX_CONTACTS)
 
 
 @inlined_kernel
 def _add_corners(
-    C: Array,
-    I: IntArray,
+    contacts: Contacts,
     count: int,
     points: Array,
     i: int,
@@ -219,18 +233,18 @@ def _add_corners(
             continue
         if _hidden(points, i, j, x, face, gap):
             continue
-        slot = _slot(C, count, gap)
+        slot = _slot(contacts, count, gap)
         if slot < 0:
             continue
         count = min(count + 1, MAX_CONTACTS)
         rx, ry = x - gap * ey, face + gap * ex
-        I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger.side, kind, side, i
-        _write(C, slot, _Contact(gap, rx, ry, -ey, ex, -along, length - along))
+        geometry = _Geometry(gap, rx, ry, -ey, ex, -along, length - along)
+        _write(contacts[slot], _Pair(finger.side, kind, side, i), geometry)
         if kind == CORNER and abs(ey) <= NEARLY_PARALLEL:
             if along > LEAST_ARM_MM:
-                count = _add_face(C, I, count, points, i, finger, margin)
+                count = _add_face(contacts, count, points, i, finger, margin)
             if length - along > LEAST_ARM_MM:
-                count = _add_face(C, I, count, points, j, finger, margin)
+                count = _add_face(contacts, count, points, j, finger, margin)
     return count
 
 
@@ -256,7 +270,7 @@ def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
 
 @inlined_kernel
 def _add_pairs(
-    C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float
+    contacts: Contacts, count: int, points: Array, i: int, finger: Finger, margin: float
 ) -> int:
     """Adds the pairs of a finger with vertex i, and with the edge from there to the next vertex."""
     n, side, h, thickness = points.shape[1], finger.side, finger.h, finger.thickness
@@ -268,61 +282,60 @@ def _add_pairs(
     xi, xj = points[0, i] - finger.centre, points[0, j] - finger.centre
     before = side * points[1, b]
     if y >= face - margin and y >= before and y >= after and abs(xi) <= h:
-        count = _add_face(C, I, count, points, i, finger, margin)
+        count = _add_face(contacts, count, points, i, finger, margin)
         if before >= after:
-            count = _add_face(C, I, count, points, b, finger, margin)
+            count = _add_face(contacts, count, points, b, finger, margin)
         if after >= before:
-            count = _add_face(C, I, count, points, j, finger, margin)
+            count = _add_face(contacts, count, points, j, finger, margin)
     if abs(xi) >= h - margin or abs(xj) >= h - margin:
-        count = _add_corners(C, I, count, points, i, finger, CORNER, margin)
+        count = _add_corners(contacts, count, points, i, finger, CORNER, margin)
         if max(y, after) >= face + thickness - margin:
-            count = _add_corners(C, I, count, points, i, finger, OUTER, margin)
+            count = _add_corners(contacts, count, points, i, finger, OUTER, margin)
     if END_DEPTH_MM < y - face < thickness and abs(xi) > h - margin:
         end = 1 if xi > 0.0 else -1
         gap = end * xi - h
         local = end * points[0, b] >= end * points[0, i] and end * xj >= end * xi
         if gap <= margin and local and (gap >= 0.0 or y - face >= -gap):
-            slot = _slot(C, count, gap)
+            slot = _slot(contacts, count, gap)
             if slot >= 0:
-                I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = side, END, end, i
-                normal = float(end)
-                contact = _Contact(gap, points[0, i], points[1, i], normal, 0.0, -np.inf, np.inf)
-                _write(C, slot, contact)
+                px, py = points[0, i], points[1, i]
+                geometry = _Geometry(gap, px, py, float(end), 0.0, -np.inf, np.inf)
+                _write(contacts[slot], _Pair(side, END, end, i), geometry)
                 count = min(count + 1, MAX_CONTACTS)
     return count
 
 
 @inner_kernel
 def find(
-    C: Array, I: IntArray, points: Array, out: IntArray, q: Array, hand: Hand, margin: float
+    contacts: Contacts, points: Array, out: IntArray, q: Array, hand: Hand, margin: float
 ) -> int:
     """Finds all pairs of features within `margin` [mm] of touching; returns their number.
 
-    On the inner face only local minima of the gap count, and the lower neighbour of each. C, I and `out`
-    (N,), see `mark`, are modified in place. The outline (2, N) is counter-clockwise in the hand frame [mm],
-    the part's pose there q (3,).
+    On the inner face only local minima of the gap count, and the lower neighbour of each. `contacts` and
+    `out` (N,), see `mark`, are modified in place. The outline (2, N) is counter-clockwise in the hand frame
+    [mm], the part's pose there q (3,).
     """
     n, count = points.shape[1], 0
     mark(points, out, hand, margin)
     for i in range(n):
         if out[i] & out[i + 1 if i + 1 < n else 0] & FAR:
             continue
-        count = _add_pairs(C, I, count, points, i, hand.first, margin)
+        count = _add_pairs(contacts, count, points, i, hand.first, margin)
         if hand.fingers == 2:
-            count = _add_pairs(C, I, count, points, i, hand.second, margin)
+            count = _add_pairs(contacts, count, points, i, hand.second, margin)
     for k in range(count):
-        C[k, RX] -= q[0]
-        C[k, RY] -= q[1]
+        contacts[k].x -= q[0]
+        contacts[k].y -= q[1]
     return count
 
 
 @inner_kernel
-def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Tips, margin: float) -> int:
+def find_points(contacts: Contacts, points: Array, q: Array, pusher: Tips, margin: float) -> int:
     """Finds all contacts of a pusher's tips within `margin` [mm] of touching; returns their number.
 
     A tip may touch an edge that it lies beside, unless a neighbouring edge lies between, and a convex vertex
     in whose normal cone it lies. In a notch it may touch both edges, even where it overlaps them. A round
-    tip touches when its centre is one radius away. C and I are modified in place; the outline (2, N) is
+    tip touches when its centre is one radius away. `contacts` is modified in place; the outline (2, N) is
     placed at the pose q (3,), counter-clockwise [mm].
     """
     n, radius = points.shape[1], pusher.radius
@@ -358,10 +371,10 @@ def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Tips, ma
             outside = radius > 0.0 and away > 0.0  # The edge beside a tip's centre is the nearest
             if kind == CORNER and not outside and _hidden(points, i, j, px, py, drifted):
                 continue
-            slot = _slot(C, count, gap)
+            slot = _slot(contacts, count, gap)
             if slot >= 0:
-                I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = 1, kind, finger, i
                 x, y = px + away * nx - q[0], py + away * ny - q[1]
-                _write(C, slot, _Contact(gap, x, y, nx, ny, low, high))
+                geometry = _Geometry(gap, x, y, nx, ny, low, high)
+                _write(contacts[slot], _Pair(1, kind, finger, i), geometry)
                 count = min(count + 1, MAX_CONTACTS)
     return count

@@ -13,7 +13,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel, merged_kernel
 from planner.mechanics.boundary import MAX_POINTS, Boundary
-from planner.mechanics.contacts import GAP, place_turned
+from planner.mechanics.contacts import place_turned
 from planner.mechanics.stepping import (
     ACCEPTED,
     GIVEN_UP,
@@ -134,8 +134,8 @@ def _push(body: Body, way: float, q: Array, scratch: Scratch) -> tuple[bool, boo
     else:
         _carry(work.boundary, way, q)
     touching = False
-    for k in range(work.contacts):
-        touching = touching or work.step.C[k, GAP] <= APART_MM
+    for k in range(work.count):
+        touching = touching or work.step.contacts[k].gap <= APART_MM
     return touching, way - work.done > FINISHED * way
 
 

@@ -14,7 +14,6 @@ from planner.kernel import inner_kernel, merged_kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.boundary import Boundary, Drive, directions
 from planner.mechanics.clearance import free_closing, stand
-from planner.mechanics.contacts import GAP
 from planner.mechanics.lcp import SOLVED
 from planner.mechanics.step import solve
 from planner.mechanics.stepping import (
@@ -90,14 +89,14 @@ def _held_as(body: Body, q: Array, scratch: Scratch) -> int:
     than the fingers' counts as none: exactly opposed contacts must not depend on rounding.
     """
     find_contacts(q, HELD_GAP * body.reach, scratch)
-    count, work = scratch.work.contacts, scratch.work.step
+    count, work = scratch.work.count, scratch.work.step
     for k in range(count):
-        work.C[k, GAP] = 0.0
+        work.contacts[k].gap = 0.0
     for i in range(3):
         for j in range(3):
             work.A[i, j] = 1.0 if i == j else 0.0
     probe = HELD_PROBE * body.reach
-    directions(work.C, work.I, count, body.rho, Drive(probe, probe, 0.0, 0.0, 0.0))
+    directions(work.contacts, count, body.rho, Drive(probe, probe, 0.0, 0.0, 0.0))
     status = solve(0.0, 0.0, count, work)
     V = work.V
     far = V[0] * V[0] + V[1] * V[1] + V[2] * V[2] > (LARGEST_ESCAPE * probe) ** 2
@@ -143,7 +142,7 @@ def _squeeze(
     step = boundary.step
     work.fingers[0], work.fingers[1] = 0.5 * opening, -0.5 * opening
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
-    work.done, work.contacts, work.heading[0], work.heading[1] = 0.0, 0, np.cos(q[2]), np.sin(q[2])
+    work.done, work.count, work.heading[0], work.heading[1] = 0.0, 0, np.cos(q[2]), np.sin(q[2])
     touched, verdict = False, ACCEPTED
     size, margin = step, 2.0 * step + 0.05
     rows = _record(trace, 0, q, work.fingers)

@@ -20,24 +20,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import inlined_kernel, inner_kernel
 from planner.mechanics.closed_form import form, motion, one_contact, three_contacts, two_contacts
-from planner.mechanics.contacts import (
-    C_COLUMNS,
-    FINGER,
-    FN,
-    FT,
-    GAP,
-    HIGH,
-    I_COLUMNS,
-    LOW,
-    MAX_CONTACTS,
-    N2,
-    NX,
-    NY,
-    RX,
-    T2,
-    UN,
-    UT,
-)
+from planner.mechanics.contacts import CONTACT, MAX_CONTACTS, Contact, Contacts
 from planner.mechanics.lcp import PIVOT_LIMIT, RAY, SOLVED, lemke, residual
 
 TOUCHING_MM = 1e-3  # Gap below which contacts enter the step; the others are awaited as events
@@ -56,8 +39,7 @@ OVERLAP_MM = 1e-7  # Tolerated overlap of a contact outside the active set after
 _N = 4 * MAX_CONTACTS
 STEP_WORK = np.dtype(
     [
-        ("C", np.float64, (MAX_CONTACTS, C_COLUMNS)),
-        ("I", np.int64, (MAX_CONTACTS, I_COLUMNS)),
+        ("contacts", CONTACT, MAX_CONTACTS),
         ("A", np.float64, (3, 3)),
         ("local", np.float64, (3, 3)),
         ("F", np.float64, 3),
@@ -74,7 +56,7 @@ STEP_WORK = np.dtype(
 )
 """Workspace of `solve`.
 
-C, I: the contacts. A: the ellipsoid, or the quartic's local one, in the hand frame; local: in the part's.
+A: the ellipsoid, or the quartic's local one, in the hand frame; local: in the part's.
 F: unit wrench of the last step, in the part's frame. V: the displacement. M, q, tableau, basis, z: the LCP.
 active: the rows of its contacts. G: the closed forms' matrix.
 
@@ -102,18 +84,18 @@ def _assemble(mu_top: float, mu_bottom: float, work: StepWork, m: int) -> int:
 
     Without friction the only unknowns are f_n.
     """
-    A, C, I, M, q, active = work.A, work.C, work.I, work.M, work.q, work.active
+    A, M, q, contacts, active = work.A, work.M, work.q, work.contacts, work.active
     order = 4 * m if mu_top > 0.0 or mu_bottom > 0.0 else m
     for i in range(order):
         for j in range(order):
             M[i, j] = 0.0
     for a in range(m):
-        k = active[a]
-        nx, ny, n2, t2 = C[k, NX], C[k, NY], C[k, N2], C[k, T2]
-        q[a] = C[k, GAP] - C[k, UN]
+        contact = contacts[active[a]]
+        nx, ny, n2, t2 = contact.nx, contact.ny, contact.n2, contact.t2
+        q[a] = contact.gap - contact.un
         for b in range(m):
-            j = active[b]
-            px, py, p2, s2 = C[j, NX], C[j, NY], C[j, N2], C[j, T2]
+            other = contacts[active[b]]
+            px, py, p2, s2 = other.nx, other.ny, other.n2, other.t2
             if order == m:
                 M[a, b] = form(A, nx, ny, n2, px, py, p2)
                 continue
@@ -125,9 +107,9 @@ def _assemble(mu_top: float, mu_bottom: float, work: StepWork, m: int) -> int:
         if order == m:
             continue
         M[m + a, 3 * m + a] = M[2 * m + a, 3 * m + a] = 1.0
-        M[3 * m + a, a] = mu_top if I[k, FINGER] == 1 else mu_bottom
+        M[3 * m + a, a] = mu_top if contact.finger == 1 else mu_bottom
         M[3 * m + a, m + a] = M[3 * m + a, 2 * m + a] = -1.0
-        q[m + a], q[2 * m + a], q[3 * m + a] = -C[k, UT], C[k, UT], 0.0
+        q[m + a], q[2 * m + a], q[3 * m + a] = -contact.ut, contact.ut, 0.0
     return order
 
 
@@ -141,7 +123,7 @@ def _judge(work: StepWork, m: int, order: int) -> int:
 
 
 @inner_kernel
-def _opposed(C: Array, I: IntArray, active: IntArray, m: int) -> bool:
+def _opposed(contacts: Contacts, active: IntArray, m: int) -> bool:
     """Whether the m active contacts oppose each other, so that no motion lets the fingers close.
 
     By Farkas' lemma eq. 3 has no solution V where forces f >= 0 balance, sum f_i N_i = 0, and sum f_i (u_i
@@ -151,24 +133,28 @@ def _opposed(C: Array, I: IntArray, active: IntArray, m: int) -> bool:
     top_low, top_high, bottom_low, bottom_high = -1, -1, -1, -1
     for a in range(m):
         k = active[a]
-        if I[k, FINGER] == 1:
-            top_low = k if top_low < 0 or C[k, RX] < C[top_low, RX] else top_low
-            top_high = k if top_high < 0 or C[k, RX] > C[top_high, RX] else top_high
+        x = contacts[k].x
+        if contacts[k].finger == 1:
+            top_low = k if top_low < 0 or x < contacts[top_low].x else top_low
+            top_high = k if top_high < 0 or x > contacts[top_high].x else top_high
         else:
-            bottom_low = k if bottom_low < 0 or C[k, RX] < C[bottom_low, RX] else bottom_low
-            bottom_high = k if bottom_high < 0 or C[k, RX] > C[bottom_high, RX] else bottom_high
+            bottom_low = k if bottom_low < 0 or x < contacts[bottom_low].x else bottom_low
+            bottom_high = k if bottom_high < 0 or x > contacts[bottom_high].x else bottom_high
     if top_low < 0 or bottom_low < 0:
         return False
-    line = 0.5 * (max(C[top_low, RX], C[bottom_low, RX]) + min(C[top_high, RX], C[bottom_high, RX]))
+    leftmost = max(contacts[top_low].x, contacts[bottom_low].x)
+    rightmost = min(contacts[top_high].x, contacts[bottom_high].x)
+    line = 0.5 * (leftmost + rightmost)
     f0, f1, f2, gain = 0.0, 0.0, 0.0, 0.0
     for low, high in ((top_low, top_high), (bottom_low, bottom_high)):
-        wide = C[high, RX] - C[low, RX]
-        share = (line - C[low, RX]) / wide if wide > 0.0 else 0.0
+        wide = contacts[high].x - contacts[low].x
+        share = (line - contacts[low].x) / wide if wide > 0.0 else 0.0
         if share < 0.0 or share > 1.0:
             return False
         for k, f in ((low, 1.0 - share), (high, share)):
-            f0, f1, f2 = f0 + f * C[k, NX], f1 + f * C[k, NY], f2 + f * C[k, N2]
-            gain += f * (C[k, UN] - C[k, GAP])
+            contact = contacts[k]
+            f0, f1, f2 = f0 + f * contact.nx, f1 + f * contact.ny, f2 + f * contact.n2
+            gain += f * (contact.un - contact.gap)
     return bool(gain > LARGEST_ESCAPE_MM * np.sqrt(f0 * f0 + f1 * f1 + f2 * f2))
 
 
@@ -178,16 +164,16 @@ def _all_touching(mu_top: float, mu_bottom: float, count: int, work: StepWork) -
 
     The modes of one and two contacts were tried before.
     """
-    A, C, I, V = work.A, work.C, work.I, work.V
+    A, V, contacts = work.A, work.V, work.contacts
     m = 0
     for k in range(count):
-        if C[k, GAP] <= TOUCHING_MM:
+        if contacts[k].gap <= TOUCHING_MM:
             work.active[m] = k
             m += 1
-    if m <= 2 or _opposed(C, I, work.active, m):
+    if m <= 2 or _opposed(contacts, work.active, m):
         return RAY
-    if m == 3 and three_contacts(A, C, I, work.active, mu_top, mu_bottom, work.G) == SOLVED:
-        motion(A, C, work.active, 3, V)
+    if m == 3 and three_contacts(A, contacts, work.active, mu_top, mu_bottom, work.G) == SOLVED:
+        motion(A, contacts, work.active, 3, V)
         return SOLVED
     order = _assemble(mu_top, mu_bottom, work, m)
     status = PIVOT_LIMIT
@@ -202,40 +188,41 @@ def _all_touching(mu_top: float, mu_bottom: float, count: int, work: StepWork) -
     if status != SOLVED:
         return status
     for a in range(m):
-        k = work.active[a]
-        C[k, FN] = work.z[a]
-        C[k, FT] = work.z[m + a] - work.z[2 * m + a] if order > m else 0.0
-    motion(A, C, work.active, m, V)
+        contact = contacts[work.active[a]]
+        contact.fn = work.z[a]
+        contact.ft = work.z[m + a] - work.z[2 * m + a] if order > m else 0.0
+    motion(A, contacts, work.active, m, V)
     return SOLVED
 
 
 @inlined_kernel
-def _slack(C: Array, k: int, V: Array) -> float:
-    """Gap of contact k after the displacement V [mm]."""
-    return float(C[k, GAP] - C[k, UN] + C[k, NX] * V[0] + C[k, NY] * V[1] + C[k, N2] * V[2])
+def _slack(contact: Contact, V: Array) -> float:
+    """Gap of a contact after the displacement V [mm]."""
+    left = contact.gap - contact.un
+    return float(left + contact.nx * V[0] + contact.ny * V[1] + contact.n2 * V[2])
 
 
 @inlined_kernel
-def _most_violated(C: Array, count: int, V: Array) -> int:
+def _most_violated(contacts: Contacts, count: int, V: Array) -> int:
     """The touching contact that overlaps most after V; -1 where none does."""
     worst, result = -OVERLAP_MM, -1
     for k in range(count):
-        if C[k, GAP] <= TOUCHING_MM:
-            slack = _slack(C, k, V)
+        if contacts[k].gap <= TOUCHING_MM:
+            slack = _slack(contacts[k], V)
             if slack < worst:
                 worst, result = slack, k
     return result
 
 
 @inlined_kernel
-def _one_finger(C: Array, I: IntArray, count: int) -> bool:
+def _one_finger(contacts: Contacts, count: int) -> bool:
     """Whether all touching contacts are those of one finger."""
     finger = 0
     for k in range(count):
-        if C[k, GAP] <= TOUCHING_MM:
-            if finger != 0 and I[k, FINGER] != finger:
+        if contacts[k].gap <= TOUCHING_MM:
+            if finger != 0 and contacts[k].finger != finger:
                 return False
-            finger = I[k, FINGER]
+            finger = contacts[k].finger
     return True
 
 
@@ -246,35 +233,35 @@ def _tried(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
     Contacts enter one by one, the most violated first, until none of the others overlaps: most steps need one
     or two, which have closed forms.
     """
-    A, C, I, V = work.A, work.C, work.I, work.V
+    A, V, contacts, active = work.A, work.V, work.contacts, work.active
     V[0] = V[1] = V[2] = 0.0
-    active = work.active
     for k in range(count):
-        C[k, FN], C[k, FT] = 0.0, 0.0
-    first = _most_violated(C, count, V)
+        contacts[k].fn, contacts[k].ft = 0.0, 0.0
+    first = _most_violated(contacts, count, V)
     if first < 0:
         return SOLVED
-    mu_first = mu_top if I[first, FINGER] == 1 else mu_bottom
+    mu_first = mu_top if contacts[first].finger == 1 else mu_bottom
     active[0] = first
-    if one_contact(A, C, first, mu_first) == SOLVED:
-        motion(A, C, active, 1, V)
-        second = _most_violated(C, count, V)
+    if one_contact(A, contacts[first], mu_first) == SOLVED:
+        motion(A, contacts, active, 1, V)
+        second = _most_violated(contacts, count, V)
         if second < 0:
             return SOLVED
-        mu_second = mu_top if I[second, FINGER] == 1 else mu_bottom
+        mu_second = mu_top if contacts[second].finger == 1 else mu_bottom
         active[1] = second
-        if two_contacts(A, C, first, second, mu_first, mu_second, work.G) == SOLVED:
-            motion(A, C, active, 2, V)
-            if _most_violated(C, count, V) < 0:
+        i, j = contacts[first], contacts[second]
+        if two_contacts(A, i, j, mu_first, mu_second, work.G) == SOLVED:
+            motion(A, contacts, active, 2, V)
+            if _most_violated(contacts, count, V) < 0:
                 return SOLVED
-        C[first, FN], C[first, FT] = 0.0, 0.0
+        contacts[first].fn, contacts[first].ft = 0.0, 0.0
         active[0] = second
-        if one_contact(A, C, second, mu_second) == SOLVED:
-            motion(A, C, active, 1, V)
-            if _most_violated(C, count, V) < 0:
+        if one_contact(A, contacts[second], mu_second) == SOLVED:
+            motion(A, contacts, active, 1, V)
+            if _most_violated(contacts, count, V) < 0:
                 return SOLVED
     for k in range(count):
-        C[k, FN], C[k, FT] = 0.0, 0.0
+        contacts[k].fn, contacts[k].ft = 0.0, 0.0
     return _all_touching(mu_top, mu_bottom, count, work)
 
 
@@ -289,9 +276,9 @@ def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
     displacement V (dx, dy, rho dtheta) [mm].
     """
     status = _tried(mu_top, mu_bottom, count, work)
-    if status == RAY and _one_finger(work.C, work.I, count):
+    if status == RAY and _one_finger(work.contacts, count):
         for k in range(count):
-            work.C[k, GAP] = max(work.C[k, GAP], 0.0)
+            work.contacts[k].gap = max(work.contacts[k].gap, 0.0)
         status = _tried(mu_top, mu_bottom, count, work)
     return status
 
@@ -314,24 +301,25 @@ def _reached(gap: float, rate: float, bend: float) -> float:
 
 
 @inlined_kernel
-def event_fraction(C: Array, count: int, first: Array, V: Array) -> float:
+def event_fraction(contacts: Contacts, count: int, first: Array, V: Array) -> float:
     """Share of a step (see `along`) up to the first event; 1 without one.
 
     Events are: an awaited contact touches; a pressed contact slides off the end of its feature.
     """
     fraction = 1.0
     for k in range(count):
-        nx, ny, gap = C[k, NX], C[k, NY], C[k, GAP]
+        contact = contacts[k]
+        nx, ny, gap = contact.nx, contact.ny, contact.gap
         if gap > TOUCHING_MM:
-            slack = _slack(C, k, V)
+            slack = _slack(contact, V)
             if slack < -OVERLAP_MM:
-                rate = nx * first[0] + ny * first[1] + C[k, N2] * first[2] - C[k, UN]
+                rate = nx * first[0] + ny * first[1] + contact.n2 * first[2] - contact.un
                 fraction = min(fraction, _reached(gap, rate, slack - gap - rate))
-        elif C[k, FN] > 0.0:
-            slip = nx * V[1] - ny * V[0] + C[k, T2] * V[2] - C[k, UT]
-            limit = (C[k, HIGH] if slip > 0.0 else -C[k, LOW]) + PAST_END_MM
+        elif contact.fn > 0.0:
+            slip = nx * V[1] - ny * V[0] + contact.t2 * V[2] - contact.ut
+            limit = (contact.high if slip > 0.0 else -contact.low) + PAST_END_MM
             if abs(slip) > limit:
-                rate = nx * first[1] - ny * first[0] + C[k, T2] * first[2] - C[k, UT]
+                rate = nx * first[1] - ny * first[0] + contact.t2 * first[2] - contact.ut
                 rate, slip = (-rate, -slip) if slip > 0.0 else (rate, slip)
                 fraction = min(fraction, _reached(max(limit, 0.0), rate, slip - rate))
     return fraction

@@ -22,7 +22,7 @@ from planner.mechanics.boundary import (
     turn,
 )
 from planner.mechanics.clearance import crosses
-from planner.mechanics.contacts import FINGER, GAP, MAX_CONTACTS, NY, PENETRATION_MM
+from planner.mechanics.contacts import CONTACT, MAX_CONTACTS, PENETRATION_MM, Contact
 from planner.mechanics.lcp import RAY, SOLVED
 from planner.mechanics.step import STEP_WORK, TOUCHING_MM, along, event_fraction
 from planner.mechanics.surface_step import solve_surface
@@ -38,9 +38,9 @@ FURTHEST = 2.0  # How much nearer part and fingers may come in one step, in marg
 SQUEEZE_WORK = np.dtype(
     [
         ("boundary", BOUNDARY),
-        ("before", np.float64, (MAX_CONTACTS, NY + 1)),
+        ("before", CONTACT, MAX_CONTACTS),
         ("step", STEP_WORK),
-        ("contacts", np.int64),
+        ("count", np.int64),
         ("heading", np.float64, 2),
         ("trial", np.float64, 3),
         ("half", np.float64, 3),
@@ -55,7 +55,7 @@ SQUEEZE_WORK = np.dtype(
 
 boundary: moves against the part. before: places and normals of the contacts before the midpoint's turn.
 step: the contacts, and the solution.
-contacts: their number. heading: cosine and sine of the part's angle. trial, half: pose after
+count: number of contacts. heading: cosine and sine of the part's angle. trial, half: pose after
 the step and in its middle. euler: the displacement V of the explicit Euler step. fingers: y of the inner
 faces. done: how far the boundary has come [mm]. moved: 1 once the part has moved on the table.
 """
@@ -92,24 +92,29 @@ def scratch_of(outline: Array) -> Scratch:
 
 
 @inlined_kernel
+def _copy_place(source: Contact, target: Contact) -> None:
+    """Copies place and normal from one record to another."""
+    target.x, target.y, target.nx, target.ny = source.x, source.y, source.nx, source.ny
+
+
+@inlined_kernel
 def _turn_back(work: SqueezeWork) -> None:
     """Undoes the changes of `_midpoint` to the contacts."""
-    for k in range(work.contacts):
-        for column in range(NY + 1):
-            work.step.C[k, column] = work.before[k, column]
+    for k in range(work.count):
+        _copy_place(work.before[k], work.step.contacts[k])
 
 
 @merged_kernel
 def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWork) -> int:
     """Solves the step for the contacts; leaves the displacement in the boundary's frame in `step.V`."""
-    C, I, V, count, boundary = work.step.C, work.step.I, work.step.V, work.contacts, work.boundary
-    directions(C, I, count, body.rho, drive)
+    contacts, V, count, boundary = work.step.contacts, work.step.V, work.count, work.boundary
+    directions(contacts, count, body.rho, drive)
     status = solve_surface(
         body.surface, c, s, boundary.mu_top, boundary.mu_bottom, count, work.step
     )
     if status == SOLVED and (drive.x != 0.0 or drive.y != 0.0 or drive.turn != 0.0):
         work.moved |= V[0] != 0.0 or V[1] != 0.0 or V[2] != 0.0
-        subtract_carriage(C, count, body.rho, drive, V)
+        subtract_carriage(contacts, count, body.rho, drive, V)
     return status
 
 
@@ -119,10 +124,9 @@ def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int
 
     Returns the status and the difference between the Euler and the midpoint step [mm], or -1.
     """
-    C, I, V, first, count = work.step.C, work.step.I, work.step.V, work.euler, work.contacts
+    contacts, V, first, count = work.step.contacts, work.step.V, work.euler, work.count
     for k in range(count):
-        for column in range(NY + 1):
-            work.before[k, column] = C[k, column]
+        _copy_place(contacts[k], work.before[k])
     drive = drive_of(work.boundary, size, work.done, q)
     c, s = work.heading[0], work.heading[1]
     status = _displacement(body, drive, c, s, work)
@@ -134,7 +138,7 @@ def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int
     work.half[2] = q[2] + 0.5 * V[2] / body.rho
     turned = work.half[2] - q[2]
     dc, ds = np.cos(turned), np.sin(turned)
-    turn(C, I, count, (dc, ds), q, work.half, drive, work.boundary.radius)
+    turn(contacts, count, (dc, ds), q, work.half, drive, work.boundary.radius)
     drive = drive_of(work.boundary, size, work.done + 0.5 * size, work.half)
     status = _displacement(body, drive, dc * c - ds * s, dc * s + ds * c, work)
     if status != SOLVED:
@@ -146,21 +150,21 @@ def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int
 def find_contacts(q: Array, margin: float, scratch: Scratch) -> None:
     """Finds the contacts of a part placed at pose q (3,), gaps of at most `margin` [mm]."""
     work = scratch.work
-    C, I, points, boundary = work.step.C, work.step.I, scratch.points, work.boundary
+    contacts, points, boundary = work.step.contacts, scratch.points, work.boundary
     if boundary.fingers > 0:
         hand = hand_of(boundary, work.fingers)
-        work.contacts = contact.find(C, I, points, scratch.out, q, hand, margin)
+        work.count = contact.find(contacts, points, scratch.out, q, hand, margin)
     else:
         pusher = contact.Tips(boundary.pusher[: boundary.points], boundary.radius)
-        work.contacts = contact.find_points(C, I, points, q, pusher, margin)
+        work.count = contact.find_points(contacts, points, q, pusher, margin)
 
 
 @inlined_kernel
 def touching(work: SqueezeWork) -> bool:
     """Whether a contact keeps a finger from closing any further without moving the part."""
-    C, I = work.step.C, work.step.I
-    for k in range(work.contacts):
-        if C[k, GAP] <= TOUCHING_MM and I[k, FINGER] * C[k, NY] < -LEAST_FACING:
+    for k in range(work.count):
+        each = work.step.contacts[k]
+        if each.gap <= TOUCHING_MM and each.finger * each.ny < -LEAST_FACING:
             return True
     return False
 
@@ -183,8 +187,8 @@ def _runs_into(finger: contact.Finger, points: Array, i: int, j: int) -> bool:
 def _overlaps(scratch: Scratch) -> bool:
     """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
     points, out, work = scratch.points, scratch.out, scratch.work
-    for k in range(work.contacts):
-        if work.step.C[k, GAP] < -PENETRATION_MM:
+    for k in range(work.count):
+        if work.step.contacts[k].gap < -PENETRATION_MM:
             return True
     hand = hand_of(work.boundary, work.fingers)
     n = points.shape[1] if hand.fingers > 0 else 0
@@ -226,7 +230,7 @@ def try_step(
         _turn_back(work)
         return RETRY, 0.25 * size
     first, V = work.euler, work.step.V
-    f = max(event_fraction(work.step.C, work.contacts, first, V), SMALLEST_STEP)
+    f = max(event_fraction(work.step.contacts, work.count, first, V), SMALLEST_STEP)
     for i in range(3):
         moved = along(first, V, f, i)
         work.trial[i] = q[i] + (moved / body.rho if i == 2 else moved)

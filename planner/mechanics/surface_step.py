@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.kernel import inner_kernel
-from planner.mechanics.contacts import FN, FT, N2, NX, NY, T2
+from planner.mechanics.contacts import Contacts
 from planner.mechanics.lcp import PIVOT_LIMIT, SOLVED
 from planner.mechanics.step import StepWork, rotate_surface, solve
 
@@ -39,14 +39,15 @@ def local_matrix(table: Array, F: Array, out: Array) -> None:
 
 
 @inner_kernel
-def _wrench(C: Array, count: int, c: float, s: float, F: Array) -> float:
+def _wrench(contacts: Contacts, count: int, c: float, s: float, F: Array) -> float:
     """Writes the unit wrench of all contact forces in the part's frame into `F` (3,); returns its length."""
     f0, f1, f2 = 0.0, 0.0, 0.0
     for k in range(count):
-        fn, ft = C[k, FN], C[k, FT]
-        f0 += fn * C[k, NX] - ft * C[k, NY]
-        f1 += fn * C[k, NY] + ft * C[k, NX]
-        f2 += fn * C[k, N2] + ft * C[k, T2]
+        contact = contacts[k]
+        fn, ft = contact.fn, contact.ft
+        f0 += fn * contact.nx - ft * contact.ny
+        f1 += fn * contact.ny + ft * contact.nx
+        f2 += fn * contact.n2 + ft * contact.t2
     length = np.sqrt(f0 * f0 + f1 * f1 + f2 * f2)
     if length > 0.0:
         F[0], F[1], F[2] = (c * f0 + s * f1) / length, (c * f1 - s * f0) / length, f2 / length
@@ -74,7 +75,7 @@ def solve_surface(
         if status != SOLVED:
             return status
         x, y, z = F[0], F[1], F[2]
-        if _wrench(work.C, count, c, s, F) == 0.0:
+        if _wrench(work.contacts, count, c, s, F) == 0.0:
             return SOLVED
         if (F[0] - x) ** 2 + (F[1] - y) ** 2 + (F[2] - z) ** 2 <= DIRECTION_TOLERANCE**2:
             return SOLVED

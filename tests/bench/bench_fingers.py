@@ -28,7 +28,7 @@ from planner.frames import wrap
 from planner.kernel import inner_kernel
 from planner.mechanics import limit_surface, quartic_fit
 from planner.mechanics.boundary import Drive, directions
-from planner.mechanics.contacts import FN, FT, NX, NY, SIDE, UN, UT, place
+from planner.mechanics.contacts import place
 from planner.mechanics.lcp import SOLVED
 from planner.mechanics.push import Paths
 from planner.mechanics.quartic import QuarticSurface
@@ -114,10 +114,11 @@ def cut_short(
     rotate_surface(work.local, c, s, work.A)
     if solve(mu, mu, count, work) != SOLVED:
         return False
-    C, x, y = work.C, 0.0, 0.0
+    x, y = 0.0, 0.0
     for k in range(count):
-        x += C[k, FN] * C[k, NX] - C[k, FT] * C[k, NY]
-        y += C[k, FN] * C[k, NY] + C[k, FT] * C[k, NX]
+        contact = work.contacts[k]
+        x += contact.fn * contact.nx - contact.ft * contact.ny
+        y += contact.fn * contact.ny + contact.ft * contact.nx
     return bool(np.hypot(x, y) < cut)
 
 
@@ -127,19 +128,21 @@ def close(body: Body, tips: Tips, cut: float, q: Array, scratch: Scratch) -> flo
     work, boundary, away = scratch.work, scratch.work.boundary, tips.ends_mm[0]
     boundary.fingers, boundary.points, boundary.radius = 0, 3, tips.radius_mm
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
-    C, I, V, at = work.step.C, work.step.I, work.step.V, boundary.pusher
+    V, at = work.step.V, boundary.pusher
     while away > tips.ends_mm[1]:
         for k in range(3):
             angle = tips.angle + k * 2.0 * np.pi / 3.0
             at[k, 0], at[k, 1] = away * np.cos(angle), away * np.sin(angle)
         place(body.outline, q, scratch.points)
         find_contacts(q, MARGIN_MM, scratch)
-        directions(C, I, work.contacts, body.rho, Drive(0.0, 0.0, 0.0, 0.0, 0.0))
-        size = min(STEPS_MM[min(work.contacts, 3)], away - tips.ends_mm[1])
-        for k in range(work.contacts):
-            x, y = -size * at[I[k, SIDE], 0] / away, -size * at[I[k, SIDE], 1] / away
-            C[k, UN], C[k, UT] = x * C[k, NX] + y * C[k, NY], y * C[k, NX] - x * C[k, NY]
-        c, s, count, mu = np.cos(q[2]), np.sin(q[2]), work.contacts, tips.mu
+        directions(work.step.contacts, work.count, body.rho, Drive(0.0, 0.0, 0.0, 0.0, 0.0))
+        size = min(STEPS_MM[min(work.count, 3)], away - tips.ends_mm[1])
+        for k in range(work.count):
+            contact = work.step.contacts[k]
+            x, y = -size * at[contact.side, 0] / away, -size * at[contact.side, 1] / away
+            contact.un = x * contact.nx + y * contact.ny
+            contact.ut = y * contact.nx - x * contact.ny
+        c, s, count, mu = np.cos(q[2]), np.sin(q[2]), work.count, tips.mu
         solved = cut_short(body.surface, c, s, mu, count, cut * size, work.step)
         if not solved and solve_surface(body.surface, c, s, mu, mu, count, work.step) != SOLVED:
             break

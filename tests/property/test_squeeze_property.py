@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import JAWS, deepest_overlap, random_convex, random_poses, random_star, simulator
 
-from planner.mechanics.contacts import FN, FT
 from planner.mechanics.simulator import STATUS_NAMES
 from planner.mechanics.step import SOLVED, solve
 
@@ -85,14 +84,13 @@ def test_dissipation_is_never_negative(seed, contacts):
         work, mu_bottom = posed(problem), problem.mu[1] if contacts > 1 else 0.0
         if solve(problem.mu[0], mu_bottom, contacts, work) != SOLVED:
             continue
-        C, V = work.C, work.V
+        V, fn, ft = work.V, work.contacts["fn"][:contacts], work.contacts["ft"][:contacts]
         N, T = wrenches(problem)
         normal, tangential = goals(problem)
-        fn, ft = C[:contacts, FN], C[:contacts, FT]
         on_table = V @ (N.T @ fn + T.T @ ft)
         at_fingers = -ft * (T @ V - tangential)
         put_in = fn @ normal + ft @ tangential
-        rounding = 1e-10 * (1.0 + put_in)
+        rounding = 1e-10 * (1.0 + fn.max())  # a slip is solved to 1e-10 mm, whatever the force
         assert on_table >= 0.0
         assert at_fingers.min() >= -rounding
         assert put_in >= on_table + at_fingers.sum() - rounding

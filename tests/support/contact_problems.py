@@ -1,6 +1,6 @@
 """Instants of contact shared by tests, each with what is odd about it.
 
-`lcp` poses a `ContactProblem` as eqs 1-5 of the paper, `rows` as the kernels' arrays.
+`lcp` poses a `ContactProblem` as eqs 1-5 of the paper, `rows` as the kernels' records.
 """
 
 import math
@@ -65,20 +65,18 @@ def lcp(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
     return M, np.concatenate([-normal, -tangential, tangential, np.zeros(m)])
 
 
-def rows(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
-    """The same contacts as the kernels' arrays C and I; even ones belong to the upper finger."""
+def rows(problem: ContactProblem) -> np.ndarray:
+    """The same contacts as the kernels' records; even ones belong to the upper finger."""
     N, T = wrenches(problem)
-    m = len(N)
-    C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
-    C[:m, [contacts.RX, contacts.RY]] = problem.points
-    C[:m, [contacts.NX, contacts.NY]] = problem.normals
-    C[:m, contacts.GAP] = problem.gap
-    C[:m, contacts.N2], C[:m, contacts.T2] = N[:, 2], T[:, 2]
+    result = np.zeros(contacts.MAX_CONTACTS, contacts.CONTACT)
+    met = result[: len(N)]
+    met["x"], met["y"] = problem.points.T
+    met["nx"], met["ny"] = problem.normals.T
+    met["gap"], met["n2"], met["t2"] = problem.gap, N[:, 2], T[:, 2]
     normal, tangential = goals(problem)
-    C[:m, contacts.UN], C[:m, contacts.UT] = normal + problem.gap, tangential
-    I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
-    I[:m, contacts.FINGER] = np.where(np.arange(m) % 2 == 0, 1, -1)
-    return C, I
+    met["un"], met["ut"] = normal + problem.gap, tangential
+    met["finger"] = np.where(np.arange(len(N)) % 2 == 0, 1, -1)
+    return result
 
 
 def random_contacts(rng: np.random.Generator, m: int) -> ContactProblem:
@@ -185,5 +183,5 @@ def posed(problem: ContactProblem) -> StepWork:
     """A workspace with the contacts of a problem."""
     work = workspace()
     work.A[:] = problem.A
-    work.C[:], work.I[:] = rows(problem)
+    work.contacts[:] = rows(problem)
     return work

@@ -12,7 +12,6 @@ from planner.mechanics.closed_form import (
     three_contacts,
     two_contacts,
 )
-from planner.mechanics.contacts import FN, FT, GAP, HIGH, LOW, UN, UT
 from planner.mechanics.lcp import RAY, SOLVED
 from planner.mechanics.step import PAST_END_MM, UNBOUNDED, along, event_fraction
 from planner.mechanics.step import solve as solve_step
@@ -22,18 +21,16 @@ pytestmark = pytest.mark.slow
 
 def closed_form(problem: problems.ContactProblem) -> tuple[int, np.ndarray, np.ndarray]:
     """Status, motion (3,) and forces (m, 2) of one to three contacts, all of them pressed."""
-    C, I = problems.rows(problem)
-    m = len(problem.gap)
+    contacts, A, mu, m = problems.rows(problem), problem.A, problem.mu, len(problem.gap)
     if m == 1:
-        status = one_contact(problem.A, C, 0, problem.mu[0])
+        status = one_contact(A, contacts[0], mu[0])
     elif m == 2:
-        status = two_contacts(problem.A, C, 0, 1, problem.mu[0], problem.mu[1], np.zeros((4, 4)))
+        status = two_contacts(A, contacts[0], contacts[1], mu[0], mu[1], np.zeros((4, 4)))
     else:
-        mu_top, mu_bottom = problem.mu[:2]
-        status = three_contacts(problem.A, C, I, np.arange(3), mu_top, mu_bottom, np.zeros((4, 4)))
+        status = three_contacts(A, contacts, np.arange(3), mu[0], mu[1], np.zeros((4, 4)))
     V = np.zeros(3)
-    motion(problem.A, C, np.arange(m), m, V)
-    return status, V, C[:m, [FN, FT]]
+    motion(A, contacts, np.arange(m), m, V)
+    return status, V, np.column_stack([contacts["fn"][:m], contacts["ft"][:m]])
 
 
 def assert_coulomb(problem: problems.ContactProblem, V: np.ndarray, forces: np.ndarray) -> None:
@@ -134,10 +131,10 @@ def test_a_flush_grasp_is_held_where_lemke_finds_nothing():
 @pytest.mark.parametrize("bend", [-0.3, 0.0, 0.3])
 def test_a_step_ends_where_an_awaited_contact_touches(bend):
     """The dense output runs through the Euler step's direction and the midpoint's end: a parabola."""
-    C, _ = problems.rows(problems.receding())
-    C[0, [GAP, UN, UT]] = 0.2, 0.0, 0.0
+    contacts = problems.rows(problems.receding())
+    contacts[["gap", "un", "ut"]][0] = 0.2, 0.0, 0.0
     first, V = np.array([0.0, -1.0, 0.0]), np.array([0.0, -1.0 + bend, 0.0])
-    f = event_fraction(C, 1, first, V)
+    f = event_fraction(contacts, 1, first, V)
     assert 0.0 < f < 1.0
     assert along(first, V, f, 1) == pytest.approx(-0.2, abs=1e-12)
     assert [along(first, V, 1.0, i) for i in range(3)] == pytest.approx(list(V))
@@ -145,10 +142,10 @@ def test_a_step_ends_where_an_awaited_contact_touches(bend):
 
 @pytest.mark.parametrize("sense", [-1.0, 1.0])
 def test_a_step_ends_where_a_pressed_contact_slides_off_its_feature(sense):
-    C, _ = problems.rows(problems.receding())
-    C[0, [GAP, UN, UT, FN, LOW, HIGH]] = 0.0, 0.0, 0.0, 1.0, -0.3, 0.3
+    contacts = problems.rows(problems.receding())
+    contacts[["gap", "un", "ut", "fn", "low", "high"]][0] = 0.0, 0.0, 0.0, 1.0, -0.3, 0.3
     first, V = np.array([sense, 0.0, 0.0]), np.array([0.8 * sense, 0.0, 0.0])
-    f = event_fraction(C, 1, first, V)
+    f = event_fraction(contacts, 1, first, V)
     assert abs(along(first, V, f, 0)) == pytest.approx(0.3 + PAST_END_MM)
 
 

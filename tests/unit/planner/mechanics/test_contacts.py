@@ -10,21 +10,7 @@ from problems import finger_box, place, random_convex, random_poses, random_star
 from planner.belief.particles import initial
 from planner.mechanics import clearance, contacts
 from planner.mechanics.clearance import first_contact_mm, jaws_of
-from planner.mechanics.contacts import (
-    CORNER,
-    END,
-    FACE,
-    FINGER,
-    GAP,
-    KIND,
-    NX,
-    NY,
-    OUTER,
-    RX,
-    RY,
-    SIDE,
-    VERTEX,
-)
+from planner.mechanics.contacts import CORNER, END, FACE, OUTER
 
 HALF, THICKNESS, FAR = 13.75, 9.5, 42.5
 FINGERS = pytest.mark.parametrize("finger", [1, -1])
@@ -44,17 +30,15 @@ def hand_at(top: float, bottom: float, half: float = HALF) -> contacts.Hand:
 
 
 def matches(points: np.ndarray, pose: np.ndarray, top: float, bottom: float, margin: float):
-    """The valid rows of both contact arrays."""
+    """The contacts of two fingers that face each other."""
     return found_by(hand_at(top, bottom), points, pose, margin)
 
 
 def found_by(hand: contacts.Hand, points: np.ndarray, pose: np.ndarray, margin: float):
-    """The valid rows of both contact arrays."""
-    C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
-    I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
+    """The contacts of a hand."""
+    result = np.zeros(contacts.MAX_CONTACTS, contacts.CONTACT)
     out = np.zeros(len(points), np.int64)
-    count = contacts.find(C, I, columns(points), out, pose, hand, margin)
-    return C[:count], I[:count]
+    return result[: contacts.find(result, columns(points), out, pose, hand, margin)]
 
 
 def scenes(seed: int, count: int, radius: float = 30.0):
@@ -77,12 +61,9 @@ def test_contacts_of_fingers_side_by_side_are_those_of_each_alone():
         def rows(middle: float, *centres: float, points=points, pose=pose, face=face):
             fingers = [contacts.Finger(1, x, face, 4.75, 27.5) for x in centres]
             hand = contacts.Hand(fingers[0], fingers[-1], len(centres))
-            C, I = found_by(hand, points - [middle, 0.0], pose - [middle, 0.0, 0.0], 0.5)
-            rounded = np.round(C[:, [RX, RY, NX, NY, GAP]], 9)
-            return sorted(
-                (*kind, *numbers)
-                for kind, numbers in zip(I.tolist(), rounded.tolist(), strict=True)
-            )
+            met = found_by(hand, points - [middle, 0.0], pose - [middle, 0.0, 0.0], 0.5)
+            names = ["finger", "kind", "side", "vertex", "x", "y", "nx", "ny", "gap"]
+            return sorted(tuple(round(each, 9) for each in row) for row in met[names].tolist())
 
         both, left, right = rows(0.0, -apart, apart), rows(-apart, 0.0), rows(apart, 0.0)
         near_both += bool(left) and bool(right)
@@ -134,9 +115,9 @@ def test_at_first_touch_a_contact_is_found_with_that_gap(finger):
         touched += 1
         gap = rng.uniform(0.0, 1e-3)
         faces = {1: FAR + 60, -1: -FAR - 60, finger: finger * (100.0 - way + gap)}
-        C, I = matches(points, pose, faces[1], faces[-1], margin=0.5)
-        assert (I[:, FINGER] == finger).all()
-        along_y = C[:, GAP] / np.abs(C[:, NY])
+        met = matches(points, pose, faces[1], faces[-1], margin=0.5)
+        assert (met["finger"] == finger).all()
+        along_y = met["gap"] / np.abs(met["ny"])
         assert along_y.min() == pytest.approx(gap, abs=1e-9)
     assert touched > 60
 
@@ -165,21 +146,23 @@ def test_each_contact_is_a_pair_of_features_at_its_gap():
             nearly_closed(rng, points) if rng.random() < 0.7 else beside(rng, points, pose)
         )
         part = shapely.Polygon(points)
-        for c, i in zip(*matches(points, pose, top, bottom, margin=0.5), strict=True):
-            box = finger_box(i[FINGER], top if i[FINGER] == 1 else bottom)
-            kinds.append(i[KIND])
-            on_part, normal = pose[:2] + c[[RX, RY]], c[[NX, NY]]
+        for contact in matches(points, pose, top, bottom, margin=0.5):
+            box = finger_box(contact["finger"], top if contact["finger"] == 1 else bottom)
+            kinds.append(contact["kind"])
+            normal = np.array([contact["nx"], contact["ny"]])
+            on_part = pose[:2] + np.array([contact["x"], contact["y"]])
+            corner = on_part - contact["gap"] * normal
             assert np.hypot(*normal) == pytest.approx(1.0, abs=1e-12)
             assert part.exterior.distance(shapely.Point(on_part)) < 1e-9
-            assert box.exterior.distance(shapely.Point(on_part - c[GAP] * normal)) < 1e-9
-            if i[KIND] in (CORNER, OUTER):
-                face = top if i[FINGER] == 1 else bottom
-                face += i[FINGER] * THICKNESS * (i[KIND] == OUTER)
-                assert np.allclose(on_part - c[GAP] * normal, [i[SIDE] * HALF, face], atol=1e-9)
-                edge = points[(i[VERTEX] + 1) % len(points)] - points[i[VERTEX]]
+            assert box.exterior.distance(shapely.Point(corner)) < 1e-9
+            if contact["kind"] in (CORNER, OUTER):
+                face = top if contact["finger"] == 1 else bottom
+                face += contact["finger"] * THICKNESS * (contact["kind"] == OUTER)
+                assert np.allclose(corner, [contact["side"] * HALF, face], atol=1e-9)
+                edge = points[(contact["vertex"] + 1) % len(points)] - points[contact["vertex"]]
                 assert abs(edge @ normal) < 1e-9 * np.hypot(*edge)
             else:
-                assert np.allclose(on_part, points[i[VERTEX]], atol=1e-9)
+                assert np.allclose(on_part, points[contact["vertex"]], atol=1e-9)
     assert all(kinds.count(kind) > 5 for kind in (FACE, CORNER, END)), kinds
 
 
@@ -188,10 +171,10 @@ def test_buffers_that_overflow_keep_the_nearest_contacts():
     teeth = np.linspace(12.0, -12.0, 61)
     heights = np.where(np.arange(61) % 2 == 1, 10.0 + 0.01 * np.arange(61), 5.0)
     points = np.concatenate([[[-12.5, 0.0], [12.5, 0.0]], np.column_stack([teeth, heights])])
-    C, _ = matches(points, np.zeros(3), 10.7, -FAR, margin=1.0)
+    met = matches(points, np.zeros(3), 10.7, -FAR, margin=1.0)
     expected = np.sort(10.7 - heights[heights > 6.0])[: contacts.MAX_CONTACTS]
-    assert len(C) == contacts.MAX_CONTACTS
-    assert np.allclose(np.sort(C[:, GAP]), expected)
+    assert len(met) == contacts.MAX_CONTACTS
+    assert np.allclose(np.sort(met["gap"]), expected)
 
 
 @FINGERS
@@ -206,11 +189,10 @@ def test_a_part_that_reaches_behind_a_finger_is_met_by_its_outer_corner(finger):
     square = shapely.orient_polygons(shapely.Polygon([*ends, *(ends[::-1] + 5.0 * normal)]))
     points = shapely.get_coordinates(square)[:-1]
     faces = {finger: face, -finger: -finger * 60.0}
-    C, I = matches(points.copy(), np.zeros(3), faces[1], faces[-1], margin=0.5)
-    outer = I[:, KIND] == OUTER
-    assert outer.sum() == 1
-    assert C[outer, GAP][0] == pytest.approx(0.2)
-    assert np.allclose(C[outer][0, [NX, NY]], normal)
+    met = matches(points.copy(), np.zeros(3), faces[1], faces[-1], margin=0.5)
+    (outer,) = met[met["kind"] == OUTER]
+    assert outer["gap"] == pytest.approx(0.2)
+    assert np.allclose([outer["nx"], outer["ny"]], normal)
 
 
 def meets(outline, pose, width_mm, jaws, share):

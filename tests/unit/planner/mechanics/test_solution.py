@@ -8,7 +8,6 @@ from problems import JAWS, place, rectangle
 from planner.mechanics import contacts, quartic
 from planner.mechanics.boundary import Drive, directions
 from planner.mechanics.clearance import clearance
-from planner.mechanics.contacts import FINGER, FN, FT, GAP, N2, NX, NY, T2, UN, UT
 from planner.mechanics.lcp import RAY, SOLVED
 from planner.mechanics.step import TOUCHING_MM
 from planner.mechanics.surface_step import solve_surface
@@ -30,19 +29,19 @@ def stepped(pose, surface, friction):
     )
     work, out = workspace(), np.zeros(columns.shape[1], np.int64)
     hand = contacts.Hand(*fingers, 2)
-    count = contacts.find(work.C, work.I, columns, out, pose, hand, TOUCHING_MM)
-    directions(work.C, work.I, count, RHO, Drive(0.1, 0.1, 0.0, 0.0, 0.0))
+    count = contacts.find(work.contacts, columns, out, pose, hand, TOUCHING_MM)
+    directions(work.contacts, count, RHO, Drive(0.1, 0.1, 0.0, 0.0, 0.0))
     work.F[:] = 0.0, 1.0, 0.0
     status = solve_surface(surface, np.cos(pose[2]), np.sin(pose[2]), *friction, count, work)
-    mu = np.where(work.I[:count, FINGER] == 1, *friction)
-    return status, work.C[:count], mu, work.V
+    met = work.contacts[:count]
+    return status, met, np.where(met["finger"] == 1, *friction), work.V
 
 
-def violations(C, mu, V):
+def violations(met, mu, V):
     """Of eqs 3 to 5, at each contact; at most 0 for an exact solution."""
-    fn, ft = C[:, FN], C[:, FT]
-    slack = C[:, GAP] - C[:, UN] + C[:, NX] * V[0] + C[:, NY] * V[1] + C[:, N2] * V[2]
-    slip = C[:, NX] * V[1] - C[:, NY] * V[0] + C[:, T2] * V[2] - C[:, UT]
+    nx, ny, fn, ft = met["nx"], met["ny"], met["fn"], met["ft"]
+    slack = met["gap"] - met["un"] + nx * V[0] + ny * V[1] + met["n2"] * V[2]
+    slip = nx * V[1] - ny * V[0] + met["t2"] * V[2] - met["ut"]
     room = mu * fn - np.abs(ft)
     return {
         "overlap": -slack,
@@ -61,13 +60,13 @@ def test_solutions_fulfil_complementarity_and_coulombs_law(surface):
     solved = pressed = 0
     for _ in range(300):
         pose = np.array([rng.uniform(-8, 8), 0.0, rng.uniform(-np.pi, np.pi)])
-        status, C, mu, V = stepped(pose, surface, rng.uniform(0.1, 0.7, 2))
+        status, met, mu, V = stepped(pose, surface, rng.uniform(0.1, 0.7, 2))
         if status != SOLVED:
             assert status == RAY
             continue
         solved += 1
-        pressed += int((C[:, FN] > 0.0).sum() > 1)
-        for name, values in violations(C, mu, V).items():
+        pressed += int((met["fn"] > 0.0).sum() > 1)
+        for name, values in violations(met, mu, V).items():
             assert values.max(initial=0.0) < 1e-6, name
     assert solved > 100
     assert pressed > 20
