@@ -89,13 +89,15 @@ class GripperProfile:
         """Grip force where a job states none: low."""
         return _within(40.0, self.force_n)
 
-    @property
-    def usual_speed_mm_s(self) -> float:
-        """Closing speed where a job states none: moderate, and one that the usual force allows."""
-        most = 60.0
-        if self.grip_mm_s is not None:
-            most = self.grip_mm_s * self.usual_force_n / self.force_n[1]
-        return _within(most, self.speed_mm_s)
+    def fastest_grip_mm_s(self, force_n: float) -> float:
+        """Fastest rate of the width at which it grips with a force."""
+        if self.grip_mm_s is None:
+            return self.speed_mm_s[1]
+        return max(self.grip_mm_s * force_n / self.force_n[1], self.speed_mm_s[0])
+
+    def usual_speed_mm_s(self, force_n: float) -> float:
+        """Closing speed where a job states none: moderate, and one at which it grips with the force."""
+        return _within(min(60.0, self.fastest_grip_mm_s(force_n)), self.speed_mm_s)
 
     @property
     def gentle_mm_s(self) -> float:

@@ -75,11 +75,12 @@ def complete_gripper(gripper: dict[str, Any]) -> None:
         known = ", ".join(PROFILES)
         problem = f"is {gripper['model'][:40]!r}, which is not known; there are {known}"
         raise _conflict("gripper", "model", problem) from error
+    if gripper["force_n"] is None:
+        gripper["force_n"] = profile.usual_force_n
     usual = {
         "opening_mm": profile.stroke_um / 1e3,
         "noise_mm": profile.noise_um / 1e3,
-        "force_n": profile.usual_force_n,
-        "speed_mm_s": profile.usual_speed_mm_s,
+        "speed_mm_s": profile.usual_speed_mm_s(gripper["force_n"]),
     }
     gripper |= {key: value for key, value in usual.items() if gripper[key] is None}
     if gripper["resolution_mm"] is None:
@@ -144,7 +145,7 @@ def check_parts(job: Any, names: list[str]) -> None:
         )
     if job.delivery is not None:
         raise _conflict(
-            "delivery", "drop_mm", "is of one part; leave the section out for several hypotheses"
+            "delivery", "drop", "is of one part; leave the section out for several hypotheses"
         )
 
 
@@ -172,6 +173,13 @@ def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:
         if not least <= gripper[key] <= most:
             problem = f"is {gripper[key]:g}, but a {gripper['model']} does {least:g} to {most:g}"
             raise _conflict("gripper", key, f"{problem}; correct it, or the model")
+    most = profile.fastest_grip_mm_s(gripper["force_n"])
+    if speed > most:
+        model, force = gripper["model"], gripper["force_n"]
+        problem = (
+            f"is {speed:g}, but a {model} grips with {force:g} N at {most:g} at most; lower it"
+        )
+        raise _conflict("gripper", "speed_mm_s", problem)
 
 
 def _check_doubt(doubt: dict[str, Any], pressure: dict[str, Any]) -> None:

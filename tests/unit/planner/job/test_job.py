@@ -56,6 +56,14 @@ def test_a_job_that_states_only_the_model_closes_as_that_gripper_can(profile):
         assert gripper.speed_mm_s <= profile.grip_mm_s * gripper.force_n / most_n
 
 
+def test_gripper_whose_force_sets_its_speed_closes_no_faster_than_the_stated_force_allows():
+    stated = TEXT.replace('"robotiq-2f-85"', '"schunk-egk"').replace("opening_mm = 85.0", "")
+    slow = job.parse(stated.replace("speed_mm_s = 60.0", "").replace("40.0", "25.0", 1))
+    assert (slow.gripper.force_n, slow.gripper.speed_mm_s) == (25.0, 10.0)
+    with pytest.raises(InputError, match="grips with 40 N at 16 at most; lower it"):
+        job.parse(stated)
+
+
 def test_the_job_of_a_very_coarse_gripper_can_be_read_back_from_its_table():
     coarse = job.parse(edited("noise_mm = 0.15", "noise_mm = 10\nresolution_mm = 9"))
     assert job.from_canonical(coarse.canonical()) == coarse
