@@ -41,7 +41,8 @@ EVALUATING = 0.4  # most of the remaining budget that evaluations may take
 SQUEEZES = 3.0  # of a part by a finished plan; the first pass may give up after fewer
 CURSORY = 0.2  # most of a budget for the first pass, which may leave some parts without a plan
 REPAIRS = 0.25  # of a budget, for leaves that trials of the last pass refute
-AFTER_PASSES = 0.5  # share of the work after the passes, for progress
+# For progress: share of the work after the passes, and of what is left of it after one more round of trials.
+AFTER_PASSES, AFTER_ROUND = 0.35, 0.7
 
 
 class Cut(NamedTuple):
@@ -118,7 +119,7 @@ class Course:
 
     def after_trials(self, attempt: int, open_share: float) -> None:
         """Reports the search after trials `attempt`."""
-        self._at(1.0 - AFTER_PASSES * 0.5 ** (attempt + 1.0 - open_share))
+        self._at(1.0 - AFTER_PASSES * AFTER_ROUND ** (attempt + 1.0 - open_share))
 
     def _at(self, done: float) -> None:
         """Reports a share of all work, never less than before."""

@@ -101,7 +101,8 @@ def _single(arguments: argparse.Namespace) -> int:
         arguments.output, "a table, which squeezetree report draws", ".msgpack"
     )
     files.usable(output, *read)
-    whole = course.of_time(arguments.budget) if math.isfinite(arguments.budget) else course.unknown
+    bounded = math.isfinite(arguments.budget)
+    whole = course.of_time(arguments.budget) if bounded else course.of_search
     for result in alike(job):
         if not result.hopeless:  # that is refused
             tell(NAME, f"warning: {result.line()}")

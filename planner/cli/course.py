@@ -24,8 +24,13 @@ Arguments: the seconds so far, and how much of the current stage is done, of how
 
 
 def unknown(_seconds: float, _done: int, _total: int) -> float | None:
-    """The share of a search that is done: unknown until it ends."""
+    """The share of work whose end nobody can tell."""
     return None
+
+
+def of_search(_seconds: float, done: int, total: int) -> float | None:
+    """The share of a search that is done; unknown before it begins, while kernels are compiled."""
+    return done / total if total > 1 else None
 
 
 def counted(_seconds: float, done: int, total: int) -> float | None:

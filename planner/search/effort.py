@@ -27,12 +27,12 @@ class Effort(NamedTuple):
 
 
 PASSES = (
-    Pass(1 / 8, 0, 0, 0.0005, 2.0, work=0.1, frugal=True),
-    Pass(1 / 8, 1, 16, 0.002, 0.5, work=0.1),
-    Pass(1 / 8, 1, 16, 0.002, 0.5, work=0.15, explores=True),
-    Pass(1 / 4, 8, 8, 0.002, 0.1, work=0.25),
+    Pass(1 / 8, 0, 0, 0.0005, 2.0, work=0.11, frugal=True),
+    Pass(1 / 8, 1, 16, 0.002, 0.5, work=0.18),
+    Pass(1 / 8, 1, 16, 0.002, 0.5, work=0.09, explores=True),
+    Pass(1 / 4, 8, 8, 0.002, 0.1, work=0.17),
     Pass(1 / 2, 6, 0, 0.002, 0.1, work=0.25),
-    Pass(1, 4, 0, 0.002, 0.1, work=0.15),
+    Pass(1, 4, 0, 0.002, 0.1, work=0.20),
 )
 LEAVES = PASSES[-1]._replace(kept=1, least=0.0)  # after fresh trials of the leaves of the last pass
 EFFORTS = (

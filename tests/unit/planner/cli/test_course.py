@@ -28,7 +28,9 @@ def test_search_of_unknown_length_tells_the_time_so_far_and_nothing_else(capsys,
     ]
 
 
-@pytest.mark.parametrize("whole", [course.counted, course.of_time(30.0), course.unknown])
+@pytest.mark.parametrize(
+    "whole", [course.counted, course.of_search, course.of_time(30.0), course.unknown]
+)
 def test_share_never_falls_and_no_time_is_left_of_work_that_goes_on_after_its_end(
     capsys, clock, whole
 ):
@@ -39,6 +41,15 @@ def test_share_never_falls_and_no_time_is_left_of_work_that_goes_on_after_its_en
     assert shares == sorted(shares)
     assert not any("about 0 s" in line for line in lines)
     assert lines[-1].endswith("left: unknown")
+
+
+def test_search_share_begins_once_kernels_are_compiled(capsys, clock):
+    lines = [(40.0, "kernels", 0, 1), (50.0, "search", 100, 1000), (60.0, "search", 300, 1000)]
+    assert lines_of(capsys, clock, course.of_search, lines) == [
+        "kernels, 40 s so far, left: unknown",
+        "10% done, search, 50 s so far, left: unknown",
+        "30% done, search, 60 s so far, left: about 35 s",
+    ]
 
 
 def test_budget_is_counted_down_and_unknown_beyond_its_end(capsys, clock):
