@@ -51,9 +51,7 @@ is told by grasp-calibrate camera --help, tag --help and pictures --help.
 def parser() -> Parser:
     """The command's arguments."""
     built = Parser(
-        prog="grasp-calibrate",
-        description="Measure the parameters of a cell.",
-        epilog=EPILOG,
+        prog="grasp-calibrate", description="Measure the parameters of a cell.", epilog=EPILOG
     )
     built.add_debug()
     subcommands = built.add_subparsers(

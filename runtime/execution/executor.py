@@ -285,11 +285,7 @@ class Executor:
         return result
 
     def _end(
-        self,
-        part: int,
-        outcome: Outcome,
-        reason: str,
-        exit_code: int | None = None,
+        self, part: int, outcome: Outcome, reason: str, exit_code: int | None = None
     ) -> PartResult:
         self._console.phase(part, Phase.SAFE, None)
         notes = reach_safe_state(

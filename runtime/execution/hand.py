@@ -19,12 +19,7 @@ from runtime.errors import MotionRefusedError
 from runtime.execution import safety, strokes
 from runtime.execution.handling import Handling, check_arc
 from runtime.execution.jaws import Jaws
-from runtime.execution.reading import (
-    CLOSED_UM,
-    check_closed,
-    check_fresh,
-    check_set,
-)
+from runtime.execution.reading import CLOSED_UM, check_closed, check_fresh, check_set
 from runtime.execution.strokes import Stroke
 from runtime.execution.watch import ARM, GRIPPER, Watch
 from runtime.table import (

@@ -106,11 +106,7 @@ PROFILES = {
 }
 DEFAULT_MODEL = next(iter(PROFILES))  # where nobody names one
 # Aliases of the same models, as from `_normalised`.
-NAMES = {
-    "2f-85": "robotiq-2f-85",
-    "c-85": "robotiq-2f-85",
-    "2f-140": "robotiq-2f-140",
-}
+NAMES = {"2f-85": "robotiq-2f-85", "c-85": "robotiq-2f-85", "2f-140": "robotiq-2f-140"}
 
 
 def profile_of(model: str) -> GripperProfile:
