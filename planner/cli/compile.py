@@ -44,35 +44,21 @@ def parser() -> Parser:
     add = built.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job file")
     shell.add_output(built, "TREE.msgpack", "the table; with --vary a folder", required=False)
-    add(
-        "--vary",
-        action="append",
-        default=[],
-        metavar="SECTION.KEY=VALUE,VALUE",
-        help="one table for each value in place of the job's; given twice, for each combination",
-    )
+    text = "one table for each value in place of the job's; given twice, for each combination"
+    add("--vary", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE", help=text)
     add("--seed", type=natural, help="instead of the job's seed")
     shell.add_trials(built, EVALUATION_TRIALS, "parts squeezed to evaluate the table")
-    add(
-        "--budget",
-        type=seconds_text,
-        default=math.inf,
-        metavar="60s",
-        help="end after so long, evaluation included, with the best tree so far, as Ctrl-C does at once "
-        "(default: search until done)",
+    text = (
+        "end after so long, evaluation included, with the best tree so far, as Ctrl-C does at once (default: "
+        "search until done)"
     )
+    add("--budget", type=seconds_text, default=math.inf, metavar="60s", help=text)
     bounds.add_options(built)
     add("--strip", action="store_true", help="leave the job out of the table")
-    add(
-        "--no-advice",
-        action="store_true",
-        help="do not look for what limits the plan, which takes seconds",
-    )
-    add(
-        "--baseline",
-        choices=["sensorless"],
-        help="no table, but Goldberg's plan without sensors, and what it achieves",
-    )
+    text = "do not look for what limits the plan, which takes seconds"
+    add("--no-advice", action="store_true", help=text)
+    text = "no table, but Goldberg's plan without sensors, and what it achieves"
+    add("--baseline", choices=["sensorless"], help=text)
     shell.add_takt(built)
     shell.add_scheduler(built)
     return built

@@ -45,26 +45,14 @@ def parser() -> Parser:
         f"{NAME} trees/rectangle/rectangle.msgpack --ppm --trials 10000000 --resume study.json",
     )
     shell.add_table(built)
-    built.add_argument(
-        "--trials",
-        type=positive_int,
-        metavar="N",
-        help=f"parts squeezed (default: {DEFAULT_TRIALS}, with --ppm {DEFAULT_PPM_TRIALS})",
-    )
+    text = f"parts squeezed (default: {DEFAULT_TRIALS}, with --ppm {DEFAULT_PPM_TRIALS})"
+    built.add_argument("--trials", type=positive_int, metavar="N", help=text)
     shell.add_takt(built)
     shell.add_seed(built, "of the trials")
-    built.add_argument(
-        "--worst",
-        type=natural,
-        default=3,
-        metavar="N",
-        help="how many of the worst errors to show (default: %(default)s)",
-    )
-    built.add_argument(
-        "--foreign-parts",
-        action="store_true",
-        help="also foreign parts: each part a tenth smaller and larger, a disc, a rectangle",
-    )
+    text = "how many of the worst errors to show (default: %(default)s)"
+    built.add_argument("--worst", type=natural, default=3, metavar="N", help=text)
+    text = "also foreign parts: each part a tenth smaller and larger, a disc, a rectangle"
+    built.add_argument("--foreign-parts", action="store_true", help=text)
     shell.add_scheduler(built)
     _add_rare(built.add_argument_group("wrong answers in parts per million"))
     _add_world(built.add_argument_group("the world, where it is not what the plan believes"))
@@ -72,53 +60,28 @@ def parser() -> Parser:
 
 
 def _add_rare(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--ppm",
-        action="store_true",
-        help="count confident wrong answers of the table and of each leaf, with upper bounds; parts "
-        "that come to rare nodes are followed as several copies",
+    text = (
+        "count confident wrong answers of the table and of each leaf, with upper bounds; parts that come to "
+        "rare nodes are followed as several copies"
     )
-    group.add_argument(
-        "--resume",
-        type=Path,
-        metavar="FILE.json",
-        help="continue the study in this file, or begin it there",
-    )
+    group.add_argument("--ppm", action="store_true", help=text)
+    text = "continue the study in this file, or begin it there"
+    group.add_argument("--resume", type=Path, metavar="FILE.json", help=text)
 
 
 def _add_world(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add(
-        "--world",
-        default=DEFAULT_WORLD,
-        metavar="MODULE:FACTORY",
-        help="world in which the parts are squeezed (default: %(default)s)",
-    )
-    add(
-        "--world-copies",
-        action="store_true",
-        help="make a new world with its own seed for every 1000 trials, so that workers share them",
-    )
-    add(
-        "--world-set",
-        action="append",
-        default=[],
-        metavar="SECTION.KEY=VALUE",
-        help="override a value of the job in the world, such as pressure.kind=uniform; repeatable",
-    )
-    add(
-        "--sweep",
-        action="store_true",
-        help="evaluate in a standard set of worlds, one line each; takes no other change",
-    )
+    text = "world in which the parts are squeezed (default: %(default)s)"
+    add("--world", default=DEFAULT_WORLD, metavar="MODULE:FACTORY", help=text)
+    text = "make a new world with its own seed for every 1000 trials, so that workers share them"
+    add("--world-copies", action="store_true", help=text)
+    text = "override a value of the job in the world, such as pressure.kind=uniform; repeatable"
+    add("--world-set", action="append", default=[], metavar="SECTION.KEY=VALUE", help=text)
+    text = "evaluate in a standard set of worlds, one line each; takes no other change"
+    add("--sweep", action="store_true", help=text)
     add("--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width")
-    add(
-        "--placement-error-mm",
-        type=_spread,
-        default=0.0,
-        metavar="MM",
-        help="standard deviation of the hand's x and y, drawn for every squeeze",
-    )
+    text = "standard deviation of the hand's x and y, drawn for every squeeze"
+    add("--placement-error-mm", type=_spread, default=0.0, metavar="MM", help=text)
     add("--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle")
     add(
         "--placement-bias-mm",

@@ -162,54 +162,27 @@ def parser() -> Parser:
     built.epilog = FORMATS + (built.epilog or "")
     add = built.add_argument
     add("logs", type=Path, nargs="*", metavar="LOG", help="push logs, or tables of pairs (.csv)")
-    add(
-        "--pairs",
-        type=Path,
-        nargs="+",
-        default=[],
-        metavar="PAIRS.csv",
-        help=f"tables of directions in place of logs: {','.join(pushes.DIRECTIONS)}",
+    text = f"tables of directions in place of logs: {','.join(pushes.DIRECTIONS)}"
+    add("--pairs", type=Path, nargs="+", default=[], metavar="PAIRS.csv", help=text)
+    text = (
+        f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *tips.MOVED))}, as plan-simulate "
+        "--push --tip-radius-mm has them; gives the tip's friction, too"
     )
-    add(
-        "--motions",
-        type=Path,
-        metavar="PUSHES.csv",
-        help=f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *tips.MOVED))}, as "
-        "plan-simulate --push --tip-radius-mm has them; gives the tip's friction, too",
-    )
+    add("--motions", type=Path, metavar="PUSHES.csv", help=text)
     add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
     add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")
     shell.add_output(built, "SURFACE.toml", "the limit surface", required=False)
     add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
-    add(
-        "--kind",
-        choices=(*KINDS, "both"),
-        default="both",
-        help="kind of limit surface; both: the better predictor is written (default: %(default)s)",
-    )
-    add(
-        "--rho-mm",
-        type=positive,
-        default=75.0,
-        help="length that torques are divided by (default: %(default)g)",
-    )
-    add(
-        "--friction-n",
-        type=positive,
-        help="friction of part and table (default: estimated from the pushes)",
-    )
-    add(
-        "--splits",
-        type=positive_int,
-        default=50,
-        help="random splits to judge by (default: %(default)s)",
-    )
-    add(
-        "--train-share",
-        type=_share,
-        default=0.5,
-        help="share of the pushes that a split fits to (default: %(default)g)",
-    )
+    text = "kind of limit surface; both: the better predictor is written (default: %(default)s)"
+    add("--kind", choices=(*KINDS, "both"), default="both", help=text)
+    text = "length that torques are divided by (default: %(default)g)"
+    add("--rho-mm", type=positive, default=75.0, help=text)
+    text = "friction of part and table (default: estimated from the pushes)"
+    add("--friction-n", type=positive, help=text)
+    text = "random splits to judge by (default: %(default)s)"
+    add("--splits", type=positive_int, default=50, help=text)
+    text = "share of the pushes that a split fits to (default: %(default)g)"
+    add("--train-share", type=_share, default=0.5, help=text)
     shell.add_seed(built, "of the splits")
     return built
 

@@ -53,12 +53,8 @@ def parser() -> Parser:
     add("--audit", default=[], metavar="A.csv", help=audits, **several)
     shell.add_output(command, "JOB2.toml", "the job file to write")
     shell.add_seed(command, "of what is simulated")
-    add(
-        "--cells",
-        type=positive_int,
-        default=Effort().cells,
-        help="cells to simulate in each round: more take longer, with finer results (default: %(default)s)",
-    )
+    text = "cells to simulate in each round: more take longer, with finer results (default: %(default)s)"
+    add("--cells", type=positive_int, default=Effort().cells, help=text)
     shell.add_scheduler(command)
     return command
 

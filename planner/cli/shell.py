@@ -73,36 +73,16 @@ def add_drawing(group: argparse._ArgumentGroup) -> None:
     """The options that say how to read a drawing; `drawing_of` reads them."""
     add = group.add_argument
     add("--units", choices=UNITS_MM, help="unit of the drawing (default: as the file says)")
-    add(
-        "--scale",
-        type=command.positive,
-        metavar="MM",
-        help="size of one unit in mm, for a drawing in pixels",
-    )
-    add(
-        "--layer",
-        metavar="NAME",
-        help="the layer of a DXF drawing to read (default: all visible ones)",
-    )
-    add(
-        "--contour",
-        type=command.positive_int,
-        metavar="N",
-        help="number of the contour, if there are several",
-    )
-    add(
-        "--tolerance",
-        type=command.number,
-        default=TOLERANCE_MM,
-        metavar="MM",
-        help="greatest distance of the polygon from a curve (default: %(default)s)",
-    )
-    add(
-        "--height",
-        type=command.number,
-        metavar="MM",
-        help="height at which the finger tips meet an STL solid (default: half-way up, at most 8)",
-    )
+    text = "size of one unit in mm, for a drawing in pixels"
+    add("--scale", type=command.positive, metavar="MM", help=text)
+    text = "the layer of a DXF drawing to read (default: all visible ones)"
+    add("--layer", metavar="NAME", help=text)
+    text = "number of the contour, if there are several"
+    add("--contour", type=command.positive_int, metavar="N", help=text)
+    text = "greatest distance of the polygon from a curve (default: %(default)s)"
+    add("--tolerance", type=command.number, default=TOLERANCE_MM, metavar="MM", help=text)
+    text = "height at which the finger tips meet an STL solid (default: half-way up, at most 8)"
+    add("--height", type=command.number, metavar="MM", help=text)
 
 
 def drawing_of(arguments: argparse.Namespace) -> Options:
@@ -192,26 +172,16 @@ def add_distance(group: argparse._ArgumentGroup) -> None:
 
 def add_takt(parser: argparse.ArgumentParser) -> None:
     """The option that states a takt, in seconds."""
-    parser.add_argument(
-        "--takt",
-        type=command.seconds,
-        metavar="6s",
-        help="also state how many parts are done within this time",
-    )
+    text = "also state how many parts are done within this time"
+    parser.add_argument("--takt", type=command.seconds, metavar="6s", help=text)
 
 
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
     """Adds the options for workers; `planner.work.scheduler.scheduler_of` reads them."""
-    parser.add_argument(
-        "--workers",
-        type=command.positive_int,
-        help="threads; the result is the same (default: cores)",
-    )
-    parser.add_argument(
-        "--scheduler",
-        metavar="tcp://HOST:PORT",
-        help="work on the Dask cluster of this scheduler (default: threads of this machine)",
-    )
+    text = "threads; the result is the same (default: cores)"
+    parser.add_argument("--workers", type=command.positive_int, help=text)
+    text = "work on the Dask cluster of this scheduler (default: threads of this machine)"
+    parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help=text)
 
 
 Body = Callable[[argparse.Namespace], int | None]

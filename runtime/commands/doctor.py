@@ -33,26 +33,18 @@ MARKS = {Verdict.GOOD: "ok  ", Verdict.WARNING: "WARN", Verdict.BAD: "BAD "}
 
 def parser() -> Parser:
     """The command's arguments."""
-    built = Parser(
-        prog="grasp-doctor",
-        description="Check a cell before it runs; moves nothing.",
-        epilog=EPILOG,
-    )
+    text = "Check a cell before it runs; moves nothing."
+    built = Parser(prog="grasp-doctor", description=text, epilog=EPILOG)
     add = built.add_argument
-    add(
-        "--port",
-        type=address,
-        required=True,
-        help="the gripper, as for grasp-runtime; sim with --tree",
-    )
+    text = "the gripper, as for grasp-runtime; sim with --tree"
+    add("--port", type=address, required=True, help=text)
     add("--arm", type=address, help="the arm, as for grasp-runtime")
     add("--tree", type=Path, metavar="T", help="the table that is to run")
-    add(
-        "--gripper",
-        metavar="MODEL",
-        help=f"its model where there is no table: {', '.join(PROFILES)}, or that of another driver (default: "
-        "the usual one of the port's make)",
+    text = (
+        f"its model where there is no table: {', '.join(PROFILES)}, or that of another driver (default: the "
+        "usual one of the port's make)"
     )
+    add("--gripper", metavar="MODEL", help=text)
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
     built.add_common()
     return built

@@ -26,26 +26,14 @@ COLUMNS = ("index", "part", "time", "outcome", "leaf", "verdict", "squeezes", *R
 
 def parser() -> Parser:
     """The command line."""
-    built = Parser(
-        prog="grasp-audit report",
-        description="Success, residuals and control charts, from journals alone.",
-        epilog=EPILOG,
-    )
+    text = "Success, residuals and control charts, from journals alone."
+    built = Parser(prog="grasp-audit report", description=text, epilog=EPILOG)
     add = built.add_argument
-    add(
-        "journals",
-        type=Path,
-        nargs="+",
-        metavar="JOURNAL",
-        help="of runs of one table, in their order",
-    )
+    text = "of runs of one table, in their order"
+    add("journals", type=Path, nargs="+", metavar="JOURNAL", help=text)
     add("-o", "--output", type=Path, metavar="F.html", help="the page")
-    add(
-        "--expected",
-        type=Path,
-        metavar="F",
-        help="from plan-expect: detects a change of friction early",
-    )
+    text = "from plan-expect: detects a change of friction early"
+    add("--expected", type=Path, metavar="F", help=text)
     add("--export", type=Path, metavar="F", help="a row for each part, as .csv")
     built.add_common()
     return built

@@ -37,55 +37,23 @@ MOST_ROWS = 100_000
 
 def parser() -> Parser:
     """The command line."""
-    built = Parser(
-        prog="grasp-audit study",
-        description="Accept a cell by its audited parts, checked at any time; study the squeeze as a gauge.",
-        epilog=EPILOG,
-    )
+    text = "Accept a cell by its audited parts, checked at any time; study the squeeze as a gauge."
+    built = Parser(prog="grasp-audit study", description=text, epilog=EPILOG)
     add = built.add_argument
-    add(
-        "journals",
-        type=Path,
-        nargs="*",
-        metavar="JOURNAL",
-        help="of audited runs of one table, in their order",
-    )
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="F.html",
-        help="the run-off sheet, to print on two pages",
-    )
-    add(
-        "--required",
-        type=_share,
-        metavar="SHARE",
-        help="of parts to be located within the goal (default: the confidence of the table's goal)",
-    )
-    add(
-        "--crossed",
-        type=positive_int,
-        metavar="PARTS",
-        help="gauge R&R: each journal is an appraiser with the same PARTS, in the same order again and again",
-    )
-    add(
-        "--truth",
-        action="store_true",
-        help="judge a simulated cell's parts by where they were, not by audits",
-    )
-    add(
-        "--plan",
-        type=Path,
-        metavar="T",
-        help="instead: how many parts to run for a table, before they are run",
-    )
-    add(
-        "--measurements",
-        type=Path,
-        metavar="F.csv",
-        help=f"instead: gauge R&R of a table with the columns {', '.join(COLUMNS)}, a row a reading",
-    )
+    text = "of audited runs of one table, in their order"
+    add("journals", type=Path, nargs="*", metavar="JOURNAL", help=text)
+    text = "the run-off sheet, to print on two pages"
+    add("-o", "--output", type=Path, metavar="F.html", help=text)
+    text = "of parts to be located within the goal (default: the confidence of the table's goal)"
+    add("--required", type=_share, metavar="SHARE", help=text)
+    text = "gauge R&R: each journal is an appraiser with the same PARTS, in the same order again and again"
+    add("--crossed", type=positive_int, metavar="PARTS", help=text)
+    text = "judge a simulated cell's parts by where they were, not by audits"
+    add("--truth", action="store_true", help=text)
+    text = "instead: how many parts to run for a table, before they are run"
+    add("--plan", type=Path, metavar="T", help=text)
+    text = f"instead: gauge R&R of a table with the columns {', '.join(COLUMNS)}, a row a reading"
+    add("--measurements", type=Path, metavar="F.csv", help=text)
     built.add_common()
     return built
 
