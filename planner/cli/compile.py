@@ -107,11 +107,8 @@ def _single(arguments: argparse.Namespace) -> int:
         if not (arguments.no_advice or plan.cut):
             with shell.spared("advice", notes, arguments.debug):
                 advice = counsel(plan.table, plan.evaluation, job, scheduler, report)
-    figures = {
-        "table": str(output),
-        "bytes": output.stat().st_size,
-        **figures_of(plan, seconds, arguments.takt),
-    }
+    written = {"table": str(output), "bytes": output.stat().st_size}
+    figures = written | figures_of(plan, seconds, arguments.takt)
     lines = [*_lines(plan, job, figures), *(advice.lines() if advice else ())]
     if bound:
         lines += bound.lines()
@@ -185,10 +182,8 @@ def _lines(plan: Plan, job: Job, figures: dict[str, Any]) -> Iterator[str]:
     yield f"error {error['median']:.2f} mm median, 95 % within {error['p95']:.2f} mm, where resolved"
     if job.part.height_mm is None:
         tips_mm = job.cell.squeeze_height_mm
-        yield (
-            f"height_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
-            f"{tips_mm + tips.MARGIN_MM:g} mm or more"
-        )
+        met = f"tips at squeeze_height_mm = {tips_mm:g} meet a part of {tips_mm + tips.MARGIN_MM:g} mm"
+        yield f"height_mm of [part] is not stated: {met} or more"
     for line in warnings_of(job):
         yield f"warning: {line}"
     yield f"wrote {figures['table']} ({figures['bytes']} bytes) after {figures['seconds']:.1f} s"

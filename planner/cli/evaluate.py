@@ -134,14 +134,14 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         "confusions": [row._asdict() for row in confused],
         "worst": [row.figures() for row in mistakes],
     }
+    lines: list[str] = []
+    if worst:
+        rates = RATES.format(**worst)
+        lines.append(f"worst      {rates} in the worst believed world: {worst['world']}")
     shell.answer(
         arguments.json,
         figures,
-        *(
-            [f"worst      {RATES.format(**worst)} in the worst believed world: {worst['world']}"]
-            if worst
-            else []
-        ),
+        *lines,
         *_overview(evaluation, _name_of_world(arguments), arguments.takt),
         *(_named(known) if known else ()),
         *(line for each in tried for line in each.lines()),
@@ -234,7 +234,7 @@ def _spread(value: str) -> float:
     return spread
 
 
-def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -> list[str]:
+def _overview(evaluation: Evaluation, world: str, takt_s: float | None) -> list[str]:
     figures = evaluation.summary(takt_s)
     low, high = figures["success_ci95"]
     taken, most = np.bincount(evaluation.squeezes), figures["max_squeezes"]
@@ -244,6 +244,9 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -
     counts = enumerate(taken / taken.sum())
     spread = ", ".join(f"{k}: {share:.1%}" for k, share in counts if share > 0)
     shares = shares_of(figures)
+    errors = (
+        [f"error      {error['median']:7.2f}  mm median where resolved, {share}"] if error else []
+    )
     return [
         f"{figures['trials']} parts in {world}",
         f"success    {shares.located:6.2f}%  95 % interval {low:.2%} to {high:.2%}",
@@ -252,11 +255,7 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -
         f"unresolved {shares.unresolved:6.2f}%",
         f"squeezes   {figures['mean_squeezes']:7.2f}  a part, up to {most} here ({spread})",
         f"seconds    {figures['seconds_mean']:7.1f}  a part, 95 % within {figures['seconds_p95']:.1f}{takt}",
-        *(
-            [f"error      {error['median']:7.2f}  mm median where resolved, {share}"]
-            if error
-            else ()
-        ),
+        *errors,
         f"crashes    {shares.crashed:6.2f}%  {figures['crashes']} parts that a finger came down on: failures",
     ]
 
@@ -267,10 +266,9 @@ def _named(identities: leaves.Identities) -> list[str]:
     message = f"of the parts that were named ({figures['named_rate']:.2%})"
     lines = [f"{identities.right:7.2%}  right, {message}"]
     for truth, row in zip(identities.names, identities.named, strict=True):
+        wrong = [(name, n) for name, n in zip(identities.names, row, strict=False) if n]
         lines += [
-            f"{n} of {row.sum()} {truth} were named {name}"
-            for name, n in zip(identities.names, row, strict=False)
-            if n and name != truth
+            f"{n} of {row.sum()} {truth} were named {name}" for name, n in wrong if name != truth
         ]
     return _block("identity", lines)
 
@@ -279,9 +277,8 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
     """Whether the leaves' probabilities hold, and the leaves where they do not."""
     held, total = sum(row.holds for row in outcome.rows), len(outcome.rows)
     if total == 0:
-        return [
-            f"leaves     no leaf of {len(table.leaves)} has {leaves.LEAST_VISITS} visits; raise --trials"
-        ]
+        few = f"no leaf of {len(table.leaves)} has {leaves.LEAST_VISITS} visits"
+        return _block("leaves", [f"{few}; raise --trials"])
     share = f"{held} of {total} with {leaves.LEAST_VISITS} visits or more"
     lines = [f"{share} do as the table predicts ({outcome.share:.0%})"]
     failed = sorted((row for row in outcome.rows if not row.holds), key=lambda row: -row.visits)
@@ -321,7 +318,7 @@ def _furthest(mistakes: list[leaves.Mistake]) -> list[str]:
 SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds"
 
 
-def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None = None) -> str:
+def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None) -> str:
     """One world of a sweep, in the columns of `SWEEP_HEAD`; with a takt, the share done within it last."""
     figures = evaluation.summary(takt_s)
     shares, takt = shares_of(figures), "" if takt_s is None else f"; {takt_text(figures)}"

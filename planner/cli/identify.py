@@ -10,16 +10,8 @@ from typing import Any
 import numpy as np
 
 from planner.cli import columns, shell, tips
-from planner.identification import motions, pushes
-from planner.identification.identify import (
-    LEAST_PAIRS,
-    Identified,
-    Kind,
-    Normalised,
-    directions,
-    identify,
-    normalise,
-)
+from planner.identification import identify, motions, pushes
+from planner.identification.identify import LEAST_PAIRS, Identified, Kind, Normalised
 from planner.job import model as job_file
 from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
@@ -76,12 +68,14 @@ def _identify(arguments: argparse.Namespace) -> None:
     rho_mm = arguments.rho_mm
     if arguments.pairs:
         tables = [pushes.load_directions(path) for path in arguments.pairs]
-        data: Normalised = directions(pushes.join(tables))
+        data: Normalised = identify.directions(pushes.join(tables))
     else:
-        data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), rho_mm)
+        data = identify.normalise(
+            pushes.join([pushes.load(path) for path in arguments.logs]), rho_mm
+        )
     kinds = KINDS if arguments.kind == "both" else (arguments.kind,)
     with shell.progress(arguments.json) as report:
-        outcome = identify(
+        outcome = identify.identify(
             data,
             rho_mm,
             kinds,
@@ -195,14 +189,9 @@ def surface_text(result: Identified, data: Normalised, arguments: argparse.Names
         values["ellipsoid"] = surface.A
     else:
         values |= {"quartic": surface.coefficients, "certificate": surface.certificate}
-    facts = {
-        "logs": [str(path) for path in (*arguments.logs, *arguments.pairs)],
-        "pairs": len(data.F),
-        "splits": arguments.splits,
-        "train_share": arguments.train_share,
-        "seed": arguments.seed,
-        **_figures(result),
-    }
+    logs = [str(path) for path in (*arguments.logs, *arguments.pairs)]
+    chosen = {name: getattr(arguments, name) for name in ("splits", "train_share", "seed")}
+    facts = {"logs": logs, "pairs": len(data.F), **chosen, **_figures(result)}
     del facts["kind"]
     if facts["friction_n"] is None:
         del facts["friction_n"]
@@ -223,7 +212,7 @@ def _figures(result: Identified) -> dict[str, Any]:
 
 
 def _print(
-    data: Normalised, fits: Sequence[Identified], best: Identified, arguments: argparse.Namespace
+    data: Normalised, outcome: Sequence[Identified], best: Identified, arguments: argparse.Namespace
 ) -> None:
     pairs, against = len(data.F), int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
     written = [str(path) for path in (arguments.output, arguments.figure) if path is not None]
@@ -231,7 +220,7 @@ def _print(
         "pairs": pairs,
         "against_motion": against,
         "splits": arguments.splits,
-        "surfaces": [_figures(each) for each in fits],
+        "surfaces": [_figures(each) for each in outcome],
         "best": best.kind,
         "written": written,
     }
@@ -242,7 +231,7 @@ def _print(
         f"{pairs} pushes, rho {arguments.rho_mm:g} mm, {friction}",
         f"held-out twist error over {arguments.splits} random splits, {train} pushes to fit each:",
     ]
-    for result in fits:
+    for result in outcome:
         errors = np.degrees(result.errors_rad)
         lines.append(
             f"  {result.kind:9} {errors.mean():5.1f} deg (standard deviation {errors.std():.1f}, from "

@@ -177,11 +177,8 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
         clear = f"clear the part at any angle only within {room:.1f} mm of the hand"
         if room <= 0.0:
             clear = "do not clear the part at every angle, wherever it lies"
-        print(
-            f"{NAME}: warning: open fingers {clear}; a smaller --radius, a --turn or a wider gripper may be "
-            "needed",
-            file=sys.stderr,
-        )
+        remedy = "a smaller --radius, a --turn or a wider gripper may be needed"
+        print(f"{NAME}: warning: open fingers {clear}; {remedy}", file=sys.stderr)
     thickness = imported.height_mm if arguments.thickness is None else arguments.thickness
     if thickness is None and asking:
         thickness = _ask(

@@ -66,12 +66,10 @@ def _simulate(arguments: argparse.Namespace) -> None:
     after = {"given_up": given_up, **drawn}
     counts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
     written = ", ".join((str(arguments.output), *drawn.values()))
+    figures = {"output": str(arguments.output), what: len(status), **tally, **after}
+    line = f"{len(status)} {what}: {counts or 'none'}; wrote {written}"
     with redirect_stdout(words_of(arguments.output)):
-        shell.answer(
-            arguments.json,
-            {"output": str(arguments.output), what: len(status), **tally, **after},
-            f"{len(status)} {what}: {counts or 'none'}; wrote {written}",
-        )
+        shell.answer(arguments.json, figures, line)
     if given_up and not arguments.json:
         words = f"{given_up} {what} could not be stepped to their end; try --step-mm"
         print(f"{NAME}: {words}", file=sys.stderr)
@@ -202,9 +200,8 @@ def read_poses(path: Path) -> Array:
     stated = columns.read(path, (), {IN_DEGREES[2]: math.nan})[:, 0]
     apart = np.abs(np.degrees(poses[:, 2]) - stated)
     if (apart > SAME_DEG).any():
-        problem = (
-            f"pose {int(np.argmax(apart > SAME_DEG)) + 1}: the two differ; leave one column out"
-        )
+        number = int(np.argmax(apart > SAME_DEG)) + 1
+        problem = f"pose {number}: the two differ; leave one column out"
         raise InputError(problem, where=str(path), key=f"{INPUTS[2]}, {IN_DEGREES[2]}")
     return poses
 

@@ -188,9 +188,8 @@ def _checked(
 
 def _blocks(model: str) -> str:
     """The usual blocks that fit between the fingers."""
-    return ",".join(
-        str(width) for width in DEFAULT_BLOCKS if 1000 * width < profile_of(model).stroke_um
-    )
+    stroke_um = profile_of(model).stroke_um
+    return ",".join(str(width) for width in DEFAULT_BLOCKS if 1000 * width < stroke_um)
 
 
 def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:

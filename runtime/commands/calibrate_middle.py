@@ -90,11 +90,8 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
     table = load(arguments.tree).table
     safety.check_table(table)
     measured = known.of(table.gripper.profile)
-    handling = Handling(
-        calibration=measured,
-        arc=options.arc_of(arguments, table, known),
-        current_ma=known.current_ma or CURRENT_MA,
-    )
+    arc, current_ma = options.arc_of(arguments, table, known), known.current_ma or CURRENT_MA
+    handling = Handling(calibration=measured, arc=arc, current_ma=current_ma)
     check_arc(handling.arc, table.limits, measured)
     node = fixed_block.gripping(table, arguments.block)
     height_mm = table.limits.retreat_height_um / 1000
@@ -118,12 +115,9 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
             try:
                 result = fixed_block.measure(hand, node, arguments.block, at, tell)
             except BaseException as error:
+                arm_known, may_hold = hand.arm_known, hand.jaws.may_hold
                 for note in reach_safe_state(
-                    gripper,
-                    arm,
-                    table.limits,
-                    arm_known=hand.arm_known,
-                    may_hold_fixed=hand.jaws.may_hold,
+                    gripper, arm, table.limits, arm_known=arm_known, may_hold_fixed=may_hold
                 ):
                     error.add_note(note)
                 raise

@@ -110,9 +110,8 @@ def findings(
                 yield from doctor.check_arm(arm, table)
         except OSError as error:
             page = "drivers/abb/README.md" if arm_url.startswith("tcp:") else "tools/docs/arms.md"
-            yield doctor.failed(
-                "arm", error, f"Look at the controller's program and state; see {page}."
-            )
+            remedy = f"Look at the controller's program and state; see {page}."
+            yield doctor.failed("arm", error, remedy)
 
 
 def _profile(arguments: argparse.Namespace, table: Table | None) -> GripperProfile | None:
@@ -163,8 +162,5 @@ def _as_line(finding: Finding) -> str:
 
 
 def _as_object(finding: Finding) -> dict[str, object]:
-    return {
-        "verdict": finding.verdict.value,
-        "sentence": finding.sentence,
-        "remedy": finding.remedy or None,
-    }
+    verdict, sentence, remedy = finding
+    return {"verdict": verdict.value, "sentence": sentence, "remedy": remedy or None}

@@ -79,16 +79,12 @@ def _add_subcommand(
 
 def _key(arguments: argparse.Namespace) -> int:
     path = arguments.output or _default_key()
-    key = keys.generate(path)
-    fields = {
-        "key": str(path),
-        "public": str(keys.public_of(path)),
-        "fingerprint": key.public.fingerprint,
-    }
+    fingerprint, public = keys.generate(path).public.fingerprint, keys.public_of(path)
+    fields = {"key": str(path), "public": str(public), "fingerprint": fingerprint}
     lines = (
         f"{path}: private key, keep it where the signer alone can read it",
-        f"{keys.public_of(path)}: public key, for verify and --require-signed",
-        f"fingerprint {key.public.fingerprint}",
+        f"{public}: public key, for verify and --require-signed",
+        f"fingerprint {fingerprint}",
     )
     say_result(arguments.json, fields, lines)
     return 0
@@ -99,15 +95,12 @@ def _pack(arguments: argparse.Namespace) -> int:
     if output.exists():
         raise OutputError(f"{output} is there, and a pack is never overwritten; name another file")
     table = load(arguments.tree)
-    measured = (
-        None if arguments.calibration is None else calibration.bytes_of(arguments.calibration)
-    )
+    measured, path = None, arguments.calibration
+    if path is not None:
+        measured = calibration.bytes_of(path)
     key = _signing_key(arguments.key)
-    facts = {
-        "signer": arguments.signer or _person(),
-        "created": SystemClock().stamp(),
-        "versions": _versions(),
-    }
+    signer, created = arguments.signer or _person(), SystemClock().stamp()
+    facts = {"signer": signer, "created": created, "versions": _versions()}
     data = signed(table, measured, key, facts)
     pack = verified(data, key.public)
     with writing(output) as draft:

@@ -77,9 +77,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return run(parser(), words, _overview)
     if words[0] not in PROGRAMS:
         near = difflib.get_close_matches(words[0], PROGRAMS, 1)
-        parser().error(
-            f"there is no command {words[0]!r}" + (f"; is {near[0]} meant?" if near else "")
-        )
+        meant = f"; is {near[0]} meant?" if near else ""
+        parser().error(f"there is no command {words[0]!r}{meant}")
     return _call(PROGRAMS[words[0]], words[1:])
 
 
@@ -103,9 +102,7 @@ def _described() -> str:
     lines = ["Locate planar parts by squeezing them: plan at a workstation, run in a cell."]
     for subject, group in GROUPS.items():
         lines += ["", f"{subject}:"]
-        lines += [
-            f"  {word:11s} {program.purpose}  [{program.name}]" for word, program in group.items()
-        ]
+        lines += [f"  {word:11s} {each.purpose}  [{each.name}]" for word, each in group.items()]
     return "\n".join([*lines, ""])
 
 

@@ -126,12 +126,9 @@ def put_down(
                 return held.put_down(hand, table, options.delivery, cell.journal)
         except BaseException:
             # The fingers may hold anything: after a calibration perhaps a clamped block.
+            gripper, arm, may_hold = cell.gripper, cell.arm, hand.jaws.may_hold
             for sentence in reach_safe_state(
-                cell.gripper,
-                cell.arm,
-                table.limits,
-                arm_known=hand.arm_known,
-                may_hold_fixed=hand.jaws.may_hold,
+                gripper, arm, table.limits, arm_known=hand.arm_known, may_hold_fixed=may_hold
             ):
                 console.note(sentence)
             raise
