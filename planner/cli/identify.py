@@ -61,7 +61,7 @@ def _identify(arguments: argparse.Namespace) -> None:
     if arguments.pairs and arguments.friction_n is not None:
         raise UsageError("--friction-n goes with logs: --pairs takes no magnitudes")
     if arguments.figure is not None:
-        shell.checked_suffix("--figure", arguments.figure, shell.PICTURES)
+        shell.check_suffix("--figure", arguments.figure, shell.PICTURES)
         usable(arguments.figure, arguments.output, *sources)
     if arguments.output is not None:
         usable(arguments.output, *sources)

@@ -45,7 +45,7 @@ def parser(name: str, description: str, *examples: str) -> Parser:
     return result
 
 
-def checked_suffix(option: str, path: Path, suffixes: Sequence[str]) -> Path:
+def check_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
     """Checks the path that an option names.
 
     Raises:
@@ -53,7 +53,6 @@ def checked_suffix(option: str, path: Path, suffixes: Sequence[str]) -> Path:
     """
     if path.suffix.lower() not in suffixes:
         raise UsageError(f"{option} {path} must end in {', '.join(suffixes)}")
-    return path
 
 
 def checked_output(path: Path, what: str, suffix: str) -> Path:
@@ -63,9 +62,8 @@ def checked_output(path: Path, what: str, suffix: str) -> Path:
         UsageError: the suffix belongs to another kind.
     """
     if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
-        raise UsageError(
-            f"-o {path}: what is written is {what}; name it {path.with_suffix(suffix)}"
-        )
+        name = path.with_suffix(suffix)
+        raise UsageError(f"-o {path}: what is written is {what}; name it {name}")
     return path
 
 
@@ -154,20 +152,20 @@ def add_output(
 
 def add_seed(parser: argparse.ArgumentParser, what: str) -> None:
     """Adds the seed of what a command draws, 0 by default."""
-    shown = f"{what} (default: %(default)s)"
-    parser.add_argument("--seed", type=command.natural, default=0, help=shown)
+    text = f"{what} (default: %(default)s)"
+    parser.add_argument("--seed", type=command.natural, default=0, help=text)
 
 
 def add_trials(parser: argparse.ArgumentParser, default: int, what: str) -> None:
     """Adds the number of simulated parts."""
-    shown = f"{what} (default: %(default)s)"
-    parser.add_argument("--trials", type=command.positive_int, default=default, help=shown)
+    text = f"{what} (default: %(default)s)"
+    parser.add_argument("--trials", type=command.positive_int, default=default, help=text)
 
 
 def add_distance(group: argparse._ArgumentGroup) -> None:
     """Adds the goal of a new job."""
-    shown = "how well the part must be located (default: %(default)s)"
-    group.add_argument("--distance", type=command.number, default=3.0, metavar="MM", help=shown)
+    text = "how well the part must be located (default: %(default)s)"
+    group.add_argument("--distance", type=command.number, default=3.0, metavar="MM", help=text)
 
 
 def add_takt(parser: argparse.ArgumentParser) -> None:

@@ -46,7 +46,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
     pictures = {name: path for name in PICTURES if (path := getattr(arguments, name)) is not None}
     _check_options(arguments, pictures)
     for name, path in pictures.items():
-        shell.checked_suffix(f"--{name}", path, PICTURES[name])
+        shell.check_suffix(f"--{name}", path, PICTURES[name])
     job = job_file.load(arguments.job, tips.ANY_OPENING if arguments.push else None)
     shell.check_one_part(job.hypothesis, str(arguments.job), "a simulation")
     listed: Path = arguments.poses or arguments.push

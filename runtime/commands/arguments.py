@@ -67,15 +67,8 @@ def address(text: str) -> str:
 class PrintedMap(argparse.Action):
     """Prints the registers of `--plc` and exits, as --help does."""
 
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: Any,
-        option: Any = None,
-    ) -> None:
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
         """Prints them."""
-        del namespace, values, option
         from runtime.plc import registers  # not loaded by a run without a PLC
 
         say(json.dumps(registers.as_json()))
