@@ -238,15 +238,14 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None) -> list[
     figures = evaluation.summary(takt_s)
     low, high = figures["success_ci95"]
     taken, most = np.bincount(evaluation.squeezes), figures["max_squeezes"]
-    error = figures["error_mm"]
-    share = f"95 % within {error['p95']:.2f} mm" if error else ""
+    errors = []
+    if error := figures["error_mm"]:
+        within = f"95 % within {error['p95']:.2f} mm"
+        errors = [f"error      {error['median']:7.2f}  mm median where resolved, {within}"]
     takt = "" if takt_s is None else f"; {takt_text(figures)}"
     counts = enumerate(taken / taken.sum())
     spread = ", ".join(f"{k}: {share:.1%}" for k, share in counts if share > 0)
     shares = shares_of(figures)
-    errors = (
-        [f"error      {error['median']:7.2f}  mm median where resolved, {share}"] if error else []
-    )
     return [
         f"{figures['trials']} parts in {world}",
         f"success    {shares.located:6.2f}%  95 % interval {low:.2%} to {high:.2%}",
@@ -266,10 +265,9 @@ def _named(identities: leaves.Identities) -> list[str]:
     message = f"of the parts that were named ({figures['named_rate']:.2%})"
     lines = [f"{identities.right:7.2%}  right, {message}"]
     for truth, row in zip(identities.names, identities.named, strict=True):
-        wrong = [(name, n) for name, n in zip(identities.names, row, strict=False) if n]
-        lines += [
-            f"{n} of {row.sum()} {truth} were named {name}" for name, n in wrong if name != truth
-        ]
+        for name, n in zip(identities.names, row, strict=False):
+            if n and name != truth:
+                lines.append(f"{n} of {row.sum()} {truth} were named {name}")
     return _block("identity", lines)
 
 

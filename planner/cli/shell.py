@@ -36,11 +36,9 @@ EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.NO_PLAN, ExitCode.UNREACHABLE)
 def parser(name: str, description: str, *examples: str) -> Parser:
     """An argument parser with the options and the epilogue of all commands."""
     shown = "\n  ".join(examples)
-    result = Parser(
-        prog=name,
-        description=textwrap.fill(description, WIDTH),
-        epilog=f"example{'s' * (len(examples) > 1)}:\n  {shown}\n\n{EXIT_CODES}",
-    )
+    text = textwrap.fill(description, WIDTH)
+    epilog = f"example{'s' * (len(examples) > 1)}:\n  {shown}\n\n{EXIT_CODES}"
+    result = Parser(prog=name, description=text, epilog=epilog)
     result.add_common()
     return result
 

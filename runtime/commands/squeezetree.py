@@ -84,12 +84,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def parser() -> Parser:
     """The command's arguments; a subcommand's arguments belong to its program."""
-    built = Parser(
-        prog=NAME,
-        usage=f"{NAME} COMMAND ...",
-        epilog=EPILOG,
-        description=f"{_described()}\n{NAME} COMMAND --help tells more.",
-    )
+    text = f"{_described()}\n{NAME} COMMAND --help tells more."
+    built = Parser(prog=NAME, usage=f"{NAME} COMMAND ...", epilog=EPILOG, description=text)
     built.add_argument("--version", action="version", version=f"{NAME} {metadata.version(NAME)}")
     commands = built.add_subparsers(metavar="COMMAND", help=argparse.SUPPRESS, parser_class=Parser)
     for word in PROGRAMS:

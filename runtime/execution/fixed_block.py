@@ -51,10 +51,9 @@ def gripping(table: Table, block_mm: float) -> Node:
         raise InputError(
             f"a block of {block_mm:g} mm; take one of up to {widest_um / 1000 - 2 * ROOM_MM:g} mm"
         )
+    speed_um_s, force_mn = round(1000 * gripper.profile.gentle_mm_s), gripper.least_force_mn
     squeeze = table.nodes[0].squeeze._replace(
-        opening_um=opening_um,
-        speed_um_s=round(1000 * gripper.profile.gentle_mm_s),
-        force_mn=gripper.least_force_mn,
+        opening_um=opening_um, speed_um_s=speed_um_s, force_mn=force_mn
     )
     return of_any_width(table.nodes[0], squeeze, widest_um)
 

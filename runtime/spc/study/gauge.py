@@ -18,8 +18,7 @@ CATEGORIES = 1.41
 # 1 / d2* by number of trials, of appraisers, and of parts.
 K1 = {2: 0.8862, 3: 0.5908}
 K2 = {2: 0.7071, 3: 0.5231}
-OF_PARTS = (0.7071, 0.5231, 0.4467, 0.4030, 0.3742, 0.3534, 0.3375, 0.3249, 0.3146)
-K3 = dict(enumerate(OF_PARTS, 2))
+K3 = dict(enumerate((0.7071, 0.5231, 0.4467, 0.4030, 0.3742, 0.3534, 0.3375, 0.3249, 0.3146), 2))
 
 
 class TypeOne(NamedTuple):
@@ -90,8 +89,8 @@ class Spread(NamedTuple):
         percent = {f"{name}_percent": self.percent(value) for name, value in self._named().items()}
         ndc = self.categories
         whole = None if ndc is None else max(int(ndc), 1)
-        named = {**self._named(), "total": self.total, **percent}
-        return {**named, "ndc": whole, "ndc_unrounded": ndc}
+        values = {**self._named(), "total": self.total, **percent}
+        return {**values, "ndc": whole, "ndc_unrounded": ndc}
 
     def _named(self) -> dict[str, float]:
         names = ("repeatability", "reproducibility", "gauge", "part")
