@@ -11,20 +11,13 @@ from runtime.table import Table
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options that ask for a certificate; `bound_of` reads them."""
-    parser.add_argument(
-        "--bound",
-        nargs="?",
-        const=PARTS,
-        type=_parts,
-        metavar="PARTS",
-        help="prove a lower bound on the squeezes of any plan that is as good, on a sample of so many parts "
-        f"(default: {PARTS}); takes seconds to minutes; more parts tighten the bound",
+    text = (
+        "prove a lower bound on the squeezes of any plan that is as good, on a sample of so many parts "
+        f"(default: {PARTS}); takes seconds to minutes; more parts tighten the bound"
     )
-    parser.add_argument(
-        "--bound-dense",
-        action="store_true",
-        help="the same for plans that may also squeeze every 15 degrees and off centre",
-    )
+    parser.add_argument("--bound", nargs="?", const=PARTS, type=_parts, metavar="PARTS", help=text)
+    text = "the same for plans that may also squeeze every 15 degrees and off centre"
+    parser.add_argument("--bound-dense", action="store_true", help=text)
 
 
 def bound_of(

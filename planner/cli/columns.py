@@ -30,10 +30,8 @@ def read(path: Path, names: Sequence[str], defaults: Mapping[str, float] | None 
         header = [name.strip() for name in reader.fieldnames or []]
         reader.fieldnames = header
         if missing := [name for name in names if name not in header]:
-            problem = (
-                f"column {', '.join(missing)} is missing; the header must name {','.join(names)}"
-            )
-            raise KeyNameError(problem, where=where)
+            remedy = f"the header must name {','.join(names)}"
+            raise KeyNameError(f"column {', '.join(missing)} is missing; {remedy}", where=where)
         rows = []
         for row in reader:
             line = reader.line_num

@@ -44,35 +44,21 @@ def parser() -> Parser:
     add = built.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job file")
     shell.add_output(built, "TREE.msgpack", "the table; with --vary a folder", required=False)
-    add(
-        "--vary",
-        action="append",
-        default=[],
-        metavar="SECTION.KEY=VALUE,VALUE",
-        help="one table for each value in place of the job's; given twice, for each combination",
-    )
+    text = "one table for each value in place of the job's; given twice, for each combination"
+    add("--vary", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE", help=text)
     add("--seed", type=natural, help="instead of the job's seed")
     shell.add_trials(built, EVALUATION_TRIALS, "parts squeezed to evaluate the table")
-    add(
-        "--budget",
-        type=seconds_text,
-        default=math.inf,
-        metavar="60s",
-        help="end after so long, evaluation included, with the best tree so far, as Ctrl-C does at once "
-        "(default: search until done)",
+    text = (
+        "end after so long, evaluation included, with the best tree so far, as Ctrl-C does at once (default: "
+        "search until done)"
     )
+    add("--budget", type=seconds_text, default=math.inf, metavar="60s", help=text)
     bounds.add_options(built)
     add("--strip", action="store_true", help="leave the job out of the table")
-    add(
-        "--no-advice",
-        action="store_true",
-        help="do not look for what limits the plan, which takes seconds",
-    )
-    add(
-        "--baseline",
-        choices=["sensorless"],
-        help="no table, but Goldberg's plan without sensors, and what it achieves",
-    )
+    text = "do not look for what limits the plan, which takes seconds"
+    add("--no-advice", action="store_true", help=text)
+    text = "no table, but Goldberg's plan without sensors, and what it achieves"
+    add("--baseline", choices=["sensorless"], help=text)
     shell.add_takt(built)
     shell.add_scheduler(built)
     return built
@@ -122,11 +108,8 @@ def _single(arguments: argparse.Namespace) -> int:
         if not (arguments.no_advice or plan.cut):
             with shell.spared("advice", notes, arguments.debug):
                 advice = counsel(plan.table, plan.evaluation, job, scheduler, report)
-    figures = {
-        "table": str(output),
-        "bytes": output.stat().st_size,
-        **figures_of(plan, seconds, arguments.takt),
-    }
+    written = {"table": str(output), "bytes": output.stat().st_size}
+    figures = written | figures_of(plan, seconds, arguments.takt)
     lines = [*_lines(plan, job, figures), *(advice.lines() if advice else ())]
     if bound:
         lines += bound.lines()
@@ -200,10 +183,8 @@ def _lines(plan: Plan, job: Job, figures: dict[str, Any]) -> Iterator[str]:
     yield f"error {error['median']:.2f} mm median, 95 % within {error['p95']:.2f} mm, where resolved"
     if job.part.height_mm is None:
         tips_mm = job.cell.squeeze_height_mm
-        yield (
-            f"height_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
-            f"{tips_mm + tips.MARGIN_MM:g} mm or more"
-        )
+        met = f"tips at squeeze_height_mm = {tips_mm:g} meet a part of {tips_mm + tips.MARGIN_MM:g} mm"
+        yield f"height_mm of [part] is not stated: {met} or more"
     for line in warnings_of(job):
         yield f"warning: {line}"
     yield f"wrote {figures['table']} ({figures['bytes']} bytes) after {figures['seconds']:.1f} s"

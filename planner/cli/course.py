@@ -150,10 +150,7 @@ def _drawn(bar: bars.Progress, course: _Course) -> Report:
 
     def report(name: str, done: int, total: int, detail: str = "", /) -> None:
         course.heard(done, total)
-        end = 1.0 if course.known else None
-        left = course.left()
-        bar.update(
-            task, description=name, completed=course.share, total=end, left=left, detail=detail
-        )
+        end, share, left = 1.0 if course.known else None, course.share, course.left()
+        bar.update(task, description=name, completed=share, total=end, left=left, detail=detail)
 
     return report

@@ -45,26 +45,14 @@ def parser() -> Parser:
         f"{NAME} trees/rectangle/rectangle.msgpack --ppm --trials 10000000 --resume study.json",
     )
     shell.add_table(built)
-    built.add_argument(
-        "--trials",
-        type=positive_int,
-        metavar="N",
-        help=f"parts squeezed (default: {DEFAULT_TRIALS}, with --ppm {DEFAULT_PPM_TRIALS})",
-    )
+    text = f"parts squeezed (default: {DEFAULT_TRIALS}, with --ppm {DEFAULT_PPM_TRIALS})"
+    built.add_argument("--trials", type=positive_int, metavar="N", help=text)
     shell.add_takt(built)
     shell.add_seed(built, "of the trials")
-    built.add_argument(
-        "--worst",
-        type=natural,
-        default=3,
-        metavar="N",
-        help="how many of the worst errors to show (default: %(default)s)",
-    )
-    built.add_argument(
-        "--foreign-parts",
-        action="store_true",
-        help="also foreign parts: each part a tenth smaller and larger, a disc, a rectangle",
-    )
+    text = "how many of the worst errors to show (default: %(default)s)"
+    built.add_argument("--worst", type=natural, default=3, metavar="N", help=text)
+    text = "also foreign parts: each part a tenth smaller and larger, a disc, a rectangle"
+    built.add_argument("--foreign-parts", action="store_true", help=text)
     shell.add_scheduler(built)
     _add_rare(built.add_argument_group("wrong answers in parts per million"))
     _add_world(built.add_argument_group("the world, where it is not what the plan believes"))
@@ -72,53 +60,28 @@ def parser() -> Parser:
 
 
 def _add_rare(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--ppm",
-        action="store_true",
-        help="count confident wrong answers of the table and of each leaf, with upper bounds; parts "
-        "that come to rare nodes are followed as several copies",
+    text = (
+        "count confident wrong answers of the table and of each leaf, with upper bounds; parts that come to "
+        "rare nodes are followed as several copies"
     )
-    group.add_argument(
-        "--resume",
-        type=Path,
-        metavar="FILE.json",
-        help="continue the study in this file, or begin it there",
-    )
+    group.add_argument("--ppm", action="store_true", help=text)
+    text = "continue the study in this file, or begin it there"
+    group.add_argument("--resume", type=Path, metavar="FILE.json", help=text)
 
 
 def _add_world(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add(
-        "--world",
-        default=DEFAULT_WORLD,
-        metavar="MODULE:FACTORY",
-        help="world in which the parts are squeezed (default: %(default)s)",
-    )
-    add(
-        "--world-copies",
-        action="store_true",
-        help="make a new world with its own seed for every 1000 trials, so that workers share them",
-    )
-    add(
-        "--world-set",
-        action="append",
-        default=[],
-        metavar="SECTION.KEY=VALUE",
-        help="override a value of the job in the world, such as pressure.kind=uniform; repeatable",
-    )
-    add(
-        "--sweep",
-        action="store_true",
-        help="evaluate in a standard set of worlds, one line each; takes no other change",
-    )
+    text = "world in which the parts are squeezed (default: %(default)s)"
+    add("--world", default=DEFAULT_WORLD, metavar="MODULE:FACTORY", help=text)
+    text = "make a new world with its own seed for every 1000 trials, so that workers share them"
+    add("--world-copies", action="store_true", help=text)
+    text = "override a value of the job in the world, such as pressure.kind=uniform; repeatable"
+    add("--world-set", action="append", default=[], metavar="SECTION.KEY=VALUE", help=text)
+    text = "evaluate in a standard set of worlds, one line each; takes no other change"
+    add("--sweep", action="store_true", help=text)
     add("--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width")
-    add(
-        "--placement-error-mm",
-        type=_spread,
-        default=0.0,
-        metavar="MM",
-        help="standard deviation of the hand's x and y, drawn for every squeeze",
-    )
+    text = "standard deviation of the hand's x and y, drawn for every squeeze"
+    add("--placement-error-mm", type=_spread, default=0.0, metavar="MM", help=text)
     add("--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle")
     add(
         "--placement-bias-mm",
@@ -171,14 +134,14 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         "confusions": [row._asdict() for row in confused],
         "worst": [row.figures() for row in mistakes],
     }
+    lines: list[str] = []
+    if worst:
+        rates = RATES.format(**worst)
+        lines.append(f"worst      {rates} in the worst believed world: {worst['world']}")
     shell.answer(
         arguments.json,
         figures,
-        *(
-            [f"worst      {RATES.format(**worst)} in the worst believed world: {worst['world']}"]
-            if worst
-            else []
-        ),
+        *lines,
         *_overview(evaluation, _name_of_world(arguments), arguments.takt),
         *(_named(known) if known else ()),
         *(line for each in tried for line in each.lines()),
@@ -271,12 +234,14 @@ def _spread(value: str) -> float:
     return spread
 
 
-def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -> list[str]:
+def _overview(evaluation: Evaluation, world: str, takt_s: float | None) -> list[str]:
     figures = evaluation.summary(takt_s)
     low, high = figures["success_ci95"]
     taken, most = np.bincount(evaluation.squeezes), figures["max_squeezes"]
-    error = figures["error_mm"]
-    share = f"95 % within {error['p95']:.2f} mm" if error else ""
+    errors = []
+    if error := figures["error_mm"]:
+        within = f"95 % within {error['p95']:.2f} mm"
+        errors = [f"error      {error['median']:7.2f}  mm median where resolved, {within}"]
     takt = "" if takt_s is None else f"; {takt_text(figures)}"
     counts = enumerate(taken / taken.sum())
     spread = ", ".join(f"{k}: {share:.1%}" for k, share in counts if share > 0)
@@ -289,11 +254,7 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -
         f"unresolved {shares.unresolved:6.2f}%",
         f"squeezes   {figures['mean_squeezes']:7.2f}  a part, up to {most} here ({spread})",
         f"seconds    {figures['seconds_mean']:7.1f}  a part, 95 % within {figures['seconds_p95']:.1f}{takt}",
-        *(
-            [f"error      {error['median']:7.2f}  mm median where resolved, {share}"]
-            if error
-            else ()
-        ),
+        *errors,
         f"crashes    {shares.crashed:6.2f}%  {figures['crashes']} parts that a finger came down on: failures",
     ]
 
@@ -304,11 +265,9 @@ def _named(identities: leaves.Identities) -> list[str]:
     message = f"of the parts that were named ({figures['named_rate']:.2%})"
     lines = [f"{identities.right:7.2%}  right, {message}"]
     for truth, row in zip(identities.names, identities.named, strict=True):
-        lines += [
-            f"{n} of {row.sum()} {truth} were named {name}"
-            for name, n in zip(identities.names, row, strict=False)
-            if n and name != truth
-        ]
+        for name, n in zip(identities.names, row, strict=False):
+            if n and name != truth:
+                lines.append(f"{n} of {row.sum()} {truth} were named {name}")
     return _block("identity", lines)
 
 
@@ -316,9 +275,8 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
     """Whether the leaves' probabilities hold, and the leaves where they do not."""
     held, total = sum(row.holds for row in outcome.rows), len(outcome.rows)
     if total == 0:
-        return [
-            f"leaves     no leaf of {len(table.leaves)} has {leaves.LEAST_VISITS} visits; raise --trials"
-        ]
+        few = f"no leaf of {len(table.leaves)} has {leaves.LEAST_VISITS} visits"
+        return _block("leaves", [f"{few}; raise --trials"])
     share = f"{held} of {total} with {leaves.LEAST_VISITS} visits or more"
     lines = [f"{share} do as the table predicts ({outcome.share:.0%})"]
     failed = sorted((row for row in outcome.rows if not row.holds), key=lambda row: -row.visits)
@@ -358,7 +316,7 @@ def _furthest(mistakes: list[leaves.Mistake]) -> list[str]:
 SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds"
 
 
-def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None = None) -> str:
+def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None) -> str:
     """One world of a sweep, in the columns of `SWEEP_HEAD`; with a takt, the share done within it last."""
     figures = evaluation.summary(takt_s)
     shares, takt = shares_of(figures), "" if takt_s is None else f"; {takt_text(figures)}"

@@ -50,12 +50,9 @@ def _expect(arguments: argparse.Namespace) -> None:
     }
     write(arguments.output, json.dumps(record, separators=(",", ":")) + "\n")
     names = [world["name"] for world in worlds]
-    shell.answer(
-        arguments.json,
-        {"worlds": names, "trials": arguments.trials, "written": str(arguments.output)},
-        f"{arguments.trials} parts each: {', '.join(names)}",
-        f"wrote {arguments.output}",
-    )
+    figures = {"worlds": names, "trials": arguments.trials, "written": str(arguments.output)}
+    lines = f"{arguments.trials} parts each: {', '.join(names)}", f"wrote {arguments.output}"
+    shell.answer(arguments.json, figures, *lines)
 
 
 main = shell.main_of(parser, _expect)

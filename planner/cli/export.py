@@ -24,12 +24,11 @@ def parser() -> Parser:
     built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     built.add_argument("--to", choices=tuple(FORMS), required=True, help="the form of the table")
     shell.add_output(built, "DIR", "folder for the files, new or empty")
-    built.add_argument(
-        "--prefix",
-        metavar="NAME",
-        help="prefix of all files and of all names that the C or structured text defines (default: "
-        f"{PREFIX}); two tables in one program need two",
+    text = (
+        f"prefix of all files and of all names that the C or structured text defines (default: {PREFIX}); "
+        "two tables in one program need two"
     )
+    built.add_argument("--prefix", metavar="NAME", help=text)
     return built
 
 

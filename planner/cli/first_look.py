@@ -69,43 +69,23 @@ def parser() -> Parser:
     shell.add_drawing(built.add_argument_group("the drawing"))
     stated = built.add_argument_group("in place of defaults")
     add = stated.add_argument
-    add(
-        "--radius",
-        type=number,
-        metavar="MM",
-        help="the part's centre lies in a disc of this radius",
+    text = "the part's centre lies in a disc of this radius"
+    add("--radius", type=number, metavar="MM", help=text)
+    text = f"it is turned by at most this (default: {first_plan.TURN_DEG:g})"
+    add("--turn", type=number, metavar="DEG", help=text)
+    text = (
+        f"which one (default: the first that opens wide enough); {ALL}: compare them in one table, each "
+        "planned for --budget (default: half a minute), and write nothing"
     )
-    add(
-        "--turn",
-        type=number,
-        metavar="DEG",
-        help=f"it is turned by at most this (default: {first_plan.TURN_DEG:g})",
-    )
-    add(
-        "--gripper",
-        choices=[*GRIPPERS, ALL],
-        help=f"which one (default: the first that opens wide enough); {ALL}: compare them in one table, each "
-        "planned for --budget (default: half a minute), and write nothing",
-    )
+    add("--gripper", choices=[*GRIPPERS, ALL], help=text)
     add("--fingers", choices=FINGERS, help="finger pads (default: rubber)")
     shell.add_distance(stated)
-    add(
-        "--thickness",
-        type=positive,
-        metavar="MM",
-        help="height of the part (default: that of a solid; unknown for an outline)",
-    )
-    add(
-        "--budget",
-        type=seconds_text,
-        metavar="30s",
-        help="for the answer, once kernels are loaded (default: a minute)",
-    )
-    built.add_argument(
-        "--follow",
-        action="store_true",
-        help="print progress as JSON, one object a line, on standard error",
-    )
+    text = "height of the part (default: that of a solid; unknown for an outline)"
+    add("--thickness", type=positive, metavar="MM", help=text)
+    text = "for the answer, once kernels are loaded (default: a minute)"
+    add("--budget", type=seconds_text, metavar="30s", help=text)
+    text = "print progress as JSON, one object a line, on standard error"
+    built.add_argument("--follow", action="store_true", help=text)
     return built
 
 

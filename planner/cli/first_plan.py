@@ -9,14 +9,8 @@ from typing import NamedTuple, TypeVar
 from planner.cli import course, shell
 from planner.compile import Plan, compile_job
 from planner.errors import FitError, NoPlanError, UnitsMissingError
-from planner.job.drafts import (
-    FINGERS,
-    GRIPPERS,
-    MOST_RADIUS_MM,
-    Answers,
-    proposed_radius_mm,
-    room_mm,
-)
+from planner.job import drafts
+from planner.job.drafts import FINGERS, GRIPPERS, Answers, room_mm
 from planner.job.model import Job
 from planner.part.importers.file import Imported, read_outline
 from planner.part.importers.pieces import Options
@@ -93,13 +87,12 @@ def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
         taken.append(f"{pads.material}, friction {pads.low:g} to {pads.high:g} (--fingers)")
     turn = TURN_DEG if arguments.turn is None else arguments.turn
     if arguments.turn is None:
-        taken.append(
-            f"turned by at most {turn:g} degrees (--turn; 180 is any angle, and takes longer)"
-        )
+        more = "--turn; 180 is any angle, and takes longer"
+        taken.append(f"turned by at most {turn:g} degrees ({more})")
     radius = arguments.radius
     if radius is None:
-        radius = proposed_radius_mm(imported, gripper)
-        room = "" if radius >= MOST_RADIUS_MM else ", for the open jaws leave no more room"
+        radius = drafts.proposed_radius_mm(imported, gripper)
+        room = "" if radius >= drafts.MOST_RADIUS_MM else ", for the open jaws leave no more room"
         taken.append(f"its centre within {radius:g} mm of the expected place{room} (--radius)")
         if room:
             restrictions.append(f"within {radius:g} mm of the expected place")
@@ -120,10 +113,8 @@ def check_thickness(imported: Imported) -> None:
     """
     height_mm = imported.height_mm
     if height_mm is not None and tips_height_mm(height_mm) <= 0.0:
-        thin = f"it is {height_mm:.3g} mm thin"
-        raise FitError(
-            f"{thin}, and finger tips must close {MARGIN_MM:g} mm below its top or lower"
-        )
+        must = f"finger tips must close {MARGIN_MM:g} mm below its top or lower"
+        raise FitError(f"it is {height_mm:.3g} mm thin, and {must}")
 
 
 def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:

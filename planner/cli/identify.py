@@ -10,16 +10,8 @@ from typing import Any
 import numpy as np
 
 from planner.cli import columns, shell, tips
-from planner.identification import motions, pushes
-from planner.identification.identify import (
-    LEAST_PAIRS,
-    Identified,
-    Kind,
-    Normalised,
-    directions,
-    identify,
-    normalise,
-)
+from planner.identification import identify, motions, pushes
+from planner.identification.identify import LEAST_PAIRS, Identified, Kind, Normalised
 from planner.job import model as job_file
 from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
@@ -69,19 +61,21 @@ def _identify(arguments: argparse.Namespace) -> None:
     if arguments.pairs and arguments.friction_n is not None:
         raise UsageError("--friction-n goes with logs: --pairs takes no magnitudes")
     if arguments.figure is not None:
-        shell.checked_suffix("--figure", arguments.figure, shell.PICTURES)
+        shell.check_suffix("--figure", arguments.figure, shell.PICTURES)
         usable(arguments.figure, arguments.output, *sources)
     if arguments.output is not None:
         usable(arguments.output, *sources)
     rho_mm = arguments.rho_mm
     if arguments.pairs:
         tables = [pushes.load_directions(path) for path in arguments.pairs]
-        data: Normalised = directions(pushes.join(tables))
+        data: Normalised = identify.directions(pushes.join(tables))
     else:
-        data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), rho_mm)
+        data = identify.normalise(
+            pushes.join([pushes.load(path) for path in arguments.logs]), rho_mm
+        )
     kinds = KINDS if arguments.kind == "both" else (arguments.kind,)
     with shell.progress(arguments.json) as report:
-        outcome = identify(
+        outcome = identify.identify(
             data,
             rho_mm,
             kinds,
@@ -162,54 +156,27 @@ def parser() -> Parser:
     built.epilog = FORMATS + (built.epilog or "")
     add = built.add_argument
     add("logs", type=Path, nargs="*", metavar="LOG", help="push logs, or tables of pairs (.csv)")
-    add(
-        "--pairs",
-        type=Path,
-        nargs="+",
-        default=[],
-        metavar="PAIRS.csv",
-        help=f"tables of directions in place of logs: {','.join(pushes.DIRECTIONS)}",
+    text = f"tables of directions in place of logs: {','.join(pushes.DIRECTIONS)}"
+    add("--pairs", type=Path, nargs="+", default=[], metavar="PAIRS.csv", help=text)
+    text = (
+        f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *tips.MOVED))}, as plan-simulate "
+        "--push --tip-radius-mm has them; gives the tip's friction, too"
     )
-    add(
-        "--motions",
-        type=Path,
-        metavar="PUSHES.csv",
-        help=f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *tips.MOVED))}, as "
-        "plan-simulate --push --tip-radius-mm has them; gives the tip's friction, too",
-    )
+    add("--motions", type=Path, metavar="PUSHES.csv", help=text)
     add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
     add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")
     shell.add_output(built, "SURFACE.toml", "the limit surface", required=False)
     add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
-    add(
-        "--kind",
-        choices=(*KINDS, "both"),
-        default="both",
-        help="kind of limit surface; both: the better predictor is written (default: %(default)s)",
-    )
-    add(
-        "--rho-mm",
-        type=positive,
-        default=75.0,
-        help="length that torques are divided by (default: %(default)g)",
-    )
-    add(
-        "--friction-n",
-        type=positive,
-        help="friction of part and table (default: estimated from the pushes)",
-    )
-    add(
-        "--splits",
-        type=positive_int,
-        default=50,
-        help="random splits to judge by (default: %(default)s)",
-    )
-    add(
-        "--train-share",
-        type=_share,
-        default=0.5,
-        help="share of the pushes that a split fits to (default: %(default)g)",
-    )
+    text = "kind of limit surface; both: the better predictor is written (default: %(default)s)"
+    add("--kind", choices=(*KINDS, "both"), default="both", help=text)
+    text = "length that torques are divided by (default: %(default)g)"
+    add("--rho-mm", type=positive, default=75.0, help=text)
+    text = "friction of part and table (default: estimated from the pushes)"
+    add("--friction-n", type=positive, help=text)
+    text = "random splits to judge by (default: %(default)s)"
+    add("--splits", type=positive_int, default=50, help=text)
+    text = "share of the pushes that a split fits to (default: %(default)g)"
+    add("--train-share", type=_share, default=0.5, help=text)
     shell.add_seed(built, "of the splits")
     return built
 
@@ -222,14 +189,9 @@ def surface_text(result: Identified, data: Normalised, arguments: argparse.Names
         values["ellipsoid"] = surface.A
     else:
         values |= {"quartic": surface.coefficients, "certificate": surface.certificate}
-    facts = {
-        "logs": [str(path) for path in (*arguments.logs, *arguments.pairs)],
-        "pairs": len(data.F),
-        "splits": arguments.splits,
-        "train_share": arguments.train_share,
-        "seed": arguments.seed,
-        **_figures(result),
-    }
+    logs = [str(path) for path in (*arguments.logs, *arguments.pairs)]
+    chosen = {name: getattr(arguments, name) for name in ("splits", "train_share", "seed")}
+    facts = {"logs": logs, "pairs": len(data.F), **chosen, **_figures(result)}
     del facts["kind"]
     if facts["friction_n"] is None:
         del facts["friction_n"]
@@ -250,7 +212,7 @@ def _figures(result: Identified) -> dict[str, Any]:
 
 
 def _print(
-    data: Normalised, fits: Sequence[Identified], best: Identified, arguments: argparse.Namespace
+    data: Normalised, outcome: Sequence[Identified], best: Identified, arguments: argparse.Namespace
 ) -> None:
     pairs, against = len(data.F), int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
     written = [str(path) for path in (arguments.output, arguments.figure) if path is not None]
@@ -258,7 +220,7 @@ def _print(
         "pairs": pairs,
         "against_motion": against,
         "splits": arguments.splits,
-        "surfaces": [_figures(each) for each in fits],
+        "surfaces": [_figures(each) for each in outcome],
         "best": best.kind,
         "written": written,
     }
@@ -269,7 +231,7 @@ def _print(
         f"{pairs} pushes, rho {arguments.rho_mm:g} mm, {friction}",
         f"held-out twist error over {arguments.splits} random splits, {train} pushes to fit each:",
     ]
-    for result in fits:
+    for result in outcome:
         errors = np.degrees(result.errors_rad)
         lines.append(
             f"  {result.kind:9} {errors.mean():5.1f} deg (standard deviation {errors.std():.1f}, from "

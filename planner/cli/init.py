@@ -35,27 +35,16 @@ def parser() -> Parser:
     shell.add_output(built, "JOB.toml", "the job file")
     built.add_argument("--force", action="store_true", help="overwrite it if it is there")
     shell.add_drawing(built.add_argument_group("the drawing"))
-    built.add_argument(
-        "--faces",
-        action="store_true",
-        help="of an STL solid, that may lie on any of its stable faces: each becomes one of several parts",
-    )
+    text = "of an STL solid, that may lie on any of its stable faces: each becomes one of several parts"
+    built.add_argument("--faces", action="store_true", help=text)
     answers = built.add_argument_group("the answers")
     add = answers.add_argument
     add("--name", help="of the part")
     add("--radius", type=number, metavar="MM", help="its centre lies in a disc of this radius")
-    add(
-        "--turn",
-        type=number,
-        metavar="DEG",
-        help="it is turned by at most this (default: any angle)",
-    )
-    add(
-        "--thickness",
-        type=number,
-        metavar="MM",
-        help="of the part, from the table to its top (default: the height of an STL solid)",
-    )
+    text = "it is turned by at most this (default: any angle)"
+    add("--turn", type=number, metavar="DEG", help=text)
+    text = "of the part, from the table to its top (default: the height of an STL solid)"
+    add("--thickness", type=number, metavar="MM", help=text)
     add("--gripper", choices=GRIPPERS, help="which one")
     add("--fingers", choices=FINGERS, help="finger pads")
     shell.add_distance(answers)
@@ -188,11 +177,8 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
         clear = f"clear the part at any angle only within {room:.1f} mm of the hand"
         if room <= 0.0:
             clear = "do not clear the part at every angle, wherever it lies"
-        print(
-            f"{NAME}: warning: open fingers {clear}; a smaller --radius, a --turn or a wider gripper may be "
-            "needed",
-            file=sys.stderr,
-        )
+        remedy = "a smaller --radius, a --turn or a wider gripper may be needed"
+        print(f"{NAME}: warning: open fingers {clear}; {remedy}", file=sys.stderr)
     thickness = imported.height_mm if arguments.thickness is None else arguments.thickness
     if thickness is None and asking:
         thickness = _ask(

@@ -53,12 +53,8 @@ def parser() -> Parser:
     add("--audit", default=[], metavar="A.csv", help=audits, **several)
     shell.add_output(command, "JOB2.toml", "the job file to write")
     shell.add_seed(command, "of what is simulated")
-    add(
-        "--cells",
-        type=positive_int,
-        default=Effort().cells,
-        help="cells to simulate in each round: more take longer, with finer results (default: %(default)s)",
-    )
+    text = "cells to simulate in each round: more take longer, with finer results (default: %(default)s)"
+    add("--cells", type=positive_int, default=Effort().cells, help=text)
     shell.add_scheduler(command)
     return command
 
@@ -90,11 +86,11 @@ def _refit(arguments: argparse.Namespace) -> None:
     learned = edited(text, changed)
     refitted = job_file.parse(learned, str(arguments.output))
     if refitted != job.replaced(str(arguments.output), **changed):
-        raise InputError(
-            "its text cannot be edited; write each section once", where=str(arguments.job)
-        )
+        problem = "its text cannot be edited; write each section once"
+        raise InputError(problem, where=str(arguments.job))
     write(arguments.output, learned)
     learned_of_each = findings(result, cells)
+    ordered = sorted(learned_of_each, key=lambda finding: not finding.learned)
     figures = {
         "parts": seen.parts,
         "squeezes": int(seen.readings.sum()),
@@ -109,10 +105,7 @@ def _refit(arguments: argparse.Namespace) -> None:
         arguments.json,
         figures,
         f"{seen.parts} parts, {seen.readings.sum()} squeezes, {len(seen.leaves)} audited; 90 % intervals:",
-        *(
-            f"  {finding.sentence}"
-            for finding in sorted(learned_of_each, key=lambda finding: not finding.learned)
-        ),
+        *(f"  {finding.sentence}" for finding in ordered),
         f"in such a cell this table answers {100 * wrong:.1f} % wrongly and rejects {100 * rejected:.1f} %",
         *(f"  cell.{key} = {value:g}" for key, value in cell.items()),
         f"wrote {arguments.output}; next: plan-compile {quoted(arguments.output)}",
@@ -133,9 +126,8 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
     runs = [run_log.read(path, loaded.digest) for path in arguments.journal]
     for path, run in zip(arguments.journal, runs, strict=True):
         if run.others:
-            raise InputError(
-                "holds runs of another table, too; refit one table at a time", where=str(path)
-            )
+            problem = "holds runs of another table, too; refit one table at a time"
+            raise InputError(problem, where=str(path))
     if arguments.audit and len(arguments.audit) != len(runs):
         raise UsageError(
             f"{len(arguments.audit)} --audit for {len(runs)} --journal; name one for each"

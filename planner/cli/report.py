@@ -25,25 +25,17 @@ def parser() -> Parser:
         f"{NAME} tree.msgpack -o report.html --compare tree-2.msgpack",
         f"{NAME} tree.msgpack -o sheet.html --sheet",
     )
+    add = built.add_argument
     shell.add_table(built)
     shell.add_output(built, "PAGE.html", "the page")
-    built.add_argument(
-        "--journal", type=Path, metavar="J.jsonl", help="lay the runs of this journal over the tree"
-    )
-    built.add_argument(
-        "--compare",
-        type=Path,
-        metavar="FILE",
-        help="set the plan beside another table; with --journal, its runs beside another journal",
-    )
-    built.add_argument(
-        "--sheet", action="store_true", help="a short version for a customer: two printed sheets"
-    )
-    built.add_argument(
-        "--world",
-        metavar="MODULE:FACTORY",
-        help=f"judge the table in this world too, by {dossier.OTHER_TRIALS} parts: one more row",
-    )
+    text = "lay the runs of this journal over the tree"
+    add("--journal", type=Path, metavar="J.jsonl", help=text)
+    text = "set the plan beside another table; with --journal, its runs beside another journal"
+    add("--compare", type=Path, metavar="FILE", help=text)
+    text = "a short version for a customer: two printed sheets"
+    add("--sheet", action="store_true", help=text)
+    text = f"judge the table in this world too, by {dossier.OTHER_TRIALS} parts: one more row"
+    add("--world", metavar="MODULE:FACTORY", help=text)
     shell.add_takt(built)
     bounds.add_options(built)
     shell.add_trials(built, dossier.TRIALS, "parts sent through the table to draw its beliefs")

@@ -36,16 +36,14 @@ EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.NO_PLAN, ExitCode.UNREACHABLE)
 def parser(name: str, description: str, *examples: str) -> Parser:
     """An argument parser with the options and the epilogue of all commands."""
     shown = "\n  ".join(examples)
-    result = Parser(
-        prog=name,
-        description=textwrap.fill(description, WIDTH),
-        epilog=f"example{'s' * (len(examples) > 1)}:\n  {shown}\n\n{EXIT_CODES}",
-    )
+    text = textwrap.fill(description, WIDTH)
+    epilog = f"example{'s' * (len(examples) > 1)}:\n  {shown}\n\n{EXIT_CODES}"
+    result = Parser(prog=name, description=text, epilog=epilog)
     result.add_common()
     return result
 
 
-def checked_suffix(option: str, path: Path, suffixes: Sequence[str]) -> Path:
+def check_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
     """Checks the path that an option names.
 
     Raises:
@@ -53,7 +51,6 @@ def checked_suffix(option: str, path: Path, suffixes: Sequence[str]) -> Path:
     """
     if path.suffix.lower() not in suffixes:
         raise UsageError(f"{option} {path} must end in {', '.join(suffixes)}")
-    return path
 
 
 def checked_output(path: Path, what: str, suffix: str) -> Path:
@@ -63,9 +60,8 @@ def checked_output(path: Path, what: str, suffix: str) -> Path:
         UsageError: the suffix belongs to another kind.
     """
     if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
-        raise UsageError(
-            f"-o {path}: what is written is {what}; name it {path.with_suffix(suffix)}"
-        )
+        name = path.with_suffix(suffix)
+        raise UsageError(f"-o {path}: what is written is {what}; name it {name}")
     return path
 
 
@@ -73,36 +69,16 @@ def add_drawing(group: argparse._ArgumentGroup) -> None:
     """The options that say how to read a drawing; `drawing_of` reads them."""
     add = group.add_argument
     add("--units", choices=UNITS_MM, help="unit of the drawing (default: as the file says)")
-    add(
-        "--scale",
-        type=command.positive,
-        metavar="MM",
-        help="size of one unit in mm, for a drawing in pixels",
-    )
-    add(
-        "--layer",
-        metavar="NAME",
-        help="the layer of a DXF drawing to read (default: all visible ones)",
-    )
-    add(
-        "--contour",
-        type=command.positive_int,
-        metavar="N",
-        help="number of the contour, if there are several",
-    )
-    add(
-        "--tolerance",
-        type=command.number,
-        default=TOLERANCE_MM,
-        metavar="MM",
-        help="greatest distance of the polygon from a curve (default: %(default)s)",
-    )
-    add(
-        "--height",
-        type=command.number,
-        metavar="MM",
-        help="height at which the finger tips meet an STL solid (default: half-way up, at most 8)",
-    )
+    text = "size of one unit in mm, for a drawing in pixels"
+    add("--scale", type=command.positive, metavar="MM", help=text)
+    text = "the layer of a DXF drawing to read (default: all visible ones)"
+    add("--layer", metavar="NAME", help=text)
+    text = "number of the contour, if there are several"
+    add("--contour", type=command.positive_int, metavar="N", help=text)
+    text = "greatest distance of the polygon from a curve (default: %(default)s)"
+    add("--tolerance", type=command.number, default=TOLERANCE_MM, metavar="MM", help=text)
+    text = "height at which the finger tips meet an STL solid (default: half-way up, at most 8)"
+    add("--height", type=command.number, metavar="MM", help=text)
 
 
 def drawing_of(arguments: argparse.Namespace) -> Options:
@@ -174,44 +150,34 @@ def add_output(
 
 def add_seed(parser: argparse.ArgumentParser, what: str) -> None:
     """Adds the seed of what a command draws, 0 by default."""
-    shown = f"{what} (default: %(default)s)"
-    parser.add_argument("--seed", type=command.natural, default=0, help=shown)
+    text = f"{what} (default: %(default)s)"
+    parser.add_argument("--seed", type=command.natural, default=0, help=text)
 
 
 def add_trials(parser: argparse.ArgumentParser, default: int, what: str) -> None:
     """Adds the number of simulated parts."""
-    shown = f"{what} (default: %(default)s)"
-    parser.add_argument("--trials", type=command.positive_int, default=default, help=shown)
+    text = f"{what} (default: %(default)s)"
+    parser.add_argument("--trials", type=command.positive_int, default=default, help=text)
 
 
 def add_distance(group: argparse._ArgumentGroup) -> None:
     """Adds the goal of a new job."""
-    shown = "how well the part must be located (default: %(default)s)"
-    group.add_argument("--distance", type=command.number, default=3.0, metavar="MM", help=shown)
+    text = "how well the part must be located (default: %(default)s)"
+    group.add_argument("--distance", type=command.number, default=3.0, metavar="MM", help=text)
 
 
 def add_takt(parser: argparse.ArgumentParser) -> None:
     """The option that states a takt, in seconds."""
-    parser.add_argument(
-        "--takt",
-        type=command.seconds,
-        metavar="6s",
-        help="also state how many parts are done within this time",
-    )
+    text = "also state how many parts are done within this time"
+    parser.add_argument("--takt", type=command.seconds, metavar="6s", help=text)
 
 
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
     """Adds the options for workers; `planner.work.scheduler.scheduler_of` reads them."""
-    parser.add_argument(
-        "--workers",
-        type=command.positive_int,
-        help="threads; the result is the same (default: cores)",
-    )
-    parser.add_argument(
-        "--scheduler",
-        metavar="tcp://HOST:PORT",
-        help="work on the Dask cluster of this scheduler (default: threads of this machine)",
-    )
+    text = "threads; the result is the same (default: cores)"
+    parser.add_argument("--workers", type=command.positive_int, help=text)
+    text = "work on the Dask cluster of this scheduler (default: threads of this machine)"
+    parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help=text)
 
 
 Body = Callable[[argparse.Namespace], int | None]

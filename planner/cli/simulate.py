@@ -25,14 +25,7 @@ INPUTS = ("x_mm", "y_mm", "theta_rad")
 PICTURES = {"figure": shell.PICTURES, "html": (".html",)}  # what they may end in
 IN_DEGREES = ("x_mm", "y_mm", "theta_deg")  # the same poses
 # Final pose and width, then the angles again, in degrees.
-RESULTS = (
-    "final_x_mm",
-    "final_y_mm",
-    "final_theta_rad",
-    "width_mm",
-    "theta_deg",
-    "final_theta_deg",
-)
+RESULTS = (*(f"final_{name}" for name in INPUTS), "width_mm", "theta_deg", "final_theta_deg")
 MOST_RADIUS_MM, MOST_DRAWS = 1000.0, 100_000
 RANGES = {"mu": (0.0, 2.0), "step_mm": (1e-4, 2.0), "fingers_mm": (0.0, 1000.0)}
 SAME_DEG = 1e-5  # rounding error between an angle in degrees and the same in radians
@@ -53,7 +46,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
     pictures = {name: path for name in PICTURES if (path := getattr(arguments, name)) is not None}
     _check_options(arguments, pictures)
     for name, path in pictures.items():
-        shell.checked_suffix(f"--{name}", path, PICTURES[name])
+        shell.check_suffix(f"--{name}", path, PICTURES[name])
     job = job_file.load(arguments.job, tips.ANY_OPENING if arguments.push else None)
     shell.check_one_part(job.hypothesis, str(arguments.job), "a simulation")
     listed: Path = arguments.poses or arguments.push
@@ -73,12 +66,10 @@ def _simulate(arguments: argparse.Namespace) -> None:
     after = {"given_up": given_up, **drawn}
     counts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
     written = ", ".join((str(arguments.output), *drawn.values()))
+    figures = {"output": str(arguments.output), what: len(status), **tally, **after}
+    line = f"{len(status)} {what}: {counts or 'none'}; wrote {written}"
     with redirect_stdout(words_of(arguments.output)):
-        shell.answer(
-            arguments.json,
-            {"output": str(arguments.output), what: len(status), **tally, **after},
-            f"{len(status)} {what}: {counts or 'none'}; wrote {written}",
-        )
+        shell.answer(arguments.json, figures, line)
     if given_up and not arguments.json:
         words = f"{given_up} {what} could not be stepped to their end; try --step-mm"
         print(f"{NAME}: {words}", file=sys.stderr)
@@ -156,63 +147,39 @@ def parser() -> Parser:
     add = built.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job file")
     listed = built.add_mutually_exclusive_group(required=True)
-    listed.add_argument(
-        "--poses",
-        type=Path,
-        metavar="IN.csv",
-        help=f"squeeze; with a header: {','.join(INPUTS)}, or {IN_DEGREES[2]} in place of {INPUTS[2]}",
+    text = f"squeeze; with a header: {','.join(INPUTS)}, or {IN_DEGREES[2]} in place of {INPUTS[2]}"
+    listed.add_argument("--poses", type=Path, metavar="IN.csv", help=text)
+    text = (
+        f"push; with a header: {','.join((*pushes.PLACES, pushes.FINGERS))}, and where the centre moves, "
+        f"too, {','.join(pushes.SHIFTS)}"
     )
-    listed.add_argument(
-        "--push",
-        type=Path,
-        metavar="IN.csv",
-        help=f"push; with a header: {','.join((*pushes.PLACES, pushes.FINGERS))}, and where the centre "
-        f"moves, too, {','.join(pushes.SHIFTS)}",
+    listed.add_argument("--push", type=Path, metavar="IN.csv", help=text)
+    text = (
+        f"distance of the two fingers, for pushes without a column {pushes.FINGERS}; 0: one finger"
     )
-    add(
-        "--fingers-mm",
-        type=float,
-        metavar="MM",
-        help=f"distance of the two fingers, for pushes without a column {pushes.FINGERS}; 0: one finger",
-    )
+    add("--fingers-mm", type=float, metavar="MM", help=text)
     shell.add_output(built, "OUT.csv", "the results; - for standard output")
-    add(
-        "--tip-radius-mm",
-        type=positive,
-        metavar="MM",
-        help=f"push with a round tip of this radius; with a header: {','.join(tips.NAMES)}, the tip's centre "
-        "at the start and its whole way; a tip that overlaps the part starts at the nearest place beside it. "
-        "With --fingers-mm: two such tips, on the columns of two fingers",
+    text = (
+        f"push with a round tip of this radius; with a header: {','.join(tips.NAMES)}, the tip's centre at "
+        "the start and its whole way; a tip that overlaps the part starts at the nearest place beside it. "
+        "With --fingers-mm: two such tips, on the columns of two fingers"
     )
-    add(
-        "--draws",
-        type=positive_int,
-        metavar="N",
-        help="add the 5th and 95th percentile of each push's displacement over so many draws of the "
-        "mechanics and of what the job doubts",
+    add("--tip-radius-mm", type=positive, metavar="MM", help=text)
+    text = (
+        "add the 5th and 95th percentile of each push's displacement over so many draws of the mechanics and "
+        "of what the job doubts"
     )
+    add("--draws", type=positive_int, metavar="N", help=text)
     add("--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu")
     add("--mu", type=float, help="friction between finger and part, with --nominal")
     add("--seed", type=natural, help="of the scatter (default: the job's)")
-    add(
-        "--step-mm",
-        type=float,
-        default=DEFAULT_STEP_MM,
-        help="step of a finger that closes or pushes (default: %(default)s)",
-    )
+    text = "step of a finger that closes or pushes (default: %(default)s)"
+    add("--step-mm", type=float, default=DEFAULT_STEP_MM, help=text)
     add("--workers", type=positive_int, help="threads (default: cores)")
-    add(
-        "--figure",
-        type=Path,
-        metavar="OUT.png",
-        help="draw the first squeezes, up to 12 (.png, .svg, .pdf)",
-    )
-    add(
-        "--html",
-        type=Path,
-        metavar="OUT.html",
-        help="a page with a slider: the first squeezes, up to 12",
-    )
+    text = "draw the first squeezes, up to 12 (.png, .svg, .pdf)"
+    add("--figure", type=Path, metavar="OUT.png", help=text)
+    text = "a page with a slider: the first squeezes, up to 12"
+    add("--html", type=Path, metavar="OUT.html", help=text)
     return built
 
 
@@ -233,9 +200,8 @@ def read_poses(path: Path) -> Array:
     stated = columns.read(path, (), {IN_DEGREES[2]: math.nan})[:, 0]
     apart = np.abs(np.degrees(poses[:, 2]) - stated)
     if (apart > SAME_DEG).any():
-        problem = (
-            f"pose {int(np.argmax(apart > SAME_DEG)) + 1}: the two differ; leave one column out"
-        )
+        number = int(np.argmax(apart > SAME_DEG)) + 1
+        problem = f"pose {number}: the two differ; leave one column out"
         raise InputError(problem, where=str(path), key=f"{INPUTS[2]}, {IN_DEGREES[2]}")
     return poses
 

@@ -27,23 +27,12 @@ def parser() -> Parser:
         NAME,
         f"{NAME} parts --port 8000 --no-browser",
     )
-    built.add_argument(
-        "folder",
-        type=Path,
-        nargs="?",
-        default=Path(),
-        metavar="FOLDER",
-        help="folder of drawings and plans; created if missing (default: this one)",
-    )
-    built.add_argument(
-        "--port",
-        type=natural,
-        metavar="P",
-        help=f"port on the loopback interface, 0 for a free one (default: {PORT}, if it is free)",
-    )
-    built.add_argument(
-        "--no-browser", action="store_true", help="print the address, and open no browser"
-    )
+    text = "folder of drawings and plans; created if missing (default: this one)"
+    built.add_argument("folder", type=Path, nargs="?", default=Path(), metavar="FOLDER", help=text)
+    text = f"port on the loopback interface, 0 for a free one (default: {PORT}, if it is free)"
+    built.add_argument("--port", type=natural, metavar="P", help=text)
+    text = "print the address, and open no browser"
+    built.add_argument("--no-browser", action="store_true", help=text)
     return built
 
 

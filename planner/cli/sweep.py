@@ -50,7 +50,7 @@ class Settings(NamedTuple):
     workers: int | None  # threads for a job; all cores if None
     strip: bool  # leave the jobs out of the tables
     budget_s: float  # for each job; the tree is kept as it stands then
-    takt_s: float | None = None  # time within which parts should be done
+    takt_s: float | None  # time within which parts should be done
 
 
 class Order(NamedTuple):
@@ -149,7 +149,7 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
     return Outcome(dumps(table), figures_of(plan, time.perf_counter() - started, settings.takt_s))
 
 
-def figures_of(plan: Plan, seconds: float, takt_s: float | None = None) -> dict[str, Any]:
+def figures_of(plan: Plan, seconds: float, takt_s: float | None) -> dict[str, Any]:
     """The figures of a plan and its compile time, in plain types; see `Evaluation.summary`."""
     pushes = sum(len(node.pushes) for node in plan.table.nodes)
     return {

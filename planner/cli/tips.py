@@ -75,14 +75,17 @@ def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Besid
         InputError: a tip overlaps the part by its diameter or more, or no place beside it is free.
     """
     overlap = np.maximum(_depth(paths.points, radius_mm, outline).max(axis=1), 0.0)
-    _check_depth(overlap, radius_mm, where)
-    shift, inside = _way_out(paths.points, radius_mm, outline)
-    if len(inside):
-        which = f"push {inside[0] + 1}"
+    if overlap.max(initial=0.0) >= 2.0 * radius_mm:
+        number = int(np.argmax(overlap))
         problem = (
-            f"{which}: no place beside the part is free for all tips; correct where they start"
+            f"push {number + 1}: the tip overlaps the part by {overlap[number]:.3g} mm at the start, its "
+            "diameter or more; state its centre, in the frame of the job's outline_mm"
         )
         raise InputError(problem, where=str(where))
+    shift, inside = _way_out(paths.points, radius_mm, outline)
+    if len(inside):
+        problem = "no place beside the part is free for all tips; correct where they start"
+        raise InputError(f"push {inside[0] + 1}: {problem}", where=str(where))
     return Beside(_moved(paths, shift), overlap)
 
 
@@ -130,16 +133,6 @@ def _depth(points: Array, radius_mm: float, outline: Array) -> Array:
     part, centres = shapely.Polygon(outline), shapely.points(points)
     away = shapely.distance(part.exterior, centres)
     return np.asarray(radius_mm - np.where(shapely.contains(part, centres), -away, away))
-
-
-def _check_depth(overlap: Array, radius_mm: float, where: Path) -> None:
-    if overlap.max(initial=0.0) >= 2.0 * radius_mm:
-        number = int(np.argmax(overlap))
-        problem = (
-            f"push {number + 1}: the tip overlaps the part by {overlap[number]:.3g} mm at the start, its "
-            "diameter or more; state its centre, in the frame of the job's outline_mm"
-        )
-        raise InputError(problem, where=str(where))
 
 
 def status(pushed: Pushed) -> IntArray:

@@ -27,9 +27,8 @@ class Answer(NamedTuple):
         if self.short == "poor":
             return "Not well enough: see what limits it."
         if self.short == "unknown":
-            return (
-                "Not known yet: the search is not done for most parts; give it a longer --budget."
-            )
+            remedy = "give it a longer --budget."
+            return f"Not known yet: the search is not done for most parts; {remedy}"
         share = self.figures["success_rate"]
         located = f"for {in_percent(shares_of(self.figures).located)} of the parts"
         reservation = "" if share >= self.confidence else located

@@ -105,13 +105,9 @@ class _Places:
 
     def _way(self, index: int, number: int, branch: Branch) -> Way:
         replayed = int((self.beliefs.visits[index].branch == number).sum())
-        return Way(
-            key=key_of(branch.target),
-            low_mm=round(branch.low_um / 1e3, 2),
-            high_mm=round(branch.high_um / 1e3, 2),
-            planned=branch.probability_ppm / PPM,
-            parts=replayed if self.counts is None else self.counts[index, branch.target],
-        )
+        parts = replayed if self.counts is None else self.counts[index, branch.target]
+        low_mm, high_mm = (round(um / 1e3, 2) for um in (branch.low_um, branch.high_um))
+        return Way(key_of(branch.target), low_mm, high_mm, branch.probability_ppm / PPM, parts)
 
     def _chart(self, index: int, ways: list[Way]) -> str:
         gripper, steps = self.table.gripper, self.beliefs.visits[index].steps

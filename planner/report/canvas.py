@@ -103,12 +103,9 @@ def polygons(
     `width` of the edges is in points, `fill` and `edge` are opacities, a higher `order` covers a lower one.
     """
     faces = to_rgba(colour, fill) if fill else "none"
+    edges = to_rgba(colour, edge)
     drawn = PolyCollection(
-        list(shapes),
-        linewidths=width,
-        zorder=order,
-        facecolors=faces,
-        edgecolors=to_rgba(colour, edge),
+        list(shapes), linewidths=width, zorder=order, facecolors=faces, edgecolors=edges
     )
     axes.add_collection(drawn, autolim=False)
 

@@ -1,6 +1,7 @@
 """Picture of an identification: the limit surface with its data, and predicted against measured twists."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -64,17 +65,13 @@ def _section(
     out = np.delete(F, plane, axis=1)[:, 0]
     near = np.abs(out) < NEAR * np.linalg.norm(F, axis=1)
     for rows, colour, size in ((~near, canvas.PALE, 5.0), (near, canvas.BLACK, 8.0)):
-        axes.scatter(
-            F[rows, plane[0]], F[rows, plane[1]], s=size, color=colour, linewidths=0.0, zorder=1
-        )
+        x, y = F[rows][:, plane].T
+        axes.scatter(x, y, s=size, color=colour, linewidths=0.0, zorder=1)
     for result in fits:
         curve = section(result.fit.surface, plane) * (result.fit.friction_n or 1.0) / scale
         axes.plot(*curve.T, color=COLOURS[result.kind], linewidth=1.2, zorder=2)
-    axes.set(
-        xlabel=AXES[plane[0]],
-        ylabel=AXES[plane[1]],
-        title=f"cut at {AXES[3 - sum(plane)].split(' ')[0]} = 0",
-    )
+    cut = f"cut at {AXES[3 - sum(plane)].split(' ')[0]} = 0"
+    axes.set(xlabel=AXES[plane[0]], ylabel=AXES[plane[1]], title=cut)
     axes.title.set_fontsize(8.0)
     axes.set_aspect("equal", adjustable="datalim")
     canvas.faint_grid(axes)
@@ -90,15 +87,9 @@ def _twists(
 ) -> None:
     axes.plot([-limit, limit], [-limit, limit], color=canvas.GREY, linewidth=0.6, zorder=0)
     for result in fits:
-        axes.scatter(
-            angle(V),
-            angle(result.held_out),
-            s=9.0,
-            marker=MARKS[result.kind],
-            facecolors="none",
-            edgecolors=COLOURS[result.kind],
-            linewidths=0.7,
-        )
+        mark: dict[str, Any] = {"marker": MARKS[result.kind], "edgecolors": COLOURS[result.kind]}
+        measured, held_out = angle(V), angle(result.held_out)
+        axes.scatter(measured, held_out, s=9.0, facecolors="none", linewidths=0.7, **mark)
     ticks = np.linspace(-limit, limit, 5)
     axes.set(xlim=(-limit, limit), ylim=(-limit, limit), xticks=ticks, yticks=ticks, aspect="equal")
     axes.set(xlabel=f"measured {what}", ylabel="predicted, held out")
@@ -109,17 +100,11 @@ def _errors(axes: Axes, data: Normalised, fits: Sequence[Identified]) -> None:
         seen = np.isfinite(result.held_out[:, 0])
         error = np.sort(np.degrees(angles(result.held_out[seen], data.V[seen])))
         mean = np.degrees(result.errors_rad.mean())
-        axes.step(
-            np.append(0.0, error),
-            np.linspace(0.0, 1.0, len(error) + 1),
-            where="post",
-            linewidth=1.2,
-            color=COLOURS[result.kind],
-            label=f"{result.kind}: mean {mean:.1f} deg",
-        )
-    axes.set(
-        xlabel="error of the held-out twist / deg", ylabel="share of the pushes", ylim=(0.0, 1.0)
-    )
+        colour, label = COLOURS[result.kind], f"{result.kind}: mean {mean:.1f} deg"
+        x, shares = np.append(0.0, error), np.linspace(0.0, 1.0, len(error) + 1)
+        axes.step(x, shares, where="post", linewidth=1.2, color=colour, label=label)
+    axes.set(xlabel="error of the held-out twist / deg", ylabel="share of the pushes")
+    axes.set_ylim(0.0, 1.0)
     axes.set_xlim(left=0.0)
     axes.grid(color="#ececec", linewidth=0.5)
     axes.legend(frameon=False, fontsize=7.0, loc="lower right")

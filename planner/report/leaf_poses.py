@@ -45,16 +45,14 @@ def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
         off[:, 2] = wrap(off[:, 2], order)
         # The first pose only: parts at another one lie there.
         state = np.array([*pose, leaf.hypothesis])
-        near = audit.reached(
-            np.column_stack([evaluation.poses[here], np.full(len(off), leaf.hypothesis)]), state
-        )
+        numbers = np.full(len(off), leaf.hypothesis)
+        near = audit.reached(np.column_stack([evaluation.poses[here], numbers]), state)
         if not leaf.resolved or near.sum() < LEAST_PARTS:
             results.append(None)
             continue
         mean = off[near].mean(axis=0)
         at = pose + mean
         apart = float(audit.between(np.array([*at, leaf.hypothesis]), state))
-        results.append(
-            Mean(float(at[0]), float(at[1]), math.remainder(float(at[2]), math.tau), apart)
-        )
+        x, y, theta = map(float, at)
+        results.append(Mean(x, y, math.remainder(theta, math.tau), apart))
     return results

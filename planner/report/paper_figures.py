@@ -58,9 +58,8 @@ def sequence(
                 canvas.polygons(below, _outlines(hole, moment.after), canvas.BLUE, 0.8)
             percent = 100 * moment.share
             share = f"{percent:.{0 if percent >= 10 else 1}f} % of parts"
-            title = (
-                f"squeeze {k} at {moment.angle_deg:.0f}°\nreads {moment.width_mm:.1f} mm, {share}"
-            )
+            reads = f"reads {moment.width_mm:.1f} mm, {share}"
+            title = f"squeeze {k} at {moment.angle_deg:.0f}°\n{reads}"
         above.set_title(title, fontsize=FONT, pad=4.0)
     canvas.caption(result, "x / mm", "y / mm", FONT)
     grid[0, 0].set_ylabel("what is believed", fontsize=FONT)
@@ -104,8 +103,8 @@ def _outlines(outline: Array, state: Array) -> Array:
 
 def _frame(axes: Axes, half: float) -> None:
     axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
-    axes.set_xticks([-40, -20, 0, 20, 40])
-    axes.set_yticks([-40, -20, 0, 20, 40])
+    ticks = [-40, -20, 0, 20, 40]
+    axes.set(xticks=ticks, yticks=ticks)
     axes.tick_params(labelsize=7.5)
 
 

@@ -149,9 +149,8 @@ def _entries(path: Path) -> Iterator[dict[str, Any]]:
                 head = str(entry["digest"])
                 yield entry
     except OSError as error:
-        raise InputError(
-            f"cannot be read: {error.strerror}; check the path", where=str(path)
-        ) from error
+        problem = f"cannot be read: {error.strerror}; check the path"
+        raise InputError(problem, where=str(path)) from error
     if head == GENESIS:
         raise InputError("is empty; name the journal of a run", where=str(path))
 
@@ -165,9 +164,7 @@ def _entries_of(path: Path, head: str) -> Iterator[dict[str, Any]]:
             with suppress(ValueError):
                 entry = strict_json.parse(line) if is_intact(line) else None
             known = isinstance(entry, dict) and entry.get("previous") == head
-            if not (
-                known and isinstance(entry.get("kind"), str) and isinstance(entry.get("time"), str)
-            ):
+            if not (known and all(isinstance(entry.get(name), str) for name in ("kind", "time"))):
                 problem = f"line {number} does not verify; `grasp-journal verify` says why"
                 raise InputError(problem, where=str(path))
             head = str(entry["digest"])

@@ -83,9 +83,8 @@ def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
         axes.set_gid(f"squeeze-{k + 1}")
         frame(axes, half)
         _draw(axes, outline, jaws, trace.states)
-        axes.set_title(
-            f"{k + 1}  {trace.status}, {trace.states[-1, 3]:.2f} mm", fontsize=8.0, pad=4.0
-        )
+        title = f"{k + 1}  {trace.status}, {trace.states[-1, 3]:.2f} mm"
+        axes.set_title(title, fontsize=8.0, pad=4.0)
     canvas.caption(result, "x / mm, along the fingers", "y / mm, closing", 8.0)
     return result
 

@@ -73,17 +73,15 @@ def _subtree(table: Table, target: int, depth: int, sizes: Sizes) -> _Subtree:
     panel = {2 * depth: (-sizes.panel, sizes.panel)}
     if target < 0:
         return _Subtree(target, panel | {2 * depth + 1: (-sizes.text, sizes.text)})
-    children = [
-        _subtree(table, branch.target, depth + 1, sizes) for branch in table.nodes[target].branches
-    ]
+    targets = (branch.target for branch in table.nodes[target].branches)
+    children = [_subtree(table, below, depth + 1, sizes) for below in targets]
     xs, merged = _row(children, sizes.margin)
     middle = 0.5 * (xs[0] + xs[-1])
     contour = {slot: (low - middle, high - middle) for slot, (low, high) in merged.items()}
     first, last = xs[0] - middle, xs[-1] - middle
     contour |= panel | {2 * depth + 1: (first - sizes.label, last + sizes.label)}
-    return _Subtree(
-        target, contour, [(x - middle, child) for x, child in zip(xs, children, strict=True)]
-    )
+    placed = [(x - middle, child) for x, child in zip(xs, children, strict=True)]
+    return _Subtree(target, contour, placed)
 
 
 def _row(
@@ -94,9 +92,8 @@ def _row(
     merged: dict[int, tuple[float, float]] = {}
     for subtree in subtrees:
         shared = merged.keys() & subtree.contour.keys()
-        x = max(
-            (merged[slot][1] - subtree.contour[slot][0] + margin for slot in shared), default=0.0
-        )
+        ends = (merged[slot][1] - subtree.contour[slot][0] + margin for slot in shared)
+        x = max(ends, default=0.0)
         xs.append(x)
         for slot, (low, high) in subtree.contour.items():
             held = merged.get(slot, (low + x, high + x))
@@ -170,16 +167,10 @@ def drawing(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -
     tree = _Tree(table, job, beliefs, style)
     along = tree.layout.rows * (PANEL + style.gap) + 2 * EDGE
     across = tree.layout.width + 2 * EDGE
-    return Drawing(
-        width=along if style.sideways else across,
-        height=across if style.sideways else along,
-        reach=tree.reach,
-        panels=[
-            *map(tree.node, range(len(table.nodes))),
-            *map(tree.leaf, range(len(table.leaves))),
-        ],
-        lines=[tree.line(*step) for step in tree.parent.items()],
-    )
+    width, height = (along, across) if style.sideways else (across, along)
+    panels = [*map(tree.node, range(len(table.nodes))), *map(tree.leaf, range(len(table.leaves)))]
+    lines = [tree.line(*step) for step in tree.parent.items()]
+    return Drawing(width, height, tree.reach, panels, lines)
 
 
 def picture(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -> str:
@@ -209,9 +200,8 @@ class _Tree:
         # Half the side of a square in the world that contains nearly all beliefs and closed fingers
         # [mm].
         spread = float(np.quantile(np.hypot(*beliefs.visits[0].before[:, :2].T), 0.9))
-        reach = spread + max(
-            float(np.max(np.hypot(*alone.part.outline_mm.T))) for alone in job.alone
-        )
+        parts = (float(np.max(np.hypot(*alone.part.outline_mm.T))) for alone in job.alone)
+        reach = spread + max(parts)
         fingers = (float(np.abs(self._fingers(target)).max()) for target in self.parent)
         self.reach = 1.03 * max(reach, *fingers)
 
@@ -256,9 +246,8 @@ class _Tree:
             y0, y1 = y0 + 0.5 * PANEL, y1 - 0.5 * PANEL
             path = f"M{x0:.1f} {y0:.1f}V{y0 + bus:.1f}H{x1:.1f}V{y1:.1f}"
             x, y, share_y = x1, y0 + bus + 13.0, y0 + bus + 24.0
-        return Line(
-            key_of(target), path, 0.8 + 3.0 * share, x, y, interval, percent(share), share_y
-        )
+        key, width = key_of(target), 0.8 + 3.0 * share
+        return Line(key, path, width, x, y, interval, percent(share), share_y)
 
     def _panel(
         self,

@@ -69,13 +69,10 @@ def verdict(job: Job, figures: dict[str, Any], lines: Sequence[Line] = ()) -> Ve
         grade = "fair"
     if success < POOR_SUCCESS or wrong > 2.0 * (1.0 - job.goal.confidence):
         grade = "poor"
-    result = (
-        f"{_found(job, figures)}, "
-        f"{figures['mean_squeezes']:.1f} squeezes, about {figures['seconds_mean']:.1f} s"
-    )
+    effort = f"{figures['mean_squeezes']:.1f} squeezes, about {figures['seconds_mean']:.1f} s"
     sorts = job.goal.kind == "identity"
     error = "where the part lies is not asked for" if sorts else error_text(figures["error_mm"])
-    sentence = result + _leaning(job, worst)
+    sentence = f"{_found(job, figures)}, {effort}{_leaning(job, worst)}"
     return Verdict(grade, sentence, error, _conditions(lines), warnings_of(job))
 
 
@@ -125,9 +122,8 @@ def _found(job: Job, figures: dict[str, Any]) -> str:
     lying = f"a part ({job.name}) lying {belief(job)}"
     if job.goal.identify is False:
         return f"finds {lying} {aim(job)} {share}, whichever it is"
-    done = (
-        f"names {lying}" if job.goal.kind == "identity" else f"finds and names {lying} {aim(job)}"
-    )
+    sorts = job.goal.kind == "identity"
+    done = f"names {lying}" if sorts else f"finds and names {lying} {aim(job)}"
     return f"{done} {share} ({percent(figures['identity_rate'])} of the names given are right)"
 
 
@@ -143,9 +139,8 @@ def error_text(error_mm: dict[str, float] | None) -> str:
     """The expected error as a clause."""
     if error_mm is None:
         return "no expected error: no part was located"
-    return (
-        f"expected error {error_mm['median']:.2f} mm median, 95 % within {error_mm['p95']:.2f} mm"
-    )
+    median_mm, p95_mm = error_mm["median"], error_mm["p95"]
+    return f"expected error {median_mm:.2f} mm median, 95 % within {p95_mm:.2f} mm"
 
 
 def described(job: Job) -> str:
@@ -199,9 +194,8 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
     located = sum(not part.failed for part in log.parts)
     done = "named" if table.goal.kind == "identity" else "located"
     message = f"{located} of {total} parts {done}"
-    names = Counter(
-        part.name for part in log.parts if part.outcome == "leaf" and part.name is not None
-    )
+    answered = [part for part in log.parts if part.outcome == "leaf"]
+    names = Counter(part.name for part in answered if part.name is not None)
     if names and names_parts(table):
         message += f" ({', '.join(f'{number} {name}' for name, number in names.most_common())})"
     wrong = sum(part.audit == "fail" for part in log.parts)

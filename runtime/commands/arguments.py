@@ -67,15 +67,8 @@ def address(text: str) -> str:
 class PrintedMap(argparse.Action):
     """Prints the registers of `--plc` and exits, as --help does."""
 
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: Any,
-        option: Any = None,
-    ) -> None:
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
         """Prints them."""
-        del namespace, values, option
         from runtime.plc import registers  # not loaded by a run without a PLC
 
         say(json.dumps(registers.as_json()))
@@ -84,59 +77,34 @@ class PrintedMap(argparse.Action):
 
 def parser() -> Parser:
     """The command's arguments."""
-    built = Parser(
-        prog="grasp-runtime",
-        description="Localise parts by executing a decision table on a cell.",
-        epilog=EPILOG,
-    )
+    text = "Localise parts by executing a decision table on a cell."
+    built = Parser(prog="grasp-runtime", description=text, epilog=EPILOG)
     add = built.add_argument
-    add(
-        "--tree",
-        type=Path,
-        required=True,
-        action="append",
-        dest="trees",
-        metavar="T",
-        help="the table, as plan-compile wrote it; with --plc several, each with its --tree",
+    text = "the table, as plan-compile wrote it; with --plc several, each with its --tree"
+    add("--tree", type=Path, required=True, action="append", dest="trees", metavar="T", help=text)
+    text = (
+        "the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, urcap://host, "
+        "can:..., dh:///dev/..., manual (you type the width that calipers show), or a driver's own scheme"
     )
-    add(
-        "--port",
-        type=address,
-        help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, "
-        "urcap://host, can:..., dh:///dev/..., manual (you type the width that calipers "
-        "show), or a driver's own scheme",
+    add("--port", type=address, help=text)
+    text = (
+        "the arm: tcp://host:port, ur://host, omnicore://host, manual (you move the hand as you are asked "
+        "to), or a driver's own scheme; not with --port sim, which has one"
     )
-    add(
-        "--arm",
-        type=address,
-        help="the arm: tcp://host:port, ur://host, omnicore://host, manual (you move the hand as you are "
-        "asked to), or a driver's own scheme; not with --port sim, which has one",
+    add("--arm", type=address, help=text)
+    text = (
+        "number of parts, including those before a crash (default: 1; no end with --serve, --plc)"
     )
-    add(
-        "--count",
-        type=positive_int,
-        metavar="N",
-        help="number of parts, including those before a crash (default: 1; no end with --serve, --plc)",
+    add("--count", type=positive_int, metavar="N", help=text)
+    text = "activate the gripper if need be: the fingers sweep fully"
+    add("--activate", action="store_true", help=text)
+    text = f"append the run to this file, verified from its last seal on (default: ./{DEFAULT_JOURNAL})"
+    add("--journal", type=Path, default=DEFAULT_JOURNAL, metavar="P", help=text)
+    text = (
+        "public key: refuse the table unless a pack in its folder that is signed with it holds table and "
+        "calibration of this run (squeezetree pack)"
     )
-    add(
-        "--activate",
-        action="store_true",
-        help="activate the gripper if need be: the fingers sweep fully",
-    )
-    add(
-        "--journal",
-        type=Path,
-        default=DEFAULT_JOURNAL,
-        metavar="P",
-        help=f"append the run to this file, verified from its last seal on (default: ./{DEFAULT_JOURNAL})",
-    )
-    add(
-        "--require-signed",
-        type=Path,
-        metavar="KEY",
-        help="public key: refuse the table unless a pack in its folder that is signed with it holds table "
-        "and calibration of this run (squeezetree pack)",
-    )
+    add("--require-signed", type=Path, metavar="KEY", help=text)
     built.add_common(
         "print one JSON object a part, or one for --check or --dry-run; messages go to standard error"
     )
@@ -149,163 +117,101 @@ def parser() -> Parser:
 
 
 def _add_instead(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--check",
-        action="store_true",
-        help="validate the table against the gripper's calibration, read the gripper at --port, move nothing",
+    add = group.add_argument
+    text = "validate the table against the gripper's calibration, read the gripper at --port, move nothing"
+    add("--check", action="store_true", help=text)
+    text = "connect over links that cannot write, and print what would be sent"
+    add("--dry-run", action="store_true", help=text)
+    text = "put down what the fingers still hold: straight down where the arm stands, open, retreat, end"
+    add("--put-down", action="store_true", help=text)
+    text = (
+        "answer a robot's lines there, one robot at a time (tools/docs/serve.md); port 0 takes a free one "
+        "and says which"
     )
-    group.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="connect over links that cannot write, and print what would be sent",
+    add("--serve", metavar="tcp://HOST:PORT", help=text)
+    text = (
+        "a PLC is the master: serve modbus-tcp://HOST:PORT, or opc.tcp://HOST:PORT (extra opcua), and run a "
+        "part at each of its triggers (tools/docs/plc.md); port 0 takes a free one and says which"
     )
-    group.add_argument(
-        "--put-down",
-        action="store_true",
-        help="put down what the fingers still hold: straight down where the arm stands, open, retreat, end",
+    add("--plc", metavar="URL", help=text)
+    text = "print the registers of --plc, and start nothing"
+    add("--plc-map", action=PrintedMap, choices=("json",), help=text)
+    text = (
+        "with opc.tcp: where the server makes its key and certificate, and pins the certificate of the first "
+        "client (default: JOURNAL.opcua, beside the journal)"
     )
-    group.add_argument(
-        "--serve",
-        metavar="tcp://HOST:PORT",
-        help="answer a robot's lines there, one robot at a time (tools/docs/serve.md); port 0 takes "
-        "a free one and says which",
+    add("--plc-certificates", type=Path, metavar="FOLDER", help=text)
+    text = "with opc.tcp: let in the clients whose certificates are in there, in place of the first one"
+    add("--plc-trusted", type=Path, metavar="FOLDER", help=text)
+    text = "with opc.tcp: neither sign nor encrypt, and let in everybody"
+    add("--plc-insecure", action="store_true", help=text)
+    text = (
+        "with --serve, --plc: HOST may be another address than this machine's own; there is no password, and "
+        "without opc.tcp no certificate either"
     )
-    group.add_argument(
-        "--plc",
-        metavar="URL",
-        help="a PLC is the master: serve modbus-tcp://HOST:PORT, or opc.tcp://HOST:PORT (extra opcua), and "
-        "run a part at each of its triggers (tools/docs/plc.md); port 0 takes a free one and says which",
-    )
-    group.add_argument(
-        "--plc-map",
-        action=PrintedMap,
-        choices=("json",),
-        help="print the registers of --plc, and start nothing",
-    )
-    group.add_argument(
-        "--plc-certificates",
-        type=Path,
-        metavar="FOLDER",
-        help="with opc.tcp: where the server makes its key and certificate, and pins the certificate of the "
-        "first client (default: JOURNAL.opcua, beside the journal)",
-    )
-    group.add_argument(
-        "--plc-trusted",
-        type=Path,
-        metavar="FOLDER",
-        help="with opc.tcp: let in the clients whose certificates are in there, in place of the first one",
-    )
-    group.add_argument(
-        "--plc-insecure",
-        action="store_true",
-        help="with opc.tcp: neither sign nor encrypt, and let in everybody",
-    )
-    group.add_argument(
-        "--network",
-        action="store_true",
-        help="with --serve, --plc: HOST may be another address than this machine's own; there is no "
-        "password, and without opc.tcp no certificate either",
-    )
+    add("--network", action="store_true", help=text)
 
 
 def _add_handling(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add(
-        "--calibration",
-        type=Path,
-        metavar="F",
-        help="of this gripper, as grasp-calibrate width wrote it",
+    text = "of this gripper, as grasp-calibrate width wrote it"
+    add("--calibration", type=Path, metavar="F", help=text)
+    text = (
+        "how the tips move while the jaws do: arc, straight, or LINK,OFFSET in mm (default: arc on a 2F-85, "
+        "whose arm then moves with the jaws, and on a 2F-140, with a measured OFFSET; straight in a "
+        "simulated cell, whose tips do); a person who is arm or gripper keeps the tips level without it"
     )
-    add(
-        "--tips",
-        metavar="ARC",
-        help="how the tips move while the jaws do: arc, straight, or LINK,OFFSET in mm (default: arc on a "
-        "2F-85, whose arm then moves with the jaws, and on a 2F-140, with a measured OFFSET; straight in a "
-        "simulated cell, whose tips do); a person who is arm or gripper keeps the tips level without it",
+    add("--tips", metavar="ARC", help=text)
+    text = (
+        "close gently until contact and then raise the force, or close with it (default: regulated)"
     )
-    add(
-        "--force",
-        choices=("regulated", "direct"),
-        default="regulated",
-        help="close gently until contact and then raise the force, or close with it (default: regulated)",
+    add("--force", choices=("regulated", "direct"), default="regulated", help=text)
+    text = "raise the force no further once the motor draws this much (default: up to the table's force)"
+    add("--grip-current", type=positive_int, metavar="MA", help=text)
+    text = (
+        "take a localised part and put it down there (default: as the job's section delivery says); for a "
+        "table of several parts once for each, by its name: one that is not named stays where it lies"
     )
-    add(
-        "--grip-current",
-        type=positive_int,
-        metavar="MA",
-        help="raise the force no further once the motor draws this much (default: up to the table's force)",
+    add("--deliver", action="append", metavar="[NAME=]X,Y,ANGLE|FILE|no", help=text)
+    text = (
+        "ask this program about every leaf, and once before the run: a JSON line in, one out; {camera} is "
+        "the address of the camera of --port sim"
     )
-    add(
-        "--deliver",
-        action="append",
-        metavar="[NAME=]X,Y,ANGLE|FILE|no",
-        help="take a localised part and put it down there (default: as the job's section delivery says); for "
-        "a table of several parts once for each, by its name: one that is not named stays where it lies",
-    )
-    add(
-        "--audit",
-        metavar="COMMAND",
-        help="ask this program about every leaf, and once before the run: a JSON line in, one out; {camera} "
-        "is the address of the camera of --port sim",
-    )
+    add("--audit", metavar="COMMAND", help=text)
 
 
 def _add_policy(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add(
-        "--jaws-empty",
-        action="store_true",
-        help="start although the fingers may hold something: you see that they do not (a held part falls)",
+    text = "start although the fingers may hold something: you see that they do not (a held part falls)"
+    add("--jaws-empty", action="store_true", help=text)
+    text = (
+        "in this order, each once a part: resqueeze, restart; and last next or stop (default: next)"
     )
-    add(
-        "--on-reject",
-        default="next",
-        metavar="LIST",
-        help="in this order, each once a part: resqueeze, restart; and last next or stop (default: next)",
+    add("--on-reject", default="next", metavar="LIST", help=text)
+    text = "restart; and last next or stop (default: next)"
+    add("--on-unresolved", default="next", metavar="LIST", help=text)
+    text = (
+        "if the journal's last run broke off: give it up and exit 25, continue its part, or restart that "
+        "part (default: abort)"
     )
-    add(
-        "--on-unresolved",
-        default="next",
-        metavar="LIST",
-        help="restart; and last next or stop (default: next)",
+    add("--after-crash", choices=("abort", "resume", "restart"), default="abort", help=text)
+    text = (
+        "continue with a part only if its last record is at most so many seconds old (default: 300)"
     )
-    add(
-        "--after-crash",
-        choices=("abort", "resume", "restart"),
-        default="abort",
-        help="if the journal's last run broke off: give it up and exit 25, continue its part, or restart "
-        "that part (default: abort)",
-    )
-    add(
-        "--resume-within",
-        type=positive,
-        default=300.0,
-        metavar="S",
-        help="continue with a part only if its last record is at most so many seconds old (default: 300)",
-    )
+    add("--resume-within", type=positive, default=300.0, metavar="S", help=text)
 
 
 def _add_views(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add(
-        "--http",
-        metavar="[HOST:]PORT",
-        help="a page that follows the run, with /status.json and /metrics; read-only, and for this machine "
-        "alone unless HOST names another address of it",
+    text = (
+        "a page that follows the run, with /status.json and /metrics; read-only, and for this machine alone "
+        "unless HOST names another address of it"
     )
-    add(
-        "--shifts",
-        type=hours,
-        default=CHANGES,
-        metavar="H,H,...",
-        help="hours at which shifts change, for the page's figures (default: 6,14,22)",
-    )
-    add(
-        "--takt",
-        type=seconds,
-        metavar="6s",
-        help="also print at the end how many parts were done within it",
-    )
+    add("--http", metavar="[HOST:]PORT", help=text)
+    text = "hours at which shifts change, for the page's figures (default: 6,14,22)"
+    add("--shifts", type=hours, default=CHANGES, metavar="H,H,...", help=text)
+    text = "also print at the end how many parts were done within it"
+    add("--takt", type=seconds, metavar="6s", help=text)
 
 
 def hours(text: str) -> tuple[int, ...]:
@@ -318,19 +224,11 @@ def hours(text: str) -> tuple[int, ...]:
 
 def _add_simulated(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add(
-        "--time-scale",
-        type=time_scale,
-        default=1.0,
-        metavar="S",
-        help="speed as a multiple of real time; max: virtual time, in this process",
-    )
+    text = "speed as a multiple of real time; max: virtual time, in this process"
+    add("--time-scale", type=time_scale, default=1.0, metavar="S", help=text)
     add("--seed", type=int, default=0, metavar="N", help="of the simulated cell (default: 0)")
-    add(
-        "--world",
-        metavar="M:F",
-        help="physics of the cell (default: the planner's; without it a rehearsal)",
-    )
+    text = "physics of the cell (default: the planner's; without it a rehearsal)"
+    add("--world", metavar="M:F", help=text)
 
 
 def time_scale(text: str) -> float:

@@ -51,9 +51,7 @@ is told by grasp-calibrate camera --help, tag --help and pictures --help.
 def parser() -> Parser:
     """The command's arguments."""
     built = Parser(
-        prog="grasp-calibrate",
-        description="Measure the parameters of a cell.",
-        epilog=EPILOG,
+        prog="grasp-calibrate", description="Measure the parameters of a cell.", epilog=EPILOG
     )
     built.add_debug()
     subcommands = built.add_subparsers(
@@ -67,37 +65,19 @@ def parser() -> Parser:
         subcommands.add_parser(name, help=help_text, add_help=False)
     calibrate_middle.add_shared(width)
     add = width.add_argument
-    add(
-        "--gripper",
-        required=True,
-        metavar="NAME",
-        help="its serial number: the file is for this one alone",
-    )
+    text = "its serial number: the file is for this one alone"
+    add("--gripper", required=True, metavar="NAME", help=text)
     add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration file")
-    add(
-        "--model",
-        metavar="MODEL",
-        default=DEFAULT_MODEL,
-        help=f"its kind: {', '.join(PROFILES)}, or of a driver of its own (default: {DEFAULT_MODEL})",
-    )
-    add(
-        "--blocks",
-        metavar="MM,...",
-        help=f"widths of the blocks (default: {_blocks(DEFAULT_MODEL)})",
-    )
-    add(
-        "--grips", type=int, default=3, metavar="N", help="times each block is gripped (default: 3)"
-    )
-    add(
-        "--tips",
-        metavar="LINK,OFFSET",
-        help="the tips' arc in mm, kept in the file for grasp-runtime",
-    )
-    add(
-        "--current",
-        metavar="LEAST,MOST",
-        help="motor current at rest on a part in mA, kept in the file",
-    )
+    text = f"its kind: {', '.join(PROFILES)}, or of a driver of its own (default: {DEFAULT_MODEL})"
+    add("--model", metavar="MODEL", default=DEFAULT_MODEL, help=text)
+    text = f"widths of the blocks (default: {_blocks(DEFAULT_MODEL)})"
+    add("--blocks", metavar="MM,...", help=text)
+    text = "times each block is gripped (default: 3)"
+    add("--grips", type=int, default=3, metavar="N", help=text)
+    text = "the tips' arc in mm, kept in the file for grasp-runtime"
+    add("--tips", metavar="LINK,OFFSET", help=text)
+    text = "motor current at rest on a part in mA, kept in the file"
+    add("--current", metavar="LEAST,MOST", help=text)
     return built
 
 
@@ -208,9 +188,8 @@ def _checked(
 
 def _blocks(model: str) -> str:
     """The usual blocks that fit between the fingers."""
-    return ",".join(
-        str(width) for width in DEFAULT_BLOCKS if 1000 * width < profile_of(model).stroke_um
-    )
+    stroke_um = profile_of(model).stroke_um
+    return ",".join(str(width) for width in DEFAULT_BLOCKS if 1000 * width < stroke_um)
 
 
 def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:

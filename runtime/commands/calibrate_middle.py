@@ -51,37 +51,16 @@ def add_to(subcommands: Any, codes: str) -> None:
     add = parser.add_argument
     add_shared(parser)
     add("--arm", type=address, required=True, metavar="URL", help="the arm, as for grasp-runtime")
-    add(
-        "--tree",
-        type=Path,
-        required=True,
-        metavar="T.msgpack",
-        help="the table that the cell will run",
-    )
-    add(
-        "--calibration",
-        type=Path,
-        required=True,
-        metavar="F",
-        help="of its widths, by grasp-calibrate width",
-    )
-    add(
-        "--block",
-        type=number,
-        required=True,
-        metavar="MM",
-        help="the block's width, near that of the part",
-    )
-    add(
-        "--at", default="0,0", metavar="X,Y", help="its centre in mm, to within 4 mm (default: 0,0)"
-    )
-    add(
-        "--angle",
-        type=number,
-        default=0.0,
-        metavar="DEG",
-        help="of the hand square to it (default: 0)",
-    )
+    text = "the table that the cell will run"
+    add("--tree", type=Path, required=True, metavar="T.msgpack", help=text)
+    text = "of its widths, by grasp-calibrate width"
+    add("--calibration", type=Path, required=True, metavar="F", help=text)
+    text = "the block's width, near that of the part"
+    add("--block", type=number, required=True, metavar="MM", help=text)
+    text = "its centre in mm, to within 4 mm (default: 0,0)"
+    add("--at", default="0,0", metavar="X,Y", help=text)
+    text = "of the hand square to it (default: 0)"
+    add("--angle", type=number, default=0.0, metavar="DEG", help=text)
     add("-o", "--output", type=Path, required=True, metavar="F2", help="F with the measured middle")
     add("--tips", metavar="straight|arc|LINK,OFFSET", help="as for grasp-runtime")
 
@@ -111,11 +90,8 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
     table = load(arguments.tree).table
     safety.check_table(table)
     measured = known.of(table.gripper.profile)
-    handling = Handling(
-        calibration=measured,
-        arc=options.arc_of(arguments, table, known),
-        current_ma=known.current_ma or CURRENT_MA,
-    )
+    arc, current_ma = options.arc_of(arguments, table, known), known.current_ma or CURRENT_MA
+    handling = Handling(calibration=measured, arc=arc, current_ma=current_ma)
     check_arc(handling.arc, table.limits, measured)
     node = fixed_block.gripping(table, arguments.block)
     height_mm = table.limits.retreat_height_um / 1000
@@ -139,12 +115,9 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
             try:
                 result = fixed_block.measure(hand, node, arguments.block, at, tell)
             except BaseException as error:
+                arm_known, may_hold = hand.arm_known, hand.jaws.may_hold
                 for note in reach_safe_state(
-                    gripper,
-                    arm,
-                    table.limits,
-                    arm_known=hand.arm_known,
-                    may_hold_fixed=hand.jaws.may_hold,
+                    gripper, arm, table.limits, arm_known=arm_known, may_hold_fixed=may_hold
                 ):
                     error.add_note(note)
                 raise

@@ -33,26 +33,18 @@ MARKS = {Verdict.GOOD: "ok  ", Verdict.WARNING: "WARN", Verdict.BAD: "BAD "}
 
 def parser() -> Parser:
     """The command's arguments."""
-    built = Parser(
-        prog="grasp-doctor",
-        description="Check a cell before it runs; moves nothing.",
-        epilog=EPILOG,
-    )
+    text = "Check a cell before it runs; moves nothing."
+    built = Parser(prog="grasp-doctor", description=text, epilog=EPILOG)
     add = built.add_argument
-    add(
-        "--port",
-        type=address,
-        required=True,
-        help="the gripper, as for grasp-runtime; sim with --tree",
-    )
+    text = "the gripper, as for grasp-runtime; sim with --tree"
+    add("--port", type=address, required=True, help=text)
     add("--arm", type=address, help="the arm, as for grasp-runtime")
     add("--tree", type=Path, metavar="T", help="the table that is to run")
-    add(
-        "--gripper",
-        metavar="MODEL",
-        help=f"its model where there is no table: {', '.join(PROFILES)}, or that of another driver (default: "
-        "the usual one of the port's make)",
+    text = (
+        f"its model where there is no table: {', '.join(PROFILES)}, or that of another driver (default: the "
+        "usual one of the port's make)"
     )
+    add("--gripper", metavar="MODEL", help=text)
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
     built.add_common()
     return built
@@ -118,9 +110,8 @@ def findings(
                 yield from doctor.check_arm(arm, table)
         except OSError as error:
             page = "drivers/abb/README.md" if arm_url.startswith("tcp:") else "tools/docs/arms.md"
-            yield doctor.failed(
-                "arm", error, f"Look at the controller's program and state; see {page}."
-            )
+            remedy = f"Look at the controller's program and state; see {page}."
+            yield doctor.failed("arm", error, remedy)
 
 
 def _profile(arguments: argparse.Namespace, table: Table | None) -> GripperProfile | None:
@@ -171,8 +162,5 @@ def _as_line(finding: Finding) -> str:
 
 
 def _as_object(finding: Finding) -> dict[str, object]:
-    return {
-        "verdict": finding.verdict.value,
-        "sentence": finding.sentence,
-        "remedy": finding.remedy or None,
-    }
+    verdict, sentence, remedy = finding
+    return {"verdict": verdict.value, "sentence": sentence, "remedy": remedy or None}

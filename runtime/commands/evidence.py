@@ -38,78 +38,53 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def parser() -> Parser:
     """The command's arguments."""
-    built = Parser(
-        prog=NAME,
-        description="Sign a table with its calibration and job, and check that nothing was changed since.",
-        epilog=EPILOG,
-    )
+    text = "Sign a table with its calibration and job, and check that nothing was changed since."
+    built = Parser(prog=NAME, description=text, epilog=EPILOG)
     subcommands = built.add_subparsers(required=True, metavar="key | pack | verify")
-    subcommand = _subcommand(subcommands, "key -o acme.pem", _key, "make a key to sign with")
-    subcommand.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="K.pem",
-        help="private key, for its owner alone; the public one goes to K.pem.pub; neither is overwritten "
-        "(default: ~/.config/squeezetree/signing-key.pem)",
+    add = _add_subcommand(subcommands, "key -o acme.pem", _key, "make a key to sign with")
+    text = (
+        "private key, for its owner alone; the public one goes to K.pem.pub; neither is overwritten "
+        "(default: ~/.config/squeezetree/signing-key.pem)"
     )
+    add("-o", "--output", type=Path, metavar="K.pem", help=text)
     purpose = "sign a table, its calibration and its job as one zip"
-    subcommand = _subcommand(subcommands, "pack T.msgpack -o T.zip", _pack, purpose)
-    subcommand.add_argument(
-        "tree", type=Path, metavar="T", help="the table, as plan-compile wrote it"
-    )
-    subcommand.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="P.zip", help="the pack, a new file"
-    )
-    subcommand.add_argument(
-        "--calibration", type=Path, metavar="F", help="of the gripper that will run the table"
-    )
-    subcommand.add_argument(
-        "--key",
-        type=Path,
-        metavar="K.pem",
-        help="private key (default: the one of grasp-evidence key, which is made if need be)",
-    )
-    subcommand.add_argument(
-        "--signer", type=_name, metavar="NAME", help="who signs, for people (default: user@host)"
-    )
+    add = _add_subcommand(subcommands, "pack T.msgpack -o T.zip", _pack, purpose)
+    add("tree", type=Path, metavar="T", help="the table, as plan-compile wrote it")
+    add("-o", "--output", type=Path, required=True, metavar="P.zip", help="the pack, a new file")
+    add("--calibration", type=Path, metavar="F", help="of the gripper that will run the table")
+    text = "private key (default: the one of grasp-evidence key, which is made if need be)"
+    add("--key", type=Path, metavar="K.pem", help=text)
+    add("--signer", type=_name, metavar="NAME", help="who signs, for people (default: user@host)")
     purpose = "check every byte of a pack; needs no network"
-    subcommand = _subcommand(subcommands, "verify T.zip --key acme.pem.pub", _verify, purpose)
-    subcommand.add_argument("pack", type=Path, metavar="P.zip", help="the pack")
-    subcommand.add_argument(
-        "--key",
-        type=Path,
-        metavar="K.pub",
-        help="public key that must have signed; without it the pack's own, which says nothing of who signed",
-    )
+    add = _add_subcommand(subcommands, "verify T.zip --key acme.pem.pub", _verify, purpose)
+    add("pack", type=Path, metavar="P.zip", help="the pack")
+    text = "public key that must have signed; without it the pack's own, which says nothing of who signed"
+    add("--key", type=Path, metavar="K.pub", help=text)
     return built
 
 
-def _subcommand(
+def _add_subcommand(
     subcommands: "argparse._SubParsersAction[Parser]",
     example: str,
     body: Callable[[argparse.Namespace], int],
     purpose: str,
-) -> Parser:
+) -> Callable[..., object]:
+    """Adds a subcommand; returns what adds an argument to it."""
     name = example.partition(" ")[0]
     subcommand = add_command(subcommands, name, purpose, f"{NAME} {example}", EXIT_CODES)
     subcommand.add_common()
     subcommand.set_defaults(run=body)
-    return subcommand
+    return subcommand.add_argument
 
 
 def _key(arguments: argparse.Namespace) -> int:
     path = arguments.output or _default_key()
-    key = keys.generate(path)
-    fields = {
-        "key": str(path),
-        "public": str(keys.public_of(path)),
-        "fingerprint": key.public.fingerprint,
-    }
+    fingerprint, public = keys.generate(path).public.fingerprint, keys.public_of(path)
+    fields = {"key": str(path), "public": str(public), "fingerprint": fingerprint}
     lines = (
         f"{path}: private key, keep it where the signer alone can read it",
-        f"{keys.public_of(path)}: public key, for verify and --require-signed",
-        f"fingerprint {key.public.fingerprint}",
+        f"{public}: public key, for verify and --require-signed",
+        f"fingerprint {fingerprint}",
     )
     say_result(arguments.json, fields, lines)
     return 0
@@ -120,15 +95,12 @@ def _pack(arguments: argparse.Namespace) -> int:
     if output.exists():
         raise OutputError(f"{output} is there, and a pack is never overwritten; name another file")
     table = load(arguments.tree)
-    measured = (
-        None if arguments.calibration is None else calibration.bytes_of(arguments.calibration)
-    )
+    measured, path = None, arguments.calibration
+    if path is not None:
+        measured = calibration.bytes_of(path)
     key = _signing_key(arguments.key)
-    facts = {
-        "signer": arguments.signer or _person(),
-        "created": SystemClock().stamp(),
-        "versions": _versions(),
-    }
+    signer, created = arguments.signer or _person(), SystemClock().stamp()
+    facts = {"signer": signer, "created": created, "versions": _versions()}
     data = signed(table, measured, key, facts)
     pack = verified(data, key.public)
     with writing(output) as draft:

@@ -43,44 +43,24 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def parser() -> Parser:
     """The command's arguments."""
-    built = Parser(
-        prog="grasp-journal",
-        description="Read, verify, replay and export the journals of grasp-runtime.",
-        epilog=EPILOG,
-    )
+    text = "Read, verify, replay and export the journals of grasp-runtime."
+    built = Parser(prog="grasp-journal", description=text, epilog=EPILOG)
     subcommands = built.add_subparsers(required=True, metavar="show | verify | replay | export")
     shown = _subcommand(subcommands, "show", _show, "print its records, one line each")
-    shown.add_argument("--part", type=natural, metavar="N", help="only this part's")
-    shown.add_argument("--node", type=natural, metavar="N", help="only squeezes at this node")
-    shown.add_argument(
-        "--outcome", choices=[outcome.value for outcome in Outcome], help="only parts that ended so"
-    )
-    shown.add_argument(
-        "--since",
-        type=_since,
-        metavar="TIME",
-        help="only from this time on, e.g. 2026-11-21T09:00 (UTC)",
-    )
-    shown.add_argument(
-        "--times", action="store_true", help="instead: where the seconds of its parts go"
-    )
-    shown.add_argument(
-        "--takt",
-        type=seconds,
-        metavar="6s",
-        help="with --times: also how many parts were done within it",
-    )
+    add = shown.add_argument
+    add("--part", type=natural, metavar="N", help="only this part's")
+    add("--node", type=natural, metavar="N", help="only squeezes at this node")
+    add("--outcome", choices=[each.value for each in Outcome], help="only parts that ended so")
+    text = "only from this time on, e.g. 2026-11-21T09:00 (UTC)"
+    add("--since", type=_since, metavar="TIME", help=text)
+    add("--times", action="store_true", help="instead: where the seconds of its parts go")
+    text = "with --times: also how many parts were done within it"
+    add("--takt", type=seconds, metavar="6s", help=text)
     _subcommand(subcommands, "verify", _verify, "check every line's digest and the chain")
     _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
     exported = _subcommand(subcommands, "export", _export, "one row a squeeze as CSV")
-    exported.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="F",
-        help="file.csv; - for standard output",
-    )
+    text = "file.csv; - for standard output"
+    exported.add_argument("-o", "--output", type=Path, required=True, metavar="F", help=text)
     return built
 
 
@@ -89,9 +69,8 @@ def _subcommand(
 ) -> Parser:
     example = f"grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
     command = add_command(subcommands, name, help_text, example, EXIT_CODES)
-    command.add_argument(
-        "journal", type=Path, help="the journal; its sealed segments are read with it"
-    )
+    text = "the journal; its sealed segments are read with it"
+    command.add_argument("journal", type=Path, help=text)
     which = "a record" if name == "show" else "instead of text"
     command.add_common(f"print one JSON object {which}")
     command.set_defaults(run=body)

@@ -143,17 +143,10 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     )
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
     # A robot that uses --serve delivers parts itself.
-    asked = ["no"] if arguments.serve is not None else arguments.deliver
-    person = _takes_part(arguments)
-    return RunOptions(
-        policy,
-        handling,
-        _delivery(asked, table),
-        PATIENCE if person else 1.0,
-        arguments.takt,
-        turns=not person,
-        timed=arguments.time_scale in (1.0, inf),
-    )
+    place = _delivery(["no"] if arguments.serve is not None else arguments.deliver, table)
+    person, timed = _takes_part(arguments), arguments.time_scale in (1.0, inf)
+    patience, takt_s = PATIENCE if person else 1.0, arguments.takt
+    return RunOptions(policy, handling, place, patience, takt_s, turns=not person, timed=timed)
 
 
 def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | delivery.Sorting | None:

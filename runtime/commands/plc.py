@@ -64,11 +64,7 @@ def check(arguments: argparse.Namespace) -> Address:
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"{option} {reason}; leave it out, or leave out --plc")
     address = server.served(
-        arguments.plc,
-        "--plc",
-        (MODBUS, OPC_UA),
-        network=arguments.network,
-        risk="trigger motions",
+        arguments.plc, "--plc", (MODBUS, OPC_UA), network=arguments.network, risk="trigger motions"
     )
     _check_security(arguments, arguments.plc.partition("://")[0])
     return address

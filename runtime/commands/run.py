@@ -86,10 +86,8 @@ class _Asked:
         incidents = Incidents()
         devices = self._connect(incidents.record)
         for recipe in recipes:
-            options = recipe.options
-            carry.check(
-                options.delivery, recipe.loaded.table, devices.arm, options.handling.middle_mm
-            )
+            delivery, middle_mm = recipe.options.delivery, recipe.options.handling.middle_mm
+            carry.check(delivery, recipe.loaded.table, devices.arm, middle_mm)
         # A simulated gripper powers up in reset like a real one, and holds nothing real.
         activate = arguments.activate or arguments.port == SIMULATED
         # Refused now instead of later: a refused run leaves no record and no file.
@@ -139,21 +137,12 @@ class _Asked:
         monitor = self.stack.enter_context(self._monitor())
         listener = self.stack.enter_context(listening(address, "--serve"))
         journal = self._look_back(clock)[0] or self._journal(clock)
-        self.recipe.console.note(
-            f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}"
-        )
+        place = f"{address.host}:{listener.getsockname()[1]}"
+        self.recipe.console.note(f"a robot may ask at tcp://{place}")
         self._begin(journal, None, monitor, clock, (self.recipe,))
         with session.ending(journal) as tally:
-            parts = AskedParts(
-                table,
-                self.recipe.loaded.digest,
-                journal,
-                clock,
-                monitor,
-                tally,
-                self.recipe.options,
-                arguments.count,
-            )
+            name, options, count = self.recipe.loaded.digest, self.recipe.options, arguments.count
+            parts = AskedParts(table, name, journal, clock, monitor, tally, options, count)
             serve.RobotServer(listener, parts, clock).serve()
         monitor.summary(tally, arguments.journal)
         return tally.exit_code
@@ -183,16 +172,14 @@ class _Asked:
 
     def dry_run(self) -> int:
         """Prints what would be sent to the devices, over links that cannot write."""
-        devices = self._connect(Incidents().record)
-        lines = dry_run.tell(
-            self.recipe.loaded.table, devices.gripper, devices.arm, self.recipe.options
-        )
+        devices, recipe = self._connect(Incidents().record), self.recipe
+        lines = dry_run.tell(recipe.loaded.table, devices.gripper, devices.arm, recipe.options)
         if self.arguments.json:
             say(json.dumps({"told": lines}))
         else:
             for sentence in lines:
-                self.recipe.console.note(sentence)
-        self.recipe.console.note(
+                recipe.console.note(sentence)
+        recipe.console.note(
             "dry run: nothing was written to the gripper, and nothing but questions to the arm"
         )
         return 0
@@ -227,21 +214,17 @@ class _Asked:
         if not files.exists(arguments.journal):
             return None, None
         journal = self._journal(clock)
-        now = {"time": clock.stamp(), **clock.uptime()}
+        now, most_s = {"time": clock.stamp(), **clock.uptime()}, arguments.resume_within
+        recipe, policy = self.recipe, arguments.after_crash
+        data, console = recipe.loaded.data, recipe.console
         try:
             broken = crash.look(
-                journal,
-                self.recipe.loaded.data,
-                self.recipe.header,
-                arguments.after_crash,
-                self.recipe.console,
-                now=now,
-                most_s=arguments.resume_within,
+                journal, data, recipe.header, policy, console, now=now, most_s=most_s
             )
         except BrokenRunError as error:
             if not arguments.put_down:
                 raise
-            self.recipe.console.note(str(error))
+            console.note(str(error))
             broken = None
         return journal, broken
 
@@ -266,9 +249,8 @@ class _Asked:
         if self.arguments.audit is None:
             return None
         command = self.arguments.audit.replace(SIMULATED_CAMERA, devices.camera)
-        auditor = self.stack.enter_context(
-            AuditProcess(command, table_sha256=self.recipe.loaded.digest)
-        )
+        process = AuditProcess(command, table_sha256=self.recipe.loaded.digest)
+        auditor = self.stack.enter_context(process)
         auditor.check()
         return auditor
 
@@ -289,8 +271,6 @@ def _believed(table: Table) -> str:
     """States which values of the table were compared with its job, and which were not."""
     figures = "whether its figures are right only an evaluation tells: plan-evaluate"
     if table.job is None:
-        return (
-            "the table carries no job: its heights, limits and poses were compared with nothing; "
-            f"{figures}"
-        )
+        compared = "its heights, limits and poses were compared with nothing"
+        return f"the table carries no job: {compared}; {figures}"
     return f"heights, limits, squeezes and poses agree with the job in the table; {figures}"

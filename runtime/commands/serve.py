@@ -40,11 +40,7 @@ def check(arguments: argparse.Namespace) -> server.Address:
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"--serve answers a robot that moves itself; leave out {option}")
     return server.served(
-        arguments.serve,
-        "--serve",
-        ("tcp",),
-        network=arguments.network,
-        risk="answer for the robot",
+        arguments.serve, "--serve", ("tcp",), network=arguments.network, risk="answer for the robot"
     )
 
 

@@ -77,20 +77,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         return run(parser(), words, _overview)
     if words[0] not in PROGRAMS:
         near = difflib.get_close_matches(words[0], PROGRAMS, 1)
-        parser().error(
-            f"there is no command {words[0]!r}" + (f"; is {near[0]} meant?" if near else "")
-        )
+        meant = f"; is {near[0]} meant?" if near else ""
+        parser().error(f"there is no command {words[0]!r}{meant}")
     return _call(PROGRAMS[words[0]], words[1:])
 
 
 def parser() -> Parser:
     """The command's arguments; a subcommand's arguments belong to its program."""
-    built = Parser(
-        prog=NAME,
-        usage=f"{NAME} COMMAND ...",
-        epilog=EPILOG,
-        description=f"{_described()}\n{NAME} COMMAND --help tells more.",
-    )
+    text = f"{_described()}\n{NAME} COMMAND --help tells more."
+    built = Parser(prog=NAME, usage=f"{NAME} COMMAND ...", epilog=EPILOG, description=text)
     built.add_argument("--version", action="version", version=f"{NAME} {metadata.version(NAME)}")
     commands = built.add_subparsers(metavar="COMMAND", help=argparse.SUPPRESS, parser_class=Parser)
     for word in PROGRAMS:
@@ -103,9 +98,7 @@ def _described() -> str:
     lines = ["Locate planar parts by squeezing them: plan at a workstation, run in a cell."]
     for subject, group in GROUPS.items():
         lines += ["", f"{subject}:"]
-        lines += [
-            f"  {word:11s} {program.purpose}  [{program.name}]" for word, program in group.items()
-        ]
+        lines += [f"  {word:11s} {each.purpose}  [{each.name}]" for word, each in group.items()]
     return "\n".join([*lines, ""])
 
 

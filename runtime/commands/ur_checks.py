@@ -40,11 +40,8 @@ def check_controllers(addresses: Iterator[str], listens: Accepts = accepts) -> I
 
 
 def _check(host: str, wanted: int, listens: Accepts) -> Iterator[Finding]:
-    here = {
-        port
-        for port in (wanted, RTDE, SCRIPTS, DASHBOARD, GRIPPER, FORWARDER)
-        if listens(host, port)
-    }
+    ports = (wanted, RTDE, SCRIPTS, DASHBOARD, GRIPPER, FORWARDER)
+    here = {port for port in ports if listens(host, port)}
     if not here:
         yield bad(
             f"Nothing listens on {host}: neither {wanted} nor RTDE ({RTDE}).",

@@ -215,9 +215,8 @@ class AskedParts:
     def _tell_table(self) -> str:
         limits = self._table.limits
         heights = f"{limits.squeeze_height_um / 1000:.3f} {limits.retreat_height_um / 1000:.3f}"
-        return (
-            f"TABLE {len(self._table.nodes)} {len(self._table.leaves)} {heights} {self._name[:16]}"
-        )
+        sizes = f"{len(self._table.nodes)} {len(self._table.leaves)}"
+        return f"TABLE {sizes} {heights} {self._name[:16]}"
 
     def _version(self) -> str:
         return f"VERSION {VERSION} squeezetree"
@@ -303,11 +302,8 @@ class AskedParts:
         leaf = self._table.leaves[result.leaf]
         success = UNTRIED if leaf.success is None else leaf.success
         pose = f"{leaf.x_um / 1000:.3f} {leaf.y_um / 1000:.3f} {degrees(leaf.theta_urad / 1e6):.5f}"
-        named = (
-            ""
-            if (name := self._table.name_of(leaf)) is None
-            else f" {leaf.hypothesis} {_plain(name)}"
-        )
+        name = self._table.name_of(leaf)
+        named = "" if name is None else f" {leaf.hypothesis} {_plain(name)}"
         return f"LEAF {result.leaf} {pose} {success:.6f}{named}"
 
     def _end(self, result: PartResult) -> None:

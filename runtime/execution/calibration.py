@@ -147,7 +147,9 @@ def save(calibration: GripperCalibration, path: Path) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    body = _body(calibration)
+    gauges = [gauge._asdict() for gauge in calibration.gauges]
+    middle = None if calibration.middle is None else calibration.middle._asdict()
+    body = {"format": FORMAT, **asdict(calibration), "gauges": gauges, "middle": middle}
     text = json.dumps({**body, "sha256": strict_json.digest(body)}, indent=1) + "\n"
     with writing(path) as draft:
         draft.write_text(text, encoding="ascii")
@@ -161,9 +163,8 @@ def load(path: Path) -> GripperCalibration:
     """
 
     def refused(problem: str) -> InputError:
-        return InputError(
-            f"calibration {path}: {problem}; make it again with grasp-calibrate width"
-        )
+        remedy = "make it again with grasp-calibrate width"
+        return InputError(f"calibration {path}: {problem}; {remedy}")
 
     record = strict_json.load(path, refused)
     try:
@@ -207,12 +208,6 @@ def _parsed(record: object) -> GripperCalibration:
     )
     Calibration(next(iter(PROFILES.values())), result.points_um)  # refuses points that fall
     return result
-
-
-def _body(calibration: GripperCalibration) -> dict[str, object]:
-    gauges = [gauge._asdict() for gauge in calibration.gauges]
-    middle = None if calibration.middle is None else calibration.middle._asdict()
-    return {"format": FORMAT, **asdict(calibration), "gauges": gauges, "middle": middle}
 
 
 class Curve:

@@ -16,18 +16,8 @@ from runtime.execution import safety
 from runtime.execution.delivery import Delivery, Sorting
 from runtime.execution.hand import Hand
 from runtime.execution.reading import room_um
-from runtime.table import (
-    PPM,
-    Branch,
-    Leaf,
-    Limits,
-    Node,
-    Pose2,
-    Table,
-    close_alike,
-    job_of,
-    predicted_pose,
-)
+from runtime.execution.strokes import of_any_width
+from runtime.table import Leaf, Limits, Node, Pose2, Table, close_alike, predicted_pose
 from runtime.traversal.geometry import compose, placement, same_turns, sent
 
 
@@ -145,7 +135,7 @@ def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | N
 
 def _same(delivery: Delivery, table: Table, leaf: Leaf) -> Iterator[Way]:
     """The equivalent paths; the one without a turn of the part's symmetry first."""
-    halves = (0.0, pi) if close_alike(job_of(table)) else (0.0,)
+    halves = (0.0, pi) if close_alike(table) else (0.0,)
     x_mm, y_mm, theta_rad = delivery.drop
     symmetry = table.goal_of(leaf.hypothesis).symmetry
     for turn, half in product(range(symmetry), halves):
@@ -199,10 +189,9 @@ def _carrying(delivery: Delivery, limits: Limits) -> Limits:
 
 def _grasp_node(table: Table) -> Node:
     """The root's squeeze with the jaws wide, and one branch for any width."""
-    opening_um = table.gripper.opening_um
-    squeeze = table.nodes[0].squeeze._replace(opening_um=opening_um)
+    squeeze = table.nodes[0].squeeze._replace(opening_um=table.gripper.opening_um)
     widest_um = max(branch.high_um for node in table.nodes for branch in node.branches)
-    return table.nodes[0]._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))
+    return of_any_width(table.nodes[0], squeeze, widest_um)
 
 
 def _check_held(hand: Hand, reading_um: int) -> None:

@@ -84,9 +84,8 @@ def look(
         )
     if broken.part is not None:
         _check_recent(journal.last_part[-1], now, most_s)
-    console.note(
-        f"{message}; {'going on with it' if policy == RESUME else 'starting that part over'}"
-    )
+    goes_on = "going on with it" if policy == RESUME else "starting that part over"
+    console.note(f"{message}; {goes_on}")
     if policy == RESTART:  # from the root; the hand keeps what it may hold
         broken.traversal, broken.steps = TraversalState(), []
     return broken
@@ -148,9 +147,8 @@ def _check_recent(last: Entry, now: Entry, most_s: float) -> None:
 def _give_up(journal: Journal, broken: Replay) -> None:
     if broken.part is not None:
         message, notes = "the run broke off", ("nothing was moved",)
-        result = PartResult.of(
-            broken.part, Outcome.ABORTED, broken.steps, message, safe_state=notes
-        )
+        part, steps = broken.part, broken.steps
+        result = PartResult.of(part, Outcome.ABORTED, steps, message, safe_state=notes)
         journal.record("outcome", result.fields())
     journal.record("end", GIVEN_UP)
 

@@ -36,11 +36,8 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
             f"the fingers meet {handling.middle_mm:+.2f} mm off the hand's middle, along its y: "
             "the arm is sent as far beside every place"
         )
-    if (
-        options.turns
-        and options.delivery is None
-        and may_turn(table, job_of(table), handling.middle_mm)
-    ):
+    turns = options.turns and options.delivery is None
+    if turns and may_turn(table, job_of(table), handling.middle_mm):
         lines.append(
             "the plan of each part is turned about the origin to the angle at which the hand stands then: "
             "the places below are those of no turn"
@@ -58,14 +55,13 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
                 f"{to_y_mm:.2f}) mm at {push.speed_um_s / 1000:g} mm/s"
             )
         x_mm, y_mm, angle_rad = sent(placement(node.squeeze), handling.middle_mm)
-        regulated = strokes.is_regulated(
-            node.squeeze, calibration.profile, wanted=handling.regulated
-        )
+        profile, wanted = calibration.profile, handling.regulated
+        regulated = strokes.is_regulated(node.squeeze, profile, wanted=wanted)
         open_mm = node.squeeze.opening_um / 1000
         plan_of_jaws = strokes.closing(
             node, calibration, handling.arc, open_mm, timing, regulated=regulated
         )
-        forces = strokes.raising(node.squeeze, calibration.profile) if regulated else []
+        forces = strokes.raising(node.squeeze, profile) if regulated else []
         plan_of_jaws += [plan_of_jaws[-1]._replace(force_n=force) for force in forces]
         requests = [
             f"{s.request_um / 1000:.2f} mm at {s.speed_mm_s:.0f} mm/s with {s.force_n:.0f} N"

@@ -70,15 +70,9 @@ class Tally:
 
     def fields(self) -> dict[str, object]:
         """The sum as a journal record holds it."""
-        return {
-            "parts": self.parts,
-            "outcomes": {
-                outcome.value: self.outcomes[outcome]
-                for outcome in Outcome
-                if self.outcomes[outcome]
-            },
-            **{name: round(value, 4) for name, value in self.times().items()},
-        }
+        counts = {each.value: self.outcomes[each] for each in Outcome if self.outcomes[each]}
+        times = {name: round(value, 4) for name, value in self.times().items()}
+        return {"parts": self.parts, "outcomes": counts, **times}
 
     def times(self) -> dict[str, float]:
         """Times of parts, see `runtime.table.takt`; empty before the first, and in accelerated time.

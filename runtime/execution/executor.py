@@ -119,10 +119,9 @@ class Executor:
             self._cell.journal.record("outcome", outcome_fields(self._program.table, result))
         except BrokenRunError as error:
             # Nothing was moved; the operator looks at the fingers.
-            notes = ("nothing was moved",)
-            return self._ended(
-                PartResult.of(part, Outcome.ABORTED, self._steps, str(error), safe_state=notes)
-            )
+            reason, notes = str(error), ("nothing was moved",)
+            aborted = PartResult.of(part, Outcome.ABORTED, self._steps, reason, safe_state=notes)
+            return self._ended(aborted)
         except KeyboardInterrupt:
             return self._end(part, Outcome.STOPPED, "stopped by the operator")
         except Exception as error:
@@ -186,9 +185,8 @@ class Executor:
         assert isinstance(request, Release)
         self._console.phase(part, Phase.READ, index)
         # Before anything moves on: a decision that is not on the disk was never taken.
-        self._cell.journal.record(
-            "squeeze", {"part": part, **request.step.fields(), **reading_fields(reading)}
-        )
+        fields = {"part": part, **request.step.fields(), **reading_fields(reading)}
+        self._cell.journal.record("squeeze", fields)
         close_s = lap.lap()
         self._console.phase(part, Phase.RELEASE, index)
         after, following = request.after, request.following
@@ -269,35 +267,22 @@ class Executor:
         if delivery is not None:
             self._console.phase(result.part, Phase.DELIVER, None)
             # Includes the pose, which is the answer even if the delivery fails.
-            document = {
-                "leaf": result.leaf,
-                "x_um": leaf.x_um,
-                "y_um": leaf.y_um,
-                "theta_urad": leaf.theta_urad,
-            }
-            self._cell.journal.record("delivery", {"part": result.part, "begun": True, **document})
+            pose = {"x_um": leaf.x_um, "y_um": leaf.y_um, "theta_urad": leaf.theta_urad}
+            document = {"part": result.part, "begun": True, "leaf": result.leaf, **pose}
+            self._cell.journal.record("delivery", document)
             self._found = result.leaf
             missed = deliver(self._hand, delivery, leaf, self._program.table)
             result = result.delivered(missed)
-            self._cell.journal.record(
-                "delivery", {"part": result.part, "begun": False, "missed": missed}
-            )
+            ended = {"part": result.part, "begun": False, "missed": missed}
+            self._cell.journal.record("delivery", ended)
         return result
 
     def _end(
-        self,
-        part: int,
-        outcome: Outcome,
-        reason: str,
-        exit_code: int | None = None,
+        self, part: int, outcome: Outcome, reason: str, exit_code: int | None = None
     ) -> PartResult:
         self._console.phase(part, Phase.SAFE, None)
-        notes = reach_safe_state(
-            self._cell.gripper,
-            self._cell.arm,
-            self._program.table.limits,
-            arm_known=self._hand.arm_known,
-        )
+        cell, limits, known = self._cell, self._program.table.limits, self._hand.arm_known
+        notes = reach_safe_state(cell.gripper, cell.arm, limits, arm_known=known)
         result = PartResult.of(
             part, outcome, self._steps, reason, exit_code=exit_code, safe_state=tuple(notes)
         )

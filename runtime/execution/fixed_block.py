@@ -19,8 +19,9 @@ from drivers.ports import ObjectState
 from runtime.errors import GripperStateError
 from runtime.execution.hand import Hand
 from runtime.execution.middle import MOST_MM, Middle
+from runtime.execution.strokes import of_any_width
 from runtime.shell.errors import InputError
-from runtime.table import PPM, Branch, Node, Pose2, Table
+from runtime.table import Node, Pose2, Table
 from runtime.traversal.geometry import compose
 
 ROOM_MM = 15.0  # clearance between a block in the middle and each open finger
@@ -50,12 +51,11 @@ def gripping(table: Table, block_mm: float) -> Node:
         raise InputError(
             f"a block of {block_mm:g} mm; take one of up to {widest_um / 1000 - 2 * ROOM_MM:g} mm"
         )
+    speed_um_s, force_mn = round(1000 * gripper.profile.gentle_mm_s), gripper.least_force_mn
     squeeze = table.nodes[0].squeeze._replace(
-        opening_um=opening_um,
-        speed_um_s=round(1000 * gripper.profile.gentle_mm_s),
-        force_mn=gripper.least_force_mn,
+        opening_um=opening_um, speed_um_s=speed_um_s, force_mn=force_mn
     )
-    return table.nodes[0]._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))
+    return of_any_width(table.nodes[0], squeeze, widest_um)
 
 
 def places(at: Pose2) -> Iterator[Pose2]:
@@ -141,11 +141,9 @@ def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Midd
             f"the fingers meet {across:+.1f} mm off the hand's middle; set the tool frame"
         )
     share = -fmean(line.slope for line in lines)
-    errors = (
-        hypot(*(line.both_error_mm for line in lines)),
-        hypot(*(line.slope_error for line in lines)),
-    )
-    return Middle(block_mm, across, errors[0] / 2.0, share, errors[1] / 2.0)
+    across_error = hypot(*(line.both_error_mm for line in lines)) / 2.0
+    share_error = hypot(*(line.slope_error for line in lines)) / 2.0
+    return Middle(block_mm, across, across_error, share, share_error)
 
 
 class _Line(NamedTuple):
@@ -170,10 +168,5 @@ def _line(block_mm: float, measured_mm: float, grips: Sequence[Grip]) -> _Line:
     residual = sqrt(squares / (len(grips) - 2))
     mean = fmean(wider)
     spread = sum((v - mean) ** 2 for v in wider)
-    return _Line(
-        both,
-        slope,
-        residual * sqrt(1.0 / len(grips) + mean**2 / spread),
-        residual / sqrt(spread),
-        residual,
-    )
+    both_error = residual * sqrt(1.0 / len(grips) + mean**2 / spread)
+    return _Line(both, slope, both_error, residual / sqrt(spread), residual)

@@ -19,12 +19,7 @@ from runtime.errors import MotionRefusedError
 from runtime.execution import safety, strokes
 from runtime.execution.handling import Handling, check_arc
 from runtime.execution.jaws import Jaws
-from runtime.execution.reading import (
-    CLOSED_UM,
-    check_closed,
-    check_fresh,
-    check_set,
-)
+from runtime.execution.reading import CLOSED_UM, check_closed, check_fresh, check_set
 from runtime.execution.strokes import Stroke
 from runtime.execution.watch import ARM, GRIPPER, Watch
 from runtime.table import (
@@ -78,7 +73,7 @@ class Hand:
         schedule = Schedule.of(table, job_of(table))
         check_arc(handling.arc, table.limits, self.calibration)
         self.timing = handling.lifted(schedule.timing, self.calibration)
-        self._half_turn = pi if close_alike(job_of(table)) else tau
+        self._half_turn = pi if close_alike(table) else tau
         self._off_rad = 0.0  # angle of the hand beyond that of the plan: 0 or half a turn
         self._may_turn = may_turn(table, job_of(table), self.middle_mm)
         self.jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
@@ -103,12 +98,9 @@ class Hand:
             MotionRefusedError: it does not stand where its last motion left it.
         """
         self.arm_known = False  # until it answers
-        pose = (
-            self.arm.pose()
-            if self._sent_to is None
-            else safety.check_placed(self.arm, self._sent_to)
-        )
-        self._sent_to = self._sent_to or pose
+        sent_to = self._sent_to
+        pose = self.arm.pose() if sent_to is None else safety.check_placed(self.arm, sent_to)
+        self._sent_to = sent_to or pose
         self.arm_known = True
         return _beside(pose, -self.middle_mm)
 
@@ -273,9 +265,8 @@ class Hand:
         else:
             self.jaws.set_free(squeeze, following, free_mm)
             return
-        if self.calibration.opening_um(following.opening_um) < self.calibration.nearest_um(
-            round(1000 * self.jaws.open_mm)
-        ):
+        stands_um = self.calibration.nearest_um(round(1000 * self.jaws.open_mm))
+        if self.calibration.opening_um(following.opening_um) < stands_um:
             return  # narrower: the jaws are set once the hand is up
         self.jaws.set_out(squeeze._replace(opening_um=following.opening_um), fast=True)
 
@@ -297,13 +288,10 @@ class Hand:
             MotionRefusedError: the arm was displaced meanwhile.
         """
         handling, profile = self._handling, self._profile
+        regulated, open_mm = self._is_regulated(node), self.jaws.open_mm
+        approached = node if handling.approaches else node._replace(contact_um=None)
         plan = strokes.closing(
-            node if handling.approaches else node._replace(contact_um=None),
-            self.calibration,
-            handling.arc,
-            self.jaws.open_mm,
-            self.timing,
-            regulated=self._is_regulated(node),
+            approached, self.calibration, handling.arc, open_mm, self.timing, regulated=regulated
         )
         for stroke, following in pairwise(plan):
             self._level(stroke.advance_mm)
@@ -349,9 +337,8 @@ class Hand:
     def _go(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         """Moves to a place by the smallest turn of the hand."""
         now_rad = self._place()[3]
-        self._go_as_counted(
-            (*target[:3], now_rad + remainder(target[3] - now_rad, tau)), speed_um_s
-        )
+        turn_rad = remainder(target[3] - now_rad, tau)
+        self._go_as_counted((*target[:3], now_rad + turn_rad), speed_um_s)
 
     def _go_as_counted(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         """Moves straight to a place, in several motions where the hand turns by about half a turn or more.

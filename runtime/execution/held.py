@@ -88,12 +88,8 @@ def put_down(
     # With several parts it is unknown which one they hold, and so in which area it was carried.
     if isinstance(delivery, Delivery) and delivery.area_um is not None and not inside:
         limits = replace(limits, work_area_um=delivery.area_um)
-    document = {
-        "x_mm": pose[0],
-        "y_mm": pose[1],
-        "reading_um": reading_um,
-        "width_mm": round(width_mm, 3),
-    }
+    width = {"reading_um": reading_um, "width_mm": round(width_mm, 3)}
+    document = {"x_mm": pose[0], "y_mm": pose[1], **width}
     journal.record("put_down", {**document, "begun": True})
     with hand.limited(limits):
         hand.lower(pose[0], pose[1], pose[3], width_mm)

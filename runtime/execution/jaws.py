@@ -28,11 +28,7 @@ class Jaws:
     """
 
     def __init__(
-        self,
-        gripper: Gripper,
-        clock: SystemClock,
-        calibration: Calibration,
-        timing: Timing,
+        self, gripper: Gripper, clock: SystemClock, calibration: Calibration, timing: Timing
     ) -> None:
         self.gripper, self.calibration, self.profile = gripper, calibration, calibration.profile
         self.may_hold = True

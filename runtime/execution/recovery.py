@@ -15,7 +15,7 @@ from runtime.execution.hand import LEVEL_MM, Hand
 from runtime.execution.reading import room_um
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
 from runtime.journal.replay import Last, Replay
-from runtime.table import REJECT, Node, Pose2, Table, close_alike, from_segment, job_of
+from runtime.table import REJECT, Node, Pose2, Table, close_alike, from_segment
 from runtime.traversal.geometry import placement
 
 ABORT_REMEDY = "clear the cell, then start with --after-crash abort"
@@ -44,7 +44,7 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
     place, let_go = placement(node.squeeze), placement(node.squeeze, node.release_point(branch))
     retreat_mm = hand.limits.retreat_height_um / 1000
     low = pose[2] < (hand.timing.regrasp_mm if broken.steps else retreat_mm) - LEVEL_MM
-    alike = close_alike(job_of(table))
+    alike = close_alike(table)
     closed = state.target_um < 0  # not if set to 0 for a push
     held = broken.last is Last.SQUEEZED and (closed or state.object is not ObjectState.AT_TARGET)
     if held or broken.last is Last.PLACED:

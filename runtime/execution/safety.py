@@ -67,11 +67,7 @@ def ready_gripper(gripper: Gripper, asked_um: int | None = None) -> GripperState
 
 
 def stroke(
-    gripper: Gripper,
-    width_um: int,
-    speed_mm_s: float,
-    force_n: float,
-    asked_um: int | None = None,
+    gripper: Gripper, width_um: int, speed_mm_s: float, force_n: float, asked_um: int | None = None
 ) -> Settled:
     """Moves the jaws of a gripper that is ready, and waits until they have settled.
 

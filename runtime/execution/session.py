@@ -100,11 +100,9 @@ def run_batch(
         if scene is not None and resumed is None:
             scene.next_part()
         result = executor.run_part(number, resumed)
-        seen = (
-            None
-            if scene is None or result.outcome not in CONTINUING
-            else sight(table, scene, result)
-        )
+        seen = None
+        if scene is not None and result.outcome in CONTINUING:
+            seen = sight(table, scene, result)
         if seen is not None and seen.true is not None:
             cell.journal.record("truth", {"part": number, **truth_fields(seen)})
         console.part(result, seen)
@@ -128,12 +126,9 @@ def put_down(
                 return held.put_down(hand, table, options.delivery, cell.journal)
         except BaseException:
             # The fingers may hold anything: after a calibration perhaps a clamped block.
+            gripper, arm, may_hold = cell.gripper, cell.arm, hand.jaws.may_hold
             for sentence in reach_safe_state(
-                cell.gripper,
-                cell.arm,
-                table.limits,
-                arm_known=hand.arm_known,
-                may_hold_fixed=hand.jaws.may_hold,
+                gripper, arm, table.limits, arm_known=hand.arm_known, may_hold_fixed=may_hold
             ):
                 console.note(sentence)
             raise
@@ -188,11 +183,8 @@ def truth_fields(seen: Sighting) -> dict[str, object]:
     """The true pose of a simulated part, as fields of a journal record."""
     assert seen.true is not None
     x_mm, y_mm, theta_rad = seen.true
-    pose = {
-        "x_um": round(1e3 * x_mm),
-        "y_um": round(1e3 * y_mm),
-        "theta_urad": round(1e6 * theta_rad),
-    }
+    turn_urad = round(1e6 * theta_rad)
+    pose = {"x_um": round(1e3 * x_mm), "y_um": round(1e3 * y_mm), "theta_urad": turn_urad}
     off = None if seen.error_mm is None else round(1e3 * seen.error_mm)
     named = {} if seen.hypothesis is None else {"hypothesis": seen.hypothesis}
     return {**pose, "error_um": off, "within_goal": seen.within, **named}

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from drivers.ports import GripperProfile
 from runtime.execution.reading import CLOSED_UM
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration, Node, Squeeze, Timing
+from runtime.table import PPM, Branch, Calibration, Node, Squeeze, Timing
 
 # Largest step of the force between two readings: a quarter of its range, and its rounding.
 RAISE_SHARE = 0.251
@@ -64,6 +64,11 @@ def closing(
         strokes.append(Stroke(request, speed, force, advance_mm))
         start_mm, start_um = end_mm, request
     return strokes
+
+
+def of_any_width(node: Node, squeeze: Squeeze, widest_um: int) -> Node:
+    """The node with another squeeze, and one branch for any width."""
+    return node._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))
 
 
 def raising(squeeze: Squeeze, profile: GripperProfile) -> list[float]:

@@ -107,18 +107,15 @@ class GTestChart:
         for part in self.recent:
             for node, branch in part:
                 counts[node][branch] += 1
-        pairs = [
-            likelihood_ratio(seen, shares) for seen, shares in zip(counts, self.shares, strict=True)
-        ]
-        return chi_square_tail(sum(pair[0] for pair in pairs), sum(pair[1] for pair in pairs))
+        statistics, freedoms = zip(*map(likelihood_ratio, counts, self.shares), strict=True)
+        return chi_square_tail(sum(statistics), sum(freedoms))
 
 
 def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
     """Pearson's statistic of counts against shares, which need not add up to 1; its degrees of freedom."""
     filled = _cells(counts, shares)
-    return sum((seen - expected) ** 2 / expected for seen, expected in filled), max(
-        len(filled) - 1, 0
-    )
+    statistic = sum((seen - expected) ** 2 / expected for seen, expected in filled)
+    return statistic, max(len(filled) - 1, 0)
 
 
 def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
@@ -164,14 +161,9 @@ def binomial_at_most(most: int, trials: int, share: float) -> float:
         return float(most >= trials)
     if share <= 0.0 or most >= trials:
         return 1.0
+    ways, yes, no = lgamma(trials + 1), log(share), log1p(-share)
     terms = (
-        exp(
-            lgamma(trials + 1)
-            - lgamma(k + 1)
-            - lgamma(trials - k + 1)
-            + k * log(share)
-            + (trials - k) * log1p(-share)
-        )
+        exp(ways - lgamma(k + 1) - lgamma(trials - k + 1) + k * yes + (trials - k) * no)
         for k in range(most + 1)
     )
     return min(1.0, sum(terms))

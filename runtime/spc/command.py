@@ -26,26 +26,14 @@ COLUMNS = ("index", "part", "time", "outcome", "leaf", "verdict", "squeezes", *R
 
 def parser() -> Parser:
     """The command line."""
-    built = Parser(
-        prog="grasp-audit report",
-        description="Success, residuals and control charts, from journals alone.",
-        epilog=EPILOG,
-    )
+    text = "Success, residuals and control charts, from journals alone."
+    built = Parser(prog="grasp-audit report", description=text, epilog=EPILOG)
     add = built.add_argument
-    add(
-        "journals",
-        type=Path,
-        nargs="+",
-        metavar="JOURNAL",
-        help="of runs of one table, in their order",
-    )
+    text = "of runs of one table, in their order"
+    add("journals", type=Path, nargs="+", metavar="JOURNAL", help=text)
     add("-o", "--output", type=Path, metavar="F.html", help="the page")
-    add(
-        "--expected",
-        type=Path,
-        metavar="F",
-        help="from plan-expect: detects a change of friction early",
-    )
+    text = "from plan-expect: detects a change of friction early"
+    add("--expected", type=Path, metavar="F", help=text)
     add("--export", type=Path, metavar="F", help="a row for each part, as .csv")
     built.add_common()
     return built
@@ -92,13 +80,9 @@ def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator
 
 
 def _lines(summary: Summary) -> list[str]:
-    lines = [
-        "parts     " + ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
-    ]
+    lines = [f"parts     {_listed(summary.outcomes)}"]
     if summary.verdicts:
-        lines.append(
-            "audits    " + ", ".join(f"{count} {name}" for name, count in summary.verdicts.items())
-        )
+        lines.append(f"audits    {_listed(summary.verdicts)}")
     if summary.judged:
         low, high = summary.interval
         lines.append(
@@ -106,11 +90,13 @@ def _lines(summary: Summary) -> list[str]:
             f"predicted {summary.predicted:.4f}"
         )
     if summary.names:
-        shares = ", ".join(
-            f"{row.parts} {row.name} ({row.share:.1%} planned)" for row in summary.names
-        )
-        lines.append(f"names     {shares}; p = {summary.names_tail:.3g}")
+        shares = [f"{row.parts} {row.name} ({row.share:.1%} planned)" for row in summary.names]
+        lines.append(f"names     {', '.join(shares)}; p = {summary.names_tail:.3g}")
     lines.append(f"branches  p = {summary.tail:.3g} against the table")
     lines += [f"advice    {REFIT}"] * summary.refit
     lines += [f"ALARM     part {alarm.number}: {alarm.sentence}" for alarm in summary.alarms]
     return lines if summary.alarms else [*lines, "charts    in control"]
+
+
+def _listed(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {name}" for name, count in counts.items())

@@ -46,9 +46,7 @@ class Expectation:
 
     def gains(self, table: Table, part: Part) -> list[float]:
         """Log-likelihood ratio of a part in each other world to the planned one, at most `CLIP`."""
-        places = [
-            (squeeze.node, table.gripper.bin_of(squeeze.width_um)) for squeeze in part.squeezes
-        ]
+        places = [(each.node, table.gripper.bin_of(each.width_um)) for each in part.squeezes]
         planned, *others = (sum(log(shares[n][c]) for n, c in places) for shares in self.shares)
         # A clipped ratio, like the ratio itself, has a mean of at most one.
         return [min(other - planned, CLIP) for other in others]
@@ -72,9 +70,8 @@ class ShiryaevRoberts:
     def add(self, table: Table, part: Part) -> str | None:
         """Adds one part; on an alarm returns the name of the likeliest other world, else None."""
         gains = self.expected.gains(table, part)
-        self.sums = [
-            (1.0 + total) * exp(gain) for total, gain in zip(self.sums, gains, strict=True)
-        ]
+        pairs = zip(self.sums, gains, strict=True)
+        self.sums = [(1.0 + total) * exp(gain) for total, gain in pairs]
         if self.value < LIMIT:
             return None
         likeliest = max(range(len(self.sums)), key=lambda k: self.sums[k])

@@ -84,9 +84,8 @@ def read(paths: Sequence[Path]) -> History:
                 elif table is None or running is None:
                     continue
                 elif kind == "squeeze":
-                    running = replace(
-                        running, squeezes=(*running.squeezes, _squeezed(entry, table))
-                    )
+                    squeezes = (*running.squeezes, _squeezed(entry, table))
+                    running = replace(running, squeezes=squeezes)
                 elif kind == "turned":
                     running = replace(running, turn_rad=_whole(entry["turn_urad"]) / 1e6)
                 elif kind == "audit":
@@ -122,14 +121,15 @@ def _ended(part: Part, audit: Entry, entry: Entry, table: Table) -> Part:
     verdict, leaf = audit.get("verdict", entry.get("audit")), entry.get("leaf")
     if isinstance(leaf, int) and not 0 <= leaf < len(table.leaves):
         raise IndexError(leaf)
+    off = None
+    if x is not None and y is not None and theta is not None:
+        off = (*turned_pose((x, y, 0.0), -part.turn_rad)[:2], theta)
     return replace(
         part,
         outcome=str(entry.get("outcome", "")),
         leaf=leaf if isinstance(leaf, int) else None,
         verdict=None if verdict is None else str(verdict),
-        residual=None
-        if x is None or y is None or theta is None
-        else (*turned_pose((x, y, 0.0), -part.turn_rad)[:2], theta),
+        residual=off,
         time=str(entry.get("time", "")),
     )
 

@@ -66,9 +66,8 @@ class Monitor:
                 `COORDINATES` an audited part, `friction` a part.
         """
         predicted = table.predicted
-        _, rejected = wilson_interval(
-            round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials
-        )
+        rejects = round(predicted.reject_ppm / PPM * predicted.trials)
+        _, rejected = wilson_interval(rejects, predicted.trials)
         shares = branch_shares(table)
         self.table, self.parts = table, 0  # number of parts so far
         self.widths = Cusum(WIDTH_SHIFT_UM)
@@ -116,9 +115,8 @@ class Monitor:
             yield "branches"
         if part.verdict in ("pass", "fail") and self.failures.add(part.verdict == "fail"):
             yield "failures"
-        if part.outcome in ("leaf", "reject", "unresolved") and self.rejects.add(
-            part.outcome == "reject"
-        ):
+        ended = part.outcome in ("leaf", "reject", "unresolved")
+        if ended and self.rejects.add(part.outcome == "reject"):
             yield "rejects"
         values = standardised(self.table, part)
         for name, chart, value in zip(COORDINATES, self.residuals, values, strict=False):
@@ -155,9 +153,8 @@ def standardised(table: Table, part: Part) -> tuple[float, ...]:
     """A part's residual in units of its leaf's prediction; empty where it was not measured."""
     if part.residual is None or part.leaf is None:
         return ()
-    return tuple(
-        r / s for r, s in zip(part.residual, sigmas(table, table.leaves[part.leaf]), strict=True)
-    )
+    scale = sigmas(table, table.leaves[part.leaf])
+    return tuple(off / sigma for off, sigma in zip(part.residual, scale, strict=True))
 
 
 def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:

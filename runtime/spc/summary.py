@@ -8,19 +8,12 @@ from statistics import fmean, stdev
 from typing import NamedTuple
 
 from runtime.pages.charts import Line
+from runtime.spc import monitor as monitors
 from runtime.spc.charts import RARE, binomial_tail, chi_square, chi_square_tail
 from runtime.spc.drift import DRIFTED, LEAST_REFIT
 from runtime.spc.expectation import LIMIT, Expectation
 from runtime.spc.history import History, Part, by_leaf
-from runtime.spc.monitor import (
-    COORDINATES,
-    STEADY,
-    Alarm,
-    Monitor,
-    branch_counts,
-    branch_shares,
-    failure_share,
-)
+from runtime.spc.monitor import COORDINATES, STEADY, Alarm, Monitor
 from runtime.table import PPM, wilson_interval
 
 PREDICTED_FROM = 6000  # assumed trials behind a share without a stated number
@@ -90,9 +83,8 @@ class Summary:
     @property
     def names_tail(self) -> float:
         """Probability of counts farther from the stated shares than those of the names."""
-        return chi_square_tail(
-            *chi_square([row.parts for row in self.names], [row.share for row in self.names])
-        )
+        counts, shares = [row.parts for row in self.names], [row.share for row in self.names]
+        return chi_square_tail(*chi_square(counts, shares))
 
     @property
     def refit(self) -> bool:
@@ -189,10 +181,9 @@ def failures(history: History) -> Series:
     """Shares of failures in groups of audited parts: the p-chart."""
     judged = [part.verdict == "fail" for part in history.parts if part.verdict in ("pass", "fail")]
     groups = [judged[k : k + GROUP] for k in range(0, len(judged), GROUP)]
-    expected = failure_share(history.table.predicted)
-    most = next(
-        k for k in range(GROUP + 1) if binomial_tail(k, GROUP, expected) < RARE or k == GROUP
-    )
+    expected = monitors.failure_share(history.table.predicted)
+    rare = (k for k in range(GROUP) if binomial_tail(k, GROUP, expected) < RARE)
+    most = next(rare, GROUP)
     shares = tuple(sum(group) / len(group) for group in groups)
     method = f"Share that fails of each {GROUP} audited parts (p-chart)."
     lines = (Line("failures", shares),)
@@ -212,11 +203,8 @@ def _counted(names: Iterator[str]) -> dict[str, int]:
 def _names(history: History) -> Iterator[NameRow]:
     """Names given by resolved leaves."""
     table = history.table
-    given = Counter(
-        table.leaves[part.leaf].hypothesis
-        for part in history.parts
-        if part.leaf is not None and part.outcome == "leaf"
-    )
+    resolved = (part.leaf for part in history.parts if part.outcome == "leaf")
+    given = Counter(table.leaves[leaf].hypothesis for leaf in resolved if leaf is not None)
     for number, hypothesis in enumerate(table.hypotheses):
         yield NameRow(hypothesis.name, given[number], hypothesis.share_ppm / PPM)
 
@@ -232,12 +220,11 @@ def _leaves(history: History) -> Iterator[LeafRow]:
 def _nodes(history: History) -> Iterator[NodeRow]:
     table = history.table
     trials = table.predicted.trials or PREDICTED_FROM
-    predicted = branch_shares(table)
-    for index, counts in enumerate(branch_counts(history.parts, table)):
+    predicted = monitors.branch_shares(table)
+    for index, counts in enumerate(monitors.branch_counts(history.parts, table)):
         shares = tuple(predicted[index])
         statistic, freedom = chi_square(counts[:-1], shares)
         # The prediction is itself a count of trials: the difference of two samples scatters more.
         statistic /= 1.0 + len(history.parts) / trials
-        yield NodeRow(
-            index, tuple(counts), shares, statistic, freedom, chi_square_tail(statistic, freedom)
-        )
+        tail = chi_square_tail(statistic, freedom)
+        yield NodeRow(index, tuple(counts), shares, statistic, freedom, tail)

@@ -42,14 +42,7 @@ from runtime.table.grippers import (
     same_model,
     selectable,
 )
-from runtime.table.lookup import (
-    Calibration,
-    DecisionMap,
-    Segments,
-    decide,
-    decision_map,
-    misfits,
-)
+from runtime.table.lookup import Calibration, DecisionMap, Segments, decide, decision_map, misfits
 from runtime.table.model import (
     HELD_UM,
     KINDS,

@@ -34,9 +34,8 @@ def validate_agreement(table: Table, job: Mapping[str, Any]) -> None:
     validate_grips(table, job)
 
 
-Compared = Iterator[
-    tuple[str, object, object]
-]  # a figure's name, the table's value, the job's value
+# A figure's name, the table's value, the job's value.
+Compared = Iterator[tuple[str, object, object]]
 
 
 def _header(table: Table, job: Section) -> Compared:
@@ -44,29 +43,24 @@ def _header(table: Table, job: Section) -> Compared:
     stated, cell = section(job, "gripper"), section(job, "cell")
     if "model" in stated:
         model = str(stated["model"])
-        yield (
-            "gripper.model",
-            gripper.model,
-            gripper.model if same_model(gripper.model, model) else model,
-        )
+        wanted = gripper.model if same_model(gripper.model, model) else model
+        yield "gripper.model", gripper.model, wanted
         if profile := known(model):
             yield "limits.max_force_mn", limits.max_force_mn, round(UM * profile.force_n[1])
     for name in ("opening", "finger_length", "finger_width", "noise"):
-        yield from _scaled(
-            f"gripper.{name}_um", getattr(gripper, f"{name}_um"), stated, f"{name}_mm"
-        )
+        value = getattr(gripper, f"{name}_um")
+        yield from _scaled(f"gripper.{name}_um", value, stated, f"{name}_mm")
     resolution_mm = number(stated, "resolution_mm")
     if resolution_mm:
         yield "gripper.steps", gripper.steps, round(gripper.opening_um / (UM * resolution_mm))
     for name in ("max_speed", "arm_speed"):
-        yield from _scaled(
-            f"limits.{name}_um_s", getattr(limits, f"{name}_um_s"), cell, f"{name}_mm_s"
-        )
+        value = getattr(limits, f"{name}_um_s")
+        yield from _scaled(f"limits.{name}_um_s", value, cell, f"{name}_mm_s")
     for name in ("retreat_height", "squeeze_height"):
         yield from _scaled(f"limits.{name}_um", getattr(limits, f"{name}_um"), cell, f"{name}_mm")
     if area := points(cell, "work_area_mm"):
-        wanted = tuple(round(UM * value) for corner in area for value in corner)
-        yield "limits.work_area_um", tuple(limits.work_area_um), wanted
+        corners = tuple(round(UM * value) for corner in area for value in corner)
+        yield "limits.work_area_um", tuple(limits.work_area_um), corners
     yield from _goal(table, section(job, "goal"))
 
 
@@ -113,22 +107,15 @@ def _parts(table: Table, job: Section) -> Compared:
 def _squeezes(table: Table, job: Section) -> Compared:
     """Speed and force of squeezes; whether pushes are allowed."""
     gripper, actions = section(job, "gripper"), section(job, "actions")
-    allowed = {
-        "speed_um_s": numbers(gripper, "speed_mm_s"),
-        "force_mn": numbers(gripper, "force_n"),
-    }
-    for field, values in allowed.items():
-        wanted = sorted({round(UM * value) for value in values})
+    for field, key in (("speed_um_s", "speed_mm_s"), ("force_mn", "force_n")):
+        wanted = sorted({round(UM * value) for value in numbers(gripper, key)})
         for index, node in enumerate(table.nodes if wanted else ()):
             value = getattr(node.squeeze, field)
             choice = wanted[0] if len(wanted) == 1 else f"one of {', '.join(map(str, wanted))}"
             yield f"node {index}: {field}", value, value if value in wanted else choice
     if actions and table.pushing is not None:
-        yield (
-            f"node {table.pushing} is pushed before, which",
-            "belief",
-            actions.get("pushes") or "none",
-        )
+        pushes = actions.get("pushes") or "none"
+        yield f"node {table.pushing} is pushed before, which", "belief", pushes
 
 
 def _scaled(name: str, value: int, stated: Section, key: str, scale: float = UM) -> Compared:

@@ -3,7 +3,7 @@
 import hashlib
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from itertools import groupby
+from itertools import groupby, starmap
 from operator import attrgetter
 from typing import Any
 
@@ -11,7 +11,7 @@ import msgpack  # type: ignore[import-untyped]
 
 from runtime.errors import TableError
 from runtime.table.fields import FLAG, MAX_BYTES, MAX_LEAVES, TYPES
-from runtime.table.model import Area, Covariance, Node, Table, Tolerance
+from runtime.table.model import Area, Covariance, Leaf, Node, Squeeze, Table, Tolerance
 from runtime.table.sections import SECTIONS, Section, records_of
 
 FORMAT = 12
@@ -162,28 +162,23 @@ def _table(records: Mapping[str, Records]) -> Table:
         _by_owner(records[name]) for name in ("branches", "pushes", "alternatives")
     )
     releases, contacts = dict(records["releases"]), dict(records["contacts"])
-    texts: dict[str, Any] = {"job": None}
+
+    def node_of(at: int, squeeze: Squeeze) -> Node:
+        before, after = tuple(pushes[at]), tuple(branches[at])
+        return Node(squeeze, after, releases.get(at), before, **contacts.get(at, {}))
+
+    def leaf_of(at: int, leaf: Leaf) -> Leaf:
+        return leaf._replace(alternatives=tuple(alternatives[at]))
+
+    values: dict[str, Any] = {"job": None}
     for name in ("tool", "job_digest", "job"):
-        texts |= dict(records[name]).get(0, {})
-    heads: dict[str, Any] = {
-        name: dict(records[name])[0] for name in ("gripper", "goal", "limits", "predicted")
-    }
+        values |= dict(records[name]).get(0, {})
+    for name in ("gripper", "goal", "limits", "predicted"):
+        values[name] = dict(records[name])[0]
     return Table(
-        **texts,
-        **heads,
-        nodes=tuple(
-            Node(
-                squeeze,
-                tuple(branches[at]),
-                releases.get(at),
-                tuple(pushes[at]),
-                **contacts.get(at, {}),
-            )
-            for at, squeeze in records["nodes"]
-        ),
-        leaves=tuple(
-            leaf._replace(alternatives=tuple(alternatives[at])) for at, leaf in records["leaves"]
-        ),
+        **values,
+        nodes=tuple(starmap(node_of, records["nodes"])),
+        leaves=tuple(starmap(leaf_of, records["leaves"])),
         hypotheses=tuple(record for _, record in records["hypotheses"]),
     )
 

@@ -12,9 +12,8 @@ Z95 = 1.959963984540054  # two-sided 95 %
 LEVEL = 0.025
 MOST_TERMS = 1000
 LEAST_LOG = -700.0  # exp of less is zero
-MOST_EXACT_TRIALS = (
-    PPM // 2
-)  # most trials for which a share in ppm identifies the number of successes
+# Most trials for which a share in ppm identifies the number of successes.
+MOST_EXACT_TRIALS = PPM // 2
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:

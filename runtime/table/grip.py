@@ -6,6 +6,7 @@ continue farther behind a face: a finger may stand in a slot.
 """
 
 from collections.abc import Iterator
+from itertools import repeat
 from math import cos, hypot, inf, pi, radians, sin
 from typing import NamedTuple
 
@@ -83,13 +84,10 @@ def not_held(table: Table, job: Section) -> Iterator[tuple[int, int]]:
     shapes, slack = _shapes(table, job), _slack(job)
     for index, node, branch, leaf in _grips(table) if shapes else ():
         error_mm = _error_mm(table, leaf)
-        named = zip(poses_of(table.goal, leaf), hypotheses_of(table.goal, leaf), strict=True)
-        if not any(
-            _is_held(
-                shapes[which], pose, _grip(table, node, branch, shapes[which], slack), error_mm
-            )
-            for pose, which in named
-        ):
+        poses = poses_of(table.goal, leaf)
+        named = [shapes[which] for which in hypotheses_of(table.goal, leaf)]
+        grips = [_grip(table, node, branch, shape, slack) for shape in named]
+        if not any(map(_is_held, named, poses, grips, repeat(error_mm))):
             yield ~branch.target, index
 
 
@@ -120,10 +118,9 @@ def _grips(table: Table) -> Iterator[tuple[int, Node, Branch, Leaf]]:
     """Each resolved leaf after a grip, with its node's index, its node and its branch."""
     for index, node in enumerate(table.nodes):
         for branch in node.branches:
-            if branch.target < 0 and branch.low_um > 0 and branch.expected_um >= HELD_UM:
-                leaf = table.leaves[~branch.target]
-                if leaf.resolved:
-                    yield index, node, branch, leaf
+            held = branch.target < 0 and branch.low_um > 0 and branch.expected_um >= HELD_UM
+            if held and (leaf := table.leaves[~branch.target]).resolved:
+                yield index, node, branch, leaf
 
 
 def _error_mm(table: Table, leaf: Leaf) -> float:
@@ -242,10 +239,8 @@ def _slack(job: Section) -> Slack:
     def most(table: Section, key: str) -> float:
         return max(map(abs, numbers(table, key)), default=0.0)
 
-    contour = WAVES * most(section(job, "part"), "tolerance_mm")
-    contour = max(
-        [contour, *(WAVES * most(section(part, "part"), "tolerance_mm") for part in parts_of(job))]
-    )
+    parts = [section(entry, "part") for entry in (job, *parts_of(job))]
+    contour = WAVES * max(most(part, "tolerance_mm") for part in parts)
     share = number(gripper, "upper_finger_share")
     return Slack(
         place_mm=most(doubt, "middle_mm") + TAIL * most(release, "shift_mm") + contour,

@@ -105,12 +105,8 @@ PROFILES = {
     )
 }
 DEFAULT_MODEL = next(iter(PROFILES))  # where nobody names one
-# Aliases of the same models, as from `_normalised`.
-NAMES = {
-    "2f-85": "robotiq-2f-85",
-    "c-85": "robotiq-2f-85",
-    "2f-140": "robotiq-2f-140",
-}
+# Aliases of the same models, in lower case, with dashes and without "robotiq-".
+NAMES = {"2f-85": "robotiq-2f-85", "c-85": "robotiq-2f-85", "2f-140": "robotiq-2f-140"}
 
 
 def profile_of(model: str) -> GripperProfile:
@@ -131,8 +127,7 @@ def profile_of(model: str) -> GripperProfile:
 def known(model: str) -> GripperProfile | None:
     """`profile_of`, but None for an unknown model."""
     name = _normalised(model)
-    name = NAMES.get(name, name)
-    preset = next((one for key, one in PROFILES.items() if name in (key, _normalised(key))), None)
+    preset = next((one for key, one in PROFILES.items() if name == _normalised(key)), None)
     return preset or _plugged_in(model, name)
 
 
@@ -173,9 +168,8 @@ def _is_sound(profile: GripperProfile) -> bool:
     numbers = [profile.stroke_um, profile.resolution_um, profile.noise_um, *pairs[0], *pairs[1]]
     if not all(isinstance(number, int | float) and number >= 0 for number in numbers):
         return False
-    sound = 0 < profile.resolution_um <= profile.stroke_um and all(
-        low < high for low, high in pairs
-    )
+    rising = all(low < high for low, high in pairs)
+    sound = rising and 0 < profile.resolution_um <= profile.stroke_um
     sizes = [profile.radius_mm, *([] if profile.grip_mm_s is None else [profile.grip_mm_s])]
     sound = sound and all(isinstance(size, int | float) and size > 0.0 for size in sizes)
     return sound and len(profile.arc_mm) <= 2 and isinstance(profile.streams, bool)
@@ -183,9 +177,9 @@ def _is_sound(profile: GripperProfile) -> bool:
 
 def same_model(one: str, other: str) -> bool:
     """Whether two names are of one model, ignoring case, spaces and dashes."""
-    one, other = _normalised(one), _normalised(other)
-    return NAMES.get(one, one) == NAMES.get(other, other)
+    return _normalised(one) == _normalised(other)
 
 
 def _normalised(model: str) -> str:
-    return "-".join(re.split(r"[\s_-]+", model.strip().casefold())).removeprefix("robotiq-")
+    name = "-".join(re.split(r"[\s_-]+", model.strip().casefold())).removeprefix("robotiq-")
+    return NAMES.get(name, name)

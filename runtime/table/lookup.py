@@ -122,15 +122,12 @@ def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
     grips = [(number, branch) for number, branch in enumerate(node.branches) if branch.grip]
     empties = [(number, branch) for number, branch in enumerate(node.branches) if not branch.grip]
     starts = sorted({0, 1, gripper.empty_um + 1, *_cuts(grips), *_cuts(empties)})
-    felt = [_nearest(grips, start) if start > 0 else REJECT for start in starts]
-    unfelt = [
-        REJECT
-        if start > gripper.empty_um
-        else grip
-        if (number := _nearest(empties, start)) == REJECT
-        else number
-        for start, grip in zip(starts, felt, strict=True)
-    ]
+    felt, unfelt = [], []
+    for start in starts:
+        grip = _nearest(grips, start) if start > 0 else REJECT
+        empty = _nearest(empties, start)
+        felt.append(grip)
+        unfelt.append(REJECT if start > gripper.empty_um else grip if empty == REJECT else empty)
     return DecisionMap(_segments(starts, unfelt), _segments(starts, felt))
 
 

@@ -106,14 +106,7 @@ class Squeeze(NamedTuple):
     @property
     def commands(self) -> tuple[int, int, int, int, int, int]:
         """Commands for a controller: place, angle, opening, speed and force."""
-        return (
-            self.x_um,
-            self.y_um,
-            self.angle_urad,
-            self.opening_um,
-            self.speed_um_s,
-            self.force_mn,
-        )
+        return self[:6]
 
 
 class Push(NamedTuple):

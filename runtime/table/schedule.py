@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import cos, hypot, remainder, sin, tau
 from typing import Any, NamedTuple, Self
 
-from runtime.table.embedded import section
+from runtime.table.embedded import job_of, section
 from runtime.table.model import Node, Push, Squeeze, Table
 from runtime.table.timing import Phases, Timing, Visit
 from runtime.table.turning import may_turn, turned_pose
@@ -136,12 +136,11 @@ class Schedule:
             )
             at, open_mm = start.moved(way_mm), wanted_mm
         if node.pushes:
-            seconds += (
-                abs(node.squeeze.opening_um / 1e3 - open_mm) / speed_mm_s + timing.jaw_answer_s
-            )
+            stroke_mm = abs(node.squeeze.opening_um / 1e3 - open_mm)
+            seconds += stroke_mm / speed_mm_s + timing.jaw_answer_s
         return seconds, at
 
 
-def close_alike(job: Mapping[str, Any] | None) -> bool:
+def close_alike(table: Table) -> bool:
     """Whether both fingers make half of the closing, so that a hand half a turn round is equivalent."""
-    return section(job or {}, "gripper").get("upper_finger_share") == 0.5
+    return section(job_of(table) or {}, "gripper").get("upper_finger_share") == 0.5

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from runtime.table import model
 from runtime.table.fields import (
     MAX_ALTERNATIVES,
     MAX_BRANCHES,
@@ -12,21 +13,6 @@ from runtime.table.fields import (
     MAX_PUSHES,
     Field,
     fields_of,
-)
-from runtime.table.model import (
-    Branch,
-    GoalSpec,
-    GripperSpec,
-    Hypothesis,
-    Leaf,
-    LeafPose,
-    Limits,
-    Node,
-    Place,
-    Prediction,
-    Push,
-    Squeeze,
-    Table,
 )
 
 
@@ -63,17 +49,19 @@ LEAF = Field("number, never falling", 0, MAX_LEAVES - 1, name="leaf")
 SECTIONS = (
     Section("tool", "compiler", dict),
     Section("job_digest", "digest of the job", dict),
-    Section("gripper", "gripper", GripperSpec),
-    Section("goal", "when a part counts as located", GoalSpec),
-    Section("limits", "what no motion may exceed", Limits),
-    Section("predicted", "evaluation of the whole table", Prediction),
-    Section("nodes", "squeezes", Squeeze, "node", 1, MAX_NODES),
-    Section("branches", "outcomes of each squeeze", Branch, "branch", 1, MAX_BRANCHES, NODE),
-    Section("leaves", "ends of the tree", Leaf, "leaf", 1, MAX_LEAVES),
-    Section("alternatives", "further poses", LeafPose, "alternative", 0, MAX_ALTERNATIVES, LEAF),
-    Section("hypotheses", "parts, if several", Hypothesis, "hypothesis", 2, MAX_HYPOTHESES),
-    Section("releases", "where a held part is dragged", Place, "release", 0, 1, NODE),
-    Section("pushes", "pushes before a squeeze, in order", Push, "push", 0, MAX_PUSHES, NODE),
+    Section("gripper", "gripper", model.GripperSpec),
+    Section("goal", "when a part counts as located", model.GoalSpec),
+    Section("limits", "what no motion may exceed", model.Limits),
+    Section("predicted", "evaluation of the whole table", model.Prediction),
+    Section("nodes", "squeezes", model.Squeeze, "node", 1, MAX_NODES),
+    Section("branches", "outcomes of each squeeze", model.Branch, "branch", 1, MAX_BRANCHES, NODE),
+    Section("leaves", "ends of the tree", model.Leaf, "leaf", 1, MAX_LEAVES),
+    Section(
+        "alternatives", "further poses", model.LeafPose, "alternative", 0, MAX_ALTERNATIVES, LEAF
+    ),
+    Section("hypotheses", "parts, if several", model.Hypothesis, "hypothesis", 2, MAX_HYPOTHESES),
+    Section("releases", "where a held part is dragged", model.Place, "release", 0, 1, NODE),
+    Section("pushes", "pushes before a squeeze, in order", model.Push, "push", 0, MAX_PUSHES, NODE),
     Section("contacts", "first contact of a squeeze, if known", dict, "contact", 0, 1, NODE),
     Section("job", "job, unless stripped", dict),
 )
@@ -84,12 +72,12 @@ FIELDS: dict[str, tuple[Field, ...]] = {
         for section in SECTIONS
         if section.record is not dict
     },
-    **{name: fields_of(Table, name) for name in ("tool", "job_digest", "job")},
-    "contacts": fields_of(Node, "contact_um"),
+    **{name: fields_of(model.Table, name) for name in ("tool", "job_digest", "job")},
+    "contacts": fields_of(model.Node, "contact_um"),
 }
 
 
-def records_of(table: Table) -> dict[str, list[tuple[int, Any]]]:
+def records_of(table: model.Table) -> dict[str, list[tuple[int, Any]]]:
     """The records of each section, each with the index of its owner, or its own index without one."""
     nodes, leaves = list(enumerate(table.nodes)), list(enumerate(table.leaves))
     return {

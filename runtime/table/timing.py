@@ -7,7 +7,7 @@ device's response time is added to each of its motions. Lengths are in mm, angle
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import hypot, isfinite, sqrt
+from math import hypot, inf, isfinite, sqrt
 from typing import Any, NamedTuple, Self
 
 from runtime.errors import TableError
@@ -26,9 +26,8 @@ ABOVE_MM = 4.0
 NEAR_MM = 30.0
 """Distance within which a hand at the retreat height comes down on its way: beyond may be obstacles."""
 
-ARM_ACCELERATION_MM_S2 = 2_000.0
 DEFAULTS: Mapping[str, float] = {
-    "arm_acceleration_mm_s2": ARM_ACCELERATION_MM_S2,
+    "arm_acceleration_mm_s2": 2_000.0,
     "arm_answer_s": 0.014,
     "jaw_answer_s": 0.062,
     "poll_s": 0.015,
@@ -80,11 +79,7 @@ def time_of(value: object) -> float:
     Raises:
         ValueError: it is invalid.
     """
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float)
-        or not (isfinite(value) and value >= 0.0)
-    ):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < inf:
         raise ValueError(f"{value!r} is no time")
     return float(value)
 
@@ -166,9 +161,8 @@ class Timing:
         if contact_mm is None:
             return opening_mm
         near_mm = min(contact_mm + APPROACH_MM, opening_mm)
-        saved_s = (opening_mm - near_mm) * (
-            1.0 / speed_mm_s - 1.0 / max(self.fastest_mm_s, speed_mm_s)
-        )
+        faster = 1.0 / speed_mm_s - 1.0 / max(self.fastest_mm_s, speed_mm_s)
+        saved_s = (opening_mm - near_mm) * faster
         return near_mm if saved_s > self._between_s else opening_mm
 
     def close_s(
@@ -182,10 +176,8 @@ class Timing:
 
     def free_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
         """Seconds of opening until the jaws are clear of what they hold."""
-        stroke_s = CLEAR_MM / speed_mm_s
-        return stroke_s + (
-            3.0 * self.poll_s if next_mm > width_mm + CLEAR_MM else self.jaw_answer_s
-        )
+        answer_s = 3.0 * self.poll_s if next_mm > width_mm + CLEAR_MM else self.jaw_answer_s
+        return CLEAR_MM / speed_mm_s + answer_s
 
     def opening_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
         """Seconds of opening from clear of a part to the next opening, while the hand rises and travels."""

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from runtime.table.embedded import number, section
 from runtime.table.goal import Pose2
-from runtime.table.model import Area, Covariance, Leaf, LeafPose, Node, Place, Table
+from runtime.table.model import Covariance, Leaf, LeafPose, Node, Place, Table
 
 Pose = TypeVar("Pose", Leaf, LeafPose)
 TURN_URAD = 1e6 * tau
@@ -36,20 +36,14 @@ def may_turn(table: Table, job: Mapping[str, Any] | None, middle_mm: float = 0.0
         return False
     places = [place for node in table.nodes for place in (node.squeeze.place, node.let_go)]
     most_mm = max(hypot(*place) for place in places) / 1e3 + abs(middle_mm)
-    return inside(table.limits.work_area_um, most_mm)
+    ends = ((most_mm, 0.0), (-most_mm, 0.0), (0.0, most_mm), (0.0, -most_mm))
+    return all(table.limits.work_area_um.contains(*end) for end in ends)
 
 
 def same_from_every_side(job: Mapping[str, Any] | None, kind: str) -> bool:
     """Whether the job's uncertainty and the goal's kind allow a plan to be turned."""
     halfwidth_deg = number(section(job or {}, "uncertainty"), "orientation_halfwidth_deg")
     return halfwidth_deg == 180.0 and kind in KINDS
-
-
-def inside(area: Area, radius_mm: float) -> bool:
-    """Whether a disc about the origin lies within an area."""
-    return all(
-        area.contains(x * radius_mm, y * radius_mm) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))
-    )
 
 
 def turned(table: Table, turn_urad: int) -> Table:

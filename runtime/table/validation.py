@@ -114,10 +114,7 @@ def _validate_hypotheses(table: Table) -> None:
         raise TableError("goal asks which part it is, of which there is one; recompile it")
     if len({part.name for part in hypotheses}) < len(hypotheses):
         raise TableError("two hypotheses have one name; recompile it")
-    if hypotheses and (hypotheses[0].rho_um, hypotheses[0].symmetry) != (
-        goal.rho_um,
-        goal.symmetry,
-    ):
+    if hypotheses and hypotheses[0][2:] != (goal.rho_um, goal.symmetry):
         raise TableError("rho and symmetry of the goal are not the first hypothesis'; recompile it")
     for index, leaf in enumerate(table.leaves):
         for pose in leaf.poses:

@@ -99,9 +99,8 @@ class Acceptance:
     @property
     def bounds(self) -> Bounds:
         """Bounds of the share of failures."""
-        return SequentialTest(self.limit).bounds(
-            self.failed, self.failed + self.unknown, self.parts
-        )
+        most = self.failed + self.unknown
+        return SequentialTest(self.limit).bounds(self.failed, most, self.parts)
 
     def fields(self) -> dict[str, object]:
         """The values as JSON types."""
@@ -155,9 +154,8 @@ def planned(limit: float, expected: float | None) -> Planned:
     least = _first(lambda count: test.accepts(0, count)) or MOST_PARTS
     if expected is None or expected >= limit:
         return Planned(least, None)
-    return Planned(
-        least, _first(lambda count: binomial_at_most(_most(test, count), count, expected) >= POWER)
-    )
+    likely = _first(lambda count: binomial_at_most(_most(test, count), count, expected) >= POWER)
+    return Planned(least, likely)
 
 
 def parts_for(readings: int, share: float) -> int | None:

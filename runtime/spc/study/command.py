@@ -10,15 +10,8 @@ from runtime.shell.errors import InputError, UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, write
 from runtime.spc.history import read
+from runtime.spc.study import figures
 from runtime.spc.study.acceptance import ERROR, POWER, Planned, Verdict, planned
-from runtime.spc.study.figures import (
-    CROSSED,
-    by_truth,
-    crossed_of,
-    expected_failures,
-    parts_of_leaves,
-    studied,
-)
 from runtime.spc.study.gauge import ACCEPTABLE, LEAST_READINGS, Crossed, crossed
 from runtime.spc.study.sheet import crossed_words, gauge_words, page, verdict_words
 from runtime.table import PPM, load
@@ -37,55 +30,23 @@ MOST_ROWS = 100_000
 
 def parser() -> Parser:
     """The command line."""
-    built = Parser(
-        prog="grasp-audit study",
-        description="Accept a cell by its audited parts, checked at any time; study the squeeze as a gauge.",
-        epilog=EPILOG,
-    )
+    text = "Accept a cell by its audited parts, checked at any time; study the squeeze as a gauge."
+    built = Parser(prog="grasp-audit study", description=text, epilog=EPILOG)
     add = built.add_argument
-    add(
-        "journals",
-        type=Path,
-        nargs="*",
-        metavar="JOURNAL",
-        help="of audited runs of one table, in their order",
-    )
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="F.html",
-        help="the run-off sheet, to print on two pages",
-    )
-    add(
-        "--required",
-        type=_share,
-        metavar="SHARE",
-        help="of parts to be located within the goal (default: the confidence of the table's goal)",
-    )
-    add(
-        "--crossed",
-        type=positive_int,
-        metavar="PARTS",
-        help="gauge R&R: each journal is an appraiser with the same PARTS, in the same order again and again",
-    )
-    add(
-        "--truth",
-        action="store_true",
-        help="judge a simulated cell's parts by where they were, not by audits",
-    )
-    add(
-        "--plan",
-        type=Path,
-        metavar="T",
-        help="instead: how many parts to run for a table, before they are run",
-    )
-    add(
-        "--measurements",
-        type=Path,
-        metavar="F.csv",
-        help=f"instead: gauge R&R of a table with the columns {', '.join(COLUMNS)}, a row a reading",
-    )
+    text = "of audited runs of one table, in their order"
+    add("journals", type=Path, nargs="*", metavar="JOURNAL", help=text)
+    text = "the run-off sheet, to print on two pages"
+    add("-o", "--output", type=Path, metavar="F.html", help=text)
+    text = "of parts to be located within the goal (default: the confidence of the table's goal)"
+    add("--required", type=_share, metavar="SHARE", help=text)
+    text = "gauge R&R: each journal is an appraiser with the same PARTS, in the same order again and again"
+    add("--crossed", type=positive_int, metavar="PARTS", help=text)
+    text = "judge a simulated cell's parts by where they were, not by audits"
+    add("--truth", action="store_true", help=text)
+    text = "instead: how many parts to run for a table, before they are run"
+    add("--plan", type=Path, metavar="T", help=text)
+    text = f"instead: gauge R&R of a table with the columns {', '.join(COLUMNS)}, a row a reading"
+    add("--measurements", type=Path, metavar="F.csv", help=text)
     built.add_common()
     return built
 
@@ -113,28 +74,26 @@ def _of_journals(options: argparse.Namespace) -> int:
         usable(options.output, *options.journals)
     history = read(options.journals)
     if options.truth:
-        history = by_truth(history)
+        history = figures.by_truth(history)
     others: Mapping[str, Crossed] = {}
     if options.crossed is not None:
-        others = crossed_of([read([path]) for path in options.journals], options.crossed)
+        others = figures.crossed_of([read([path]) for path in options.journals], options.crossed)
     if others and options.output is None and not any(part.verdict for part in history.parts):
         return _say_crossed(options, others)  # which asks for no audit
-    study = studied(history, _limit(options, history.table.goal.confidence_ppm), others)
+    study = figures.studied(history, _limit(options, history.table.goal.confidence_ppm), others)
     if options.output is not None:
         write(options.output, page(study, [path.name for path in options.journals]))
     lines = (verdict_words(study), *gauge_words(study), *crossed_words(study.crossed))
     say_result(options.json, study.fields(), lines)
-    return {
-        Verdict.ACCEPTED: 0,
-        Verdict.REFUSED: ExitCode.CHECK_FAILED,
-        Verdict.OPEN: ExitCode.UNDECIDED,
-    }[study.acceptance.verdict]
+    verdict = study.acceptance.verdict
+    codes = {Verdict.REFUSED: ExitCode.CHECK_FAILED, Verdict.OPEN: ExitCode.UNDECIDED}
+    return 0 if verdict is Verdict.ACCEPTED else codes[verdict]
 
 
 def _plan(options: argparse.Namespace) -> int:
     table = load(options.plan).table
     limit = _limit(options, table.goal.confidence_ppm)
-    expected, leaves = expected_failures(table), parts_of_leaves(table)
+    expected, leaves = figures.expected_failures(table), figures.parts_of_leaves(table)
     count = planned(limit, expected)
     plan = {
         "required": 1.0 - limit,
@@ -144,7 +103,7 @@ def _plan(options: argparse.Namespace) -> int:
         "parts_likely": count.likely,
         "parts_type1": leaves,
         "readings_type1": LEAST_READINGS,
-        "crossed": CROSSED,
+        "crossed": figures.CROSSED,
     }
     say_result(options.json, plan, _planned_lines(limit, expected, leaves, count))
     return ExitCode.CHECK_FAILED if expected is not None and expected >= limit else 0
@@ -153,9 +112,8 @@ def _plan(options: argparse.Namespace) -> int:
 def _planned_lines(
     limit: float, expected: float | None, leaves: int | None, count: Planned
 ) -> list[str]:
-    lines = [
-        f"accepted   after {count.least} parts without a failure, to show {1.0 - limit:.6g} located"
-    ]
+    shown = f"to show {1.0 - limit:.6g} located"
+    lines = [f"accepted   after {count.least} parts without a failure, {shown}"]
     if expected is None:
         lines.append(
             "           the table says nothing of failures to expect: evaluate it (plan-evaluate)"
@@ -189,9 +147,9 @@ def _say_crossed(options: argparse.Namespace, studies: Mapping[str, Crossed]) ->
     fields = {"crossed": {name: study.fields() for name, study in studies.items()}}
     say_result(options.json, fields, crossed_words(studies))
     known = [study.percent for study in studies.values() if study.percent is not None]
-    return (
-        ExitCode.UNDECIDED if not known else ExitCode.CHECK_FAILED if max(known) > ACCEPTABLE else 0
-    )
+    if not known:
+        return ExitCode.UNDECIDED
+    return ExitCode.CHECK_FAILED if max(known) > ACCEPTABLE else 0
 
 
 def _readings(path: Path) -> list[list[list[float]]]:

@@ -5,20 +5,12 @@ from dataclasses import dataclass, replace
 from math import degrees, remainder, tau
 from typing import NamedTuple
 
+from runtime import table as tables
 from runtime.shell.errors import UsageError
 from runtime.spc.history import History, Part, by_leaf
 from runtime.spc.study.acceptance import Acceptance, Bounds, Planned, followed, parts_for, planned
 from runtime.spc.study.gauge import LEAST_READINGS, Crossed, TypeOne, crossed, type_one
-from runtime.table import (
-    PPM,
-    GoalSpec,
-    Table,
-    distance,
-    poses_of,
-    predicted_pose,
-    residual,
-    turned_pose,
-)
+from runtime.table import PPM, GoalSpec, Table, poses_of, predicted_pose, turned_pose
 
 COORDINATES = ("x_mm", "y_mm", "theta_rad")
 COVERED = 0.95  # share of the parts whose leaves get a type-1 study
@@ -35,10 +27,8 @@ class GaugeRow(NamedTuple):
 
     def fields(self) -> dict[str, object]:
         """The values as JSON types."""
-        studies = {
-            name: {**study._asdict(), "capable": study.capable}
-            for name, study in self.studies.items()
-        }
+        pairs = self.studies.items()
+        studies = {name: {**one._asdict(), "capable": one.capable} for name, one in pairs}
         return {"leaf": self.leaf, "readings": self.readings, **studies}
 
 
@@ -98,9 +88,8 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
         raise UsageError(
             "the journals hold no audited part; run with --audit, or study a simulated cell with --truth"
         )
-    measured = [
-        part for part in history.parts if part.residual is not None and part.leaf is not None
-    ]
+    located = (part for part in history.parts if part.leaf is not None)
+    measured = [part for part in located if part.residual is not None]
     tolerances = tolerances_of(history.table.goal)
     if tolerances and len(measured) < LEAST_READINGS:
         raise UsageError(
@@ -112,21 +101,12 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
     step = max(1, len(course) // CHECKPOINTS)
     decided = course[-1].decided_at
     curve = (now for now in course if now.parts % step == 0 or now.parts in (decided, len(course)))
-    leaves = (
-        _row(
-            leaf, parts, tolerances_of(history.table.goal_of(history.table.leaves[leaf].hypothesis))
-        )
-        for leaf, parts in by_leaf(measured)
-    )
-    return Study(
-        history,
-        course[-1],
-        tuple(curve),
-        _row(None, measured, tolerances),
-        tuple(leaves),
-        others,
-        planned(limit, expected_failures(history.table)),
-    )
+    leaves = []
+    for leaf, parts in by_leaf(measured):
+        goal = history.table.goal_of(history.table.leaves[leaf].hypothesis)
+        leaves.append(_row(leaf, parts, tolerances_of(goal)))
+    whole, plan = _row(None, measured, tolerances), planned(limit, expected_failures(history.table))
+    return Study(history, course[-1], tuple(curve), whole, tuple(leaves), others, plan)
 
 
 def by_truth(history: History) -> History:
@@ -233,8 +213,8 @@ def _judged(table: Table, part: Part) -> Part:
         return replace(part, verdict=None, residual=None)
     leaf = table.leaves[part.leaf]
     goal = table.goal_of(leaf.hypothesis)
-    pose = min(poses_of(goal, leaf), key=lambda pose: distance(goal, pose, true))
-    off = residual(goal, pose, true)
+    pose = min(poses_of(goal, leaf), key=lambda pose: tables.distance(goal, pose, true))
+    off = tables.residual(goal, pose, true)
     return replace(part, verdict="pass" if part.within else "fail", residual=off)
 
 

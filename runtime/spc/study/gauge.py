@@ -18,17 +18,7 @@ CATEGORIES = 1.41
 # 1 / d2* by number of trials, of appraisers, and of parts.
 K1 = {2: 0.8862, 3: 0.5908}
 K2 = {2: 0.7071, 3: 0.5231}
-K3 = {
-    2: 0.7071,
-    3: 0.5231,
-    4: 0.4467,
-    5: 0.4030,
-    6: 0.3742,
-    7: 0.3534,
-    8: 0.3375,
-    9: 0.3249,
-    10: 0.3146,
-}
+K3 = dict(enumerate((0.7071, 0.5231, 0.4467, 0.4030, 0.3742, 0.3534, 0.3375, 0.3249, 0.3146), 2))
 
 
 class TypeOne(NamedTuple):
@@ -98,13 +88,9 @@ class Spread(NamedTuple):
         """The values as JSON types."""
         percent = {f"{name}_percent": self.percent(value) for name, value in self._named().items()}
         ndc = self.categories
-        return {
-            **self._named(),
-            "total": self.total,
-            **percent,
-            "ndc": None if ndc is None else max(int(ndc), 1),
-            "ndc_unrounded": ndc,
-        }
+        whole = None if ndc is None else max(int(ndc), 1)
+        values = {**self._named(), "total": self.total, **percent}
+        return {**values, "ndc": whole, "ndc_unrounded": ndc}
 
     def _named(self) -> dict[str, float]:
         names = ("repeatability", "reproducibility", "gauge", "part")
@@ -157,9 +143,8 @@ def crossed(readings: Readings) -> Crossed:
     if min(parts, appraisers, trials) < 2:
         size = f"{parts} parts, {appraisers} appraisers, {trials} trials"
         raise ValueError(f"{size}: a crossed study has at least two of each")
-    if any(
-        len(cells) != appraisers or any(len(cell) != trials for cell in cells) for cells in readings
-    ):
+    sizes = {(len(cells), len(cell)) for cells in readings for cell in cells}
+    if sizes != {(appraisers, trials)} or not all(readings):
         raise ValueError("each appraiser measures each part equally often in a crossed study")
     tail, spread = _analysis(readings, parts, appraisers, trials)
     return Crossed(parts, appraisers, trials, tail, spread, _average_and_range(readings))
@@ -182,13 +167,9 @@ def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None,
         (cells[i][j] - rows[i] - columns[j] + mean) ** 2 for i in range(p) for j in range(o)
     )
     free_both, free_within = (p - 1) * (o - 1), p * o * (r - 1)
-    tail = (
-        f_tail(both / free_both / (within / free_within), free_both, free_within)
-        if within
-        else None
-    )
+    error, noise = both / free_both, within / free_within
+    tail = f_tail(error / noise, free_both, free_within) if within else None
     if tail is None or tail < POOLED_FROM:
-        error, noise = both / free_both, within / free_within
         interaction = max((error - noise) / r, 0.0)
     else:
         error = noise = (both + within) / (free_both + free_within)

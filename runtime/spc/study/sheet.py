@@ -37,22 +37,18 @@ def page(study: Study, journals: Sequence[str]) -> str:
         journals: names of the files it was made from.
     """
     grades = {Verdict.ACCEPTED: "good", Verdict.OPEN: "fair"}
+    grade = grades.get(study.acceptance.verdict, "poor")
+    heads = ("leaf", "readings", *_heads(study.table))
     signatures = ((who, "", "", "") for who in SIGNED)
     body = [
         "<header><h1>Run-off sheet</h1>",
-        frame.verdict(
-            grades.get(study.acceptance.verdict, "poor"), f"{verdict_words(study).capitalize()}."
-        ),
+        frame.verdict(grade, f"{verdict_words(study).capitalize()}."),
         "</header>\n<main>",
         frame.table("Facts", ("what", "value"), _facts(study, journals), "wide facts"),
         *picture(_curve(study)),
         '<h2 class="next">The squeeze as a gauge of poses</h2>',
         f"<p>{escape(MEANING)}</p>",
-        frame.table(
-            "Leaves as gauges",
-            ("leaf", "readings", *_heads(study.table)),
-            map(_gauge_cells, _shown(study)),
-        ),
+        frame.table("Leaves as gauges", heads, map(_gauge_cells, _shown(study))),
         *_left_out(study),
         *_crossed(study.crossed),
         "<h2>Signatures</h2>",
@@ -73,9 +69,8 @@ def verdict_words(study: Study) -> str:
         more = max(study.planned.likely or study.planned.least, study.planned.least)
         planned = f"{more} parts in all were planned"
         return f"not decided yet: {required} is asked for; {shown}; {interval}; {planned}"
-    return (
-        f"{now.verdict} after {now.decided_at} parts: {required} was asked for; {shown}; {interval}"
-    )
+    decided = f"{now.verdict} after {now.decided_at} parts"
+    return f"{decided}: {required} was asked for; {shown}; {interval}"
 
 
 def gauge_words(study: Study) -> Iterator[str]:
@@ -91,12 +86,11 @@ def crossed_words(studies: Mapping[str, Crossed]) -> Iterator[str]:
     """The crossed studies, a line each."""
     for name, study in studies.items():
         word = UNITS.get(name, (name, ""))[0]
-        percent, ndc = _figure(study.percent, ".2f"), _known(study.anova.fields()["ndc"])
+        percent, ndc = _figure(study.percent), _known(study.anova.fields()["ndc"])
         line = f"R&R      {word}: %GRR {percent} ({judged(study)}), ndc {ndc}"
         if study.ranges is not None:
-            line += (
-                f"; by average and range {_figure(study.ranges.percent(study.ranges.gauge), '.2f')}"
-            )
+            ranges = _figure(study.ranges.percent(study.ranges.gauge))
+            line += f"; by average and range {ranges}"
         yield f"{line}; {study.parts} parts, {study.appraisers} appraisers, {study.trials} trials"
 
 
@@ -184,16 +178,16 @@ def _crossed_cells(name: str, study: Crossed) -> Iterator[str]:
     yield f"{word} {unit}"
     for value in (spread.repeatability, spread.reproducibility, spread.gauge, spread.part):
         yield f"{in_degrees(name, value):.4g}"
-    yield from (_figure(study.percent, ".2f"), _known(spread.fields()["ndc"]), judged(study))
+    yield from (_figure(study.percent), _known(spread.fields()["ndc"]), judged(study))
 
 
 def _capability(value: float | None) -> str:
     """A Cg or Cgk as text; above `MOST_CAPABLE`, as in a simulated cell, its digits mean nothing."""
-    return f"over {MOST_CAPABLE:g}" if value and value > MOST_CAPABLE else _figure(value, ".2f")
+    return f"over {MOST_CAPABLE:g}" if value and value > MOST_CAPABLE else _figure(value)
 
 
-def _figure(value: float | None, form: str) -> str:
-    return "not known" if value is None else format(value, form)
+def _figure(value: float | None) -> str:
+    return "not known" if value is None else f"{value:.2f}"
 
 
 def _known(value: object) -> str:
