@@ -191,7 +191,7 @@ def _add_policy(group: argparse._ArgumentGroup) -> None:
     text = "restart; and last next or stop (default: next)"
     add("--on-unresolved", default="next", metavar="LIST", help=text)
     text = (
-        "if the journal's last run broke off: give it up and exit 25, continue its part, or restart that "
+        "if the journal's last run broke off: give it up and exit 24, continue its part, or restart that "
         "part (default: abort)"
     )
     add("--after-crash", choices=("abort", "resume", "restart"), default="abort", help=text)

@@ -106,7 +106,8 @@ class Squeeze(NamedTuple):
     @property
     def commands(self) -> tuple[int, int, int, int, int, int]:
         """Commands for a controller: place, angle, opening, speed and force."""
-        return self[:6]
+        place = self.x_um, self.y_um, self.angle_urad
+        return *place, self.opening_um, self.speed_um_s, self.force_mn
 
 
 class Push(NamedTuple):
