@@ -126,8 +126,9 @@ class ContactWorld:
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
         """Whether fingers opened to `opening_mm` would stand on the part."""
-        jaws = self._simulator.jaws.copy()
-        jaws[0] = arguments.number(opening_mm, "opening_mm", 0.0, jaws[0])
+        jaws = self._simulator.jaws
+        opening_mm = arguments.number(opening_mm, "opening_mm", 0.0, jaws.opening_mm)
+        jaws = jaws._replace(opening_mm=opening_mm)
         pose = arguments.row(pose_hand, "pose_hand", 3)[None]
         outline = self._simulator.outline
         return least_clearance(outline, jaws, pose, np.zeros(3), margin_mm=0.0) < 0.0

@@ -62,7 +62,9 @@ def partition(job: Job, names: Sequence[str]) -> Figure:
     rng = np.random.default_rng(SEED)
     poses = rng.uniform([-SPREAD_MM, -SPREAD_MM, 0.0], [SPREAD_MM, SPREAD_MM, np.pi], (SQUEEZES, 3))
     rolled = simulator.roll_out(poses, simulator.sample(SQUEEZES, rng))
-    open_jaws = rolled.width_mm >= float(simulator.jaws[0])  # a finger would have stood on the part
+    open_jaws = (
+        rolled.width_mm >= simulator.jaws.opening_mm
+    )  # a finger would have stood on the part
     final, width_mm = rolled.poses[~open_jaws], rolled.width_mm[~open_jaws]
     result = subspaces_of(width_mm, encoder_of(job))
     if len(result) != len(names):

@@ -66,8 +66,8 @@ def _least(holds: Callable[[float], bool], low: float, high: float) -> float:
 
 def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
     """Whether some placement of the hand is free of collision for all parts in a disc."""
-    jaws, poses = jaws_of(job.gripper), _poses(radius_mm, job.uncertainty.orientation_halfwidth_deg)
-    jaws[0] = opening_mm
+    jaws = jaws_of(job.gripper)._replace(opening_mm=opening_mm)
+    poses = _poses(radius_mm, job.uncertainty.orientation_halfwidth_deg)
     turned = np.zeros((TURNS, 3))
     turned[:, 2] = np.arange(TURNS) * math.pi / TURNS
     placements = np.concatenate([actions_of(job).placements, turned])

@@ -18,7 +18,7 @@ from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 from planner.learned.neighbours import Grid, grid_of, keep_nearest, nearest_within
 from planner.learned.rollouts import RollOuts
-from planner.mechanics.clearance import STANDS_ON, TOUCHES, classify_contact
+from planner.mechanics.clearance import STANDS_ON, TOUCHES, Jaws, classify_contact
 from planner.work.scheduler import Threads
 
 SPREAD = 40.0  # squared bandwidths; weights below e^(-SPREAD / 2) of the largest are ignored
@@ -44,15 +44,14 @@ class Kcde(NamedTuple):
     end: Array  # (M, 4) final poses and widths [mm, mm, rad, mm]
     source: IntArray  # (M,) original index of each roll-out
     outline: Array  # (N, 2) the part [mm]
-    jaws: Array  # (4,) opening, finger length, finger thickness [mm], the upper finger's share
+    jaws: Jaws
     rho_mm: float  # what one radian weighs
 
     @classmethod
-    def fit(cls, rolled: RollOuts, outline: Array, jaws: Array, rho_mm: float, order: int) -> Self:
+    def fit(cls, rolled: RollOuts, outline: Array, jaws: Jaws, rho_mm: float, order: int) -> Self:
         """The estimate from n roll-outs; only those whose fingers touch the part are used.
 
-        The part has an outline (N, 2) [mm] of rotational order `order`; a radian counts as `rho_mm`; the
-        jaws (4,) are those of `clearance.jaws_of`.
+        The part has an outline (N, 2) [mm] of rotational order `order`; a radian counts as `rho_mm`.
 
         Raises:
             ValueError: no roll-out touches the part.
@@ -88,11 +87,11 @@ class Kcde(NamedTuple):
         deque(Threads(workers).map(run, range(0, n, CHUNK)), maxlen=0)
         result = Sampled(
             np.array(poses, dtype=np.float64),
-            np.where(verdict == STANDS_ON, self.jaws[0], 0.0),
+            np.where(verdict == STANDS_ON, self.jaws.opening_mm, 0.0),
             np.full(len(poses), -1, np.int64),
         )
         result.poses[touched] = end[:, :3]
-        result.width_mm[touched] = np.clip(end[:, 3], 0.0, self.jaws[0])
+        result.width_mm[touched] = np.clip(end[:, 3], 0.0, self.jaws.opening_mm)
         result.source[touched] = self.source[source]
         return result
 

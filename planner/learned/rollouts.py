@@ -17,7 +17,7 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray, take
 from planner.job.model import Job
 from planner.mechanics import surface as limit_surface
-from planner.mechanics.clearance import STANDS_ON, classify_contact, jaws_of
+from planner.mechanics.clearance import STANDS_ON, Jaws, classify_contact, jaws_of
 from planner.mechanics.quartic import QuarticSurface
 from planner.mechanics.simulator import Simulator
 from planner.part.outline import reach
@@ -97,7 +97,7 @@ def content_of(simulator: Simulator) -> bytes:
     """Digest of all inputs of a squeeze: the part, its limit surface, the gripper, the step."""
     digest = hashlib.sha256(FORMAT)
     surface = simulator.surface
-    arrays = [simulator.outline, limit_surface.nominal(surface), simulator.jaws]
+    arrays = [simulator.outline, limit_surface.nominal(surface), np.array(simulator.jaws)]
     if isinstance(surface, QuarticSurface):
         arrays.append(surface.certificate)
     for array in arrays:
@@ -117,13 +117,13 @@ def region_radius(job: Job) -> float:
     return max(RING_MM, min(FACTOR * job.uncertainty.radius_mm, limit))
 
 
-def farthest(outline: Array, jaws: Array) -> float:
+def farthest(outline: Array, jaws: Jaws) -> float:
     """Distance of the part's centre from the hand's beyond which no finger touches it, at any angle [mm]."""
     half_x, half_y = _swept(jaws)
     return math.hypot(half_x, half_y) + reach(outline)
 
 
-def within_reach(outline: Array, jaws: Array, poses: Array) -> BoolArray:
+def within_reach(outline: Array, jaws: Jaws, poses: Array) -> BoolArray:
     """Where the circle about a part (N, 2) at `poses` (n, 3) meets the box swept by the fingers: (n,).
 
     Elsewhere a squeeze leaves the part exactly where it is.
@@ -152,6 +152,6 @@ def starts(ring: int, n: int, rng: np.random.Generator) -> Array:
     return np.column_stack([radius * np.cos(bearing), radius * np.sin(bearing), angle])
 
 
-def _swept(jaws: Array) -> tuple[float, float]:
+def _swept(jaws: Jaws) -> tuple[float, float]:
     """Half the extents of the box that contains the fingers at all times."""
-    return 0.5 * float(jaws[1]), 0.5 * float(jaws[0]) + float(jaws[2])
+    return 0.5 * jaws.length_mm, 0.5 * jaws.opening_mm + jaws.thickness_mm

@@ -1,5 +1,7 @@
 """Clearance between fingers and a part at rest: overlap, distance to first touch, kind of contact."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
@@ -18,16 +20,19 @@ TOUCHES = 1
 STANDS_ON = 2  # Verdicts of `classify_contact`
 
 
-def jaws_of(gripper: Gripper) -> Array:
-    """A gripper for kernels: (4,) opening, finger length, finger thickness [mm], the upper finger's share."""
-    return np.array(
-        [
-            gripper.opening_mm,
-            gripper.finger_length_mm,
-            gripper.finger_width_mm,
-            gripper.upper_finger_share,
-        ]
-    )
+class Jaws(NamedTuple):
+    """The jaws of a gripper, open."""
+
+    opening_mm: float
+    length_mm: float  # of a finger, along x of the hand frame
+    thickness_mm: float  # of a finger, along the closing direction
+    upper_share: float  # of the closing that the upper finger makes
+
+
+def jaws_of(gripper: Gripper) -> Jaws:
+    """The jaws of a job's gripper."""
+    length_mm, thickness_mm = gripper.finger_length_mm, gripper.finger_width_mm
+    return Jaws(gripper.opening_mm, length_mm, thickness_mm, gripper.upper_finger_share)
 
 
 @inner_kernel
@@ -123,21 +128,21 @@ def _room(points: Array, opening: float, h: float, thickness: float) -> float:
 
 
 @kernel
-def _classify(outline: Array, poses: Array, jaws: Array, verdict: IntArray) -> None:
+def _classify(outline: Array, poses: Array, jaws: Jaws, verdict: IntArray) -> None:
     points = np.empty(outline.shape)
-    h, top = 0.5 * jaws[1], 0.5 * jaws[0]
+    h, top, upper = 0.5 * jaws.length_mm, 0.5 * jaws.opening_mm, jaws.upper_share
     for k in range(poses.shape[0]):
         place(outline, poses[k], points)
-        if stand(points, top, -top, h, jaws[2]):
+        if stand(points, top, -top, h, jaws.thickness_mm):
             verdict[k] = STANDS_ON
-        elif free_closing(points, top, -top, h, 2.0 * jaws[3], 2.0 * (1.0 - jaws[3])) <= top:
+        elif free_closing(points, top, -top, h, 2.0 * upper, 2.0 * (1.0 - upper)) <= top:
             verdict[k] = TOUCHES
         else:
             verdict[k] = MISSES
 
 
-def classify_contact(outline: Array, jaws: Array, poses: Array) -> IntArray:
-    """First contact of closing fingers, `jaws` (4,), with a part (N, 2) at `poses` (n, 3) in the hand frame.
+def classify_contact(outline: Array, jaws: Jaws, poses: Array) -> IntArray:
+    """First contact of closing fingers with a part (N, 2) at `poses` (n, 3) in the hand frame.
 
     (n,) `TOUCHES`; `MISSES` where the fingers meet each other first; `STANDS_ON` where an open finger would
     come down on the part.
@@ -165,13 +170,13 @@ def _free(
     outline: Array,
     belief: Array,
     placements: Array,
-    jaws: Array,
+    jaws: Jaws,
     least: float,
     spared: int,
     free: BoolArray,
 ) -> None:
     """`free[a]`: whether the fingers at placement a keep `least` from all but `spared` poses."""
-    h, points, pose = 0.5 * jaws[1] + SIDE_MARGIN_MM, np.empty(outline.shape), np.empty(3)
+    h, points, pose = 0.5 * jaws.length_mm + SIDE_MARGIN_MM, np.empty(outline.shape), np.empty(3)
     reach = np.sqrt((outline[0] ** 2 + outline[1] ** 2).max())
     for a in range(placements.shape[0]):
         c, s = np.cos(placements[a, 2]), np.sin(placements[a, 2])
@@ -183,10 +188,10 @@ def _free(
                 c * dy - s * dx,
                 belief[k, 2] - placements[a, 2],
             )
-            if abs(pose[1]) + reach + least <= 0.5 * jaws[0] or abs(pose[0]) - reach >= h:
+            if abs(pose[1]) + reach + least <= 0.5 * jaws.opening_mm or abs(pose[0]) - reach >= h:
                 continue
             place(outline, pose, points)
-            if _room(points, jaws[0], h, jaws[2]) < least:
+            if _room(points, jaws.opening_mm, h, jaws.thickness_mm) < least:
                 near += 1
                 if near > spared:
                     break
@@ -194,7 +199,7 @@ def _free(
 
 
 def least_clearance(
-    outline: Array, jaws: Array, poses: Array, placement: Array, margin_mm: float = SIDE_MARGIN_MM
+    outline: Array, jaws: Jaws, poses: Array, placement: Array, margin_mm: float = SIDE_MARGIN_MM
 ) -> float:
     """Distance along the closing direction between open fingers and the nearest part of a belief [mm].
 
@@ -203,11 +208,8 @@ def least_clearance(
     part.
     """
     hand = np.ascontiguousarray(to_hand(poses, placement))
-    return float(
-        _least_room(
-            np.ascontiguousarray(outline.T), hand, jaws[0], 0.5 * jaws[1] + margin_mm, jaws[2]
-        )
-    )
+    columns, h = np.ascontiguousarray(outline.T), 0.5 * jaws.length_mm + margin_mm
+    return float(_least_room(columns, hand, jaws.opening_mm, h, jaws.thickness_mm))
 
 
 @kernel
@@ -224,7 +226,7 @@ def _least_free(
 
 
 def first_contact_mm(
-    outline: Array, jaws: Array, poses: Array, placement: Array, shares: tuple[float, float]
+    outline: Array, jaws: Jaws, poses: Array, placement: Array, shares: tuple[float, float]
 ) -> float:
     """The greatest width at which closing jaws may meet any part of a belief [mm]; 0 for none.
 
@@ -232,16 +234,16 @@ def first_contact_mm(
     count as `SIDE_MARGIN_MM` longer at both ends, the upper one's share of the closing lies within `shares`.
     """
     hand, (least, most) = np.ascontiguousarray(to_hand(poses, placement)), shares
-    h = 0.5 * jaws[1] + SIDE_MARGIN_MM
+    h = 0.5 * jaws.length_mm + SIDE_MARGIN_MM
     free = _least_free(
-        np.ascontiguousarray(outline.T), hand, jaws[0], h, 2.0 * most, 2.0 * (1.0 - least)
+        np.ascontiguousarray(outline.T), hand, jaws.opening_mm, h, 2.0 * most, 2.0 * (1.0 - least)
     )
-    return float(jaws[0] - 2.0 * free)
+    return float(jaws.opening_mm - 2.0 * free)
 
 
 def free_placements(
     outline: Array,
-    jaws: Array,
+    jaws: Jaws,
     belief: Array,
     placements: Array,
     least_mm: float,
@@ -254,13 +256,6 @@ def free_placements(
     """
     free = np.empty(len(placements), np.bool_)
     belief, placements = np.ascontiguousarray(belief), np.ascontiguousarray(placements)
-    _free(
-        np.ascontiguousarray(outline.T),
-        belief,
-        placements,
-        jaws,
-        least_mm,
-        int(share * len(belief)),
-        free,
-    )
+    columns, spared = np.ascontiguousarray(outline.T), int(share * len(belief))
+    _free(columns, belief, placements, jaws, least_mm, spared, free)
     return free

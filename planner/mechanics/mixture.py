@@ -7,6 +7,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.job.model import Job
+from planner.mechanics.clearance import Jaws
 from planner.mechanics.simulator import DEFAULT_STEP_MM, RollOut, Simulator, in_order
 from planner.mechanics.traits import Traits, by_hypothesis
 
@@ -23,7 +24,7 @@ class Mixture:
         return cls(tuple(Simulator.of_job(alone, workers, step_mm) for alone in job.alone))
 
     @property
-    def jaws(self) -> Array:
+    def jaws(self) -> Jaws:
         """The jaws, as in `Simulator`."""
         return self.simulators[0].jaws
 

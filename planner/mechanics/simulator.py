@@ -14,7 +14,7 @@ from planner.arrays import Array, BoolArray, IntArray, take
 from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
 from planner.mechanics import surface as limit_surface
-from planner.mechanics.clearance import jaws_of
+from planner.mechanics.clearance import Jaws, jaws_of
 from planner.mechanics.push import (
     LOST,
     SLID,
@@ -77,7 +77,7 @@ class Simulator:
 
     outline: Array  # (N, 2) the part, counter-clockwise, curves simplified to `SIMPLIFY_MM` [mm]
     surface: Surface  # the nominal limit surface
-    jaws: Array  # (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing
+    jaws: Jaws
     friction: tuple[float, float]  # bounds of the coefficient between finger and part
     wishart_dof: int  # degrees of freedom of the limit surface's scatter (paper, IV: n_df)
     others: tuple[Surface, ...] = ()  # alternative limit surfaces, numbered 1, 2, ... in the traits
@@ -91,10 +91,10 @@ class Simulator:
     def __post_init__(self) -> None:
         arguments.rows(self.outline, "outline", 2)
         arguments.count(len(self.outline), "number of vertices", 3)
-        arguments.number(
-            arguments.row(self.jaws, "jaws", 4)[:3].min(), "least of the jaws", 0.0, MOST_JAWS_MM
-        )
-        arguments.number(self.jaws[3], "upper finger's share", 0.0, 1.0)
+        *lengths_mm, upper_share = self.jaws
+        for length_mm in lengths_mm:
+            arguments.number(length_mm, "a length of the jaws", 0.0, MOST_JAWS_MM)
+        arguments.number(upper_share, "upper finger's share", 0.0, 1.0)
         arguments.row(self.friction, "friction", 2)
         arguments.row(self.release, "release", 3)
         arguments.number(self.step_mm, "step_mm", LEAST_STEP_MM, MOST_JAWS_MM)
@@ -131,7 +131,7 @@ class Simulator:
             surfaces=np.repeat(surface[None], n, axis=0),
             mu=np.full((n, 2), mu),
             release=np.zeros((n, 3)),
-            share=np.full(n, self.jaws[3]),
+            share=np.full(n, self.jaws.upper_share),
             deviation=np.zeros((n, len(self.shapes))),
         )
 
@@ -150,7 +150,7 @@ class Simulator:
         drawn = rng.uniform(*self.friction, size=n)
         mu = np.where(parts_traits["friction"] == FRESH, drawn, parts_traits["friction"])
         release = rng.standard_normal((n, 3)) * np.array(self.release)
-        share = np.clip(self.jaws[3] + parts_traits["share"], 0.0, 1.0)
+        share = np.clip(self.jaws.upper_share + parts_traits["share"], 0.0, 1.0)
         mus = np.repeat(mu[:, None], 2, axis=1)
         return Parameters(surfaces, mus, release, share, parts_traits["deviation"], ellipsoid)
 
@@ -204,7 +204,7 @@ class Simulator:
         deviations = np.ascontiguousarray(self.shapes.transpose(0, 2, 1))
         part = Part(columns, deviations, self.surface.rho_mm)
         scratch = scratch_of(self.outline)
-        return squeeze_many(part, self.jaws[:3], self.step_mm, each, result, scratch, trace)
+        return squeeze_many(part, self.jaws, self.step_mm, each, result, scratch, trace)
 
     def push(self, paths: Paths, parameters: Parameters, radius_mm: float = 0.0) -> Pushed:
         """Pushes the part once along each of n paths, given in the part's frame at the start.
@@ -262,15 +262,17 @@ class Simulator:
             ValueError: a shape does not fit, or a number is not finite or out of range.
         """
         start = arguments.rows(poses, "poses", 3)
-        opening_mm = arguments.rows(opening_mm, "opening_mm", least=0.0, most=self.jaws[0])
+        opening_mm = arguments.rows(opening_mm, "opening_mm", least=0.0, most=self.jaws.opening_mm)
         way_mm = arguments.rows(way_mm, "way_mm", least=0.0, most=arguments.LONGEST_MM)
         arguments.same_length(poses=start, opening_mm=opening_mm, way_mm=way_mm, traits=traits)
         parameters = self.sample(len(start), rng, traits)
-        beside = beside_mm(parameters.share, self.jaws[0] - opening_mm)
-        pushers = of_fingers(opening_mm, np.asarray(way_mm, np.float64), self.jaws[1], self.jaws[2])
+        beside = beside_mm(parameters.share, self.jaws.opening_mm - opening_mm)
+        pushers = of_fingers(
+            opening_mm, np.asarray(way_mm, np.float64), self.jaws.length_mm, self.jaws.thickness_mm
+        )
         # Turned by a quarter, the hand's x axis points down, as pushing fingers look.
         x, y, theta = start.T
-        turned = np.column_stack([y - beside, 0.5 * self.jaws[1] - x, theta - 0.5 * math.pi])
+        turned = np.column_stack([y - beside, 0.5 * self.jaws.length_mm - x, theta - 0.5 * math.pi])
         across, back, angle = (self._pushed(turned, pushers, parameters).poses - turned).T
         return np.asarray(start + np.column_stack([-back, across, angle]))
 

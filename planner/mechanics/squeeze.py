@@ -13,7 +13,7 @@ from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel, merged_kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.boundary import Boundary, Drive, directions
-from planner.mechanics.clearance import free_closing, stand
+from planner.mechanics.clearance import Jaws, free_closing, stand
 from planner.mechanics.lcp import SOLVED
 from planner.mechanics.step import solve
 from planner.mechanics.stepping import (
@@ -116,11 +116,11 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
 
 @inner_kernel
 def _close_by(
-    boundary: Boundary, jaws: Array, share: float, mu_top: float, mu_bottom: float, step: float
+    boundary: Boundary, jaws: Jaws, share: float, mu_top: float, mu_bottom: float, step: float
 ) -> None:
-    """Sets the boundary to closing fingers: jaws (3,), share of the upper one, friction, step [mm]."""
+    """Sets the boundary to closing fingers: their jaws, share of the upper one, friction, step [mm]."""
     boundary.fingers, boundary.facing, boundary.apart = 2, -1, 0.0
-    boundary.h, boundary.thickness = 0.5 * jaws[1], jaws[2]
+    boundary.h, boundary.thickness = 0.5 * jaws.length_mm, jaws.thickness_mm
     boundary.mu_top, boundary.mu_bottom, boundary.step = mu_top, mu_bottom, step
     boundary.top_share, boundary.bottom_share = 2.0 * share, 2.0 * (1.0 - share)
     boundary.x = boundary.y = boundary.turn = 0.0
@@ -179,7 +179,7 @@ def _squeeze(
 @inner_kernel
 def squeeze_many(
     part: Part,
-    jaws: Array,
+    jaws: Jaws,
     step: float,
     each: Each,
     result: RollOut,
@@ -188,8 +188,8 @@ def squeeze_many(
 ) -> int:
     """Closes the fingers on every part of `result.poses` (n, 3), in steps of at most `step` [mm].
 
-    `jaws` (3,) are opening, finger length and thickness [mm]; `result` is filled in place. `trace` (rows, 4)
-    receives poses and widths along the path of the last squeeze; it may have no rows.
+    `result` is filled in place. `trace` (rows, 4) receives poses and widths along the path of the last
+    squeeze; it may have no rows.
 
     Returns:
         Rows of the trace.
@@ -202,7 +202,7 @@ def squeeze_many(
         _close_by(scratch.work.boundary, jaws, each.share[i], each.mu[i, 0], each.mu[i, 1], step)
         body = Body(scratch.outline, reach, each.surfaces[i], part.rho)
         result.width_mm[i], result.status[i], result.given_up[i], rows = _squeeze(
-            body, jaws[0], result.poses[i], scratch, trace
+            body, jaws.opening_mm, result.poses[i], scratch, trace
         )
     return rows
 

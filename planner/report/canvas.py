@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from planner.arrays import Array
 from planner.belief.particles import subsample
 from planner.frames import to_world
+from planner.mechanics.clearance import Jaws
 from planner.templating import environment
 from runtime.shell.files import writing
 
@@ -126,11 +127,8 @@ def placed(points: Array, pose: Array) -> Array:
     return to_world(unturned, pose)[..., :2]
 
 
-def finger_boxes(jaws: Array, width_mm: float) -> Array:
-    """The upper and the lower finger (2, 4, 2) in the hand frame, closed to a width [mm].
-
-    `jaws` (4,) are from `planner.mechanics.clearance.jaws_of`.
-    """
+def finger_boxes(jaws: Jaws, width_mm: float) -> Array:
+    """The upper and the lower finger (2, 4, 2) in the hand frame, closed to a width [mm]."""
     opening, length, thickness, share = jaws
     top = 0.5 * opening - share * (opening - width_mm)
     x = 0.5 * length * np.array([-1.0, 1.0, 1.0, -1.0])

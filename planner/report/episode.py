@@ -1,5 +1,6 @@
 """Picture of an episode of the environment, as pixels: belief, part and last action."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,8 @@ def pixels(model: Pomdp, state: Array, belief: Array, action: Array | None) -> N
     """
     outline, jaws = model.simulator.outline, model.simulator.jaws
     span = model.job.uncertainty.radius_mm + reach(outline)
-    half = max(span, float(np.hypot(0.5 * jaws[0] + jaws[2], 0.5 * jaws[1]))) + MARGIN_MM
+    corner = math.hypot(0.5 * jaws.opening_mm + jaws.thickness_mm, 0.5 * jaws.length_mm)
+    half = max(span, corner) + MARGIN_MM
     if action is None:
         action = np.zeros(4)
     with canvas.style():

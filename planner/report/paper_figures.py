@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from planner.arrays import Array, IntArray
 from planner.belief.particles import subsample
 from planner.job.model import Job
+from planner.mechanics.clearance import Jaws
 from planner.paper.subspaces import Subspaces
 from planner.report import canvas
 from planner.report.look import scenes
@@ -72,13 +73,13 @@ def subspaces(
     label: IntArray,
     final: Array,
     outline: Array,
-    jaws: Array,
+    jaws: Jaws,
     titles: Sequence[str],
 ) -> Figure:
     """Fig. 4: the subspaces of widths, each with a panel, a title and an SVG group.
 
     Final poses (n, 3) in the hand frame [mm, mm, rad] are drawn by their labels (n,), as an outline (N, 2)
-    between jaws (4,), from `planner.mechanics.clearance.jaws_of` [mm].
+    between the jaws.
     """
     columns = min(COLUMNS, len(solved))
     rows = ceil(len(solved) / columns)

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from planner.arrays import Array
+from planner.mechanics.clearance import Jaws
 from planner.report import canvas
 from runtime.pages.frame import page
 from runtime.shell.files import write
@@ -68,10 +69,10 @@ def trail(centres: Array) -> Array:
     return np.stack([np.interp(marks, passed, centres[:, j]) for j in range(2)], axis=-1)
 
 
-def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
+def figure(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> Figure:
     """Draws a panel for each of 1 to `MOST_PANELS` squeezes, a group `squeeze-1`, ... in an SVG.
 
-    `outline` (N, 2) is the part [mm], `jaws` (4,) those of `planner.mechanics.clearance.jaws_of`.
+    `outline` (N, 2) is the part [mm].
     """
     half = extent(outline, jaws, traces)
     columns = min(COLUMNS_IF_TALL if half[1] > TALL * half[0] else COLUMNS, len(traces))
@@ -89,12 +90,12 @@ def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
     return result
 
 
-def extent(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> tuple[float, float]:
+def extent(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> tuple[float, float]:
     """Half width and half height that contain all squeezes, with a margin [mm]."""
     reach = float(np.max(np.hypot(*outline.T)))
     centres = np.concatenate([np.abs(trace.states[:, :2]) for trace in traces])
-    x = max(0.5 * float(jaws[1]), float(centres[:, 0].max()) + reach)
-    y = max(0.5 * float(jaws[0]) + float(jaws[2]), float(centres[:, 1].max()) + reach)
+    x = max(0.5 * jaws.length_mm, float(centres[:, 0].max()) + reach)
+    y = max(0.5 * jaws.opening_mm + jaws.thickness_mm, float(centres[:, 1].max()) + reach)
     return x + 3.0, y + 3.0
 
 
@@ -107,7 +108,7 @@ def frame(axes: Axes, half: tuple[float, float]) -> None:
     canvas.faint_grid(axes)
 
 
-def _draw(axes: Axes, outline: Array, jaws: Array, states: Array) -> None:
+def _draw(axes: Axes, outline: Array, jaws: Jaws, states: Array) -> None:
     begun = touch(states)
     between = along(states, np.linspace(begun, states[-1, 3], BETWEEN + 2)[:-1])
     for rows, color, width, order in (
@@ -128,15 +129,15 @@ def timeline(states: Array) -> Array:
     return along(states, np.concatenate([approach, np.linspace(begun, end, CONTACT_FRAMES)]))
 
 
-def html(outline: Array, jaws: Array, traces: Sequence[Squeezed], title: str, path: Path) -> None:
+def html(outline: Array, jaws: Jaws, traces: Sequence[Squeezed], title: str, path: Path) -> None:
     """Writes a page with all squeezes beside each other and one slider; it needs no network.
 
-    `outline` (N, 2) is the part [mm], `jaws` (4,) those of `planner.mechanics.clearance.jaws_of`.
+    `outline` (N, 2) is the part [mm].
     """
     half_x, half_y = extent(outline, jaws, traces)
     data = {
         "outline": canvas.points(outline),
-        "jaws": dict(zip(("opening", "length", "thickness", "share"), jaws.tolist(), strict=True)),
+        "jaws": jaws._asdict(),
         "half": {"x": round(half_x, 2), "y": round(half_y, 2)},
         "squeezes": [
             {"status": trace.status, "states": list(map(_named, timeline(trace.states)))}

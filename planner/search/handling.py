@@ -17,6 +17,7 @@ from planner.frames import to_hand
 from planner.job.model import Job
 from planner.mechanics.clearance import (
     STANDS_ON,
+    Jaws,
     classify_contact,
     first_contact_mm,
     jaws_of,
@@ -52,14 +53,14 @@ class Handling:
 
     Attributes:
         outlines: (N, 2) of the part [mm], for each hypothesis.
-        jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
+        jaws: of the gripper, fully open.
         alike: whether the fingers move alike; otherwise the opening decides which one touches first.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         encoder: turns the branches' counts into widths.
     """
 
     outlines: tuple[Array, ...]
-    jaws: Array
+    jaws: Jaws
     alike: bool
     area: Array
     encoder: Encoder
@@ -72,7 +73,7 @@ class Handling:
         """
         contact_mm = self.contact_mm(belief, placement)
         uncertain = pushed or len(belief) < LEAST_PARTICLES
-        full_mm = float(self.jaws[0])
+        full_mm = self.jaws.opening_mm
         free = self.alike and not uncertain
         opening = min(contact_mm + SPARE_MM, full_mm) if free else full_mm
         clearance_mm = max(self._clearance(opening, belief, placement), 0.0)
@@ -83,7 +84,9 @@ class Handling:
         traits, hand = belief.traits, to_hand(belief.poses, placement)
         hand[:, 1] -= traits["across_mm"]
         part, widths = traits["hypothesis"], list[float]()
-        shares = np.round(np.clip(self.jaws[3] + traits["share"], 0.0, 1.0), SHARE_DECIMALS)
+        shares = np.round(
+            np.clip(self.jaws.upper_share + traits["share"], 0.0, 1.0), SHARE_DECIMALS
+        )
         for k, share in {*zip(part.tolist(), shares.tolist(), strict=True)}:
             rows = (part == k) & (shares == share)
             width_mm = first_contact_mm(
@@ -135,7 +138,7 @@ class Handling:
         ]
 
     def _clearance(self, opening: float, belief: Belief, placement: Array) -> float:
-        jaws = np.array([opening, *self.jaws[1:]])
+        jaws = self.jaws._replace(opening_mm=opening)
         return min(
             least_clearance(self.outlines[k], jaws, belief.poses[rows], placement)
             for k, rows in by_hypothesis(belief.traits)

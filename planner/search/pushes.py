@@ -15,6 +15,7 @@ from planner.arrays import Array
 from planner.belief.costs import Costs, Hand
 from planner.belief.particles import Belief, subsample
 from planner.belief.transition import Push, Simulation
+from planner.mechanics.clearance import Jaws
 from planner.mechanics.mixture import Mixture
 from planner.mechanics.traits import by_hypothesis
 from planner.problem import Problem
@@ -52,7 +53,7 @@ class Pusher:
     Attributes:
         model: simulates pushes of beliefs.
         costs: the prices of the job.
-        jaws: (4,) as in `Simulator`.
+        jaws: of the gripper.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         turnable: whether a turn of a whole plan about the origin changes nothing, so that one direction of
             the first push suffices.
@@ -61,7 +62,7 @@ class Pusher:
 
     model: Simulation
     costs: Costs
-    jaws: Array
+    jaws: Jaws
     area: Array
     turnable: bool
     least_share: float = LEAST_SHARE
@@ -76,11 +77,11 @@ class Pusher:
             )
             begins, middle = self._begins(belief, along), belief.poses[:, :2].mean(axis=0) @ across
             start, beyond = float(begins.min()) - BESIDE_MM, float(begins.max()) + BEYOND_MM
-            place = (start - 0.5 * self.jaws[1]) * along + middle * across
+            place = (start - 0.5 * self.jaws.length_mm) * along + middle * across
             for opening, farther in product(OPENINGS, FARTHER):
                 way_mm = beyond + farther * reach - start
                 result.append(
-                    Push(np.array([*place, angle]), opening * float(self.jaws[0]), way_mm)
+                    Push(np.array([*place, angle]), opening * self.jaws.opening_mm, way_mm)
                 )
         return [push for push in result if self._within(push)]
 
@@ -150,7 +151,7 @@ class Pusher:
     def _from_beside(self, push: Push, belief: Belief) -> Push:
         """A push with the same end, but started far enough back to clear a whole belief."""
         along = np.array([np.cos(push.start[2]), np.sin(push.start[2])])
-        face = float(push.start[:2] @ along) + 0.5 * float(self.jaws[1])
+        face = float(push.start[:2] @ along) + 0.5 * self.jaws.length_mm
         back = max(0.0, face + BESIDE_MM - float(self._begins(belief, along).min()))
         return push._replace(
             start=push.start - back * np.array([*along, 0.0]), way_mm=push.way_mm + back

@@ -86,7 +86,7 @@ def _converged(outline: np.ndarray, radius: float, poses: int) -> Row:
     depths = [
         deepest_overlap(outline, after, width)
         for before, after, width in zip(start, result.poses, result.width_mm, strict=True)
-        if deepest_overlap(outline, before, JAWS[0]) == 0.0
+        if deepest_overlap(outline, before, JAWS.opening_mm) == 0.0
     ]
     counts = np.bincount(result.status, minlength=4).tolist()
     return {

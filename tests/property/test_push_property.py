@@ -26,7 +26,7 @@ def test_push_by_hand_computed_otherwise_ends_alike(shape):
 def test_push_by_hand_of_a_flush_part_stays_flush(opening, beside):
     """Whatever the limit surface: both fingers' ends lie along the side, and the centre lies between them."""
     n = 100
-    start = np.tile([JAWS[1] / 2 + 16.0, beside, 0.0], (n, 1))
+    start = np.tile([JAWS.length_mm / 2 + 16.0, beside, 0.0], (n, 1))
     end = simulator(rectangle()).push_by_hand(
         start, np.full(n, opening), np.full(n, 40.0), np.random.default_rng(0)
     )
@@ -39,7 +39,7 @@ def test_push_by_hand_of_a_wedged_part_takes_it_along_from_the_start():
     part, n, opening = simulator(tip), 200, np.full(200, 12.0)
     rng = np.random.default_rng(2)
     ahead = np.column_stack(
-        [np.full(n, JAWS[1] / 2 + 25.0), rng.uniform(-2, 2, n), rng.uniform(-0.1, 0.1, n)]
+        [np.full(n, JAWS.length_mm / 2 + 25.0), rng.uniform(-2, 2, n), rng.uniform(-0.1, 0.1, n)]
     )
     first, second = (np.random.default_rng(3) for _ in range(2))
     wedged = part.push_by_hand(ahead, opening, np.full(n, 40.0), first) - [40.0, 0.0, 0.0]

@@ -45,7 +45,7 @@ def test_fingers_never_stand_in_the_part(shape, seed, mu):
     outline = shape(seed)
     poses, result = squeezed(outline, seed, mu)
     for before, pose, width in zip(poses, result.poses, result.width_mm, strict=True):
-        if deepest_overlap(outline, before, JAWS[0]) == 0.0:
+        if deepest_overlap(outline, before, JAWS.opening_mm) == 0.0:
             assert deepest_overlap(outline, pose, width) <= PENETRATION_MM
 
 
@@ -55,7 +55,7 @@ def test_every_squeeze_ends_in_one_of_four_finite_ways(seed, mu):
     outline = spiky(seed)
     poses, result = squeezed(outline, seed, mu)
     assert np.isfinite(result.poses).all()
-    assert ((result.width_mm >= 0.0) & (result.width_mm <= JAWS[0])).all()
+    assert ((result.width_mm >= 0.0) & (result.width_mm <= JAWS.opening_mm)).all()
     names = np.array(STATUS_NAMES)[result.status]
     free = np.isin(names, ["untouched", "slipped"])
     assert np.array_equal(result.width_mm == 0.0, free)
@@ -70,7 +70,7 @@ def test_fingers_only_push(seed, mu):
     """The way the part goes along the closing axis is no longer than the way the fingers went."""
     outline = compact(seed)
     poses, result = squeezed(outline, seed, mu)
-    closed = 0.5 * (JAWS[0] - result.width_mm)
+    closed = 0.5 * (JAWS.opening_mm - result.width_mm)
     assert (np.abs(result.poses[:, 1]) <= np.abs(poses[:, 1]) + closed + 1e-6).all()
 
 

@@ -11,17 +11,17 @@ import shapely
 from scipy.spatial.distance import pdist
 
 from planner.belief.observation import Encoder
-from planner.mechanics.clearance import STANDS_ON, classify_contact
+from planner.mechanics.clearance import STANDS_ON, Jaws, classify_contact
 from planner.mechanics.limit_surface import LimitSurface, fit_ellipsoid
 from planner.mechanics.simulator import DEFAULT_STEP_MM, RollOut, Simulator
 from planner.part.outline import canonical, radius_of_gyration
 from planner.part.pressure import Pressure, support
 
-JAWS = np.array([85.0, 27.5, 9.5, 0.5])
-"""The paper's gripper: opening, finger length and thickness (mm), the upper finger's share of the closing."""
+JAWS = Jaws(85.0, 27.5, 9.5, 0.5)
+"""The paper's gripper."""
 ENCODER = Encoder(85.0, 227, 0.15)
 """The 2F-85's: opening [mm], steps and noise [mm]."""
-LONG_JAWS = np.array([85.0, 400.0, 9.5, 0.5])
+LONG_JAWS = JAWS._replace(length_mm=400.0)
 """Fingers longer than any part: nothing reaches their ends."""
 
 
@@ -128,7 +128,7 @@ def boundary_surface(outline: np.ndarray) -> LimitSurface:
 
 def simulator(
     outline: np.ndarray,
-    jaws: np.ndarray = JAWS,
+    jaws: Jaws = JAWS,
     step_mm: float = DEFAULT_STEP_MM,
     workers: int = 1,
     surface: LimitSurface | None = None,
@@ -168,7 +168,7 @@ def place(outline: np.ndarray, pose: np.ndarray) -> np.ndarray:
 
 def finger_box(finger: int, face: float) -> shapely.Polygon:
     """The finger (+1 upper, -1 lower) whose inner face lies at y = face."""
-    half, outer = JAWS[1] / 2, face + finger * JAWS[2]
+    half, outer = JAWS.length_mm / 2, face + finger * JAWS.thickness_mm
     return shapely.box(-half, min(face, outer), half, max(face, outer))
 
 

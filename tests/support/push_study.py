@@ -37,7 +37,7 @@ SHAPES |= {name: partial(of_tree, name) for name in OF_TREES}
 def scattered(outline: np.ndarray, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Poses (n, 3) of parts strewn before a hand, in its frame at the start, and its openings (n,)."""
     rng = np.random.default_rng(seed)
-    ahead = JAWS[1] / 2 + reach(outline) + rng.uniform(0.1, 8.0, n)
+    ahead = JAWS.length_mm / 2 + reach(outline) + rng.uniform(0.1, 8.0, n)
     poses = np.column_stack([ahead, rng.uniform(-15.0, 15.0, n), rng.uniform(-np.pi, np.pi, n)])
     return poses, rng.choice(OPENINGS, n)
 
@@ -92,7 +92,7 @@ def differ(ends: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 def fingers_at(opening_mm: float, way_mm: float) -> shapely.Geometry:
     """The fingers of a hand that has gone so far."""
-    inner, outer, h = opening_mm / 2, opening_mm / 2 + JAWS[2], JAWS[1] / 2
+    inner, outer, h = opening_mm / 2, opening_mm / 2 + JAWS.thickness_mm, JAWS.length_mm / 2
     return shapely.union_all(shapely.box(way_mm - h, [inner, -outer], way_mm + h, [outer, -inner]))
 
 

@@ -57,7 +57,7 @@ class HeldError(Exception):
 def squeeze(part: Part, pose: np.ndarray) -> Result:
     """Close the fingers from fully open until the part is held, or they meet."""
     closed = _first_touch(part, pose)
-    end = 0.5 * part.jaws[0]
+    end = 0.5 * part.jaws.opening_mm
     if closed >= end:
         return Result(np.array(pose), 0.0, False)
     last = np.array([closed, *pose])

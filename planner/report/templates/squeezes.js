@@ -1,4 +1,4 @@
-const data = JSON.parse(byId("data").textContent), {opening, length, thickness, share} = data.jaws, {x: halfX, y: halfY} = data.half;
+const data = JSON.parse(byId("data").textContent), {opening_mm: opening, length_mm: length, thickness_mm: thickness, upper_share: share} = data.jaws, {x: halfX, y: halfY} = data.half;
 const slider = document.querySelector("input"), button = document.querySelector("button");
 const place = ({x, y, turn}) => `translate(${x} ${y}) rotate(${turn * 180 / Math.PI})`;
 const points = list => list.map(({x, y}) => `${x},${y}`).join(" ");

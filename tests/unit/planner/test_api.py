@@ -12,6 +12,7 @@ from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of
 from planner.belief.transition import Outcomes
 from planner.compile import compile_job
+from planner.mechanics.clearance import Jaws
 from planner.mechanics.simulator import Parameters, RollOut
 from planner.mechanics.traits import Traits, as_planned
 from planner.world import Assorted, of_hypothesis
@@ -177,7 +178,7 @@ def traits_with(**changes: float) -> Traits:
         lambda world, model: compile_job(JOB, trials=-5),
         lambda world, model: of_hypothesis(Assorted([world, world]), -1),
         lambda world, model: Simulator.of_job(JOB, 1, NAN),
-        lambda world, model: replace(model.simulator, jaws=np.array([NAN, 1.0, 1.0, 0.5])),
+        lambda world, model: replace(model.simulator, jaws=Jaws(NAN, 1.0, 1.0, 0.5)),
         lambda world, model: replace(model.simulator, outline=np.zeros((2, 2))),
         lambda world, model: replace(model.simulator, friction=(NAN, NAN)),
         lambda world, model: rolled_with(model, deviation=np.zeros((3, 1))),

@@ -110,7 +110,7 @@ def test_parts_that_are_not_touched_stay_to_the_last_bit():
     assert np.array_equal(drawn.width_mm[still], direct.width_mm[still])
     assert np.all((drawn.source < 0) == still)
     assert np.array_equal(verdict == MISSES, direct.status == 0)
-    assert np.all(direct.width_mm[verdict == STANDS_ON] == JAWS[0])
+    assert np.all(direct.width_mm[verdict == STANDS_ON] == JAWS.opening_mm)
     assert np.any(verdict == MISSES)
     assert np.any(verdict == STANDS_ON)
 

@@ -71,7 +71,7 @@ def test_only_what_the_squeeze_depends_on_seeds_it(part):
         replace(part, surface=replace(part.surface, rho_mm=11.0)),
         replace(part, surface=quartic),
         replace(part, surface=replace(quartic, certificate=2.0 * quartic.certificate)),
-        replace(part, jaws=part.jaws * 1.1),
+        replace(part, jaws=part.jaws._replace(length_mm=30.0)),
         replace(part, friction=(0.4, 0.7)),
         replace(part, wishart_dof=99),
         replace(part, release=(0.1, 0.1, 0.0)),

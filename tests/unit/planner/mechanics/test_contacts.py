@@ -202,8 +202,8 @@ def meets(outline, pose, width_mm, jaws, share):
     edge = np.concatenate(
         [a + np.linspace(0, 1, 200)[:, None] * (b - a) for a, b in zip(corners, ends, strict=True)]
     )
-    before = edge[np.abs(edge[:, 0]) <= 0.5 * jaws[1]]
-    top = 0.5 * jaws[0] - share * (jaws[0] - width_mm)
+    before = edge[np.abs(edge[:, 0]) <= 0.5 * jaws.length_mm]
+    top = 0.5 * jaws.opening_mm - share * (jaws.opening_mm - width_mm)
     return bool((before[:, 1] > top).any() or (before[:, 1] < top - width_mm).any())
 
 
@@ -216,4 +216,4 @@ def test_first_contact_is_not_below_any_width_at_which_jaws_meet_a_part(job):
         assert not any(meets(outline, pose, contact + 0.1, jaws, share) for pose in poses)
     even = first_contact_mm(outline, jaws, poses, np.zeros(3), (0.5, 0.5))
     assert any(meets(outline, pose, even - 3.0, jaws, 0.5) for pose in poses)
-    assert even <= contact <= jaws[0]
+    assert even <= contact <= jaws.opening_mm

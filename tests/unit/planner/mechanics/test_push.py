@@ -1,7 +1,6 @@
 """Pushes with known answers, and what turning, mirroring or scaling the scene must not change."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import push_twin
@@ -164,7 +163,7 @@ def test_fingers_end_a_push_as_their_corners_alone_do():
     plate, opening, way, n = rectangle() * 8.0, 30.0, 25.0, 20
     part, rng = simulator(plate), np.random.default_rng(5)
     poses = np.column_stack(
-        [np.full(n, JAWS[1] / 2 + 150.0), rng.uniform(-20, 20, n), rng.uniform(-0.2, 0.2, n)]
+        [np.full(n, JAWS.length_mm / 2 + 150.0), rng.uniform(-20, 20, n), rng.uniform(-0.2, 0.2, n)]
     )
     drawn = part.sample(n, np.random.default_rng(9))
     by_hand = part.push_by_hand(
@@ -172,7 +171,11 @@ def test_fingers_end_a_push_as_their_corners_alone_do():
     )
     for k, pose in enumerate(poses):
         ahead = np.array(
-            [(JAWS[1] / 2, side * y) for side in (-1, 1) for y in (15.0, 15.0 + JAWS[2])]
+            [
+                (JAWS.length_mm / 2, side * y)
+                for side in (-1, 1)
+                for y in (15.0, 15.0 + JAWS.thickness_mm)
+            ]
         )
         back = turned(ahead - pose[:2], -pose[2])
         result = part.push(
@@ -185,10 +188,11 @@ def test_fingers_end_a_push_as_their_corners_alone_do():
 @pytest.mark.parametrize("share", [0.5, 0.6, 1.0])
 def test_fingers_that_close_unevenly_push_beside_the_middle(share):
     """Of jaws half closed the upper finger has come so far down: where both stand, parts go along."""
-    jaws = JAWS.copy()
-    jaws[3] = share
-    part, opening = replace(simulator(rectangle()), jaws=jaws), 20.0
-    upper, lower = 0.5 * JAWS[0] - share * 65.0, -0.5 * JAWS[0] + (1.0 - share) * 65.0
-    start = np.array([[JAWS[1] / 2 + 16.0, 0.5 * (upper + lower), 0.0]])
+    part, opening = simulator(rectangle(), JAWS._replace(upper_share=share)), 20.0
+    upper, lower = (
+        0.5 * JAWS.opening_mm - share * 65.0,
+        -0.5 * JAWS.opening_mm + (1.0 - share) * 65.0,
+    )
+    start = np.array([[JAWS.length_mm / 2 + 16.0, 0.5 * (upper + lower), 0.0]])
     end = part.push_by_hand(start, np.array([opening]), np.array([20.0]), np.random.default_rng(0))
     assert end[0] == pytest.approx(start[0] + [19.0, 0.0, 0.0], abs=0.02)

@@ -21,7 +21,7 @@ RHO = 10.57
 def stepped(pose, surface, friction):
     """Status, touching contacts, friction of each, and displacement of a step from the first touch on."""
     columns = np.ascontiguousarray(place(rectangle(), pose).T)
-    half, thickness = 0.5 * JAWS[1], JAWS[2]
+    half, thickness = 0.5 * JAWS.length_mm, JAWS.thickness_mm
     faces = (side * (100.0 - clearance(columns, side, side * 100.0, half)) for side in (1, -1))
     fingers = (
         contacts.Finger(side, 0.0, face, half, thickness)

@@ -18,6 +18,7 @@ from problems import (
     sliver,
 )
 
+from planner.mechanics.clearance import Jaws
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.simulator import STATUS_NAMES
 from planner.part.outline import width
@@ -174,7 +175,7 @@ def test_grasped_or_jammed_does_not_depend_on_the_size_of_the_part(name):
     small = replace(
         part,
         outline=0.1 * part.outline,
-        jaws=part.jaws * [0.1, 0.1, 0.1, 1.0],
+        jaws=Jaws(*(0.1 * mm for mm in part.jaws[:3]), part.jaws.upper_share),
         surface=replace(part.surface, rho_mm=0.1 * part.surface.rho_mm),
         step_mm=0.1 * part.step_mm,
     )

@@ -10,13 +10,14 @@ import pytest
 from html_pages import Page
 
 from planner.arrays import Array
+from planner.mechanics.clearance import Jaws
 from planner.report import canvas, trajectory
 from planner.report.trajectory import Squeezed
 
 pytestmark = pytest.mark.slow
 
 OUTLINE = np.array([[-15.0, -10.5], [15.0, -10.5], [15.0, 10.5], [-15.0, 10.5]])
-JAWS = np.array([85.0, 27.5, 9.5, 0.5])
+JAWS = Jaws(85.0, 27.5, 9.5, 0.5)
 GRASP = Squeezed(
     np.array(
         [[4.0, 3.0, 0.4, 85.0], [4.0, 3.0, 0.4, 44.0], [3.0, 1.0, 0.2, 30.0], [2.5, 0.0, 0.0, 21.0]]

@@ -6,7 +6,7 @@ import pytest
 from planner.belief.observation import Partition, encoder_of
 from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes
-from planner.mechanics.clearance import least_clearance
+from planner.mechanics.clearance import jaws_of, least_clearance
 from planner.mechanics.traits import as_planned
 from planner.search.handling import LEAST_PARTICLES, SPARE_MM, handling_of
 
@@ -21,7 +21,7 @@ def held_at(job, centre):
 def test_opening_clearance_is_that_of_the_open_fingers_at_most_fully_open(job, y):
     belief, placement = np.tile([0.0, y, 0.0], (LEAST_PARTICLES, 1)), np.zeros(3)
     opening, clearance, _ = handling_of(job).opening(Belief.of(belief), placement)
-    jaws = np.array([opening, 27.5, 9.5])
+    jaws = jaws_of(job.gripper)._replace(opening_mm=opening)
     assert clearance == least_clearance(job.part.outline_mm, jaws, belief, placement)
     assert clearance >= SPARE_MM or opening == job.gripper.opening_mm
 

@@ -10,7 +10,7 @@ from planner.belief.particles import PUSHED, UNREAD, Belief, initial
 from planner.belief.transition import Push
 from planner.frames import to_hand
 from planner.job import model as job_file
-from planner.mechanics.clearance import STANDS_ON, classify_contact
+from planner.mechanics.clearance import STANDS_ON, Jaws, classify_contact
 from planner.problem import Problem
 from planner.search.actions import actions_of
 from planner.search.pushes import FINALISTS, MOST, Pusher, pusher_of
@@ -50,7 +50,7 @@ def under(pusher: Pusher, belief: Belief, push: Push, along_mm: float, less_mm: 
     """Parts of a belief that fingers stand on which have come so far along their way, thinner by so much."""
     ahead = np.array([math.cos(push.start[2]), math.sin(push.start[2]), 0.0])
     _, length, thickness, share = pusher.jaws
-    jaws = np.array([push.opening_mm + less_mm, length - less_mm, thickness - less_mm, share])
+    jaws = Jaws(push.opening_mm + less_mm, length - less_mm, thickness - less_mm, share)
     hand = to_hand(belief.poses, push.start + along_mm * ahead)
     return int(
         (classify_contact(pusher.model.simulator.outlines[0], jaws, hand) == STANDS_ON).sum()
