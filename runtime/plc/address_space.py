@@ -4,7 +4,6 @@ Identifiers are strings, the paths with dots, so that clients can use them witho
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from asyncua import Node, Server, ua
@@ -16,14 +15,12 @@ from runtime.plc.vision import VisionState
 NAMESPACE = "http://opcfoundation.org/UA/MachineVision"
 SYSTEM = "VisionSystem"
 STATE_MACHINE, STATE = ua.NodeId(2299), ua.NodeId(2307)  # types of OPC 10000-5
-TYPES: Mapping[type, ua.VariantType] = MappingProxyType(
-    {
-        str: ua.VariantType.String,
-        int: ua.VariantType.UInt32,
-        float: ua.VariantType.Double,
-        bool: ua.VariantType.Boolean,
-    }
-)
+TYPES: Mapping[type, ua.VariantType] = {
+    str: ua.VariantType.String,
+    int: ua.VariantType.UInt32,
+    float: ua.VariantType.Double,
+    bool: ua.VariantType.Boolean,
+}
 
 
 class Argument(NamedTuple):

@@ -34,6 +34,7 @@ class ListeningServer(Server):
         await self._setup_server_nodes()
         await self.iserver.start()
         host, port = listener.getsockname()[:2]
+        self.limits.max_message_size = MOST_MESSAGE_BYTES
         self.bserver = BinaryServer(self.iserver, host, port, self.limits)
         self.bserver.set_policies(self._policies)
         loop = asyncio.get_running_loop()

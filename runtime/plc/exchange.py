@@ -67,10 +67,6 @@ class Exchange:
         with self._step() as station:
             station.confirm()
 
-    def connect(self) -> None:
-        """A client with write access has connected."""
-        self.connected = True
-
     def disconnect(self) -> None:
         """See `Station.disconnect`."""
         with self._step() as station:

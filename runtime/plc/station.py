@@ -10,15 +10,7 @@ from math import nan
 from typing import NamedTuple
 
 from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State
-from runtime.plc.registers import (
-    HEARTBEAT_LIMIT_S,
-    OUTCOMES,
-    READ,
-    UNKNOWN,
-    WRITTEN,
-    Register,
-    words,
-)
+from runtime.plc.registers import HEARTBEAT_LIMIT_S, OUTCOMES, READ, UNKNOWN, WRITTEN, words
 from runtime.table import takt_figures
 
 BEAT_S = 0.25  # between two changes of `heartbeat_out`
@@ -56,7 +48,6 @@ class Answer(NamedTuple):
 EMPTY = Answer()
 FAULT = 4  # of `Answer.outcome`
 _ADDRESSES = {register.address: register for register in WRITTEN}
-_BLOCKS = tuple((block[0].address, block) for block in (WRITTEN, READ))
 
 
 class Glance(NamedTuple):
@@ -166,12 +157,11 @@ class Station:
     def read(self, address: int, count: int, now: float) -> list[int] | Refusal:
         """Reads words of one of the two blocks."""
         self.tick(now)
-        for start, block in _BLOCKS:
-            if address >= start:
-                content = words(block, self._values(block, now))[address - start :]
-                if 0 < count <= len(content):
-                    return content[:count]
-        return Refusal.ADDRESS
+        block, values = WRITTEN, self._written
+        if address >= READ[0].address:
+            block, values = READ, self._shown(now)
+        content = words(block, values)[address - block[0].address :][:count]
+        return content if content and len(content) == count else Refusal.ADDRESS
 
     def tick(self, now: float) -> None:
         """Ends enabling when the PLC's heartbeat has stopped for too long."""
@@ -260,9 +250,8 @@ class Station:
         if self.state in (State.READY, State.ACCEPTED):
             self._result_id, self._answer = 0, EMPTY
 
-    def _values(self, registers: Sequence[Register], now: float) -> Mapping[str, int]:
-        if registers[0].kind == "holding":
-            return self._written
+    def _shown(self, now: float) -> dict[str, int]:
+        """Values of the registers that the runtime writes."""
         return {
             **SIGNALS[self.state]._asdict(),
             **self._answer._asdict(),

@@ -7,7 +7,6 @@ shows `VIEW`. The module does not use OPC UA.
 from collections.abc import Callable, Mapping
 from enum import Enum, IntEnum
 from math import nan
-from types import MappingProxyType
 from typing import NamedTuple
 
 from runtime.plc.handshake import SIGNALS, Error
@@ -101,17 +100,15 @@ def view(seen: Glance) -> Row:
     return next(row for row in VIEW if row.holds(seen))
 
 
-STOP_REASONS: Mapping[int, str] = MappingProxyType(
-    {
-        0: "none",
-        ExitCode.NOT_LOCATED: "part not located",
-        ExitCode.DEVICE: "device fault",
-        ExitCode.UNREACHABLE: "device not reached",
-        ExitCode.JOURNAL: "journal not written",
-        ExitCode.STOPPED: "stop request",
-        Error.CONNECTION_LOST.value: "connection of the master lost",
-    }
-)
+STOP_REASONS: Mapping[int, str] = {
+    0: "none",
+    ExitCode.NOT_LOCATED: "part not located",
+    ExitCode.DEVICE: "device fault",
+    ExitCode.UNREACHABLE: "device not reached",
+    ExitCode.JOURNAL: "journal not written",
+    ExitCode.STOPPED: "stop request",
+    Error.CONNECTION_LOST.value: "connection of the master lost",
+}
 """Reasons for a stopped line, by exit code of the last part or by `error_id`."""
 
 
