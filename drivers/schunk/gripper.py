@@ -168,7 +168,7 @@ class Gripper(PolledGripper[Input, Output]):
             activated=bool(seen.status & Status.READY),
             moving=_moves(seen, target),
             fault=seen.error,
-            fault_text=_fault(seen.error) if seen.error else "",
+            fault_text=error_text(seen.error) if seen.error else "",
             object=_object(seen, target),
             target_um=self._target_um(target),
             width_um=self._width_um(seen.position_um),
@@ -195,7 +195,7 @@ class Gripper(PolledGripper[Input, Output]):
 
     def _require_ready(self, seen: Input, doing: str) -> None:
         if seen.error:
-            raise GripperFault(f"gripper not active while {doing}: fault {_fault(seen.error)}")
+            raise GripperFault(f"gripper not active while {doing}: fault {error_text(seen.error)}")
         if not seen.status & Status.READY:
             raise GripperFault(f"gripper not active while {doing}; acknowledge it (--activate)")
 
@@ -207,7 +207,7 @@ class Gripper(PolledGripper[Input, Output]):
 
     def _sketch(self, seen: Input) -> str:
         words = f"status 0x{seen.status:08X}, width {seen.position_um / 1000:.3f} mm"
-        return f"{words}, fault {_fault(seen.error)}" if seen.error else words
+        return f"{words}, fault {error_text(seen.error)}" if seen.error else words
 
 
 def gripper(
@@ -240,8 +240,3 @@ def _object(seen: Input, asked: Output) -> ObjectState:
         return ObjectState.OPENING if inside else ObjectState.CLOSING
     stands = seen.status & (Status.POSITION_REACHED | Status.NO_WORKPIECE)
     return ObjectState.AT_TARGET if stands and asked.control & schunk.MOTIONS else ObjectState.NONE
-
-
-def _fault(code: int) -> str:
-    text = error_text(code)
-    return f"0x{code:02X}, {text.sentence}; {text.remedy}"

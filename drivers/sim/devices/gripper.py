@@ -11,7 +11,7 @@ from functools import lru_cache
 from drivers.ports import GripperProfile
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.counts import MODEL
-from drivers.robotiq.faults import MAJOR, fault_text
+from drivers.robotiq.faults import is_major
 from drivers.robotiq.frames import RTU, TCP, Wiring
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_mm_s_of, unpack
 from drivers.sim.devices.jaws import Fingers, Surroundings
@@ -151,10 +151,7 @@ class GripperModel(Fingers):
     # -- commands ---------------------------------------------------------------------------------
 
     def _ready(self) -> bool:
-        return self._status == robotiq.STA_ACTIVE and not self._latched()
-
-    def _latched(self) -> bool:
-        return self._fault != 0 and fault_text(self._fault).severity == MAJOR
+        return self._status == robotiq.STA_ACTIVE and not is_major(self._fault)
 
     def _obey(self, old: dict[str, int]) -> None:
         new = self._request
@@ -165,7 +162,7 @@ class GripperModel(Fingers):
             self._status = robotiq.STA_ACTIVATING
             self._legs = [self._closed, self._open]
             self._drive(float(self._open), SWEEP_MM_S)
-        elif self._latched():
+        elif is_major(self._fault):
             pass
         elif new["rATR"]:
             self._release(opens=new["rARD"] == 1)  # manuals disagree about the direction

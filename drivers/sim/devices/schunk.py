@@ -210,7 +210,7 @@ class SchunkModel(Fingers):
         self._halt()
         self._error = code
         self._status = self._status & Status.RECEIVED_TOGGLE | Status.ERROR | Status.GPE_ACTIVE
-        self._log(schunk.ERRORS[code].sentence)
+        self._log(schunk.ERRORS[code].partition(";")[0])
 
     # -- commands ---------------------------------------------------------------------------------
 
