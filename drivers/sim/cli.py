@@ -80,7 +80,7 @@ def serve(options: argparse.Namespace) -> int:
     if options.gripper is not None:
         _refuse_other_devices(options)
         return _run(LoneGripper(options.gripper, options.seed, options.time_scale), options)
-    faults = None if options.faults is None else parse(options.faults)
+    faults = parse(options.faults)
     setting: Setting = load(options.tree, options.job, options.world)
     setting = setting._replace(middle_mm=options.middle, block=options.block)
     if options.world is None and not setting.truthful:

@@ -43,11 +43,7 @@ class FaultyArm(ArmModel):
     """
 
     def __init__(
-        self,
-        rng: random.Random,
-        base: Pose,
-        desk: Desk,
-        acceleration: tuple[float, float] | None = None,
+        self, rng: random.Random, base: Pose, desk: Desk, acceleration: tuple[float, float] | None
     ) -> None:
         super().__init__(base, acceleration)
         self._rng = rng
