@@ -8,6 +8,7 @@ import socket
 import stat
 import termios
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn, Protocol
 from urllib.parse import urlsplit
@@ -137,6 +138,20 @@ class SerialStream:
         """Discards unsent data: it would be obeyed once the flow continues."""
         with contextlib.suppress(OSError, termios.error):
             termios.tcflush(self._port.fileno(), termios.TCOFLUSH)
+
+
+class _Closable(Protocol):
+    def close(self) -> None: ...
+
+
+@contextlib.contextmanager
+def closed_on_error(opened: _Closable) -> Iterator[None]:
+    """Closes what was opened where the context fails: Ctrl-C, too, must not leave a port open."""
+    try:
+        yield
+    except BaseException:
+        opened.close()
+        raise
 
 
 def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:

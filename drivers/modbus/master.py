@@ -9,7 +9,7 @@ from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout
 from drivers.links import StreamLink
 from drivers.modbus.framing import MAX_BUFFER, Framing
-from drivers.ports import Report, no_report
+from drivers.ports import Report
 from drivers.stream import Stream
 
 GAP_S = 0.005  # between two requests: grippers refresh at 200 Hz, or slower
@@ -51,7 +51,7 @@ class Master(StreamLink):
         stream: Stream,
         framing: Framing,
         pace: Pace,
-        report: Report = no_report,
+        report: Report,
         *,
         wrong_device: str,
     ) -> None:
@@ -95,9 +95,8 @@ class Master(StreamLink):
     def _write_data(self, unit: int, address: int, data: bytes) -> None:
         """Writes registers from an address on, once."""
         registers = [*struct.unpack(f">{len(data) // 2}H", data)]
-        self.transact(
-            WriteMultipleRegistersRequest(address=address, registers=registers, dev_id=unit)
-        )
+        request = WriteMultipleRegistersRequest(address=address, registers=registers, dev_id=unit)
+        self.transact(request)
 
     def _refused(self, request: ModbusPDU, code: int) -> LinkError:
         """The error for a refusal; a temporary one is a timeout: reads are then repeated, writes checked."""

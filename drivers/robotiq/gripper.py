@@ -132,9 +132,8 @@ class Gripper(PolledGripper[Reading, int]):
             # Beyond the end stops the final position depends on the fingers.
             short = min(asked, robotiq.COUNT_CLOSED) - seen.position_counts
             beyond = seen.position_counts - max(asked, robotiq.COUNT_OPEN)
-            return short <= ARRIVED_COUNTS and (
-                asked >= robotiq.COUNT_CLOSED or beyond <= ARRIVED_COUNTS
-            )
+            closes = asked >= robotiq.COUNT_CLOSED
+            return short <= ARRIVED_COUNTS and (closes or beyond <= ARRIVED_COUNTS)
         way = asked - seen.position_counts
         if abs(way) <= ARRIVED_COUNTS:  # else no single reading before the move decides
             way = asked - start

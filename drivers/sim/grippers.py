@@ -10,9 +10,8 @@ from drivers.dh import registers as dh
 from drivers.dh.gripper import Gripper as DhGripper
 from drivers.dh.link import RtuLink
 from drivers.ports import Gripper, GripperProfile, Report
-from drivers.robotiq.frames import RTU, TCP
 from drivers.robotiq.gripper import Gripper as RobotiqGripper
-from drivers.robotiq.modbus import rtu_link
+from drivers.robotiq.modbus import RTU, TCP, rtu_link
 from drivers.schunk import registers as schunk
 from drivers.schunk.gripper import Gripper as SchunkGripper
 from drivers.schunk.link import SchunkLink

@@ -12,7 +12,7 @@ from drivers.ports import GripperProfile
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.counts import MODEL
 from drivers.robotiq.faults import is_major
-from drivers.robotiq.frames import RTU, TCP, Wiring
+from drivers.robotiq.modbus import RTU, TCP, Wiring
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_mm_s_of, unpack
 from drivers.sim.devices.jaws import Fingers, Surroundings
 from runtime.shell.errors import UsageError

@@ -6,7 +6,7 @@ import tty
 from collections.abc import Callable
 from functools import partial
 
-from drivers.robotiq.frames import RTU
+from drivers.robotiq.modbus import RTU
 from drivers.sim.wire.line import BYTE_S, NETWORK_BYTE_S, CleanLine, Outbox, Piece
 from drivers.sim.wire.modbus import Registers, answer, crc16, frame_length
 from drivers.sim.wire.serving import Site
