@@ -178,9 +178,8 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             if done(seen):
                 return seen
             if late:
-                raise GripperFault(
-                    f"gripper not done {doing} in time; last seen {self._sketch(seen)}"
-                )
+                last = self._sketch(seen)
+                raise GripperFault(f"gripper not done {doing} in time; last seen {last}")
             self._pace.idle(deadline)
 
     def _settled(self) -> Seen:

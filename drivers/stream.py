@@ -10,7 +10,7 @@ import termios
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NoReturn, Protocol
+from typing import Any, NoReturn, Protocol
 from urllib.parse import urlsplit
 
 import serial
@@ -140,12 +140,8 @@ class SerialStream:
             termios.tcflush(self._port.fileno(), termios.TCOFLUSH)
 
 
-class _Closable(Protocol):
-    def close(self) -> None: ...
-
-
 @contextlib.contextmanager
-def closed_on_error(opened: _Closable) -> Iterator[None]:
+def closed_on_error(opened: Any) -> Iterator[None]:
     """Closes what was opened where the context fails: Ctrl-C, too, must not leave a port open."""
     try:
         yield

@@ -52,9 +52,8 @@ class Arm(UprightArm):
         try:
             version = self._symbol("sq_version")
         except ArmError as error:
-            raise ArmError(
-                f"{error}; load {MODULE}.modx into {TASK} (tools/docs/arms.md)"
-            ) from error
+            remedy = f"load {MODULE}.modx into {TASK} (tools/docs/arms.md)"
+            raise ArmError(f"{error}; {remedy}") from error
         if version != VERSION:
             raise ArmError(
                 f"arm at {endpoint} has {MODULE}.modx of version {shown(version)}; load version {VERSION}"

@@ -47,13 +47,7 @@ class Master(StreamLink):
     """
 
     def __init__(
-        self,
-        stream: Stream,
-        framing: Framing,
-        pace: Pace,
-        report: Report,
-        *,
-        wrong_device: str,
+        self, stream: Stream, framing: Framing, pace: Pace, report: Report, *, wrong_device: str
     ) -> None:
         super().__init__(stream, pace, report)
         self._framing = framing

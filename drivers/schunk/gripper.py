@@ -4,6 +4,7 @@ A closing motion is a grip, any other a positioning move: a part is an error for
 held part is released before anything else, also before another grip. Sources as in `registers`.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 from drivers.clock import Pace
@@ -153,9 +154,8 @@ class Gripper(PolledGripper[Input, Output]):
 
     def _send(self, output: Output) -> None:
         """Sends a request; a repetition is no command, since it has no edge."""
-        self._repeat(
-            lambda: self._link.write("plc_sync_output", *output), lambda: self._asked() == output
-        )
+        write = partial(self._link.write, "plc_sync_output", *output)
+        self._repeat(write, lambda: self._asked() == output)
 
     # -- what readings mean -----------------------------------------------------------------------
 

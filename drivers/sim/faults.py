@@ -154,9 +154,7 @@ class Desk:
     def begin(self, part: int) -> None:
         """Starts the next part."""
         faults = self._schedule.of_part(part)
-        self._of = {
-            channel: [one for one in faults if one.channel is channel] for channel in Channel
-        }
+        self._of = {each: [one for one in faults if one.channel is each] for each in Channel}
         self._events = dict.fromkeys(Channel, -1)
 
     def next(self, channel: Channel) -> None:

@@ -138,15 +138,15 @@ class Arm(UprightArm):
             if ended and still and not runs:
                 return
             if not ended and not runs:
-                raise self._lose(
-                    f"its program ended on the way ({_stop(seen) or 'stopped by somebody'})"
-                )
+                reason = _stop(seen) or "stopped by somebody"
+                raise self._lose(f"its program ended on the way ({reason})")
             if late:
-                lowered = f"the speed slider was lowered to {100.0 * seen.speed_fraction:.0f} %"
-                held = _hold(seen) or (
-                    lowered if seen.speed_fraction < self._fraction else "nothing tells why"
+                held = _hold(seen)
+                if not held and seen.speed_fraction < self._fraction:
+                    held = f"the speed slider was lowered to {100.0 * seen.speed_fraction:.0f} %"
+                raise self._lose(
+                    f"not there after {budget_s:.1f} s ({held or 'nothing tells why'})"
                 )
-                raise self._lose(f"not there after {budget_s:.1f} s ({held})")
             self._pace.idle(until)
 
     def _read(self) -> Reading:

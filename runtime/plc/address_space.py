@@ -73,15 +73,13 @@ class AddressSpace:
                 await self._write(path, value)
         if change is None:
             return
-        event = self._transitions.event
-        event.Message = event.Transition = ua.LocalizedText(change.name)
+        event, name = self._transitions.event, ua.LocalizedText(change.name)
+        event.Message = event.Transition = name
         event.FromState = ua.LocalizedText(change.left.value)
         event.ToState = ua.LocalizedText(change.entered.value)
         await self._transitions.trigger()
         for machine in (MACHINE, AUTOMATIC):
-            await self._nodes[f"{machine}/LastTransition"].write_value(
-                ua.LocalizedText(change.name)
-            )
+            await self._nodes[f"{machine}/LastTransition"].write_value(name)
 
     async def _write(self, path: str, value: Value) -> None:
         self._shown[path] = value
@@ -121,10 +119,8 @@ class AddressSpace:
         return self._nodes[path]
 
     async def _add_object(self, parent: Node, path: str, kind: ua.NodeId | None = None) -> Node:
-        every = kind is STATE_MACHINE  # its LastTransition is optional
-        return await parent.add_object(
-            *self._ids(path), objecttype=kind, instantiate_optional=every
-        )
+        ids, every = self._ids(path), kind is STATE_MACHINE  # its LastTransition is optional
+        return await parent.add_object(*ids, objecttype=kind, instantiate_optional=every)
 
     async def _add_method(self, method: Method) -> None:
         parent = await self._at(_above(method.path))

@@ -40,26 +40,24 @@ def identity_in(place: Path) -> Identity:
         OutputError: the folder or its files cannot be written.
         InputError: one of the two files is missing, cannot be read or holds something else.
     """
-    key_file, certificate_file = place / KEY, place / CERTIFICATE
-    if not (key_file.exists() or certificate_file.exists()):
+    key_at, certificate_at = place / KEY, place / CERTIFICATE
+    if not (key_at.exists() or certificate_at.exists()):
         _make(folder(place))
-    data, mode = _read(key_file)
+    data, mode = _read(key_at)
     if mode & OTHERS:
-        raise InputError(
-            f"may be read by others; chmod 600 {quoted(key_file)}", where=str(key_file)
-        )
+        raise InputError(f"may be read by others; chmod 600 {quoted(key_at)}", where=str(key_at))
     try:
         private = load_pem_private_key(data, None)
     except (ValueError, TypeError) as error:
-        raise _refused("no private key in PEM", key_file) from error
-    certificate = parsed(certificate_file)
+        raise _refused("no private key in PEM", key_at) from error
+    certificate = parsed(certificate_at)
     if not isinstance(private, RSAPrivateKey) or private.public_key() != certificate.public_key():
-        raise _refused(f"not the key of {certificate_file.name}", key_file)
+        raise _refused(f"not the key of {certificate_at.name}", key_at)
     try:
         names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         (uri, *_) = names.get_values_for_type(x509.UniformResourceIdentifier)
     except (x509.ExtensionNotFound, ValueError) as error:
-        raise _refused("no application URI", certificate_file) from error
+        raise _refused("no application URI", certificate_at) from error
     return Identity(private, certificate, uri)
 
 
@@ -114,9 +112,8 @@ def parsed(path: Path) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(data) if pem else x509.load_der_x509_certificate(data)
     except ValueError as error:
-        raise InputError(
-            "holds no certificate in DER or PEM; remove it", where=str(path)
-        ) from error
+        problem = "holds no certificate in DER or PEM; remove it"
+        raise InputError(problem, where=str(path)) from error
 
 
 def _certificates(trusted: Path) -> list[Path]:

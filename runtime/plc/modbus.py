@@ -65,10 +65,8 @@ class ModbusServer(PlcServer):
 
     def may_write(self, connection: "Connection") -> bool:
         """Whether a connection is the writer: the first, until it ends or only reads."""
-        writer = self._writer
-        if writer is None or (
-            not writer.has_written and self.clock.now() - writer.began_s > PANEL_S
-        ):
+        writer, panel_since_s = self._writer, self.clock.now() - PANEL_S
+        if writer is None or (not writer.has_written and writer.began_s < panel_since_s):
             self._appoint(connection)
         return self._writer is connection
 
@@ -175,9 +173,8 @@ class Connection(asyncio.BufferedProtocol):
             return ExceptionResponse(function, ExcCodes.ILLEGAL_ADDRESS)
         if function not in LENGTHS:
             return ExceptionResponse(function, ExcCodes.ILLEGAL_FUNCTION)
-        request = (
-            self._framer.decoder.decode(pdu) if LENGTHS[function] in (None, len(pdu)) else None
-        )
+        whole = LENGTHS[function] in (None, len(pdu))
+        request = self._framer.decoder.decode(pdu) if whole else None
         if request is None:
             return ExceptionResponse(function, ExcCodes.ILLEGAL_VALUE)
         return _completed(request.datastore_update(cast(Any, self), unit))

@@ -12,7 +12,8 @@ import socket
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, NamedTuple, get_type_hints
+from functools import partial
+from typing import NamedTuple, get_type_hints
 
 from asyncua import ua
 
@@ -158,7 +159,7 @@ class OpcUaServer(PlcServer):
     # -- methods --------------------------------------------------------------------------------------
 
     def _methods(self) -> list[Method]:
-        text, handle = TYPES[str], TYPES[int]
+        text, handle = TYPES[str], Argument("resultHandle", TYPES[int])
         refusal = (Argument("error", ua.VariantType.Int32), Argument("message", text))
         job, recipe = Argument("jobId", text), Argument("recipeId", text)
         meas, result = Argument("measId", text), Argument("resultId", text)
@@ -169,30 +170,24 @@ class OpcUaServer(PlcServer):
             f"{MACHINE}/Reset": ((), refusal, self._reset),
             f"{MACHINE}/ConfirmAll": ((), refusal, self._confirm_all),
             f"{AUTOMATIC}/StartSingleJob": ((meas,), (job, *refusal), self._start),
-            f"{AUTOMATIC}/Stop": ((), refusal, self._withdraw),
+            f"{AUTOMATIC}/Stop": ((), refusal, partial(self._put, enable=0)),
             f"{AUTOMATIC}/Abort": ((), refusal, self._abort),
             f"{RECIPES}/PrepareRecipe": ((recipe,), refusal, self._prepare),
-            f"{RECIPES}/UnprepareRecipe": ((), refusal, self._unprepare),
-            f"{RESULTS}/ReleaseResultHandle": (
-                (Argument("resultHandle", handle),),
-                refusal,
-                self._release,
-            ),
+            f"{RECIPES}/UnprepareRecipe": ((), refusal, partial(self._put, table=NO_TABLE)),
+            f"{RESULTS}/ReleaseResultHandle": ((handle,), refusal, self._release),
         }
         questions: dict[str, tuple[Arguments, Arguments, Act]] = {
             f"{RECIPES}/GetRecipeList": ((), listed, self._list),
             f"{RESULTS}/GetResultById": ((result,), tuple(whole), self._get),
         }
         return [
-            Method(
-                path, inputs, outputs, self._linked(inputs, outputs, act, commands=path in commands)
-            )
-            for path, (inputs, outputs, act) in (commands | questions).items()
+            self._method(path, *row, commands=path in commands)
+            for path, row in (commands | questions).items()
         ]
 
-    def _linked(
-        self, inputs: Arguments, outputs: Arguments, act: Act, *, commands: bool
-    ) -> Callable[..., Any]:
+    def _method(
+        self, path: str, inputs: Arguments, outputs: Arguments, act: Act, *, commands: bool
+    ) -> Method:
         """A method for asyncua, with unchecked arguments; updates the values at once."""
 
         async def call(parent: ua.NodeId, *given: ua.Variant) -> list[ua.Variant] | ua.StatusCode:
@@ -205,12 +200,10 @@ class OpcUaServer(PlcServer):
             await self._show()
             if isinstance(values, ua.StatusCode):
                 return values
-            return [
-                ua.Variant(value, output.type)
-                for value, output in zip(values, outputs, strict=True)
-            ]
+            pairs = zip(values, outputs, strict=True)
+            return [ua.Variant(value, output.type) for value, output in pairs]
 
-        return call
+        return Method(path, inputs, outputs, call)
 
     def _select_automatic(self) -> Outputs:
         seen = self._panel.seen
@@ -220,8 +213,8 @@ class OpcUaServer(PlcServer):
             self.exchange.put({"table": NO_TABLE, "enable": 1}, {"table": table})
         return DONE
 
-    def _withdraw(self) -> Outputs:
-        self.exchange.put({"enable": 0})
+    def _put(self, **changes: int) -> Outputs:
+        self.exchange.put(changes)
         return DONE
 
     def _reset(self) -> Outputs:
@@ -256,12 +249,7 @@ class OpcUaServer(PlcServer):
         if recipe not in names:
             there = ", ".join(names)
             return (Error.UNKNOWN_TABLE.value, f"there is no recipe {recipe!r}; there are {there}")
-        self.exchange.put({"table": names.index(recipe)})
-        return DONE
-
-    def _unprepare(self) -> Outputs:
-        self.exchange.put({"table": NO_TABLE})
-        return DONE
+        return self._put(table=names.index(recipe))
 
     def _list(self) -> Outputs:
         offers = self._panel.offers

@@ -211,13 +211,12 @@ class Station:
         return table if table < len(self._digests) else None
 
     def _enable(self, *, wanted: bool, now: float) -> None:
-        if wanted and not self.enabled:
-            if self._standing:
-                self._disable(Error.HEARTBEAT)
-                return
-            self.enabled, self.error_id, self._beat_s = True, Error.NONE, now
-        elif not wanted:
+        if not wanted:
             self.enabled = False
+        elif self._standing and not self.enabled:
+            self._disable(Error.HEARTBEAT)
+        elif not self.enabled:
+            self.enabled, self.error_id, self._beat_s = True, Error.NONE, now
 
     def _disable(self, error: Error) -> None:
         self.enabled, self.error_id = False, error

@@ -165,11 +165,7 @@ def _answered(
         run = asked.get("table_sha256")
     except (AttributeError, ValueError):
         return Answer(UNKNOWN, MISUNDERSTOOD).fields()
-    if (
-        table_sha256 is not None
-        and run is not None
-        and (run != table_sha256 or "x_mm" not in asked)
-    ):
+    if table_sha256 and run is not None and (run != table_sha256 or "x_mm" not in asked):
         others = f"the auditor judges by another table, {table_sha256[:16]}; name the same --tree to both"
         reason = "ready" if run == table_sha256 else others
         return {**Answer(UNKNOWN, reason).fields(), "table_sha256": table_sha256}

@@ -56,9 +56,8 @@ def parser() -> Parser:
         epilog=EPILOG,
     )
     built.add_debug()
-    commands = built.add_subparsers(
-        required=True, metavar="camera | tag | pictures", dest="command"
-    )
+    names = "camera | tag | pictures"
+    commands = built.add_subparsers(required=True, metavar=names, dest="command")
 
     def add_to(name: str, runs: Run, purpose: str, example: str) -> Callable[..., object]:
         example = f"grasp-calibrate {name} {example}"

@@ -119,11 +119,10 @@ class DhModel(Fingers):
         self._drive(self._searches.pop(0), SEARCH_PERCENT)
 
     def _go(self, *, dropped: bool = False) -> None:
-        shown = self._flag.at(self._now)
         learnt_mm = self._open_mm - self._closed_mm
         target = self._closed_mm + learnt_mm * self._settings[dh.POSITION] / dh.FULL
         self._drive(target, self._settings[dh.SPEED], dropped=dropped)
-        self._follow(shown)
+        self._follow()
 
     def _drive(self, target: float, percent: int, *, dropped: bool = False) -> None:
         free = Grip.DROPPED if dropped else Grip.AT_POSITION

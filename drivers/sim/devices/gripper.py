@@ -178,10 +178,9 @@ class GripperModel(Fingers):
         self._drive(float(self._open if opens else self._closed), RELEASE_MM_S)
 
     def _go(self, *, meets: bool = True) -> None:
-        shown = self._flag.at(self._now)
         target = float(min(max(self._request["rPR"], self._open), self._closed))
         self._drive(target, speed_mm_s_of(self._request["rSP"]), meets=meets)
-        self._follow(shown)
+        self._follow()
 
     # -- motion -----------------------------------------------------------------------------------
 

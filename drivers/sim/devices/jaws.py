@@ -144,9 +144,10 @@ class Fingers(ABC):
         """Sets a state at once."""
         self._flag = ObjectFlag(state, self._now, state, self._now)
 
-    def _follow(self, shown: int) -> None:
+    def _follow(self) -> None:
         """Makes the shown state follow the stroke that begins now, with its lags."""
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
+        shown = self._flag.at(self._now)
         self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
 
     def _here(self) -> float:
