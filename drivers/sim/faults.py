@@ -109,6 +109,11 @@ class Fault(NamedTuple):
         """The channel whose events the fault counts."""
         return KINDS[self.kind].channel
 
+    @property
+    def code(self) -> int:
+        """The gFLT code in its name; 0 without one."""
+        return int(self.kind.removeprefix("gflt_"), 16) if self.kind.startswith("gflt_") else 0
+
 
 class Listed:
     """An explicit schedule."""

@@ -15,13 +15,12 @@ from drivers.robotiq.modbus import RTU, TCP, rtu_link
 from drivers.schunk import registers as schunk
 from drivers.schunk.gripper import Gripper as SchunkGripper
 from drivers.schunk.link import SchunkLink
-from drivers.sim.devices.dh import DhRegisters
-from drivers.sim.devices.faulty import FaultyDhModel, FaultyGripper, FaultySchunkModel
-from drivers.sim.devices.gripper import GripperRegisters
+from drivers.sim.devices.dh import DhModel, DhRegisters
+from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws
 from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.devices.jaws import Fingers, Surroundings
-from drivers.sim.devices.schunk import SchunkRegisters
+from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
 from drivers.sim.faults import Desk
 from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.modbus import Registers
@@ -102,10 +101,10 @@ class RobotiqSimulator(Simulator):
         }
 
 
-ROBOTIQ = RobotiqSimulator(FaultyGripper, GripperRegisters, RTU.unit, "", rtu_link, RobotiqGripper)
-DH = Simulator(FaultyDhModel, DhRegisters, dh.UNIT, "dh://", RtuLink, DhGripper)
+ROBOTIQ = RobotiqSimulator(GripperModel, GripperRegisters, RTU.unit, "", rtu_link, RobotiqGripper)
+DH = Simulator(DhModel, DhRegisters, dh.UNIT, "dh://", RtuLink, DhGripper)
 SCHUNK = Simulator(
-    FaultySchunkModel, SchunkRegisters, schunk.UNIT, "schunk://", SchunkLink, SchunkGripper
+    SchunkModel, SchunkRegisters, schunk.UNIT, "schunk://", SchunkLink, SchunkGripper
 )
 SIMULATORS = {
     **dict.fromkeys(("robotiq-2f-85", "robotiq-2f-140", "hand-e"), ROBOTIQ),
