@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
 from drivers.planar import Pose2, compose
-from drivers.sim.devices.faulty import FaultyArm
+from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.faults import Desk, Listed
 from drivers.sim.grippers import simulator
@@ -48,7 +48,7 @@ class Workcell(Surroundings):
             ramps = (line, math.degrees(line / geometry.turn_radius_mm))
         self.simulator = simulator(self.profile.model)
         self.gripper = self.simulator.device(self.profile, seed, self, self.desk)
-        self.arm = FaultyArm(random.Random(f"{seed}/arm"), ARM_BASE, self.desk, ramps)
+        self.arm = ArmModel(ARM_BASE, ramps, self.desk, seed)
 
     def line(self, *, checked: bool = True) -> FaultyLine:
         """A line to the gripper; `checked`: its frames end in a CRC."""
