@@ -13,7 +13,7 @@ from drivers.sim.faults import Desk, Listed
 from drivers.sim.grippers import simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import open_port
-from drivers.sim.wire.line import CleanLine
+from drivers.sim.wire.line import Line
 from drivers.sim.wire.serving import HOST, Site
 from drivers.sim.workcell import ARM_BASE, Workcell
 from runtime.table import profile_of
@@ -38,7 +38,7 @@ class LoneGripper(Site):
         super().__init__(time_scale)
         make = simulator(model)
         device = make.device(profile_of(model), seed, Surroundings(), Desk(Listed()))
-        path, others = make.ports(device, self, lambda **_: CleanLine())
+        path, others = make.ports(device, self, lambda **_: Line())
         self.endpoints = {"gripper": path, "port": make.scheme + path, **others}
 
 

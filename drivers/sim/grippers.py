@@ -22,7 +22,7 @@ from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.devices.jaws import Fingers, Surroundings
 from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
 from drivers.sim.faults import Desk
-from drivers.sim.wire.line import CleanLine
+from drivers.sim.wire.line import Line
 from drivers.sim.wire.modbus import Registers
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import HOST, Site
@@ -56,12 +56,12 @@ class Simulator:
         """
         return self.model(random.Random(f"{seed}/gripper"), surroundings, profile, desk)
 
-    def slave(self, device: Any, now: Callable[[], float], line: CleanLine) -> RtuSlave:
+    def slave(self, device: Any, now: Callable[[], float], line: Line) -> RtuSlave:
         """The device on the other end of a serial line."""
         return RtuSlave(self.registers(device, now), line, self.unit)
 
     def ports(
-        self, device: Any, site: Site, line: Callable[..., CleanLine]
+        self, device: Any, site: Site, line: Callable[..., Line]
     ) -> tuple[str, dict[str, str]]:
         """Opens the ports of the device, of which a host uses one.
 
@@ -86,7 +86,7 @@ class RobotiqSimulator(Simulator):
     """A Robotiq gripper also has TCP ports, and the URCap."""
 
     def ports(
-        self, device: Any, site: Site, line: Callable[..., CleanLine]
+        self, device: Any, site: Site, line: Callable[..., Line]
     ) -> tuple[str, dict[str, str]]:
         """Opens the ports of the device."""
         path, _ = super().ports(device, site, line)

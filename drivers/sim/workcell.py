@@ -12,7 +12,7 @@ from drivers.sim.faults import Desk, Listed
 from drivers.sim.grippers import simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.tabletop import Look, TableTop, Vice
-from drivers.sim.wire.line import FaultyLine
+from drivers.sim.wire.line import Line
 
 # in the world: the table's middle is in reach
 ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
@@ -50,9 +50,9 @@ class Workcell(Surroundings):
         self.gripper = self.simulator.device(self.profile, seed, self, self.desk)
         self.arm = ArmModel(ARM_BASE, ramps, self.desk, seed)
 
-    def line(self, *, checked: bool = True) -> FaultyLine:
+    def line(self, *, checked: bool = True) -> Line:
         """A line to the gripper; `checked`: its frames end in a CRC."""
-        return FaultyLine(self.desk, self._noise, checked=checked)
+        return Line(self.desk, self._noise, checked=checked)
 
     # -- what the fingers meet: drivers.sim.devices.jaws.Surroundings -------------------------------------
 

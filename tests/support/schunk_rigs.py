@@ -13,7 +13,7 @@ from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.devices.schunk import SILENCE_S, SchunkModel, SchunkRegisters
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import GripperPort
-from drivers.sim.wire.line import CleanLine
+from drivers.sim.wire import line
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import Site
 from runtime.table import PROFILES
@@ -62,10 +62,11 @@ class SchunkRig(GripperRig):
         return list(self.model.written)
 
 
-class Line(CleanLine):
+class Line(line.Line):
     """A line that does to its next answers what `mishaps` say, each a function of request and answer."""
 
     def __init__(self):
+        super().__init__()
         self.mishaps = []
 
     def carries(self, frame, reply):

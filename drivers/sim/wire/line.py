@@ -3,12 +3,12 @@
 import errno
 import random
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
 from drivers.robotiq.modbus import BAUD
-from drivers.sim.faults import Channel, Desk
+from drivers.sim.faults import Channel, Desk, Listed
 from drivers.sim.wire.modbus import crc16
 
 BYTE_S = 10 / BAUD  # 8N1
@@ -30,26 +30,12 @@ class UnpluggedError(OSError):
         self.forbidden = forbidden
 
 
-class CleanLine:
-    """A line without faults."""
-
-    def hears(self, frame: bytes) -> bool:
-        """Whether the gripper receives a request."""
-        del frame
-        return True
-
-    def carries(self, frame: bytes, reply: bytes | None) -> list[Piece]:
-        """The bytes that come back to the host."""
-        del frame
-        return [] if reply is None else [Piece(reply)]
-
-
-@dataclass(frozen=True, slots=True)
-class FaultyLine(CleanLine):
+@dataclass
+class Line:
     """A line with the faults of a schedule."""
 
-    desk: Desk
-    rng: random.Random  # draws the noise
+    desk: Desk = field(default_factory=lambda: Desk(Listed()))
+    rng: random.Random = field(default_factory=random.Random)  # draws the noise
     checked: bool = True  # whether frames end in a CRC (RTU)
 
     def hears(self, frame: bytes) -> bool:
