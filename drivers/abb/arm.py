@@ -22,8 +22,6 @@ STALE_S = 0.2  # within which a stale acknowledgement follows
 ANSWER_S = 2.0  # commands that do not move
 STARVED_S = 2.0  # wall: longest delay of a simulated controller
 QUIET_S = 0.01  # wall: silence after which a reply is complete
-# Reads after a deadline, for data that has already arrived: this process may have been stopped meanwhile.
-LATE_LOOKS = 3
 CONNECT_TRIES = 3
 
 
@@ -128,10 +126,7 @@ class Arm(UprightArm):
         return reply
 
     def _await_reply(self, code: int, deadline: float) -> Reply | None:
-        late = 0
-        while late < LATE_LOOKS:
-            left = deadline - self._pace.now()
-            late += left <= 0.0
+        for left in self._pace.looks(deadline):
             reply = codec.parse_reply(self._text, code) if self._text else None
             if reply is not None and (reply.ended or not self._more(QUIET_S, code)):
                 self._text = ""

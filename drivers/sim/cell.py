@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from drivers.abb.codec import Pose
 from drivers.sim.camera.server import CameraServer
 from drivers.sim.devices.arm_server import ArmLogger, ArmServer
 from drivers.sim.devices.jaws import Surroundings
@@ -63,7 +62,7 @@ class Cell(Site):
         path, others = make.ports(self.works.gripper, self, self.works.line)
         arm = ArmServer(self.works.arm, self, self.works.arm_stands)
         _, rtde = served(UrModel(self.works.arm, ARM_BASE, self.works.arm_stands), self)
-        logger = ArmLogger(self._look_at_arm, self)
+        logger = ArmLogger(self.works.arm, self)
         scene = open_port(self._answer, self)
         # Addresses of its devices, for `drivers.connect`.
         base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
@@ -86,10 +85,6 @@ class Cell(Site):
         if self._camera is not None:
             self._camera.close()
         super().close()
-
-    def _look_at_arm(self) -> tuple[Pose, tuple[float, ...]]:
-        now_s = self.now()
-        return self.works.arm.pose_at(now_s), self.works.arm.joints_at(now_s)
 
     def _answer(self, what: str) -> Mapping[str, object]:
         said = self.works.answer(what)

@@ -12,7 +12,6 @@ import socket
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from typing import NamedTuple, get_type_hints
 
 from asyncua import ua
@@ -170,10 +169,10 @@ class OpcUaServer(PlcServer):
             f"{MACHINE}/Reset": ((), refusal, self._reset),
             f"{MACHINE}/ConfirmAll": ((), refusal, self._confirm_all),
             f"{AUTOMATIC}/StartSingleJob": ((meas,), (job, *refusal), self._start),
-            f"{AUTOMATIC}/Stop": ((), refusal, partial(self._put, enable=0)),
+            f"{AUTOMATIC}/Stop": ((), refusal, self._withdraw),
             f"{AUTOMATIC}/Abort": ((), refusal, self._abort),
             f"{RECIPES}/PrepareRecipe": ((recipe,), refusal, self._prepare),
-            f"{RECIPES}/UnprepareRecipe": ((), refusal, partial(self._put, table=NO_TABLE)),
+            f"{RECIPES}/UnprepareRecipe": ((), refusal, self._unprepare),
             f"{RESULTS}/ReleaseResultHandle": ((handle,), refusal, self._release),
         }
         questions: dict[str, tuple[Arguments, Arguments, Act]] = {
@@ -213,8 +212,8 @@ class OpcUaServer(PlcServer):
             self.exchange.put({"table": NO_TABLE, "enable": 1}, {"table": table})
         return DONE
 
-    def _put(self, **changes: int) -> Outputs:
-        self.exchange.put(changes)
+    def _withdraw(self) -> Outputs:
+        self.exchange.put({"enable": 0})
         return DONE
 
     def _reset(self) -> Outputs:
@@ -249,7 +248,12 @@ class OpcUaServer(PlcServer):
         if recipe not in names:
             there = ", ".join(names)
             return (Error.UNKNOWN_TABLE.value, f"there is no recipe {recipe!r}; there are {there}")
-        return self._put(table=names.index(recipe))
+        self.exchange.put({"table": names.index(recipe)})
+        return DONE
+
+    def _unprepare(self) -> Outputs:
+        self.exchange.put({"table": NO_TABLE})
+        return DONE
 
     def _list(self) -> Outputs:
         offers = self._panel.offers

@@ -116,7 +116,7 @@ class ArmModel:
 
     def pose_at(self, now_s: float) -> Pose:
         """Pose of the hand in the client's tool and work object."""
-        flange = compose(self._base, self._leg(now_s).at(now_s))
+        flange = compose(self._base, self.flange_at(now_s))
         return compose(invert(self._work_object), compose(flange, self._tool))
 
     def joints_at(self, now_s: float) -> tuple[float, ...]:
@@ -134,7 +134,7 @@ class ArmModel:
 
     def stop(self, now_s: float) -> None:
         """Stops at once."""
-        here, joints = self._leg(now_s).at(now_s), self.joints_at(now_s)
+        here, joints = self.flange_at(now_s), self.joints_at(now_s)
         begun = [leg for leg in self._legs if leg.start_s <= now_s]
         self._legs = [*begun, Leg(here, here, now_s, 0.0, joints, joints)]
 
@@ -146,11 +146,9 @@ class ArmModel:
         """
         hand, joints = self.pose_at(moment_s), self.joints_at(moment_s)
         half_rad = by[3] / 2.0
-        turned = compose(
-            Pose(0.0, 0.0, 0.0, (math.cos(half_rad), 0.0, 0.0, math.sin(half_rad))),
-            Pose(0.0, 0.0, 0.0, hand.rotation),
-        )
-        moved = Pose(hand.x_mm + by[0], hand.y_mm + by[1], hand.z_mm + by[2], turned.rotation)
+        turn = (math.cos(half_rad), 0.0, 0.0, math.sin(half_rad))
+        rotation = kinematics.multiply(turn, hand.rotation)
+        moved = Pose(hand.x_mm + by[0], hand.y_mm + by[1], hand.z_mm + by[2], rotation)
         target = self._flange_target(moved)
         *_, ends = kinematics.track(joints, self.flange_at(moment_s), target)
         if ends is None:
@@ -264,7 +262,7 @@ class ArmModel:
 
     def _drive(self, target: Pose, seconds: float, now_s: float, ramp_s: float = 0.0) -> float:
         """Adds a straight motion after the current one; returns the time of its end."""
-        here, joints = self._leg(now_s).at(now_s), self.joints_at(now_s)
+        here, joints = self.flange_at(now_s), self.joints_at(now_s)
         ends = joints
         for step in kinematics.track(joints, here, target):
             if step is None:
@@ -316,7 +314,7 @@ class ArmModel:
     def _move_joints(self, values: tuple[float, ...], now_s: float) -> float:
         if not kinematics.within_limits(values):
             raise HaltError("50027 joint out of range")
-        here, now = self._leg(now_s).at(now_s), self.joints_at(now_s)
+        here, now = self.flange_at(now_s), self.joints_at(now_s)
         seconds = max(abs(a - b) for a, b in zip(values, now, strict=True)) / JOINT_SPEED_DEG_S
         return self._go(Leg(here, kinematics.forward(values), now_s, seconds, now, values))
 

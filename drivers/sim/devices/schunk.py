@@ -37,13 +37,8 @@ MODULES = {
     "schunk-egk": Module(schunk.EGK_25_M_B, 20.0, 0.0, 0.62),
 }
 
-_COMMANDS = {
-    Command.RELEASE: Control.RELEASE,
-    Command.GRIP_AT_POSITION: Control.GRIP_AT_POSITION,
-    Command.MOVE_ABSOLUTE: Control.MOVE_ABSOLUTE,
-    Command.GRIP: Control.GRIP,
-    Command.MOVE_RELATIVE: Control.MOVE_RELATIVE,
-}
+# The command of a motion has the name of its control bit.
+_COMMANDS = {command.value: command.name for command in Command}
 
 
 class Stop(NamedTuple):
@@ -266,7 +261,7 @@ class SchunkModel(Fingers):
             side = Control.GRIP_FROM_INSIDE if self._value("grp_dir") else Control(0)
             place, speed = (round(1000 * self._value(name)) for name in ("set_pos", "set_vel"))
             asked = Output(side, place, speed, round(self._value("set_force")))
-            self._command(_COMMANDS[Command(code)], asked)
+            self._command(Control[_COMMANDS[code]], asked)
 
     def _received(self) -> None:
         self._status = (self._status ^ Status.RECEIVED_TOGGLE) & ~(schunk.OUTCOMES | Status.WARNING)
