@@ -195,15 +195,12 @@ def connected(host: str, port: int, seconds: float) -> socket.socket:
     for family, kind, protocol, _, address in addresses_of(host, port, seconds):
         connection = socket.socket(family, kind, protocol)
         try:
-            connection.settimeout(max(until - time.monotonic(), 1e-3))
-            connection.connect(address)
-        except BaseException as error:
-            connection.close()
-            if not isinstance(error, OSError):
-                raise
+            with closed_on_error(connection):
+                connection.settimeout(max(until - time.monotonic(), 1e-3))
+                connection.connect(address)
+                return connection
+        except OSError as error:
             failed = error
-        else:
-            return connection
     raise failed
 
 

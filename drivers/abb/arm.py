@@ -15,7 +15,7 @@ from drivers.abb.upright import Motion, UprightArm
 from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM
-from drivers.stream import Stream, open_tcp, tcp_address
+from drivers.stream import Stream, closed_on_error, open_tcp, tcp_address
 
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
 STALE_S = 0.2  # within which a stale acknowledgement follows
@@ -169,14 +169,14 @@ def over(open_stream: Callable[[], Stream], pace: Pace, setup: Setup) -> Arm:
     The server recreates its sockets after each client, and disconnects clients that connected meanwhile; such
     a connection is tried again.
     """
-    tries = CONNECT_TRIES
-    while True:
+
+    def opened() -> Arm:
         stream = open_stream()
-        try:
+        with closed_on_error(stream):
             return Arm(stream, pace, setup)
-        except BaseException as error:  # Ctrl-C, too, must not leave the socket open
-            stream.close()
-            tries -= 1
-            if not (tries and isinstance(error, _CutOffError)):
-                raise
+
+    for _ in range(CONNECT_TRIES - 1):
+        with contextlib.suppress(_CutOffError):
+            return opened()
         pace.pause(ACCEPT_S)
+    return opened()

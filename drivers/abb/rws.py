@@ -116,26 +116,22 @@ class Rws:
         if method == "POST":
             headers["Content-Type"] = FORM
         try:
-            if self._connection is None or self._connection.sock is None:
-                self._connection = self._connected(until)
-            connection = self._connection
-            cast(BoundedSocket, connection.sock).allow(until, MOST_BYTES)
-            connection.request(method, target, body if method == "POST" else None, headers)
-            with connection.getresponse() as answer:
-                text = _whole(answer).decode("utf-8", "replace")
-        except BaseException as error:
-            # Ctrl-C, too: what arrives now answers no further request.
-            self.close()
-            if isinstance(error, RwsError):
-                raise
-            if isinstance(error, EndlessError):
-                raise RwsError(
-                    f"the answer to {method} {target} is longer than {MOST_BYTES} bytes"
-                ) from error
-            if isinstance(error, OSError | http.client.HTTPException | ValueError):
-                reason = shown(error) if str(error) else type(error).__name__
-                raise RwsError(f"no answer to {method} {target} ({reason})") from error
+            with closed_on_error(self):  # what arrives after an error answers no further request
+                if self._connection is None or self._connection.sock is None:
+                    self._connection = self._connected(until)
+                connection = self._connection
+                cast(BoundedSocket, connection.sock).allow(until, MOST_BYTES)
+                connection.request(method, target, body if method == "POST" else None, headers)
+                with connection.getresponse() as answer:
+                    text = _whole(answer).decode("utf-8", "replace")
+        except RwsError:
             raise
+        except EndlessError as error:
+            problem = f"the answer to {method} {target} is longer than {MOST_BYTES} bytes"
+            raise RwsError(problem) from error
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            reason = shown(error) if str(error) else type(error).__name__
+            raise RwsError(f"no answer to {method} {target} ({reason})") from error
         for cookie in answer.headers.get_all("Set-Cookie") or ():
             name, _, value = cookie.partition(";")[0].strip().partition("=")
             self._cookies[name] = value
