@@ -121,19 +121,10 @@ def answer_of(table: Table, result: PartResult) -> Answer:
     leaf = result.leaf_of(table)
     if result.outcome is not Outcome.LEAF or leaf is None:
         return Answer(outcome, int(result.exit_code), seconds=seconds)
-    part, face = _part_and_face(table, leaf)
-    return Answer(
-        outcome,
-        int(result.exit_code),
-        leaf.x_um,
-        leaf.y_um,
-        round(1e4 * degrees(leaf.theta_urad / 1e6)),
-        part,
-        face,
-        _error(leaf, leaf.error_median_um),
-        _error(leaf, leaf.error_p95_um),
-        seconds,
-    )
+    pose = leaf.x_um, leaf.y_um, round(1e4 * degrees(leaf.theta_urad / 1e6))
+    kind = _part_and_face(table, leaf)
+    errors = _error(leaf, leaf.error_median_um), _error(leaf, leaf.error_p95_um)
+    return Answer(outcome, int(result.exit_code), *pose, *kind, *errors, seconds)
 
 
 def _error(leaf: Leaf, error_um: int) -> int:

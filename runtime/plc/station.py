@@ -190,16 +190,8 @@ class Station:
     @property
     def glance(self) -> Glance:
         """The visible state, as of the last access."""
-        return Glance(
-            self.state,
-            self.order,
-            self._answer,
-            self.enabled,
-            self._ended,
-            self.error_id,
-            self._table,
-            self._in_use,
-        )
+        part, tables = (self.order, self._answer), (self._table, self._in_use)
+        return Glance(self.state, *part, self.enabled, self._ended, self.error_id, *tables)
 
     def end(self) -> None:
         """Accepts no triggers from now on."""
