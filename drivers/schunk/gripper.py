@@ -53,15 +53,10 @@ class Gripper(PolledGripper[Input, Output]):
     def _begin(self, profile: GripperProfile | None) -> GripperProfile:
         soft = is_soft(int(self._link.read("module_type")[0]))
         profile = profile or PROFILES["schunk-egk" if soft else "schunk-egu"]
-        self._limits = Limits(
-            lowest_um=self._thousandths("min_pos"),
-            highest_um=self._thousandths("max_pos"),
-            slowest_um_s=self._thousandths("min_vel"),
-            fastest_um_s=self._thousandths("max_vel"),
-            grip_um_s=self._thousandths("max_grp_vel"),
-            force_n=self._link.read("max_grp_force")[0],
-            soft=soft,
-        )
+        names = ("min_pos", "max_pos", "min_vel", "max_vel", "max_grp_vel")
+        lowest, highest, slowest, fastest, grip = map(self._thousandths, names)
+        force_n = self._link.read("max_grp_force")[0]
+        self._limits = Limits(lowest, highest, slowest, fastest, grip, force_n, soft)
         stroke_um = self._thousandths("max_phys_stroke")
         if abs(stroke_um - profile.stroke_um) > STROKE_UM:
             raise PortError(

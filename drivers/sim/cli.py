@@ -38,11 +38,8 @@ table at a tag under the part (needs the audit extra): `grasp-audit judge --came
 
 def parser() -> Parser:
     """The command line."""
-    command = Parser(
-        prog="grasp-cell",
-        description="Simulate a cell: gripper, arm and part behind the real devices' protocols.",
-        epilog=EPILOG,
-    )
+    purpose = "Simulate a cell: gripper, arm and part behind the real devices' protocols."
+    command = Parser(prog="grasp-cell", description=purpose, epilog=EPILOG)
     source = command.add_mutually_exclusive_group(required=True)
     source.add_argument("--tree", type=Path, metavar="TREE.msgpack", help="part and world")
     source.add_argument("--job", type=Path, metavar="JOB.toml", help="the same from a job file")

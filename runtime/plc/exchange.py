@@ -8,16 +8,12 @@ from math import degrees, nan
 
 from runtime.devices.clock import SystemClock
 from runtime.plc.registers import OUTCOMES, UNKNOWN
-from runtime.plc.station import FAULT, Answer, Glance, Refusal, Station
+from runtime.plc.station import Answer, Glance, Refusal, Station
 from runtime.table import Leaf, Table
 from runtime.traversal.results import Outcome, PartResult
 
 TURNED_OVER = ", turned over"  # suffix of a hypothesis for a part on its other face
-_CODES = {
-    Outcome.LEAF: OUTCOMES.index("located"),
-    Outcome.REJECT: OUTCOMES.index("rejected"),
-    Outcome.UNRESOLVED: OUTCOMES.index("unresolved"),
-}
+_NAMES = {Outcome.LEAF: "located", Outcome.REJECT: "rejected", Outcome.UNRESOLVED: "unresolved"}
 
 
 class Exchange:
@@ -116,7 +112,7 @@ class Exchange:
 
 def answer_of(table: Table, result: PartResult) -> Answer:
     """A part's result in the units of the registers."""
-    outcome = _CODES.get(result.outcome, FAULT)
+    outcome = OUTCOMES.index(_NAMES.get(result.outcome, "fault"))
     seconds = nan if result.seconds is None else result.seconds
     leaf = result.leaf_of(table)
     if result.outcome is not Outcome.LEAF or leaf is None:

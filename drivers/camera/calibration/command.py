@@ -50,11 +50,8 @@ touched.csv and poses.csv: picture,x_mm,y_mm,theta_rad, a line for each pose tha
 
 def parser() -> Parser:
     """The command line."""
-    built = Parser(
-        prog="grasp-calibrate",
-        description="Measure the parameters of camera and part for the audit.",
-        epilog=EPILOG,
-    )
+    purpose = "Measure the parameters of camera and part for the audit."
+    built = Parser(prog="grasp-calibrate", description=purpose, epilog=EPILOG)
     built.add_debug()
     names = "camera | tag | pictures"
     commands = built.add_subparsers(required=True, metavar=names, dest="command")

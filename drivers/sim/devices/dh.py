@@ -30,11 +30,8 @@ ALLOWED = {
     dh.DIRECTION + 3: (0, 1),  # stop bits
     dh.DIRECTION + 4: range(3),  # parity
 }
-READABLE = {
-    register
-    for first, count in (dh.CONTROL, dh.STATUS, dh.SETTINGS)
-    for register in range(first, first + count)
-}
+BLOCKS = (dh.CONTROL, dh.STATUS, dh.SETTINGS)
+READABLE = {first + step for first, count in BLOCKS for step in range(count)}
 DEFAULTS = {dh.FORCE: 100, dh.SPEED: 100, dh.DIRECTION + 1: dh.UNIT}  # the rest is 0
 
 
