@@ -2,10 +2,11 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 # One transaction, wall time (Robotiq SDK connection_config; devices answer in ~5 ms).
 LINK_TIMEOUT_S = 0.5
+LATE_LOOKS = 3  # reads after a deadline
 POLL_S = 0.005  # between two polls of a busy device: a 2F gripper refreshes at 200 Hz ([M16] p55)
 
 
@@ -61,6 +62,17 @@ class Pace:
     def idle(self, until: float) -> None:
         """Pauses between two polls of a busy device, at most until the wall time `until`."""
         self.clock.idle(POLL_S / self.time_scale, until)
+
+    def looks(self, deadline: float) -> Iterator[float]:
+        """Yields the seconds left until a wall time for each read, and for `LATE_LOOKS` reads after it.
+
+        Those are for data that has already arrived: this process may have been stopped meanwhile.
+        """
+        late = 0
+        while late < LATE_LOOKS:
+            left_s = deadline - self.now()
+            late += left_s <= 0.0
+            yield left_s
 
     def deadline(self, seconds: float, simulated_s: float = LINK_TIMEOUT_S) -> float:
         """The wall time at which a device budget is spent, including one last poll, at any scale.

@@ -234,12 +234,7 @@ def _standing(state: ObjectState, target_um: int, width_um: int) -> GripperState
 
 
 def gripper(
-    port: str,
-    pace: Pace,
-    report: ports.Report,
-    *,
-    read_only: bool,
-    profile: GripperProfile | None = None,
+    port: str, pace: Pace, report: ports.Report, *, read_only: bool, profile: GripperProfile | None
 ) -> ManualGripper:
     """Opens `manual`, which reads widths like a gripper of a profile, by default a 2F-85.
 

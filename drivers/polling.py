@@ -8,6 +8,7 @@ from typing import Any, Generic, Self, TypeVar
 from drivers.clock import Pace
 from drivers.errors import GripperFault, LinkTimeout, ReadOnlyError, shown
 from drivers.ports import GripperProfile, GripperState, Report, Settled, no_report
+from drivers.stream import closed_on_error
 
 ECHO_S = 1.0  # the request is echoed within this ([SDK] gripper.cpp of Robotiq)
 MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
@@ -83,11 +84,8 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         read_only: bool,
     ) -> Self:
         """A gripper on a link, which is closed again if there is no answer."""
-        try:
+        with closed_on_error(link):
             return cls(ReadOnlyLink(link) if read_only else link, pace, report, profile)
-        except BaseException:  # Ctrl-C, too, must not leave the port open
-            link.close()
-            raise
 
     def state(self) -> GripperState:
         """Reads the gripper now."""
@@ -180,9 +178,8 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             if done(seen):
                 return seen
             if late:
-                raise GripperFault(
-                    f"gripper not done {doing} in time; last seen {self._sketch(seen)}"
-                )
+                last = self._sketch(seen)
+                raise GripperFault(f"gripper not done {doing} in time; last seen {last}")
             self._pace.idle(deadline)
 
     def _settled(self) -> Seen:

@@ -8,8 +8,9 @@ import socket
 import stat
 import termios
 import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NoReturn, Protocol
+from typing import Any, NoReturn, Protocol
 from urllib.parse import urlsplit
 
 import serial
@@ -139,6 +140,16 @@ class SerialStream:
             termios.tcflush(self._port.fileno(), termios.TCOFLUSH)
 
 
+@contextlib.contextmanager
+def closed_on_error(opened: Any) -> Iterator[None]:
+    """Closes what was opened where the context fails: Ctrl-C, too, must not leave a port open."""
+    try:
+        yield
+    except BaseException:
+        opened.close()
+        raise
+
+
 def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
     """Host and port of `scheme://host:port`; the port may be omitted if a usual one is given.
 
@@ -184,15 +195,12 @@ def connected(host: str, port: int, seconds: float) -> socket.socket:
     for family, kind, protocol, _, address in addresses_of(host, port, seconds):
         connection = socket.socket(family, kind, protocol)
         try:
-            connection.settimeout(max(until - time.monotonic(), 1e-3))
-            connection.connect(address)
-        except BaseException as error:
-            connection.close()
-            if not isinstance(error, OSError):
-                raise
+            with closed_on_error(connection):
+                connection.settimeout(max(until - time.monotonic(), 1e-3))
+                connection.connect(address)
+                return connection
+        except OSError as error:
             failed = error
-        else:
-            return connection
     raise failed
 
 

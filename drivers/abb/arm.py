@@ -15,15 +15,13 @@ from drivers.abb.upright import Motion, UprightArm
 from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM
-from drivers.stream import Stream, open_tcp, tcp_address
+from drivers.stream import Stream, closed_on_error, open_tcp, tcp_address
 
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
 STALE_S = 0.2  # within which a stale acknowledgement follows
 ANSWER_S = 2.0  # commands that do not move
 STARVED_S = 2.0  # wall: longest delay of a simulated controller
 QUIET_S = 0.01  # wall: silence after which a reply is complete
-# Reads after a deadline, for data that has already arrived: this process may have been stopped meanwhile.
-LATE_LOOKS = 3
 CONNECT_TRIES = 3
 
 
@@ -128,10 +126,7 @@ class Arm(UprightArm):
         return reply
 
     def _await_reply(self, code: int, deadline: float) -> Reply | None:
-        late = 0
-        while late < LATE_LOOKS:
-            left = deadline - self._pace.now()
-            late += left <= 0.0
+        for left in self._pace.looks(deadline):
             reply = codec.parse_reply(self._text, code) if self._text else None
             if reply is not None and (reply.ended or not self._more(QUIET_S, code)):
                 self._text = ""
@@ -174,14 +169,14 @@ def over(open_stream: Callable[[], Stream], pace: Pace, setup: Setup) -> Arm:
     The server recreates its sockets after each client, and disconnects clients that connected meanwhile; such
     a connection is tried again.
     """
-    tries = CONNECT_TRIES
-    while True:
+
+    def opened() -> Arm:
         stream = open_stream()
-        try:
+        with closed_on_error(stream):
             return Arm(stream, pace, setup)
-        except BaseException as error:  # Ctrl-C, too, must not leave the socket open
-            stream.close()
-            tries -= 1
-            if not (tries and isinstance(error, _CutOffError)):
-                raise
+
+    for _ in range(CONNECT_TRIES - 1):
+        with contextlib.suppress(_CutOffError):
+            return opened()
         pace.pause(ACCEPT_S)
+    return opened()

@@ -133,9 +133,9 @@ def parse_reply(text: str, code: int) -> Reply | None:
     head, *payload = text.split(" ")
     if head != str(code)[: len(head)] or (payload and head != str(code)):
         raise ProtocolError(f"asked {code}, answered '{shown(text)}'")
+    if len(text) > MAX_REPLY:
+        raise ProtocolError(f"asked {code}, answered '{shown(text)}', without an end")
     if len(payload) < 2:
-        if len(text) > MAX_REPLY:
-            raise ProtocolError(f"asked {code}, answered '{shown(text)}', without an end")
         return None
     flag, fields = payload[0], tuple(payload[1:])
     if flag not in {"0", "1"}:
@@ -143,8 +143,6 @@ def parse_reply(text: str, code: int) -> Reply | None:
     wanted = REPLY_FIELDS[code] if flag == "1" else 0
     if (wanted == 0 and fields != ("",)) or len(fields) > max(wanted, 1):
         raise ProtocolError(f"asked {code}, answered '{shown(text)}': more than {wanted} fields")
-    if len(text) > MAX_REPLY:
-        raise ProtocolError(f"asked {code}, answered '{shown(text)}', without an end")
     if wanted == 0:
         return Reply(code, flag == "1", ())
     if len(fields) < wanted or fields[-1] in {"", "-"}:

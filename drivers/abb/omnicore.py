@@ -15,7 +15,7 @@ from drivers.abb.rws import Rws, RwsError, State
 from drivers.abb.upright import Motion, UprightArm
 from drivers.clock import Pace
 from drivers.errors import ArmError, shown
-from drivers.stream import open_tcp, tcp_address
+from drivers.stream import closed_on_error, open_tcp, tcp_address
 
 TASK, MODULE, ROUTINE, UNIT = "T_ROB1", "SqueezeTree", "SqueezeTreeMain", "ROB_1"
 MECHANICS = f"/rw/motionsystem/mechunits/{UNIT}"
@@ -52,9 +52,8 @@ class Arm(UprightArm):
         try:
             version = self._symbol("sq_version")
         except ArmError as error:
-            raise ArmError(
-                f"{error}; load {MODULE}.modx into {TASK} (tools/docs/arms.md)"
-            ) from error
+            remedy = f"load {MODULE}.modx into {TASK} (tools/docs/arms.md)"
+            raise ArmError(f"{error}; {remedy}") from error
         if version != VERSION:
             raise ArmError(
                 f"arm at {endpoint} has {MODULE}.modx of version {shown(version)}; load version {VERSION}"
@@ -115,9 +114,8 @@ class Arm(UprightArm):
 
     def _pointer(self) -> tuple[str | None, str | None]:
         """Module and routine at the program pointer; None: unknown."""
-        line = next(
-            (state for state in self._states(POINTER) if state.get("_title") == "progpointer"), {}
-        )
+        states = self._states(POINTER)
+        line = next((state for state in states if state.get("_title") == "progpointer"), {})
         # RWS spells it so
         return line.get("modulemame") or line.get("modulename"), line.get("routinename")
 
@@ -214,8 +212,5 @@ def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
     endpoint = f"omnicore://{host}:{port}"
     open_tcp(host, port, endpoint, HINT).close()
     rws = Rws(host, port, pace, read_only=read_only)
-    try:
+    with closed_on_error(rws):
         return Arm(rws, endpoint, pace, setup)
-    except BaseException:  # Ctrl-C, too, must not leave the session open
-        rws.close()
-        raise

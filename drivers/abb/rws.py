@@ -16,14 +16,14 @@ import re
 import secrets
 import ssl
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 from urllib.parse import quote, urlencode
 from urllib.request import parse_http_list, parse_keqv_list
 
 from drivers.bounds import BoundedSocket, EndlessError
 from drivers.clock import Pace
 from drivers.errors import ReadOnlyError, shown
-from drivers.stream import connected
+from drivers.stream import closed_on_error, connected
 
 ANSWER_S = 4.0  # wall; controllers take some tenths of a second under load
 MOST_BYTES = 1 << 20  # of an answer with its headers; usual ones have less than 10 kB
@@ -53,7 +53,6 @@ class Rws:
         self._read_only = read_only
         self._user = os.environ.get(USER, FACTORY[0]), os.environ.get(PASSWORD, FACTORY[1])
         self._connection: http.client.HTTPSConnection | None = None
-        self._socket: BoundedSocket | None = None
         self._cookies: dict[str, str] = {}
         self._challenge: dict[str, str] = {}  # of a controller that requires Digest
         self._count = 0
@@ -91,7 +90,7 @@ class Rws:
         """Disconnects."""
         if self._connection is not None:
             self._connection.close()
-            self._connection = self._socket = None
+            self._connection = None
 
     def _request(self, method: str, target: str, body: str) -> str:
         until = self._pace.now() + ANSWER_S
@@ -117,32 +116,28 @@ class Rws:
         if method == "POST":
             headers["Content-Type"] = FORM
         try:
-            if self._connection is None or self._socket is None or self._connection.sock is None:
-                self._socket, self._connection = self._connected(until)
-            self._socket.allow(until, MOST_BYTES)
-            connection = self._connection
-            connection.request(method, target, body if method == "POST" else None, headers)
-            with connection.getresponse() as answer:
-                text = _whole(answer).decode("utf-8", "replace")
-        except BaseException as error:
-            # Ctrl-C, too: what arrives now answers no further request.
-            self.close()
-            if isinstance(error, RwsError):
-                raise
-            if isinstance(error, EndlessError):
-                raise RwsError(
-                    f"the answer to {method} {target} is longer than {MOST_BYTES} bytes"
-                ) from error
-            if isinstance(error, OSError | http.client.HTTPException | ValueError):
-                reason = shown(error) if str(error) else type(error).__name__
-                raise RwsError(f"no answer to {method} {target} ({reason})") from error
+            with closed_on_error(self):  # what arrives after an error answers no further request
+                if self._connection is None or self._connection.sock is None:
+                    self._connection = self._connected(until)
+                connection = self._connection
+                cast(BoundedSocket, connection.sock).allow(until, MOST_BYTES)
+                connection.request(method, target, body if method == "POST" else None, headers)
+                with connection.getresponse() as answer:
+                    text = _whole(answer).decode("utf-8", "replace")
+        except RwsError:
             raise
+        except EndlessError as error:
+            problem = f"the answer to {method} {target} is longer than {MOST_BYTES} bytes"
+            raise RwsError(problem) from error
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            reason = shown(error) if str(error) else type(error).__name__
+            raise RwsError(f"no answer to {method} {target} ({reason})") from error
         for cookie in answer.headers.get_all("Set-Cookie") or ():
             name, _, value = cookie.partition(";")[0].strip().partition("=")
             self._cookies[name] = value
         return answer.status, answer.headers, text
 
-    def _connected(self, until: float) -> tuple[BoundedSocket, http.client.HTTPSConnection]:
+    def _connected(self, until: float) -> http.client.HTTPSConnection:
         """A connection, made until a deadline, to a controller with the stated certificate.
 
         Raises:
@@ -160,13 +155,10 @@ class Rws:
         if not in_file:
             context.verify_mode = ssl.CERT_NONE
         plain = connected(self._host, self._port, max(until - self._pace.now(), 1e-3))
-        try:
+        with closed_on_error(plain):
             plain.settimeout(max(until - self._pace.now(), 1e-3))
             # The timeout is one of the whole handshake (Modules/_ssl.c).
             secure = context.wrap_socket(plain, server_hostname=self._host)
-        except BaseException:
-            plain.close()
-            raise
         certificate = hashlib.sha256(secure.getpeercert(binary_form=True) or b"").hexdigest()
         if not in_file and stated != ANY and certificate != stated.replace(":", "").lower():
             secure.close()
@@ -176,11 +168,10 @@ class Rws:
                 "if it is the controller's "
                 f"own, set {CERTIFICATE} to its SHA-256: {certificate}"
             )
-        bounded = BoundedSocket(secure, self._pace.now)
         connection = http.client.HTTPSConnection(self._host, self._port, context=context)
         connection.auto_open = 0  # only here
-        connection.sock = bounded
-        return bounded, connection
+        connection.sock = BoundedSocket(secure, self._pace.now)
+        return connection
 
     def _authorization(self, method: str, target: str) -> str:
         user, password = self._user
@@ -192,10 +183,9 @@ class Rws:
         ours, asked = _md5(f"{user}:{realm}:{password}"), _md5(f"{method}:{target}")
         response = _md5(f"{ours}:{nonce}:{count}:{cnonce}:auth:{asked}")
         fields = {"username": user, "realm": realm, "nonce": nonce, "uri": target, "cnonce": cnonce}
-        fields |= {
-            "response": response,
-            **({"opaque": given["opaque"]} if "opaque" in given else {}),
-        }
+        fields["response"] = response
+        if "opaque" in given:
+            fields["opaque"] = given["opaque"]
         quoted = ", ".join(f'{name}="{value}"' for name, value in fields.items())
         return f"Digest {quoted}, qop=auth, nc={count}"
 
@@ -207,9 +197,8 @@ class Rws:
                 given = parse_keqv_list(parse_http_list(rest)) if scheme.lower() == "digest" else {}
             except ValueError:  # garbled
                 continue
-            if {"realm", "nonce"} <= given.keys() and given.get(
-                "algorithm", "MD5"
-            ).upper() == "MD5":
+            algorithm = given.get("algorithm", "MD5").upper()
+            if algorithm == "MD5" and {"realm", "nonce"} <= given.keys():
                 self._challenge = given
                 return True
         return False

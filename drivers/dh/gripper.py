@@ -138,8 +138,8 @@ class Gripper(PolledGripper[Reading, int]):
             fault=0,
             fault_text="",
             object=seen.object,
-            target_um=self._scale.width_um(target),
-            width_um=self._scale.width_um(seen.position),
+            target_um=self.profile.reading_um(target),
+            width_um=self.profile.reading_um(seen.position),
             current_ma=0,
         )
 

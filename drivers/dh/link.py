@@ -12,16 +12,14 @@ from drivers.clock import Pace
 from drivers.dh.registers import CONTROL, STATUS, UNIT
 from drivers.modbus.framing import RtuFraming
 from drivers.modbus.master import Master
-from drivers.ports import Report, no_report
+from drivers.ports import Report
 from drivers.stream import Stream
 
 
 class RtuLink(Master):
     """The registers of one unit on a Modbus connection."""
 
-    def __init__(
-        self, stream: Stream, pace: Pace, report: Report = no_report, unit: int = UNIT
-    ) -> None:
+    def __init__(self, stream: Stream, pace: Pace, report: Report, unit: int = UNIT) -> None:
         hint = "check that it is a gripper of DH-Robotics, and the unit of its port's name"
         super().__init__(stream, RtuFraming(), pace, report, wrong_device=hint)
         self._unit = unit
@@ -32,9 +30,8 @@ class RtuLink(Master):
 
     def write(self, register: int, value: int) -> None:
         """Writes one register, once."""
-        self.transact(
-            WriteSingleRegisterRequest(address=register, registers=[value], dev_id=self._unit)
-        )
+        word = WriteSingleRegisterRequest(address=register, registers=[value], dev_id=self._unit)
+        self.transact(word)
 
     def _read_once(self) -> Mapping[int, int]:
         words: dict[int, int] = {}

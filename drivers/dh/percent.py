@@ -24,10 +24,6 @@ class Scale:
                 f"({FULL}); check the port, or the gripper's model and resolution"
             )
 
-    def width_um(self, position: int) -> int:
-        """The nominal width at a position."""
-        return self.profile.reading_um(position)
-
     def position(self, width_um: int) -> int:
         """The position nearest to a width."""
         return min(max(self.profile.step(width_um), 0), FULL)

@@ -10,7 +10,7 @@ from drivers.polling import Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.counts import Counts
-from drivers.robotiq.faults import MAJOR, PRIORITY, fault, fault_text
+from drivers.robotiq.faults import MINOR, fault, fault_text, is_major
 from drivers.robotiq.registers import OUTPUT_FIELDS, Reading, decode, pack, speed_mm_s_of
 
 # Reset, sweep and report together ([SDK] gripper.cpp; 5 s was too short for some).
@@ -62,10 +62,10 @@ class Gripper(PolledGripper[Reading, int]):
         The reset clears a latched fault. An active gripper without a fault is left unchanged.
         """
         seen = self._read()
-        if seen.activated and not _has_latched(seen):
+        if seen.activated and not is_major(seen.fault):
             return
         deadline = self._pace.deadline(ACTIVATION_S)
-        if _has_latched(seen) or not seen.activating:
+        if is_major(seen.fault) or not seen.activating:
             self._send({})
             self._until(lambda now: not now.enabled, deadline, "resetting")
             self._send({"rACT": 1})
@@ -109,12 +109,11 @@ class Gripper(PolledGripper[Reading, int]):
     def _state(self, seen: Reading, target: int) -> GripperState:
         # The silence before this request is over, and nothing else is known about it.
         code = 0 if seen.fault == COMM_SILENCE else seen.fault
-        text = fault_text(code) if code else None
         return GripperState(
             activated=seen.activated,
             moving=seen.moving,
             fault=code,
-            fault_text="" if text is None else f"0x{code:02X}, {text.sentence}; {text.remedy}",
+            fault_text=f"0x{code:02X}, {fault_text(code)}" if code else "",
             object=ObjectState(seen.object_flag),
             target_um=self._counts.target_um(target),
             width_um=self._counts.width_um(seen.position_counts),
@@ -133,16 +132,15 @@ class Gripper(PolledGripper[Reading, int]):
             # Beyond the end stops the final position depends on the fingers.
             short = min(asked, robotiq.COUNT_CLOSED) - seen.position_counts
             beyond = seen.position_counts - max(asked, robotiq.COUNT_OPEN)
-            return short <= ARRIVED_COUNTS and (
-                asked >= robotiq.COUNT_CLOSED or beyond <= ARRIVED_COUNTS
-            )
+            closes = asked >= robotiq.COUNT_CLOSED
+            return short <= ARRIVED_COUNTS and (closes or beyond <= ARRIVED_COUNTS)
         way = asked - seen.position_counts
         if abs(way) <= ARRIVED_COUNTS:  # else no single reading before the move decides
             way = asked - start
         return way == 0 or (seen.object_flag == robotiq.OBJ_CONTACT_CLOSING) == (way > 0)
 
     def _require_ready(self, seen: Reading, doing: str) -> None:
-        if seen.fault and fault_text(seen.fault).severity in {MAJOR, PRIORITY}:
+        if seen.fault and seen.fault not in MINOR:
             raise fault(seen.fault, doing)
         if not seen.activated:
             raise GripperFault(
@@ -171,11 +169,6 @@ class Gripper(PolledGripper[Reading, int]):
         return (seen.enabled, seen.going, seen.echo_counts) == wanted
 
 
-def _has_latched(seen: Reading) -> bool:
-    """Whether a reading reports a fault that only a reset clears."""
-    return seen.fault != 0 and fault_text(seen.fault).severity == MAJOR
-
-
 def _refuse_latched(seen: Reading, doing: str) -> None:
-    if _has_latched(seen):
+    if is_major(seen.fault):
         raise fault(seen.fault, doing)

@@ -9,9 +9,11 @@ the blocks may have other addresses:
 import contextlib
 import time
 from collections.abc import Iterator
+from typing import NamedTuple
 from urllib.parse import parse_qsl
 
 from pymodbus.pdu import ModbusPDU
+from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, ReadInputRegistersRequest
 
 from drivers.clock import Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
@@ -19,36 +21,47 @@ from drivers.modbus.framing import MAX_BUFFER, Framing, RtuFraming, TcpFraming
 from drivers.modbus.master import Master
 from drivers.ports import Answered, GripperProfile, Report, no_report
 from drivers.robotiq.counts import Counts
-from drivers.robotiq.frames import RTU, TCP, Wiring, read_request
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.registers import BLOCK_BYTES
 from drivers.stream import SerialStream, Stream, open_tcp, tcp_address
 
 BAUD = 115200
 SCAN_BAUDS = (115200, 57600, 38400, 19200, 9600)  # baud rates of a 2F ([M16] p55)
-SCAN_UNITS = (RTU.unit, *(unit for unit in range(1, 17) if unit != RTU.unit))
 SCAN_S = 0.06
 TCP_PORT = 502
 # Numbers of registers to read: the informative ones, or more of the block, whose rest is reserved
 # ([M18] p62).
 LEAST_REGISTERS, MOST_REGISTERS = BLOCK_BYTES // 2, 8
-
-
 WRONG_DEVICE = (
     "check that it is a Robotiq 2F gripper, and unit, output, input and function of its port's name"
 )
+
+
+class Wiring(NamedTuple):
+    """Addresses of the register blocks on one kind of link, and the function for reading them."""
+
+    unit: int
+    output: int  # address of the first register of the output block
+    input: int
+    function: int  # of reading: 3 or 4
+
+
+RTU = Wiring(unit=9, output=0x03E8, input=0x07D0, function=3)  # [M16] p55
+TCP = Wiring(unit=2, output=0, input=0, function=4)  # [M200] p66-78
+SCAN_UNITS = (RTU.unit, *(unit for unit in range(1, 17) if unit != RTU.unit))
+
+
+def read_request(wiring: Wiring, count: int) -> ModbusPDU:
+    """Request for the first `count` registers of the input block."""
+    kind = ReadInputRegistersRequest if wiring.function == 4 else ReadHoldingRegistersRequest
+    return kind(address=wiring.input, count=count, dev_id=wiring.unit)
 
 
 class ModbusLink(Master):
     """A gripper's two register blocks on one Modbus connection."""
 
     def __init__(
-        self,
-        stream: Stream,
-        framing: Framing,
-        wiring: Wiring,
-        pace: Pace,
-        report: Report = no_report,
+        self, stream: Stream, framing: Framing, wiring: Wiring, pace: Pace, report: Report
     ) -> None:
         super().__init__(stream, framing, pace, report, wrong_device=WRONG_DEVICE)
         self._wiring = wiring

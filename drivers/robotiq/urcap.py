@@ -129,15 +129,10 @@ class UrcapLink(StreamLink):
                 name, value, size = "ack", 0, 3
             elif matches := ANSWER.match(text):
                 name, value, size = matches[1].decode(), int(matches[2]), matches.end()
-                if not (
-                    matches[3]
-                    or len(matches[2]) >= DIGITS.get(name, MOST_DIGITS)
-                    or len(text) > size
-                ):
-                    more = self._stream.receive(QUIET_S)
+                whole = matches[3] or len(matches[2]) >= DIGITS.get(name, MOST_DIGITS)
+                if not whole and len(text) == size and (more := self._stream.receive(QUIET_S)):
                     self._text += more
-                    if more:
-                        continue
+                    continue
             elif b"ack".startswith(text) or re.fullmatch(rb"[A-Z]{1,3} *", text):
                 return None
             else:

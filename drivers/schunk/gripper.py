@@ -4,6 +4,7 @@ A closing motion is a grip, any other a positioning move: a part is an error for
 held part is released before anything else, also before another grip. Sources as in `registers`.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 from drivers.clock import Pace
@@ -52,15 +53,10 @@ class Gripper(PolledGripper[Input, Output]):
     def _begin(self, profile: GripperProfile | None) -> GripperProfile:
         soft = is_soft(int(self._link.read("module_type")[0]))
         profile = profile or PROFILES["schunk-egk" if soft else "schunk-egu"]
-        self._limits = Limits(
-            lowest_um=self._thousandths("min_pos"),
-            highest_um=self._thousandths("max_pos"),
-            slowest_um_s=self._thousandths("min_vel"),
-            fastest_um_s=self._thousandths("max_vel"),
-            grip_um_s=self._thousandths("max_grp_vel"),
-            force_n=self._link.read("max_grp_force")[0],
-            soft=soft,
-        )
+        names = ("min_pos", "max_pos", "min_vel", "max_vel", "max_grp_vel")
+        lowest, highest, slowest, fastest, grip = map(self._thousandths, names)
+        force_n = self._link.read("max_grp_force")[0]
+        self._limits = Limits(lowest, highest, slowest, fastest, grip, force_n, soft)
         stroke_um = self._thousandths("max_phys_stroke")
         if abs(stroke_um - profile.stroke_um) > STROKE_UM:
             raise PortError(
@@ -153,9 +149,8 @@ class Gripper(PolledGripper[Input, Output]):
 
     def _send(self, output: Output) -> None:
         """Sends a request; a repetition is no command, since it has no edge."""
-        self._repeat(
-            lambda: self._link.write("plc_sync_output", *output), lambda: self._asked() == output
-        )
+        write = partial(self._link.write, "plc_sync_output", *output)
+        self._repeat(write, lambda: self._asked() == output)
 
     # -- what readings mean -----------------------------------------------------------------------
 
@@ -168,7 +163,7 @@ class Gripper(PolledGripper[Input, Output]):
             activated=bool(seen.status & Status.READY),
             moving=_moves(seen, target),
             fault=seen.error,
-            fault_text=_fault(seen.error) if seen.error else "",
+            fault_text=error_text(seen.error) if seen.error else "",
             object=_object(seen, target),
             target_um=self._target_um(target),
             width_um=self._width_um(seen.position_um),
@@ -195,7 +190,7 @@ class Gripper(PolledGripper[Input, Output]):
 
     def _require_ready(self, seen: Input, doing: str) -> None:
         if seen.error:
-            raise GripperFault(f"gripper not active while {doing}: fault {_fault(seen.error)}")
+            raise GripperFault(f"gripper not active while {doing}: fault {error_text(seen.error)}")
         if not seen.status & Status.READY:
             raise GripperFault(f"gripper not active while {doing}; acknowledge it (--activate)")
 
@@ -207,7 +202,7 @@ class Gripper(PolledGripper[Input, Output]):
 
     def _sketch(self, seen: Input) -> str:
         words = f"status 0x{seen.status:08X}, width {seen.position_um / 1000:.3f} mm"
-        return f"{words}, fault {_fault(seen.error)}" if seen.error else words
+        return f"{words}, fault {error_text(seen.error)}" if seen.error else words
 
 
 def gripper(
@@ -240,8 +235,3 @@ def _object(seen: Input, asked: Output) -> ObjectState:
         return ObjectState.OPENING if inside else ObjectState.CLOSING
     stands = seen.status & (Status.POSITION_REACHED | Status.NO_WORKPIECE)
     return ObjectState.AT_TARGET if stands and asked.control & schunk.MOTIONS else ObjectState.NONE
-
-
-def _fault(code: int) -> str:
-    text = error_text(code)
-    return f"0x{code:02X}, {text.sentence}; {text.remedy}"

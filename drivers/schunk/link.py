@@ -10,7 +10,7 @@ from drivers.clock import Pace
 from drivers.errors import LinkError
 from drivers.modbus.framing import RtuFraming
 from drivers.modbus.master import Master
-from drivers.ports import Report, no_report
+from drivers.ports import Report
 from drivers.schunk.registers import PARAMETERS, UNIT, Parameter
 from drivers.stream import Stream
 
@@ -31,9 +31,7 @@ class SchunkLink(Master):
         unit: slave id.
     """
 
-    def __init__(
-        self, stream: Stream, pace: Pace, report: Report = no_report, unit: int = UNIT
-    ) -> None:
+    def __init__(self, stream: Stream, pace: Pace, report: Report, unit: int = UNIT) -> None:
         hint = "check that it is a SCHUNK EGU or EGK, and the unit of its port's name"
         super().__init__(stream, RtuFraming(), pace, report, wrong_device=hint)
         self._unit = unit
@@ -69,9 +67,8 @@ class SchunkLink(Master):
         return parameter.unpack(self._read_data(self._question(parameter)))
 
     def _question(self, parameter: Parameter) -> ModbusPDU:
-        return ReadHoldingRegistersRequest(
-            address=parameter.address, count=parameter.registers, dev_id=self._unit
-        )
+        at, count = parameter.address, parameter.registers
+        return ReadHoldingRegistersRequest(address=at, count=count, dev_id=self._unit)
 
     def _keep_alive(self) -> None:
         """Sends a request after a silence; the next caller sees an error."""

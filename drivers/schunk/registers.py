@@ -223,44 +223,31 @@ class Output(NamedTuple):
         return cls(Control(control), *rest)
 
 
-class ErrorText(NamedTuple):
-    """Meaning of an error, and the remedy."""
-
-    sentence: str
-    remedy: str
-
-
 # [PN] 6: each is acknowledged once its cause is gone.
 _AGAIN = "remove the cause, then start again with --activate, which acknowledges it"
 _SUPPLY = "check the 24 V supply, then start again with --activate"
 _HOT = "let it cool down or warm up, then start again with --activate"
 FAST_STOP, COMM_LOST, MOVE_BLOCKED = 0xD9, 0xEF, 0xF4
-ERRORS: dict[int, ErrorText] = {
-    0x28: ErrorText("the brake test failed (ERR_BT_FAILED)", "have the gripper serviced"),
-    0x6C: ErrorText("the motor is too cold (ERR_MOT_TEMP_LO)", _HOT),
-    0x6D: ErrorText("the motor is too hot (ERR_MOT_TEMP_HI)", _HOT),
-    0x70: ErrorText("the electronics are too cold (ERR_LGC_TEMP_LO)", _HOT),
-    0x71: ErrorText("the electronics are too hot (ERR_LGC_TEMP_HI)", _HOT),
-    0x72: ErrorText("the logic supply is too low (ERR_LGC_VOLT_LO)", _SUPPLY),
-    0x73: ErrorText("the logic supply is too high (ERR_LGC_VOLT_HI)", _SUPPLY),
-    0x74: ErrorText("the motor supply is too low (ERR_MOT_VOLT_LO)", _SUPPLY),
-    0x75: ErrorText("the motor supply is too high (ERR_MOT_VOLT_HI)", _SUPPLY),
-    0xD5: ErrorText("the fingers passed the lower limit (ERR_SOFT_LOW)", _AGAIN),
-    0xD6: ErrorText("the fingers passed the upper limit (ERR_SOFT_HIGH)", _AGAIN),
-    FAST_STOP: ErrorText(
-        "fast stop, or not acknowledged since power-on (ERR_FAST_STOP)",
-        "clear the jaws, then start again with --activate, which acknowledges it",
-    ),
-    0xE4: ErrorText("the fingers were too fast (ERR_TOO_FAST)", _AGAIN),
-    COMM_LOST: ErrorText(
-        "nobody asked the gripper anything for too long (ERR_COMM_LOST)",
-        "check the cable and the load of this machine, then start again with --activate",
-    ),
-    0xF1: ErrorText("positioning took too long (ERR_MOV_ABORT_TO)", _AGAIN),
-    MOVE_BLOCKED: ErrorText(
-        "something blocks the fingers on their way (ERR_MOVE_BLOCKED)",
-        "remove it, then start again with --activate",
-    ),
+ERRORS = {
+    0x28: "the brake test failed (ERR_BT_FAILED); have the gripper serviced",
+    0x6C: f"the motor is too cold (ERR_MOT_TEMP_LO); {_HOT}",
+    0x6D: f"the motor is too hot (ERR_MOT_TEMP_HI); {_HOT}",
+    0x70: f"the electronics are too cold (ERR_LGC_TEMP_LO); {_HOT}",
+    0x71: f"the electronics are too hot (ERR_LGC_TEMP_HI); {_HOT}",
+    0x72: f"the logic supply is too low (ERR_LGC_VOLT_LO); {_SUPPLY}",
+    0x73: f"the logic supply is too high (ERR_LGC_VOLT_HI); {_SUPPLY}",
+    0x74: f"the motor supply is too low (ERR_MOT_VOLT_LO); {_SUPPLY}",
+    0x75: f"the motor supply is too high (ERR_MOT_VOLT_HI); {_SUPPLY}",
+    0xD5: f"the fingers passed the lower limit (ERR_SOFT_LOW); {_AGAIN}",
+    0xD6: f"the fingers passed the upper limit (ERR_SOFT_HIGH); {_AGAIN}",
+    FAST_STOP: "fast stop, or not acknowledged since power-on (ERR_FAST_STOP); "
+    "clear the jaws, then start again with --activate, which acknowledges it",
+    0xE4: f"the fingers were too fast (ERR_TOO_FAST); {_AGAIN}",
+    COMM_LOST: "nobody asked the gripper anything for too long (ERR_COMM_LOST); "
+    "check the cable and the load of this machine, then start again with --activate",
+    0xF1: f"positioning took too long (ERR_MOV_ABORT_TO); {_AGAIN}",
+    MOVE_BLOCKED: "something blocks the fingers on their way (ERR_MOVE_BLOCKED); "
+    "remove it, then start again with --activate",
 }
 # [PN] 7.4: why a command is not feasible.
 NOT_FEASIBLE_WARNING = 0x94
@@ -283,7 +270,7 @@ NOT_FEASIBLE: dict[int, str] = {
 }
 
 
-def error_text(code: int) -> ErrorText:
-    """Meaning of an error code; an unknown one needs SCHUNK's service ([PN] 6)."""
-    unknown = ErrorText(f"unknown error 0x{code:02X}", "contact SCHUNK's service")
-    return ERRORS.get(code, unknown)
+def error_text(code: int) -> str:
+    """Code, meaning and remedy of an error; an unknown one needs SCHUNK's service ([PN] 6)."""
+    unknown = f"unknown error 0x{code:02X}; contact SCHUNK's service"
+    return f"0x{code:02X}, {ERRORS.get(code, unknown)}"

@@ -3,17 +3,16 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from drivers.abb.codec import Pose
 from drivers.sim.camera.server import CameraServer
 from drivers.sim.devices.arm_server import ArmLogger, ArmServer
 from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.devices.ur_controller import UrModel
 from drivers.sim.devices.ur_ports import served
-from drivers.sim.faults import Listed
+from drivers.sim.faults import Desk, Listed
 from drivers.sim.grippers import simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import open_port
-from drivers.sim.wire.line import CleanLine
+from drivers.sim.wire.line import Line
 from drivers.sim.wire.serving import HOST, Site
 from drivers.sim.workcell import ARM_BASE, Workcell
 from runtime.table import profile_of
@@ -37,9 +36,9 @@ class LoneGripper(Site):
     def __init__(self, model: str, seed: int, time_scale: float = 1.0) -> None:
         super().__init__(time_scale)
         make = simulator(model)
-        device = make.device(profile_of(model), seed, Surroundings())
-        ports = make.ports(device, self, lambda **_: CleanLine())
-        self.endpoints = {"gripper": ports.path, "port": ports.port, **ports.others}
+        device = make.device(profile_of(model), seed, Surroundings(), Desk(Listed()))
+        path, others = make.ports(device, self, lambda **_: Line())
+        self.endpoints = {"gripper": path, "port": make.scheme + path, **others}
 
 
 class Cell(Site):
@@ -59,20 +58,21 @@ class Cell(Site):
     ) -> None:
         super().__init__(time_scale)
         self.works = Workcell(setting, seed, self.now, faults)
-        gripper = self.works.simulator.ports(self.works.gripper, self, self.works.line)
+        make = self.works.simulator
+        path, others = make.ports(self.works.gripper, self, self.works.line)
         arm = ArmServer(self.works.arm, self, self.works.arm_stands)
         _, rtde = served(UrModel(self.works.arm, ARM_BASE, self.works.arm_stands), self)
-        logger = ArmLogger(self._look_at_arm, self)
+        logger = ArmLogger(self.works.arm, self)
         scene = open_port(self._answer, self)
         # Addresses of its devices, for `drivers.connect`.
         base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
         self.endpoints = {
-            "gripper": gripper.port,
+            "gripper": make.scheme + path,
             "arm": f"{arm.url}?base={base}",
             "scene": f"tcp://{HOST}:{scene}",
             "world": setting.world,
             "arm_logger": logger.url,
-            **gripper.others,
+            **others,
             "arm_ur": f"ur://{HOST}:{rtde.port}?base={base}&reach={REACH_MM}",
         }
         self._camera: CameraServer | None = None
@@ -85,10 +85,6 @@ class Cell(Site):
         if self._camera is not None:
             self._camera.close()
         super().close()
-
-    def _look_at_arm(self) -> tuple[Pose, tuple[float, ...]]:
-        now_s = self.now()
-        return self.works.arm.pose_at(now_s), self.works.arm.joints_at(now_s)
 
     def _answer(self, what: str) -> Mapping[str, object]:
         said = self.works.answer(what)

@@ -38,11 +38,8 @@ table at a tag under the part (needs the audit extra): `grasp-audit judge --came
 
 def parser() -> Parser:
     """The command line."""
-    command = Parser(
-        prog="grasp-cell",
-        description="Simulate a cell: gripper, arm and part behind the real devices' protocols.",
-        epilog=EPILOG,
-    )
+    purpose = "Simulate a cell: gripper, arm and part behind the real devices' protocols."
+    command = Parser(prog="grasp-cell", description=purpose, epilog=EPILOG)
     source = command.add_mutually_exclusive_group(required=True)
     source.add_argument("--tree", type=Path, metavar="TREE.msgpack", help="part and world")
     source.add_argument("--job", type=Path, metavar="JOB.toml", help="the same from a job file")
@@ -80,7 +77,7 @@ def serve(options: argparse.Namespace) -> int:
     if options.gripper is not None:
         _refuse_other_devices(options)
         return _run(LoneGripper(options.gripper, options.seed, options.time_scale), options)
-    faults = None if options.faults is None else parse(options.faults)
+    faults = parse(options.faults)
     setting: Setting = load(options.tree, options.job, options.world)
     setting = setting._replace(middle_mm=options.middle, block=options.block)
     if options.world is None and not setting.truthful:

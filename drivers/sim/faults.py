@@ -109,6 +109,11 @@ class Fault(NamedTuple):
         """The channel whose events the fault counts."""
         return KINDS[self.kind].channel
 
+    @property
+    def code(self) -> int:
+        """The gFLT code in its name; 0 without one."""
+        return int(self.kind.removeprefix("gflt_"), 16) if self.kind.startswith("gflt_") else 0
+
 
 class Listed:
     """An explicit schedule."""
@@ -154,9 +159,7 @@ class Desk:
     def begin(self, part: int) -> None:
         """Starts the next part."""
         faults = self._schedule.of_part(part)
-        self._of = {
-            channel: [one for one in faults if one.channel is channel] for channel in Channel
-        }
+        self._of = {each: [one for one in faults if one.channel is each] for each in Channel}
         self._events = dict.fromkeys(Channel, -1)
 
     def next(self, channel: Channel) -> None:

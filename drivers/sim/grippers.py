@@ -1,31 +1,28 @@
 """The simulated grippers: by model, their device and ports."""
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 from drivers.clock import Pace
 from drivers.dh import registers as dh
 from drivers.dh.gripper import Gripper as DhGripper
 from drivers.dh.link import RtuLink
 from drivers.ports import Gripper, GripperProfile, Report
-from drivers.robotiq.frames import RTU, TCP
 from drivers.robotiq.gripper import Gripper as RobotiqGripper
-from drivers.robotiq.modbus import rtu_link
+from drivers.robotiq.modbus import RTU, TCP, rtu_link
 from drivers.schunk import registers as schunk
 from drivers.schunk.gripper import Gripper as SchunkGripper
 from drivers.schunk.link import SchunkLink
 from drivers.sim.devices.dh import DhModel, DhRegisters
-from drivers.sim.devices.faulty import FaultyDhModel, FaultyGripper, FaultySchunkModel
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws
 from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.devices.jaws import Fingers, Surroundings
 from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
 from drivers.sim.faults import Desk
-from drivers.sim.wire.line import CleanLine
+from drivers.sim.wire.line import Line
 from drivers.sim.wire.modbus import Registers
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import HOST, Site
@@ -34,33 +31,20 @@ from runtime.shell.errors import UsageError
 from runtime.table import same_model
 
 
-class Ports(NamedTuple):
-    """Addresses of a gripper; a host uses one of them."""
-
-    path: str  # of the serial port
-    port: str  # the same for `drivers.connect`
-    others: Mapping[str, str] = MappingProxyType({})
-
-
 @dataclass(frozen=True)
 class Simulator:
     """Simulator of the grippers of one make."""
 
-    # of the device: its draws, what its fingers may meet, its profile
-    model: Callable[..., Fingers]
-    faulty: Callable[..., Fingers]  # the same, and the desk that gives its faults
+    # of the device: its draws, what its fingers may meet, its profile, the desk that gives its faults
+    model: Callable[[random.Random, Surroundings, GripperProfile, Desk], Fingers]
     registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, at its time
     unit: int  # on the serial line
-    scheme: str  # prefix of the serial port's path
+    scheme: str  # prefix of the serial port's path for `drivers.connect`
     link: Callable[[Stream, Pace, Report], Any]  # link of the driver, on that line
     gripper: Callable[[Any, Pace, Report, GripperProfile], Gripper]  # the driver, on that link
 
     def device(
-        self,
-        profile: GripperProfile,
-        seed: int,
-        surroundings: Surroundings,
-        desk: Desk | None = None,
+        self, profile: GripperProfile, seed: int, surroundings: Surroundings, desk: Desk
     ) -> Fingers:
         """Creates the simulated device.
 
@@ -68,27 +52,28 @@ class Simulator:
             profile: of its model.
             seed: of its lags.
             surroundings: what the fingers may meet.
-            desk: gives the device's faults; None: never.
+            desk: gives the device's faults.
         """
-        lags = random.Random(f"{seed}/gripper")
-        if desk is None:
-            return self.model(lags, surroundings, profile)
-        return self.faulty(lags, surroundings, profile, desk)
+        return self.model(random.Random(f"{seed}/gripper"), surroundings, profile, desk)
 
-    def slave(self, device: Any, now: Callable[[], float], line: CleanLine) -> RtuSlave:
+    def slave(self, device: Any, now: Callable[[], float], line: Line) -> RtuSlave:
         """The device on the other end of a serial line."""
         return RtuSlave(self.registers(device, now), line, self.unit)
 
-    def ports(self, device: Any, site: Site, line: Callable[..., CleanLine]) -> Ports:
-        """Opens the ports of the device.
+    def ports(
+        self, device: Any, site: Site, line: Callable[..., Line]
+    ) -> tuple[str, dict[str, str]]:
+        """Opens the ports of the device, of which a host uses one.
 
         Args:
             device: the gripper.
             site: where it is served.
             line: makes a line to the gripper; `checked=False`: its frames have no CRC.
+
+        Returns:
+            Path of the serial port, and the addresses of the others.
         """
-        pty = PtyPort(self.slave(device, site.now, line()), site)
-        return Ports(pty.path, f"{self.scheme}{pty.path}")
+        return PtyPort(self.slave(device, site.now, line()), site).path, {}
 
     def driver(
         self, stream: Stream, pace: Pace, report: Report, profile: GripperProfile
@@ -100,32 +85,26 @@ class Simulator:
 class RobotiqSimulator(Simulator):
     """A Robotiq gripper also has TCP ports, and the URCap."""
 
-    def ports(self, device: Any, site: Site, line: Callable[..., CleanLine]) -> Ports:
+    def ports(
+        self, device: Any, site: Site, line: Callable[..., Line]
+    ) -> tuple[str, dict[str, str]]:
         """Opens the ports of the device."""
+        path, _ = super().ports(device, site, line)
         rtu = open_port(self.slave(device, site.now, line()), site)
         slave = MbapSlave(GripperRegisters(device, site.now, TCP), line(checked=False), TCP.unit)
         tcp = open_port(slave, site, lambda: stop_jaws(device, site.now))
         urcap = site.answer_lines(Urcap(device, site.now).answer, MAX_LINE)
-        others = {
+        return path, {
             "gripper_tcp": f"tcp://{HOST}:{tcp}",
             "gripper_rtu_tcp": f"rtu+tcp://{HOST}:{rtu}",
             "gripper_urcap": f"urcap://{HOST}:{urcap}",
         }
-        return super().ports(device, site, line)._replace(others=others)
 
 
-ROBOTIQ = RobotiqSimulator(
-    GripperModel, FaultyGripper, GripperRegisters, RTU.unit, "", rtu_link, RobotiqGripper
-)
-DH = Simulator(DhModel, FaultyDhModel, DhRegisters, dh.UNIT, "dh://", RtuLink, DhGripper)
+ROBOTIQ = RobotiqSimulator(GripperModel, GripperRegisters, RTU.unit, "", rtu_link, RobotiqGripper)
+DH = Simulator(DhModel, DhRegisters, dh.UNIT, "dh://", RtuLink, DhGripper)
 SCHUNK = Simulator(
-    SchunkModel,
-    FaultySchunkModel,
-    SchunkRegisters,
-    schunk.UNIT,
-    "schunk://",
-    SchunkLink,
-    SchunkGripper,
+    SchunkModel, SchunkRegisters, schunk.UNIT, "schunk://", SchunkLink, SchunkGripper
 )
 SIMULATORS = {
     **dict.fromkeys(("robotiq-2f-85", "robotiq-2f-140", "hand-e"), ROBOTIQ),

@@ -7,13 +7,12 @@ from collections.abc import Callable, Mapping
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
 from drivers.planar import Pose2, compose
 from drivers.sim.devices.arm import ArmModel
-from drivers.sim.devices.faulty import FaultyArm
 from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.faults import Desk, Listed
 from drivers.sim.grippers import simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.tabletop import Look, TableTop, Vice
-from drivers.sim.wire.line import CleanLine, FaultyLine
+from drivers.sim.wire.line import Line
 
 # in the world: the table's middle is in reach
 ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
@@ -44,22 +43,16 @@ class Workcell(Surroundings):
         self._let_go, self._risen = False, False
         self._moves = 0
         self._noise = random.Random(f"{seed}/line")
-        self._faulty = faults is not None
         ramps = None
         if (line := geometry.acceleration_mm_s2) is not None:
             ramps = (line, math.degrees(line / geometry.turn_radius_mm))
         self.simulator = simulator(self.profile.model)
-        desk = self.desk if self._faulty else None
-        self.gripper = self.simulator.device(self.profile, seed, self, desk)
-        self.arm: ArmModel
-        if self._faulty:
-            self.arm = FaultyArm(random.Random(f"{seed}/arm"), ARM_BASE, self.desk, ramps)
-        else:
-            self.arm = ArmModel(ARM_BASE, ramps)
+        self.gripper = self.simulator.device(self.profile, seed, self, self.desk)
+        self.arm = ArmModel(ARM_BASE, ramps, self.desk, seed)
 
-    def line(self, *, checked: bool = True) -> CleanLine:
+    def line(self, *, checked: bool = True) -> Line:
         """A line to the gripper; `checked`: its frames end in a CRC."""
-        return FaultyLine(self.desk, self._noise, checked=checked) if self._faulty else CleanLine()
+        return Line(self.desk, self._noise, checked=checked)
 
     # -- what the fingers meet: drivers.sim.devices.jaws.Surroundings -------------------------------------
 

@@ -8,6 +8,7 @@ import contextlib
 import math
 import secrets
 from collections.abc import Callable
+from functools import partial
 
 from drivers.abb.codec import Pose
 from drivers.abb.kinematics import compose, invert
@@ -15,7 +16,7 @@ from drivers.abb.reach import Setup, setup_of, within_sphere
 from drivers.abb.upright import Motion, UprightArm
 from drivers.clock import Pace
 from drivers.errors import ArmError, PortError
-from drivers.stream import Stream, open_tcp, tcp_address
+from drivers.stream import Stream, closed_on_error, open_tcp, tcp_address
 from drivers.ur import script
 from drivers.ur.rtde import ANSWER_S, PORT, Reading, Rtde
 
@@ -133,22 +134,19 @@ class Arm(UprightArm):
             if seen.started != self._moves:
                 self._displaced = True  # another program, which must not be stopped
                 raise self._lose("another program moves it")
-            if (
-                seen.done == self._moves
-                and not runs
-                and math.hypot(*seen.tcp_speed[:3]) < STILL_M_S
-            ):
+            ended, still = seen.done == self._moves, math.hypot(*seen.tcp_speed[:3]) < STILL_M_S
+            if ended and still and not runs:
                 return
-            if seen.done != self._moves and not runs:
-                raise self._lose(
-                    f"its program ended on the way ({_stop(seen) or 'stopped by somebody'})"
-                )
+            if not ended and not runs:
+                reason = _stop(seen) or "stopped by somebody"
+                raise self._lose(f"its program ended on the way ({reason})")
             if late:
-                lowered = f"the speed slider was lowered to {100.0 * seen.speed_fraction:.0f} %"
-                held = _hold(seen) or (
-                    lowered if seen.speed_fraction < self._fraction else "nothing tells why"
+                held = _hold(seen)
+                if not held and seen.speed_fraction < self._fraction:
+                    held = f"the speed slider was lowered to {100.0 * seen.speed_fraction:.0f} %"
+                raise self._lose(
+                    f"not there after {budget_s:.1f} s ({held or 'nothing tells why'})"
                 )
-                raise self._lose(f"not there after {budget_s:.1f} s ({held})")
             self._pace.idle(until)
 
     def _read(self) -> Reading:
@@ -174,20 +172,14 @@ def _pacing(motion: Motion) -> tuple[str, float]:
 
 def _objection(seen: Reading) -> str:
     """Why the arm may not be moved; empty: it may."""
-    if reason := _stop(seen):
-        return reason
-    if seen.status_bits & PROGRAM_RUNS:
-        return "a program runs on the controller; stop it first"
-    return _slider(seen)
+    runs = "a program runs on the controller; stop it first"
+    return _stop(seen) or (runs if seen.status_bits & PROGRAM_RUNS else _slider(seen))
 
 
 def _hold(seen: Reading) -> str:
     """What keeps the program from continuing, as far as the controller reports; empty: nothing."""
-    if reason := _stop(seen):
-        return reason
-    if seen.runtime_state in PAUSED:
-        return "the program is paused on the pendant; stop it there"
-    return _slider(seen)
+    paused = "the program is paused on the pendant; stop it there"
+    return _stop(seen) or (paused if seen.runtime_state in PAUSED else _slider(seen))
 
 
 def _stop(seen: Reading) -> str:
@@ -220,10 +212,6 @@ def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
     script_port = port - SCRIPT_PORT_BELOW
     hint = "enable the secondary interface (Settings, Security, Services)"
     stream = open_tcp(host, port, endpoint, HINT)
-    try:
-        return Arm(
-            stream, lambda: open_tcp(host, script_port, f"{host}:{script_port}", hint), pace, setup
-        )
-    except BaseException:  # Ctrl-C, too, must not leave the socket open
-        stream.close()
-        raise
+    with closed_on_error(stream):
+        open_script = partial(open_tcp, host, script_port, f"{host}:{script_port}", hint)
+        return Arm(stream, open_script, pace, setup)

@@ -16,8 +16,6 @@ PORT = 30004
 VERSION = 2
 FREQUENCY_HZ = 125.0
 ANSWER_S = 2.0  # wall
-# Reads after a deadline, for data that has already arrived: this process may have been stopped meanwhile.
-LATE_LOOKS = 3
 HEADER = struct.Struct(">HB")
 FORMATS = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
 # Output integer registers: number of the move that began, and of the one that ended.
@@ -126,11 +124,7 @@ class Rtde:
 
     def _await(self, kind: str) -> bytes:
         """The payload of the next package of a kind; others (data, text) are dropped."""
-        deadline = self._pace.now() + ANSWER_S
-        late = 0
-        while late < LATE_LOOKS:
-            left = deadline - self._pace.now()
-            late += left <= 0.0
+        for left in self._pace.looks(self._pace.now() + ANSWER_S):
             while (package := self._package()) is not None:
                 if package[0] == ord(kind):
                     self._late_s = max(-left, 0.0)

@@ -4,7 +4,6 @@ Identifiers are strings, the paths with dots, so that clients can use them witho
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from asyncua import Node, Server, ua
@@ -16,14 +15,12 @@ from runtime.plc.vision import VisionState
 NAMESPACE = "http://opcfoundation.org/UA/MachineVision"
 SYSTEM = "VisionSystem"
 STATE_MACHINE, STATE = ua.NodeId(2299), ua.NodeId(2307)  # types of OPC 10000-5
-TYPES: Mapping[type, ua.VariantType] = MappingProxyType(
-    {
-        str: ua.VariantType.String,
-        int: ua.VariantType.UInt32,
-        float: ua.VariantType.Double,
-        bool: ua.VariantType.Boolean,
-    }
-)
+TYPES: Mapping[type, ua.VariantType] = {
+    str: ua.VariantType.String,
+    int: ua.VariantType.UInt32,
+    float: ua.VariantType.Double,
+    bool: ua.VariantType.Boolean,
+}
 
 
 class Argument(NamedTuple):
@@ -76,15 +73,13 @@ class AddressSpace:
                 await self._write(path, value)
         if change is None:
             return
-        event = self._transitions.event
-        event.Message = event.Transition = ua.LocalizedText(change.name)
+        event, name = self._transitions.event, ua.LocalizedText(change.name)
+        event.Message = event.Transition = name
         event.FromState = ua.LocalizedText(change.left.value)
         event.ToState = ua.LocalizedText(change.entered.value)
         await self._transitions.trigger()
         for machine in (MACHINE, AUTOMATIC):
-            await self._nodes[f"{machine}/LastTransition"].write_value(
-                ua.LocalizedText(change.name)
-            )
+            await self._nodes[f"{machine}/LastTransition"].write_value(name)
 
     async def _write(self, path: str, value: Value) -> None:
         self._shown[path] = value
@@ -124,10 +119,8 @@ class AddressSpace:
         return self._nodes[path]
 
     async def _add_object(self, parent: Node, path: str, kind: ua.NodeId | None = None) -> Node:
-        every = kind is STATE_MACHINE  # its LastTransition is optional
-        return await parent.add_object(
-            *self._ids(path), objecttype=kind, instantiate_optional=every
-        )
+        ids, every = self._ids(path), kind is STATE_MACHINE  # its LastTransition is optional
+        return await parent.add_object(*ids, objecttype=kind, instantiate_optional=every)
 
     async def _add_method(self, method: Method) -> None:
         parent = await self._at(_above(method.path))

@@ -34,6 +34,7 @@ class ListeningServer(Server):
         await self._setup_server_nodes()
         await self.iserver.start()
         host, port = listener.getsockname()[:2]
+        self.limits.max_message_size = MOST_MESSAGE_BYTES
         self.bserver = BinaryServer(self.iserver, host, port, self.limits)
         self.bserver.set_policies(self._policies)
         loop = asyncio.get_running_loop()
@@ -45,8 +46,8 @@ class GuardedServer(InternalServer):
     """Admits clients that `trust` accepts, everybody where it is None, and reports ended sessions."""
 
     def __init__(self, trust: Trust | None, ended: Callable[["Session"], None]) -> None:
-        super().__init__(user_manager=_Users(trust))
-        self.ended = ended
+        super().__init__(user_manager=self)
+        self._trust, self.ended = trust, ended
         self.max_session_timeout_ms = 1e3 * SESSION_S
         self.max_pending_activation_seconds = PATIENCE_S
         self.max_connections = MOST_CONNECTIONS
@@ -65,6 +66,22 @@ class GuardedServer(InternalServer):
         """Refuses: this is no discovery server, and the client is not authenticated yet."""
         del server, conf
         raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
+
+    def get_user(
+        self,
+        iserver: InternalServer,
+        username: str | None = None,
+        password: str | None = None,
+        certificate: Any = None,
+    ) -> User:
+        """A user who may read and call, but not change the address space.
+
+        Checks the certificate that opened the secure channel, once its key is proved.
+        """
+        del iserver, username, password
+        if self._trust is None or self._trust.admits(certificate):
+            return User(role=UserRole.User)
+        raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)
 
 
 class Session(InternalSession):
@@ -85,23 +102,3 @@ class Session(InternalSession):
         """Ends the session."""
         await super().close_session(delete_subs)
         self.iserver.ended(self)
-
-
-class _Users:
-    """Checks the certificate that opened the secure channel, once its key is proved."""
-
-    def __init__(self, trust: Trust | None) -> None:
-        self._trust = trust
-
-    def get_user(
-        self,
-        iserver: InternalServer,
-        username: str | None = None,
-        password: str | None = None,
-        certificate: Any = None,
-    ) -> User:
-        """A user who may read and call, but not change the address space."""
-        del iserver, username, password
-        if self._trust is None or self._trust.admits(certificate):
-            return User(role=UserRole.User)
-        raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)

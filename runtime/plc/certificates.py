@@ -9,11 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from asyncua.crypto.cert_gen import (
-    dump_private_key_as_pem,
-    generate_private_key,
-    generate_self_signed_app_certificate,
-)
+from asyncua.crypto import cert_gen
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
 from cryptography.hazmat.primitives.serialization import Encoding, load_pem_private_key
@@ -44,37 +40,30 @@ def identity_in(place: Path) -> Identity:
         OutputError: the folder or its files cannot be written.
         InputError: one of the two files is missing, cannot be read or holds something else.
     """
-    key, certificate = place / KEY, place / CERTIFICATE
-    if not (key.exists() or certificate.exists()):
+    key_at, certificate_at = place / KEY, place / CERTIFICATE
+    if not (key_at.exists() or certificate_at.exists()):
         _make(folder(place))
-    data, mode = _read(key)
+    data, mode = _read(key_at)
     if mode & OTHERS:
-        raise InputError(f"may be read by others; chmod 600 {quoted(key)}", where=str(key))
+        raise InputError(f"may be read by others; chmod 600 {quoted(key_at)}", where=str(key_at))
     try:
         private = load_pem_private_key(data, None)
     except (ValueError, TypeError) as error:
-        raise InputError(_REPLACE.format("no private key in PEM", place), where=str(key)) from error
-    identity_certificate = parsed(certificate)
-    if (
-        not isinstance(private, RSAPrivateKey)
-        or private.public_key() != identity_certificate.public_key()
-    ):
-        raise InputError(
-            _REPLACE.format(f"not the key of {certificate.name}", place), where=str(key)
-        )
+        raise _refused("no private key in PEM", key_at) from error
+    certificate = parsed(certificate_at)
+    if not isinstance(private, RSAPrivateKey) or private.public_key() != certificate.public_key():
+        raise _refused(f"not the key of {certificate_at.name}", key_at)
     try:
-        names = identity_certificate.extensions.get_extension_for_class(
-            x509.SubjectAlternativeName
-        ).value
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         (uri, *_) = names.get_values_for_type(x509.UniformResourceIdentifier)
     except (x509.ExtensionNotFound, ValueError) as error:
-        raise InputError(
-            _REPLACE.format("no application URI", place), where=str(certificate)
-        ) from error
-    return Identity(private, identity_certificate, uri)
+        raise _refused("no application URI", certificate_at) from error
+    return Identity(private, certificate, uri)
 
 
-_REPLACE = "holds {}; move {} away, and a new identity is made"
+def _refused(content: str, file: Path) -> InputError:
+    remedy = f"move {file.parent} away, and a new identity is made"
+    return InputError(f"holds {content}; {remedy}", where=str(file))
 
 
 class Trust:
@@ -123,9 +112,8 @@ def parsed(path: Path) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(data) if pem else x509.load_der_x509_certificate(data)
     except ValueError as error:
-        raise InputError(
-            "holds no certificate in DER or PEM; remove it", where=str(path)
-        ) from error
+        problem = "holds no certificate in DER or PEM; remove it"
+        raise InputError(problem, where=str(path)) from error
 
 
 def _certificates(trusted: Path) -> list[Path]:
@@ -150,9 +138,9 @@ def _read(path: Path) -> tuple[bytes, int]:
 
 def _make(place: Path) -> None:
     """Writes a new key and its certificate."""
-    key, host = generate_private_key(), socket.gethostname()
+    key, host = cert_gen.generate_private_key(), socket.gethostname()
     uri = f"urn:{host}:squeezetree:grasp-runtime"
-    certificate = generate_self_signed_app_certificate(
+    certificate = cert_gen.generate_self_signed_app_certificate(
         key,
         "squeezetree",
         {"organizationName": "squeezetree"},
@@ -160,6 +148,6 @@ def _make(place: Path) -> None:
         [ExtendedKeyUsageOID.SERVER_AUTH],
         DAYS,
     )
-    write_new(place / KEY, dump_private_key_as_pem(key), 0o600)
+    write_new(place / KEY, cert_gen.dump_private_key_as_pem(key), 0o600)
     write_new(place / CERTIFICATE, certificate.public_bytes(Encoding.DER), 0o644)
     bring_to_disk(place)

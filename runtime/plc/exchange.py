@@ -8,16 +8,12 @@ from math import degrees, nan
 
 from runtime.devices.clock import SystemClock
 from runtime.plc.registers import OUTCOMES, UNKNOWN
-from runtime.plc.station import FAULT, Answer, Glance, Refusal, Station
+from runtime.plc.station import Answer, Glance, Refusal, Station
 from runtime.table import Leaf, Table
 from runtime.traversal.results import Outcome, PartResult
 
 TURNED_OVER = ", turned over"  # suffix of a hypothesis for a part on its other face
-_CODES = {
-    Outcome.LEAF: OUTCOMES.index("located"),
-    Outcome.REJECT: OUTCOMES.index("rejected"),
-    Outcome.UNRESOLVED: OUTCOMES.index("unresolved"),
-}
+_NAMES = {Outcome.LEAF: "located", Outcome.REJECT: "rejected", Outcome.UNRESOLVED: "unresolved"}
 
 
 class Exchange:
@@ -66,10 +62,6 @@ class Exchange:
         """See `Station.confirm`."""
         with self._step() as station:
             station.confirm()
-
-    def connect(self) -> None:
-        """A client with write access has connected."""
-        self.connected = True
 
     def disconnect(self) -> None:
         """See `Station.disconnect`."""
@@ -120,24 +112,15 @@ class Exchange:
 
 def answer_of(table: Table, result: PartResult) -> Answer:
     """A part's result in the units of the registers."""
-    outcome = _CODES.get(result.outcome, FAULT)
+    outcome = OUTCOMES.index(_NAMES.get(result.outcome, "fault"))
     seconds = nan if result.seconds is None else result.seconds
     leaf = result.leaf_of(table)
     if result.outcome is not Outcome.LEAF or leaf is None:
         return Answer(outcome, int(result.exit_code), seconds=seconds)
-    part, face = _part_and_face(table, leaf)
-    return Answer(
-        outcome,
-        int(result.exit_code),
-        leaf.x_um,
-        leaf.y_um,
-        round(1e4 * degrees(leaf.theta_urad / 1e6)),
-        part,
-        face,
-        _error(leaf, leaf.error_median_um),
-        _error(leaf, leaf.error_p95_um),
-        seconds,
-    )
+    pose = leaf.x_um, leaf.y_um, round(1e4 * degrees(leaf.theta_urad / 1e6))
+    kind = _part_and_face(table, leaf)
+    errors = _error(leaf, leaf.error_median_um), _error(leaf, leaf.error_p95_um)
+    return Answer(outcome, int(result.exit_code), *pose, *kind, *errors, seconds)
 
 
 def _error(leaf: Leaf, error_um: int) -> int:

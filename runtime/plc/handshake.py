@@ -5,7 +5,6 @@ The module is independent of registers, sockets and clocks. `tools/docs/plc.md` 
 
 from collections.abc import Mapping
 from enum import Enum, IntEnum
-from types import MappingProxyType
 from typing import NamedTuple
 
 
@@ -63,18 +62,16 @@ class Transition(NamedTuple):
     error: Error = Error.NONE
 
 
-SIGNALS: Mapping[State, Signals] = MappingProxyType(
-    {
-        State.READY: Signals(acknowledge=False, busy=False, result_valid=False),
-        State.ACCEPTED: Signals(acknowledge=True, busy=True, result_valid=False),
-        State.WORKING: Signals(acknowledge=False, busy=True, result_valid=False),
-        State.PRESENTED: Signals(acknowledge=True, busy=False, result_valid=True),
-        State.WAITING: Signals(acknowledge=False, busy=False, result_valid=True),
-        State.TAKEN: Signals(acknowledge=True, busy=False, result_valid=False),
-        State.TRIGGER_HELD: Signals(acknowledge=True, busy=False, result_valid=False),
-        State.ACKNOWLEDGE_HELD: Signals(acknowledge=False, busy=False, result_valid=False),
-    }
-)
+SIGNALS: Mapping[State, Signals] = {
+    State.READY: Signals(acknowledge=False, busy=False, result_valid=False),
+    State.ACCEPTED: Signals(acknowledge=True, busy=True, result_valid=False),
+    State.WORKING: Signals(acknowledge=False, busy=True, result_valid=False),
+    State.PRESENTED: Signals(acknowledge=True, busy=False, result_valid=True),
+    State.WAITING: Signals(acknowledge=False, busy=False, result_valid=True),
+    State.TAKEN: Signals(acknowledge=True, busy=False, result_valid=False),
+    State.TRIGGER_HELD: Signals(acknowledge=True, busy=False, result_valid=False),
+    State.ACKNOWLEDGE_HELD: Signals(acknowledge=False, busy=False, result_valid=False),
+}
 
 OPEN = frozenset(state for state in State if SIGNALS[state].busy or SIGNALS[state].result_valid)
 """The states in which a part is under way or its result waits."""
@@ -113,7 +110,7 @@ def _transition(state: State, event: Event) -> Transition:
     return Transition(state, _REFUSALS.get(event, Error.NONE))
 
 
-TABLE: Mapping[tuple[State, Event], Transition] = MappingProxyType(
-    {(state, event): _transition(state, event) for state in State for event in Event}
-)
+TABLE: Mapping[tuple[State, Event], Transition] = {
+    (state, event): _transition(state, event) for state in State for event in Event
+}
 """The state machine: an entry for each state and each event."""

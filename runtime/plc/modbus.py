@@ -31,14 +31,8 @@ MOST_UNREAD_BYTES = 1 << 16  # of answers that a client does not read
 # A PLC that lost power is detected after 3 + 3 x 1 s; then the next one may write.
 KEEPALIVE = {socket.TCP_KEEPIDLE: 3, socket.TCP_KEEPINTVL: 1, socket.TCP_KEEPCNT: 3}
 BIT_FUNCTIONS = frozenset({1, 2, 5, 15})  # of coils and discrete inputs, of which there are none
-LENGTHS = {
-    3: 5,
-    4: 5,
-    6: 5,
-    16: None,
-    22: 7,
-    23: None,
-}  # lengths of the supported PDUs; None: variable
+# Lengths of the supported PDUs; None: variable.
+LENGTHS = {3: 5, 4: 5, 6: 5, 16: None, 22: 7, 23: None}
 
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # of frames by all clients
 
@@ -71,22 +65,20 @@ class ModbusServer(PlcServer):
 
     def may_write(self, connection: "Connection") -> bool:
         """Whether a connection is the writer: the first, until it ends or only reads."""
-        writer = self._writer
-        if writer is None or (
-            not writer.has_written and self.clock.now() - writer.began_s > PANEL_S
-        ):
+        writer, panel_since_s = self._writer, self.clock.now() - PANEL_S
+        if writer is None or (not writer.has_written and writer.began_s < panel_since_s):
             self._appoint(connection)
         return self._writer is connection
 
     def _appoint(self, connection: "Connection") -> None:
         self._writer = connection
-        self.exchange.connect()
+        self.exchange.connected = True
 
     async def serve(self, stop: asyncio.Event) -> None:
         """See `PlcServer.serve`."""
         loop = asyncio.get_running_loop()
         server = await loop.create_server(lambda: Connection(self), sock=self._listener)
-        self.started()
+        self.started.set()
         await stop.wait()
         server.close()
         for connection in tuple(self._connections):
@@ -181,9 +173,8 @@ class Connection(asyncio.BufferedProtocol):
             return ExceptionResponse(function, ExcCodes.ILLEGAL_ADDRESS)
         if function not in LENGTHS:
             return ExceptionResponse(function, ExcCodes.ILLEGAL_FUNCTION)
-        request = (
-            self._framer.decoder.decode(pdu) if LENGTHS[function] in (None, len(pdu)) else None
-        )
+        whole = LENGTHS[function] in (None, len(pdu))
+        request = self._framer.decoder.decode(pdu) if whole else None
         if request is None:
             return ExceptionResponse(function, ExcCodes.ILLEGAL_VALUE)
         return _completed(request.datastore_update(cast(Any, self), unit))

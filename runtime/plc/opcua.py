@@ -12,20 +12,13 @@ import socket
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from types import MappingProxyType
-from typing import Any, NamedTuple, get_type_hints
+from typing import NamedTuple, get_type_hints
 
 from asyncua import ua
 
 from runtime.devices.clock import SystemClock
 from runtime.plc.address_space import TYPES, AddressSpace, Argument, Method
-from runtime.plc.admission import (
-    MOST_MESSAGE_BYTES,
-    GuardedServer,
-    ListeningServer,
-    Session,
-    caller,
-)
+from runtime.plc.admission import GuardedServer, ListeningServer, Session, caller
 from runtime.plc.certificates import Identity, Trust
 from runtime.plc.exchange import Exchange
 from runtime.plc.handshake import Error
@@ -39,15 +32,13 @@ LONGEST_TEXT = 100  # of an argument
 NO_TABLE = 0xFFFF  # in the register `table`: no recipe is prepared
 BARE_URI = "urn:squeezetree:grasp-runtime"  # of the product, and of a server without a certificate
 DONE = (0, "")  # outputs `error` and `message` of a successful command
-REASONS = MappingProxyType(
-    {
-        Error.NOT_ENABLED: "automatic mode is not selected; call SelectModeAutomatic",
-        Error.PART_UNDER_WAY: "a part is under way; wait for its result",
-        Error.RESULT_WAITS: "a result waits; release it",
-        Error.UNKNOWN_TABLE: "no recipe is prepared; call PrepareRecipe",
-        Error.RUN_ENDED: "the run has ended; start the command again",
-    }
-)
+REASONS = {
+    Error.NOT_ENABLED: "automatic mode is not selected; call SelectModeAutomatic",
+    Error.PART_UNDER_WAY: "a part is under way; wait for its result",
+    Error.RESULT_WAITS: "a result waits; release it",
+    Error.UNKNOWN_TABLE: "no recipe is prepared; call PrepareRecipe",
+    Error.RUN_ENDED: "the run has ended; start the command again",
+}
 
 Outputs = tuple[Value | list[str], ...]
 Arguments = tuple[Argument, ...]
@@ -98,7 +89,7 @@ class OpcUaServer(PlcServer):
         self.exchange.watch = self._watch
         self.exchange.put({"table": NO_TABLE})
         await server.listen(self._listener)
-        self.started()
+        self.started.set()
         try:
             async with asyncio.TaskGroup() as group:
                 following = group.create_task(self._follow())
@@ -122,7 +113,6 @@ class OpcUaServer(PlcServer):
         await server.set_application_uri(BARE_URI if security is None else security.identity.uri)
         # the channel's certificate says who it is
         server.set_identity_tokens([ua.AnonymousIdentityToken])
-        server.limits.max_message_size = MOST_MESSAGE_BYTES
         policy = ua.SecurityPolicyType.NoSecurity
         if security is not None:
             policy = ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt
@@ -137,7 +127,7 @@ class OpcUaServer(PlcServer):
         """Whether a session is the master: the first that commands, until it ends."""
         if self._master is None:
             self._master = session
-            self.exchange.connect()
+            self.exchange.connected = True
         return self._master is session
 
     def _leave(self, session: Session) -> None:
@@ -168,7 +158,7 @@ class OpcUaServer(PlcServer):
     # -- methods --------------------------------------------------------------------------------------
 
     def _methods(self) -> list[Method]:
-        text, handle = TYPES[str], TYPES[int]
+        text, handle = TYPES[str], Argument("resultHandle", TYPES[int])
         refusal = (Argument("error", ua.VariantType.Int32), Argument("message", text))
         job, recipe = Argument("jobId", text), Argument("recipeId", text)
         meas, result = Argument("measId", text), Argument("resultId", text)
@@ -183,31 +173,20 @@ class OpcUaServer(PlcServer):
             f"{AUTOMATIC}/Abort": ((), refusal, self._abort),
             f"{RECIPES}/PrepareRecipe": ((recipe,), refusal, self._prepare),
             f"{RECIPES}/UnprepareRecipe": ((), refusal, self._unprepare),
-            f"{RESULTS}/ReleaseResultHandle": (
-                (Argument("resultHandle", handle),),
-                refusal,
-                self._release,
-            ),
+            f"{RESULTS}/ReleaseResultHandle": ((handle,), refusal, self._release),
         }
         questions: dict[str, tuple[Arguments, Arguments, Act]] = {
             f"{RECIPES}/GetRecipeList": ((), listed, self._list),
             f"{RESULTS}/GetResultById": ((result,), tuple(whole), self._get),
         }
         return [
-            Method(
-                path, inputs, outputs, self._linked(inputs, outputs, act, commands=path in commands)
-            )
-            for path, (inputs, outputs, act) in (commands | questions).items()
+            self._method(path, *row, commands=path in commands)
+            for path, row in (commands | questions).items()
         ]
 
-    def _linked(
-        self,
-        inputs: Arguments,
-        outputs: Arguments,
-        act: Act,
-        *,
-        commands: bool,
-    ) -> Callable[..., Any]:
+    def _method(
+        self, path: str, inputs: Arguments, outputs: Arguments, act: Act, *, commands: bool
+    ) -> Method:
         """A method for asyncua, with unchecked arguments; updates the values at once."""
 
         async def call(parent: ua.NodeId, *given: ua.Variant) -> list[ua.Variant] | ua.StatusCode:
@@ -220,12 +199,10 @@ class OpcUaServer(PlcServer):
             await self._show()
             if isinstance(values, ua.StatusCode):
                 return values
-            return [
-                ua.Variant(value, output.type)
-                for value, output in zip(values, outputs, strict=True)
-            ]
+            pairs = zip(values, outputs, strict=True)
+            return [ua.Variant(value, output.type) for value, output in pairs]
 
-        return call
+        return Method(path, inputs, outputs, call)
 
     def _select_automatic(self) -> Outputs:
         seen = self._panel.seen

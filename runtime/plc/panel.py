@@ -6,20 +6,10 @@ A path consists of the browse names below the object `VisionSystem`. The module 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from runtime.plc import vision
 from runtime.plc.handshake import SIGNALS
 from runtime.plc.registers import OUTCOMES
 from runtime.plc.station import Answer, Glance
-from runtime.plc.vision import (
-    NO_RESULT,
-    STOP_REASONS,
-    Job,
-    Result,
-    VisionState,
-    result_of,
-    stop_reason,
-    view,
-    waits,
-)
 
 MACHINE = "VisionStateMachine"
 AUTOMATIC = f"{MACHINE}/AutomaticModeStateMachine"
@@ -50,8 +40,8 @@ class Configuration(NamedTuple):
 class Change(NamedTuple):
     """A transition of the displayed state."""
 
-    left: VisionState
-    entered: VisionState
+    left: vision.VisionState
+    entered: vision.VisionState
 
     @property
     def name(self) -> str:
@@ -74,32 +64,32 @@ class Panel:
         self, offers: Sequence[Offer], configuration: Configuration, first: Glance
     ) -> None:
         self.offers = offers
-        self.results: dict[str, Result] = {}
-        self.job = Job(0, "", "", "", "", "")
+        self.results: dict[str, vision.Result] = {}
+        self.job = vision.Job(0, "", "", "", "", "")
         self.configuration = configuration
         self.seen = first
-        self._last = NO_RESULT
+        self._last = vision.NO_RESULT
         self._counts = dict.fromkeys(OUTCOMES[1:], 0)
         self._reason = 0
 
     @property
-    def state(self) -> VisionState:
+    def state(self) -> vision.VisionState:
         """The displayed state."""
-        return view(self.seen).state
+        return vision.view(self.seen).state
 
     def see(self, seen: Glance) -> Change | None:
         """Updates from the station; returns the change of the displayed state, if any."""
         before, self.seen = self.seen, seen
-        if waits(seen) and not waits(before):
+        if vision.waits(seen) and not vision.waits(before):
             self._finish(seen.answer, self.offers[seen.in_use].parts)
-        reason = stop_reason(before, seen)
+        reason = vision.stop_reason(before, seen)
         if reason is not None:
             self._reason = reason
-        change = Change(view(before).state, view(seen).state)
+        change = Change(vision.view(before).state, vision.view(seen).state)
         return change if change.left is not change.entered else None
 
     def _finish(self, answer: Answer, parts: list[str]) -> None:
-        self._last = result_of(self.job, parts, answer)
+        self._last = vision.result_of(self.job, parts, answer)
         self._counts[self._last.Outcome] += 1
         self.results[self._last.ResultId] = self._last
         if len(self.results) > MOST_RESULTS:
@@ -107,7 +97,7 @@ class Panel:
 
     def values(self) -> Iterator[tuple[str, Value]]:
         """All values by path."""
-        seen, row = self.seen, view(self.seen)
+        seen, row = self.seen, vision.view(self.seen)
         prepared = None if seen.table is None else self.offers[seen.table]
         yield f"{MACHINE}/CurrentState", row.state.outer
         yield f"{AUTOMATIC}/CurrentState", row.state.value if row.state.automatic else ""
@@ -122,7 +112,7 @@ class Panel:
             yield f"{RECIPES}/Recipes/{offer.id}/Digest", offer.digest
         yield f"{CONFIGURATION}/ActiveConfiguration", self.configuration.id
         yield f"{CONFIGURATION}/Digest", self.configuration.digest
-        yield f"{RESULTS}/ResultReady", waits(seen)
+        yield f"{RESULTS}/ResultReady", vision.waits(seen)
         for name, value in self._last._asdict().items():
             yield f"{RESULTS}/LastResult/{name}", value
         yield f"{PACKML}/StateCurrent", row.packml.value
@@ -130,4 +120,4 @@ class Panel:
         for outcome, count in self._counts.items():
             yield f"{PACKML}/{outcome.capitalize()}", count
         yield f"{PACKML}/StopReasonId", self._reason
-        yield f"{PACKML}/StopReason", STOP_REASONS.get(self._reason, f"error {self._reason}")
+        yield f"{PACKML}/StopReason", vision.STOP_REASONS.get(self._reason, f"error {self._reason}")

@@ -119,18 +119,11 @@ MAP = WRITTEN + READ
 def as_json() -> dict[str, object]:
     """The map for machines, as printed by `--plc-map json`; `values` explains codes."""
     errors = {str(error.value): error.name.lower().replace("_", " ") for error in Error}
-    codes = {
-        "outcome": {str(code): name for code, name in enumerate(OUTCOMES)},
-        "error_id": errors,
-    }
-    registers = [
-        {
-            **register._asdict(),
-            **({"values": codes[register.name]} if register.name in codes else {}),
-        }
-        for register in MAP
-    ]
-    return {"registers": registers, "heartbeat_limit_s": HEARTBEAT_LIMIT_S}
+    outcomes = {str(code): name for code, name in enumerate(OUTCOMES)}
+    registers = {register.name: register._asdict() for register in MAP}
+    registers["outcome"]["values"] = outcomes
+    registers["error_id"]["values"] = errors
+    return {"registers": [*registers.values()], "heartbeat_limit_s": HEARTBEAT_LIMIT_S}
 
 
 def words(registers: Sequence[Register], values: Mapping[str, int]) -> list[int]:
@@ -138,7 +131,5 @@ def words(registers: Sequence[Register], values: Mapping[str, int]) -> list[int]
     together: list[int] = []
     for register in registers:
         value = values[register.name]
-        together += (
-            [value >> 16 & 0xFFFF, value & 0xFFFF] if register.words == 2 else [value & 0xFFFF]
-        )
+        together += [value >> 16 & 0xFFFF, value & 0xFFFF][-register.words :]
     return together

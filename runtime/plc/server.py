@@ -20,17 +20,13 @@ class PlcServer(ABC):
 
     def __init__(self, exchange: Exchange, clock: SystemClock) -> None:
         self.exchange, self.clock = exchange, clock
-        self._started = threading.Event()
+        self.started = threading.Event()  # set once clients are answered
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="plc", daemon=True)
 
     @abstractmethod
     async def serve(self, stop: asyncio.Event) -> None:
-        """Serves until `stop`; `started` is called once clients are answered."""
-
-    def started(self) -> None:
-        """Signals that clients are answered from now on."""
-        self._started.set()
+        """Serves until `stop`; sets `started` once clients are answered."""
 
     def check(self) -> None:
         """Raises the error that the server has ended with, if any."""
@@ -48,7 +44,7 @@ class PlcServer(ABC):
         return self
 
     def _await_started(self) -> None:
-        if not self._started.wait(STARTING_S):
+        if not self.started.wait(STARTING_S):
             raise TimeoutError(f"the PLC's server does not answer within {STARTING_S:g} s")
         self.check()
 
@@ -67,4 +63,4 @@ class PlcServer(ABC):
             self._failure = error
             self.exchange.disconnect()
         finally:
-            self._started.set()
+            self.started.set()

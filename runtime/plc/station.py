@@ -10,15 +10,7 @@ from math import nan
 from typing import NamedTuple
 
 from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State
-from runtime.plc.registers import (
-    HEARTBEAT_LIMIT_S,
-    OUTCOMES,
-    READ,
-    UNKNOWN,
-    WRITTEN,
-    Register,
-    words,
-)
+from runtime.plc.registers import HEARTBEAT_LIMIT_S, OUTCOMES, READ, UNKNOWN, WRITTEN, words
 from runtime.table import takt_figures
 
 BEAT_S = 0.25  # between two changes of `heartbeat_out`
@@ -56,7 +48,6 @@ class Answer(NamedTuple):
 EMPTY = Answer()
 FAULT = 4  # of `Answer.outcome`
 _ADDRESSES = {register.address: register for register in WRITTEN}
-_BLOCKS = tuple((block[0].address, block) for block in (WRITTEN, READ))
 
 
 class Glance(NamedTuple):
@@ -166,12 +157,11 @@ class Station:
     def read(self, address: int, count: int, now: float) -> list[int] | Refusal:
         """Reads words of one of the two blocks."""
         self.tick(now)
-        for start, block in _BLOCKS:
-            if address >= start:
-                content = words(block, self._values(block, now))[address - start :]
-                if 0 < count <= len(content):
-                    return content[:count]
-        return Refusal.ADDRESS
+        block, values = WRITTEN, self._written
+        if address >= READ[0].address:
+            block, values = READ, self._shown(now)
+        content = words(block, values)[address - block[0].address :][:count]
+        return content if content and len(content) == count else Refusal.ADDRESS
 
     def tick(self, now: float) -> None:
         """Ends enabling when the PLC's heartbeat has stopped for too long."""
@@ -200,16 +190,8 @@ class Station:
     @property
     def glance(self) -> Glance:
         """The visible state, as of the last access."""
-        return Glance(
-            self.state,
-            self.order,
-            self._answer,
-            self.enabled,
-            self._ended,
-            self.error_id,
-            self._table,
-            self._in_use,
-        )
+        part, tables = (self.order, self._answer), (self._table, self._in_use)
+        return Glance(self.state, *part, self.enabled, self._ended, self.error_id, *tables)
 
     def end(self) -> None:
         """Accepts no triggers from now on."""
@@ -221,13 +203,12 @@ class Station:
         return table if table < len(self._digests) else None
 
     def _enable(self, *, wanted: bool, now: float) -> None:
-        if wanted and not self.enabled:
-            if self._standing:
-                self._disable(Error.HEARTBEAT)
-                return
-            self.enabled, self.error_id, self._beat_s = True, Error.NONE, now
-        elif not wanted:
+        if not wanted:
             self.enabled = False
+        elif self._standing and not self.enabled:
+            self._disable(Error.HEARTBEAT)
+        elif not self.enabled:
+            self.enabled, self.error_id, self._beat_s = True, Error.NONE, now
 
     def _disable(self, error: Error) -> None:
         self.enabled, self.error_id = False, error
@@ -260,9 +241,8 @@ class Station:
         if self.state in (State.READY, State.ACCEPTED):
             self._result_id, self._answer = 0, EMPTY
 
-    def _values(self, registers: Sequence[Register], now: float) -> Mapping[str, int]:
-        if registers[0].kind == "holding":
-            return self._written
+    def _shown(self, now: float) -> dict[str, int]:
+        """Values of the registers that the runtime writes."""
         return {
             **SIGNALS[self.state]._asdict(),
             **self._answer._asdict(),

@@ -7,7 +7,6 @@ shows `VIEW`. The module does not use OPC UA.
 from collections.abc import Callable, Mapping
 from enum import Enum, IntEnum
 from math import nan
-from types import MappingProxyType
 from typing import NamedTuple
 
 from runtime.plc.handshake import SIGNALS, Error
@@ -64,19 +63,17 @@ def waits(seen: Glance) -> bool:
     return SIGNALS[seen.state].result_valid
 
 
+def _failed(seen: Glance) -> bool:
+    return waits(seen) and seen.answer.outcome == FAULT
+
+
+def _works(seen: Glance) -> bool:
+    return SIGNALS[seen.state].busy
+
+
 VIEW: tuple[Row, ...] = (
-    Row(
-        VisionState.ERROR,
-        PackMLState.ABORTED,
-        "the result of a fault waits",
-        lambda seen: waits(seen) and seen.answer.outcome == FAULT,
-    ),
-    Row(
-        VisionState.SINGLE_EXECUTION,
-        PackMLState.EXECUTE,
-        "a part is under way",
-        lambda seen: SIGNALS[seen.state].busy,
-    ),
+    Row(VisionState.ERROR, PackMLState.ABORTED, "the result of a fault waits", _failed),
+    Row(VisionState.SINGLE_EXECUTION, PackMLState.EXECUTE, "a part is under way", _works),
     Row(VisionState.SINGLE_EXECUTION, PackMLState.COMPLETE, "another result waits", waits),
     Row(VisionState.HALTED, PackMLState.STOPPED, "the run has ended", lambda seen: seen.ended),
     Row(
@@ -101,17 +98,15 @@ def view(seen: Glance) -> Row:
     return next(row for row in VIEW if row.holds(seen))
 
 
-STOP_REASONS: Mapping[int, str] = MappingProxyType(
-    {
-        0: "none",
-        ExitCode.NOT_LOCATED: "part not located",
-        ExitCode.DEVICE: "device fault",
-        ExitCode.UNREACHABLE: "device not reached",
-        ExitCode.JOURNAL: "journal not written",
-        ExitCode.STOPPED: "stop request",
-        Error.CONNECTION_LOST.value: "connection of the master lost",
-    }
-)
+STOP_REASONS: Mapping[int, str] = {
+    0: "none",
+    ExitCode.NOT_LOCATED: "part not located",
+    ExitCode.DEVICE: "device fault",
+    ExitCode.UNREACHABLE: "device not reached",
+    ExitCode.JOURNAL: "journal not written",
+    ExitCode.STOPPED: "stop request",
+    Error.CONNECTION_LOST.value: "connection of the master lost",
+}
 """Reasons for a stopped line, by exit code of the last part or by `error_id`."""
 
 
@@ -166,20 +161,14 @@ NO_RESULT = Result(0, "", "", "", "", "", OUTCOMES[0], 0.0, 0.0, 0.0, nan, nan, 
 
 def result_of(job: Job, parts: list[str], answer: Answer) -> Result:
     """The result of a job; `parts` are the names of its table's parts."""
-    return Result(
-        *job,
-        OUTCOMES[answer.outcome],
-        answer.x / 1e3,
-        answer.y / 1e3,
-        answer.angle / 1e4,
-        _millimetres(answer.expected_error) if answer.outcome == 1 else nan,
-        _millimetres(answer.expected_error_p95) if answer.outcome == 1 else nan,
-        parts[answer.part] if parts and answer.outcome == 1 else "",
-        answer.face,
-        answer.exit_code if answer.outcome == FAULT else 0,
-        answer.exit_code,
-        answer.seconds,
-    )
+    pose = answer.x / 1e3, answer.y / 1e3, answer.angle / 1e4
+    errors, part = (nan, nan), ""
+    if answer.outcome == 1:
+        errors = _millimetres(answer.expected_error), _millimetres(answer.expected_error_p95)
+        part = parts[answer.part] if parts else ""
+    codes = answer.exit_code if answer.outcome == FAULT else 0, answer.exit_code
+    outcome = OUTCOMES[answer.outcome]
+    return Result(*job, outcome, *pose, *errors, part, answer.face, *codes, answer.seconds)
 
 
 def _millimetres(error_um: int) -> float:

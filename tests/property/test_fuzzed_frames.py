@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.modbus.framing import RtuFraming
-from drivers.robotiq.frames import RTU, TCP, read_request
+from drivers.robotiq.modbus import RTU, TCP, read_request
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_tcp import MbapSlave
 from drivers.sim.wire.modbus import crc16

@@ -43,7 +43,7 @@ def state(
     fault: int = 0,
 ) -> GripperState:
     """A reading of one."""
-    text = fault_text(fault).sentence if fault else ""
+    text = fault_text(fault).partition(";")[0] if fault else ""
     target = SETTINGS.target_um(echo)
     said = f"0x{fault:02X}, {text}" if fault else ""
     return GripperState(

@@ -11,7 +11,7 @@ from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.faults import Desk, Fault, Listed
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import GripperPort
-from drivers.sim.wire.line import FaultyLine
+from drivers.sim.wire.line import Line
 from drivers.sim.wire.rtu import RtuSlave
 from runtime.table import profile_of
 
@@ -29,7 +29,7 @@ class VirtualDh(Surroundings):
         self.clock.watch(self.device.next_change)
         self.incidents: list[str] = []
         self.desk = Desk(Listed())
-        line = FaultyLine(self.desk, random.Random(seed))
+        line = Line(self.desk, random.Random(seed))
         slave = RtuSlave(DhRegisters(self.device, self.clock.now), line, dh.UNIT)
         self.port = GripperPort(slave, self.clock)
 

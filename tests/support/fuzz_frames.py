@@ -14,8 +14,8 @@ from direct_gripper import VirtualClock
 from drivers.clock import Pace
 from drivers.errors import LinkError
 from drivers.modbus.framing import Framing, RtuFraming, TcpFraming
-from drivers.robotiq.frames import RTU, TCP, Wiring
-from drivers.robotiq.modbus import ModbusLink
+from drivers.ports import no_report
+from drivers.robotiq.modbus import RTU, TCP, ModbusLink, Wiring
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.wire.modbus import crc16, frame_length
 from drivers.sim.wire.rtu import RtuSlave
@@ -100,7 +100,7 @@ def towards_tcp_master(pieces: list[bytes]) -> None:
 
 
 def _link(pieces: list[bytes], framing: Framing, wiring: Wiring) -> ModbusLink:
-    return ModbusLink(FedStream(pieces), framing, wiring, Pace(CLOCK))
+    return ModbusLink(FedStream(pieces), framing, wiring, Pace(CLOCK), no_report)
 
 
 def _believes(link: ModbusLink, blocks: set[bytes]) -> None:

@@ -12,7 +12,7 @@ from can_node import CanNode
 from drivers import connect
 from drivers.dh import registers as dh
 from drivers.robotiq.canopen import CanMap
-from drivers.robotiq.frames import TCP
+from drivers.robotiq.modbus import TCP
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws

@@ -13,7 +13,7 @@ from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.devices.schunk import SILENCE_S, SchunkModel, SchunkRegisters
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import GripperPort
-from drivers.sim.wire.line import CleanLine
+from drivers.sim.wire import line
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import Site
 from runtime.table import PROFILES
@@ -47,7 +47,7 @@ class SchunkRig(GripperRig):
         self.site = Site(scale)
         self.part = Part()
         profile = PROFILES[model]
-        self.model = SchunkModel(random.Random(1), self.part, profile, math.inf)
+        self.model = SchunkModel(random.Random(1), self.part, profile, silence_s=math.inf)
         self.slave = RtuSlave(SchunkRegisters(self.model, self.site.now), None, UNIT)
         self.path = PtyPort(self.slave, self.site).path
         self.name = f"schunk://{self.path}"
@@ -62,10 +62,11 @@ class SchunkRig(GripperRig):
         return list(self.model.written)
 
 
-class Line(CleanLine):
+class Line(line.Line):
     """A line that does to its next answers what `mishaps` say, each a function of request and answer."""
 
     def __init__(self):
+        super().__init__()
         self.mishaps = []
 
     def carries(self, frame, reply):
@@ -81,7 +82,7 @@ class VirtualSchunk:
         self.clock = VirtualClock()
         self.pace = Pace(self.clock)
         self.part, self.line, self.reports = Part(), Line(), []
-        self.model = SchunkModel(random.Random(1), self.part, PROFILES[model], silence_s)
+        self.model = SchunkModel(random.Random(1), self.part, PROFILES[model], silence_s=silence_s)
         self.clock.watch(self.model.next_change)
         slave = RtuSlave(SchunkRegisters(self.model, self.clock.now), self.line, UNIT)
         self.port = GripperPort(slave, self.clock)

@@ -105,9 +105,8 @@ class Auditor:
         subject = next((each for each in self.subjects if each.name == name), None)
         if subject is None:
             known = ", ".join(str(each.name) for each in self.subjects)
-            return Answer(
-                UNKNOWN, f"no tag file is for the part {name}, only for: {known}; name it by --tag"
-            )
+            problem = f"no tag file is for the part {name}, only for: {known}; name it by --tag"
+            return Answer(UNKNOWN, problem)
         try:
             picture = self.source.picture(until)
         except ExpectedError as error:

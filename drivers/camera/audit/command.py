@@ -4,6 +4,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -40,9 +41,8 @@ A question may name the run's table by "table_sha256"; with another --tree its v
 
 def parser() -> Parser:
     """The command line of `grasp-audit judge`; `report` and `study` have their own."""
-    built = Parser(
-        prog="grasp-audit", description="Was the answer right, in millimetres?", epilog=EPILOG
-    )
+    purpose = "Was the answer right, in millimetres?"
+    built = Parser(prog="grasp-audit", description=purpose, epilog=EPILOG)
     commands = built.add_subparsers(required=True, metavar="judge | report | study", dest="command")
     purpose = "answer questions about parts, one a line: JSON in, JSON out"
     example = "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
@@ -62,12 +62,10 @@ def parser() -> Parser:
     add("--deadline", type=positive, default=5.0, metavar="S", help=answer)
     add("--memory-mb", type=positive, default=400.0, metavar="MB", help=growth)
     command.add_debug()
-    commands.add_parser(
-        "report", help="success, residuals and control charts from journals", add_help=False
-    )
-    commands.add_parser(
-        "study", help="acceptance of a cell, gauge studies, run-off sheet", add_help=False
-    )
+    reports = "success, residuals and control charts from journals"
+    commands.add_parser("report", help=reports, add_help=False)
+    studies = "acceptance of a cell, gauge studies, run-off sheet"
+    commands.add_parser("study", help=studies, add_help=False)
     return built
 
 
@@ -91,12 +89,10 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     worker = service.Worker(lambda: make(options))
     lines = service.Lines(sys.stdin.fileno())
     judged_by = digest_of(options.tree)
-    if service.serve(
-        lines, worker, lambda line: os.write(1, line), options.deadline, full, judged_by
-    ):
-        os.execv(
-            sys.executable, [sys.executable, "-P", "-m", "drivers.camera.audit.command", *words]
-        )
+    write = partial(os.write, 1)
+    if service.serve(lines, worker, write, options.deadline, full, judged_by):
+        again = [sys.executable, "-P", "-m", "drivers.camera.audit.command", *words]
+        os.execv(sys.executable, again)
     if worker.why_not is not None:
         raise worker.why_not
     if not worker.asked:

@@ -74,9 +74,9 @@ def draw(
     outline = subject.outline_mm
     if outline is None:
         outline = as_it_lies(print_corners(subject.tag.side_mm), view.from_below)
-    _polygon(canvas, view, outline, predicted, PREDICTED)
+    _closed(canvas, view.pixels_at(placed(outline, predicted)), PREDICTED)
     if measured is not None:
-        _polygon(canvas, view, outline, measured.pose, MEASURED)
+        _closed(canvas, view.pixels_at(placed(outline, measured.pose)), MEASURED)
         _closed(canvas, measured.tag.corners, MEASURED)
     # A band instead of outlined letters: letters of another weight are wider in some versions of
     # OpenCV.
@@ -86,12 +86,6 @@ def draw(
     letters = cv2.FONT_HERSHEY_SIMPLEX, 0.8 * size, WHITE
     cv2.putText(canvas, sentence, where, *letters, width, cv2.LINE_AA)
     return canvas
-
-
-def _polygon(
-    canvas: Picture, view: View, outline: Array, pose: Pose2, colour: tuple[int, int, int]
-) -> None:
-    _closed(canvas, view.pixels_at(placed(outline, pose)), colour)
 
 
 def _closed(canvas: Picture, pixels: Array, colour: tuple[int, int, int]) -> None:

@@ -68,24 +68,18 @@ class Worker:
         while True:
             question = self._questions.get()
             try:
-                audits = audits or self._made()
+                audits = audits or self._make()
+                self.why_not = None
                 answer = audits.audit(*question)
-            except MemoryError:
-                answer = Answer(UNKNOWN, "the audit's memory is used up; raise --memory-mb")
             except Exception as error:
+                self.why_not = error if audits is None else None
                 said = " ".join(str(error).split())
-                if not isinstance(error, ExpectedError):
+                if isinstance(error, MemoryError):
+                    said = "the audit's memory is used up; raise --memory-mb"
+                elif not isinstance(error, ExpectedError):
                     said = f"{said} ({type(error).__name__})"
                 answer = Answer(UNKNOWN, said)
             self._answers.put(answer)
-
-    def _made(self) -> Auditor:
-        self.why_not = None
-        try:
-            return self._make()
-        except Exception as error:
-            self.why_not = error
-            raise
 
 
 class Lines:
@@ -165,11 +159,7 @@ def _answered(
         run = asked.get("table_sha256")
     except (AttributeError, ValueError):
         return Answer(UNKNOWN, MISUNDERSTOOD).fields()
-    if (
-        table_sha256 is not None
-        and run is not None
-        and (run != table_sha256 or "x_mm" not in asked)
-    ):
+    if table_sha256 and run is not None and (run != table_sha256 or "x_mm" not in asked):
         others = f"the auditor judges by another table, {table_sha256[:16]}; name the same --tree to both"
         reason = "ready" if run == table_sha256 else others
         return {**Answer(UNKNOWN, reason).fields(), "table_sha256": table_sha256}

@@ -50,15 +50,11 @@ touched.csv and poses.csv: picture,x_mm,y_mm,theta_rad, a line for each pose tha
 
 def parser() -> Parser:
     """The command line."""
-    built = Parser(
-        prog="grasp-calibrate",
-        description="Measure the parameters of camera and part for the audit.",
-        epilog=EPILOG,
-    )
+    purpose = "Measure the parameters of camera and part for the audit."
+    built = Parser(prog="grasp-calibrate", description=purpose, epilog=EPILOG)
     built.add_debug()
-    commands = built.add_subparsers(
-        required=True, metavar="camera | tag | pictures", dest="command"
-    )
+    names = "camera | tag | pictures"
+    commands = built.add_subparsers(required=True, metavar=names, dest="command")
 
     def add_to(name: str, runs: Run, purpose: str, example: str) -> Callable[..., object]:
         example = f"grasp-calibrate {name} {example}"

@@ -14,10 +14,7 @@ LIMIT_MM = 0.5
 
 
 def check(
-    references: Sequence[Reference],
-    seen: Sequence[Sighting],
-    view: View,
-    limit_mm: float = LIMIT_MM,
+    references: Sequence[Reference], seen: Sequence[Sighting], view: View, limit_mm: float
 ) -> float:
     """Checks that reference tags are where they were.
 

@@ -113,13 +113,6 @@ def _parsed(record: dict[str, Any]) -> CameraCalibration:
         Reference(int(tag["number"]), float(tag["x_mm"]), float(tag["y_mm"]))
         for tag in record["references"]
     )
-    return CameraCalibration(
-        str(record["camera"]),
-        str(record["date"]),
-        view,
-        float(record["board_rms_px"]),
-        float(record["alignment_rms_mm"]),
-        trust,
-        references,
-        int(record["board_views"]),
-    )
+    camera, date, views = str(record["camera"]), str(record["date"]), int(record["board_views"])
+    errors = float(record["board_rms_px"]), float(record["alignment_rms_mm"])
+    return CameraCalibration(camera, date, view, *errors, trust, references, views)

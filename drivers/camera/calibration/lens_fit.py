@@ -67,9 +67,8 @@ def slopes_at(lens: Lens, pose: Array, points: Array) -> Array:
     Returns:
         (2 n, 15), per pixel, mm and rad.
     """
-    _, slopes = cv2.projectPoints(
-        points, pose[:3], pose[3:], lens.matrix, np.array(lens.distortion)
-    )
+    bent = np.array(lens.distortion)
+    _, slopes = cv2.projectPoints(points, pose[:3], pose[3:], lens.matrix, bent)
     return np.roll(np.asarray(slopes, np.float64), INTRINSICS, axis=1)  # OpenCV has the pose first
 
 

@@ -29,16 +29,11 @@ def draw(fitted: Fitted) -> str:
     x, y = MARGIN - left * scale, height - MARGIN + bottom * scale
     small = COVERAGE_WIDTH / lens.width
     total = height + lens.height * small + 60.0
-    numbers = [
-        *(
-            _text(x + mm * scale, height - MARGIN + 18, str(mm), "middle")
-            for mm in _ticks(left, right)
-        ),
-        *(_text(MARGIN - 6, y - mm * scale + 5, str(mm), "end") for mm in _ticks(bottom, top)),
-    ]
-    words = (
-        _text(MARGIN + 270, height + 40 + 22 * k, line) for k, line in enumerate(_words(fitted))
-    )
+    below, beside = height - MARGIN + 18, MARGIN - 6
+    across = (_text(x + mm * scale, below, str(mm), "middle") for mm in _ticks(left, right))
+    along = (_text(beside, y - mm * scale + 5, str(mm), "end") for mm in _ticks(bottom, top))
+    lines = enumerate(_words(fitted))
+    words = (_text(MARGIN + 270, height + 40 + 22 * k, line) for k, line in lines)
     dots = "".join(f"M{u:.0f} {v:.0f}h1" for view in fitted.views for u, v in view.pixels)
     return f"""\
 <svg {SVG} viewBox="0 0 {WIDTH:.0f} {total:.0f}">
@@ -49,7 +44,7 @@ def draw(fitted: Fitted) -> str:
 <path d="M{left:.1f} {bottom:.1f}H{right:.1f}V{top:.1f}H{left:.1f}z" fill="none" stroke="{GREY}"
  stroke-width="{1.0 / scale:.4f}"/>
 </g>
-{"".join(numbers)}
+{"".join((*across, *along))}
 <g transform="translate({MARGIN:.0f} {height + 20.0:.1f}) scale({small:.4f})">
 <rect width="{lens.width}" height="{lens.height}" fill="#f7f7f7" stroke="{GREY}" stroke-width="4"/>
 <path d="{dots}" stroke="{BLUE}" stroke-width="9" stroke-linecap="round" opacity=".5"/>

@@ -68,11 +68,8 @@ def parse(text: str) -> Board:
         field_mm, marker_mm = map(float, lengths if kind == "charuco" else [*lengths, "0"])
     except ValueError:
         kind = ""
-    if (
-        kind not in ("charuco", "chessboard")
-        or min(columns, rows) < 4
-        or not 0 <= marker_mm < field_mm
-    ):
+    known = kind in ("charuco", "chessboard")
+    if not (known and min(columns, rows) >= 4 and 0 <= marker_mm < field_mm):
         raise InputError(
             f"board {text!r}: write charuco:12x9:30:22.5 or chessboard:12x9:30 "
             "(fields across and down, mm of a field, mm of a marker)"

@@ -39,9 +39,7 @@ class Lens:
     def rays(self, pixels: Array) -> Array:
         """Rays of pixels, (n, 2) -> (n, 2) at depth one; NaN where no ray reaches a pixel."""
         pixels, bent = np.ascontiguousarray(pixels, np.float64), np.array(self.distortion)
-        straight = cv2.undistortImagePoints(pixels, self.matrix, bent, None, ITERATIONS).reshape(
-            -1, 2
-        )
-        rays = np.asarray((straight - self.centre) / self.focal, np.float64)
+        straight = cv2.undistortImagePoints(pixels, self.matrix, bent, None, ITERATIONS)
+        rays = np.asarray((straight.reshape(-1, 2) - self.centre) / self.focal, np.float64)
         rays[~(np.abs(self.pixels(rays) - pixels).max(axis=1) < 1e-6)] = np.nan
         return rays

@@ -185,10 +185,10 @@ class Stream(Source):
             self._closed.wait(RETRY_S)
 
     def _opened(self) -> cv2.VideoCapture:
-        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 3000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 3000]
-        capture = cv2.VideoCapture(
-            self._address, self._backend, limits if self._backend == cv2.CAP_FFMPEG else []
-        )
+        limits: list[int] = []
+        if self._backend == cv2.CAP_FFMPEG:
+            limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 3000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 3000]
+        capture = cv2.VideoCapture(self._address, self._backend, limits)
         if not capture.isOpened():
             self._trouble = "cannot be opened"
         elif self._size is not None:

@@ -85,8 +85,8 @@ def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Itera
     take("references.png", rig.cards(None))
     far = 0.6 * abs(float(rig.optics.eye_mm[2]))
     places = [(x * far, y * far, turn) for x, y, turn in SPREAD]
-    count = max(1, len(names))
-    parts = {_stem(k, names): replace(rig, number=rig.number + k) for k in range(count)}
+    suffixes = enumerate(_suffixes(names))
+    parts = {f"part{suffix}": replace(rig, number=rig.number + k) for k, suffix in suffixes}
     for name, shown in {"touched": replace(rig, on_part=(0.0, 0.0, 0.0)), **parts}.items():
         # An arm knows poses well, but not exactly.
         rows = [("picture", "x_mm", "y_mm", "theta_rad")]
@@ -100,8 +100,9 @@ def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Itera
     yield from _commands(rig, folder, names)
 
 
-def _stem(part: int, names: Sequence[str]) -> str:
-    return f"part-{part}" if names else "part"
+def _suffixes(names: Sequence[str]) -> list[str]:
+    """What the names of a part's files end in."""
+    return [f"-{k}" for k in range(len(names))] or [""]
 
 
 def _commands(rig: Rig, folder: Path, names: Sequence[str]) -> Iterator[str]:
@@ -116,10 +117,9 @@ def _commands(rig: Rig, folder: Path, names: Sequence[str]) -> Iterator[str]:
         f"--touched {at('touched.csv')} --number {rig.number} --references {at('references.png')} "
         f"{'' if rig.below else '--above '}-o {at('camera.json')}"
     )
-    for k, name in enumerate(names or ("part",)):
-        stem = _stem(k, names)
+    for k, (name, suffix) in enumerate(zip(names or ("part",), _suffixes(names), strict=True)):
         yield (
             f"tag --part {shlex.quote(name)} --number {rig.number + k} --side {rig.side_mm:g} "
-            f"--calibration {at('camera.json')} --poses {at(f'{stem}.csv')} "
-            f"-o {at(stem.replace('part', 'tag') + '.json')}"
+            f"--calibration {at('camera.json')} --poses {at(f'part{suffix}.csv')} "
+            f"-o {at(f'tag{suffix}.json')}"
         )

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.planar import Pose2
 from drivers.sim.camera.optics import Array
 
 Cells = NDArray[np.uint8]
@@ -33,12 +34,7 @@ class Card:
 
 
 def lying(
-    cells: Cells,
-    cell_mm: float,
-    pose: tuple[float, float, float],
-    *,
-    face_down: bool,
-    margin_mm: float | None = None,
+    cells: Cells, cell_mm: float, pose: Pose2, *, face_down: bool, margin_mm: float | None = None
 ) -> Card:
     """A card flat on the table, at x, y and the angle of its rows in the world (mm, mm, rad).
 

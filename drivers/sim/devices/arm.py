@@ -2,12 +2,14 @@
 
 import bisect
 import math
+import random
 from typing import NamedTuple
 
 from drivers.abb import kinematics
 from drivers.abb.codec import IDENTITY, Pose, Quaternion
 from drivers.abb.kinematics import compose, invert
 from drivers.sim.devices import rapid
+from drivers.sim.faults import Channel, Desk, Listed
 
 ACCEPT_S = 0.5  # WaitTime after SocketAccept in ServerCreateAndConnect
 MAX_STRING = 80  # SocketReceive \Str accepts so much at once
@@ -16,6 +18,7 @@ JOINT_SPEED_DEG_S = 250.0  # IRB 120, slowest of its main axes
 UNIT_TOLERANCE = 1e-3  # deviation from unit length that RAPID accepts in a quaternion
 INFO = "120-000000*ROBOTWARE_6.05.00.00*120-3/0.58"
 HOME_MM = (0.0, 0.0, 100.0)  # pose of the hand at the start, pointing down
+STALE = "1 1 "  # the acknowledgement of a MoveL
 HAND_DOWN: Quaternion = (0.0, 1.0, 0.0, 0.0)
 
 # Number of parameters of each instruction: the TEST of SERVER.mod main.
@@ -78,15 +81,24 @@ class HaltError(Exception):
 
 
 class ArmModel:
-    """The server's state and the arm's.
+    """The server's state and the arm's; each instruction is one event of a desk, by whose faults it fails.
 
     Args:
         base: its base frame in the world.
         acceleration: of lines, mm/s2 and deg/s2; none: the arm reaches its speed at once.
+        desk: gives the current faults; None: never any.
+        seed: of displacements of the hand.
     """
 
-    def __init__(self, base: Pose, acceleration: tuple[float, float] | None = None) -> None:
+    def __init__(
+        self,
+        base: Pose,
+        acceleration: tuple[float, float] | None = None,
+        desk: Desk | None = None,
+        seed: int = 0,
+    ) -> None:
         self._acceleration = acceleration
+        self._desk, self._rng = desk or Desk(Listed()), random.Random(f"{seed}/arm")
         self.halted = ""
         self.moves = 0
         self._base = base
@@ -104,7 +116,7 @@ class ArmModel:
 
     def pose_at(self, now_s: float) -> Pose:
         """Pose of the hand in the client's tool and work object."""
-        flange = compose(self._base, self._leg(now_s).at(now_s))
+        flange = compose(self._base, self.flange_at(now_s))
         return compose(invert(self._work_object), compose(flange, self._tool))
 
     def joints_at(self, now_s: float) -> tuple[float, ...]:
@@ -122,7 +134,7 @@ class ArmModel:
 
     def stop(self, now_s: float) -> None:
         """Stops at once."""
-        here, joints = self._leg(now_s).at(now_s), self.joints_at(now_s)
+        here, joints = self.flange_at(now_s), self.joints_at(now_s)
         begun = [leg for leg in self._legs if leg.start_s <= now_s]
         self._legs = [*begun, Leg(here, here, now_s, 0.0, joints, joints)]
 
@@ -134,11 +146,9 @@ class ArmModel:
         """
         hand, joints = self.pose_at(moment_s), self.joints_at(moment_s)
         half_rad = by[3] / 2.0
-        turned = compose(
-            Pose(0.0, 0.0, 0.0, (math.cos(half_rad), 0.0, 0.0, math.sin(half_rad))),
-            Pose(0.0, 0.0, 0.0, hand.rotation),
-        )
-        moved = Pose(hand.x_mm + by[0], hand.y_mm + by[1], hand.z_mm + by[2], turned.rotation)
+        turn = (math.cos(half_rad), 0.0, 0.0, math.sin(half_rad))
+        rotation = kinematics.multiply(turn, hand.rotation)
+        moved = Pose(hand.x_mm + by[0], hand.y_mm + by[1], hand.z_mm + by[2], rotation)
         target = self._flange_target(moved)
         *_, ends = kinematics.track(joints, self.flange_at(moment_s), target)
         if ends is None:
@@ -151,7 +161,39 @@ class ArmModel:
         return self._leg(now_s).at(now_s)
 
     def execute(self, text: str, now_s: float) -> Answer:
-        """Executes one received string; raises RapidError where the server disconnects and listens again."""
+        """Executes one received string; nothing while the program stands still.
+
+        Raises:
+            RapidError: the server disconnects and listens again.
+        """
+        self._desk.next(Channel.ARM)
+        kinds = {fault.kind for fault in self._desk.holding(Channel.ARM)}
+        if "arm_silent" in kinds:
+            self.halted = "program stopped"
+        elif "arm_unreachable" in kinds:
+            self.halted = "50050 position outside reach"
+        if self.halted:
+            return Answer(None, math.inf)
+        if "arm_refuses" in kinds:
+            return Answer(f"{text.split(' ', 1)[0].lstrip('0') or '0'} 0 ", now_s)
+        answer = self._answer(text, now_s)
+        self._displace_hand(answer.ready_s)
+        if "arm_disconnect" in kinds:
+            return answer._replace(broken=True)
+        return answer._replace(before=STALE) if "arm_stale_ack" in kinds else answer
+
+    def _displace_hand(self, moment_s: float) -> None:
+        """Displaces the hand, as a bump does: the controller knows its pose, but did not command it."""
+        for fault in self._desk.beginning(Channel.ARM):
+            if fault.kind == "arm_displaced":
+                bearing = self._rng.uniform(-math.pi, math.pi)
+                aside = (fault.value * math.cos(bearing), fault.value * math.sin(bearing))
+                self.displace((*aside, 0.0, 0.0), moment_s)
+            elif fault.kind == "arm_turned":
+                turn_rad = math.copysign(math.radians(fault.value), self._rng.uniform(-1.0, 1.0))
+                self.displace((0.0, 0.0, 0.0, turn_rad), moment_s)
+
+    def _answer(self, text: str, now_s: float) -> Answer:
         self._message.parse(text)
         message = self._message
         code = rapid.to_string(message.code, 0)
@@ -220,7 +262,7 @@ class ArmModel:
 
     def _drive(self, target: Pose, seconds: float, now_s: float, ramp_s: float = 0.0) -> float:
         """Adds a straight motion after the current one; returns the time of its end."""
-        here, joints = self._leg(now_s).at(now_s), self.joints_at(now_s)
+        here, joints = self.flange_at(now_s), self.joints_at(now_s)
         ends = joints
         for step in kinematics.track(joints, here, target):
             if step is None:
@@ -272,7 +314,7 @@ class ArmModel:
     def _move_joints(self, values: tuple[float, ...], now_s: float) -> float:
         if not kinematics.within_limits(values):
             raise HaltError("50027 joint out of range")
-        here, now = self._leg(now_s).at(now_s), self.joints_at(now_s)
+        here, now = self.flange_at(now_s), self.joints_at(now_s)
         seconds = max(abs(a - b) for a, b in zip(values, now, strict=True)) / JOINT_SPEED_DEG_S
         return self._go(Leg(here, kinematics.forward(values), now_s, seconds, now, values))
 

@@ -7,7 +7,6 @@ import socket
 import struct
 from collections.abc import Callable
 
-from drivers.abb.codec import Pose
 from drivers.sim.devices import rapid
 from drivers.sim.devices.arm import ACCEPT_S, MAX_STRING, Answer, ArmModel
 from drivers.sim.wire.serving import HOST, Site
@@ -89,12 +88,12 @@ class ArmLogger:
     """Sends poses and joints in turn, without terminators (`RAPID/LOGGER.mod`).
 
     Args:
-        look: the hand's pose and the joints in degrees, now.
+        model: the arm.
         site: where it is served.
     """
 
-    def __init__(self, look: Callable[[], tuple[Pose, tuple[float, ...]]], site: Site) -> None:
-        self._look = look
+    def __init__(self, model: ArmModel, site: Site) -> None:
+        self._model = model
         self._site = site
         # CDate and CTime are read once, when the program starts; nothing else here depends on the machine.
         self._stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M:%S")
@@ -110,7 +109,7 @@ class ArmLogger:
                 await self._site.sleep(LOGGER_WAIT_S)
 
     def _record(self, kind: int) -> str:
-        pose, joints = self._look()
-        angles = " ".join(rapid.to_string(angle, 2) for angle in joints)
-        numbers = rapid.pose_string(pose, 1) if kind == 0 else angles
-        return f"# {kind} {self._stamp} {rapid.to_string(self._site.now(), 2)} {numbers}"
+        now_s = self._site.now()
+        angles = " ".join(rapid.to_string(angle, 2) for angle in self._model.joints_at(now_s))
+        numbers = rapid.pose_string(self._model.pose_at(now_s), 1) if kind == 0 else angles
+        return f"# {kind} {self._stamp} {rapid.to_string(now_s, 2)} {numbers}"

@@ -14,6 +14,7 @@ from drivers.dh.percent import Scale
 from drivers.dh.registers import Grip, Initialised
 from drivers.ports import GripperProfile
 from drivers.sim.devices.jaws import Fingers, Surroundings
+from drivers.sim.faults import Desk
 
 SEARCH_PERCENT = 40  # speed of the initialisation
 
@@ -29,28 +30,32 @@ ALLOWED = {
     dh.DIRECTION + 3: (0, 1),  # stop bits
     dh.DIRECTION + 4: range(3),  # parity
 }
-READABLE = {
-    register
-    for first, count in (dh.CONTROL, dh.STATUS, dh.SETTINGS)
-    for register in range(first, first + count)
-}
+BLOCKS = (dh.CONTROL, dh.STATUS, dh.SETTINGS)
+READABLE = {first + step for first, count in BLOCKS for step in range(count)}
 DEFAULTS = {dh.FORCE: 100, dh.SPEED: 100, dh.DIRECTION + 1: dh.UNIT}  # the rest is 0
 
 
 class DhModel(Fingers):
     """A DH gripper from power-up on. Times are simulated seconds and never go back.
 
+    It has no fault register, so gFLT faults do not apply.
+
     Args:
         rng: draws the lags of the grip state.
         surroundings: what the fingers may meet.
         profile: of its model.
+        desk: gives the current faults; None: never any.
     """
 
     def __init__(
-        self, rng: random.Random, surroundings: Surroundings, profile: GripperProfile
+        self,
+        rng: random.Random,
+        surroundings: Surroundings,
+        profile: GripperProfile,
+        desk: Desk | None = None,
     ) -> None:
         self._open_mm = profile.stroke_um / 1000.0
-        super().__init__(rng, surroundings, self._open_mm)
+        super().__init__(rng, surroundings, self._open_mm, desk)
         self._scale = Scale(profile)
         self.writes = 0  # number of writes of each register
         self._closed_mm = 0.0  # opening learnt as position 0
@@ -67,9 +72,6 @@ class DhModel(Fingers):
 
     # -- the registers ----------------------------------------------------------------------------
 
-    def heard(self, now_s: float) -> None:
-        """A request has arrived, and is served next."""
-
     def read(self, address: int, now_s: float) -> int:
         """One of the `READABLE` registers."""
         self._refresh(now_s)
@@ -79,9 +81,11 @@ class DhModel(Fingers):
             case dh.INITIALISED:
                 return self._initialised
             case dh.GRIP:
-                return self._flag.at(self._now)
+                grip = self._flag.at(self._now)
+                misstated = self._misstated(moving=grip == Grip.MOVING)
+                return grip if misstated is None else misstated
             case dh.ACTUAL_POSITION:
-                return self._position()
+                return self._misread(self._position(), dh.FULL)
         return self._settings.get(address, 0)
 
     def write(self, address: int, value: int, now_s: float) -> None:
@@ -119,11 +123,10 @@ class DhModel(Fingers):
         self._drive(self._searches.pop(0), SEARCH_PERCENT)
 
     def _go(self, *, dropped: bool = False) -> None:
-        shown = self._flag.at(self._now)
         learnt_mm = self._open_mm - self._closed_mm
         target = self._closed_mm + learnt_mm * self._settings[dh.POSITION] / dh.FULL
         self._drive(target, self._settings[dh.SPEED], dropped=dropped)
-        self._follow(shown)
+        self._follow()
 
     def _drive(self, target: float, percent: int, *, dropped: bool = False) -> None:
         free = Grip.DROPPED if dropped else Grip.AT_POSITION
@@ -166,7 +169,7 @@ class DhRegisters:
     def read(self, address: int, count: int) -> bytes:
         """Reads `count` registers."""
         now_s = self._now()
-        self._device.heard(now_s)
+        self._device.next_request(now_s)
         words = [self._device.read(address + step, now_s) for step in range(count)]
         return struct.pack(f">{count}H", *words)
 
@@ -175,7 +178,7 @@ class DhRegisters:
         words = dict(enumerate(struct.unpack(f">{len(data) // 2}H", data), address))
         taken = all(word in ALLOWED.get(register, ()) for register, word in words.items())
         if taken:
-            self._device.heard(now_s := self._now())
+            self._device.next_request(now_s := self._now())
             for register, word in words.items():
                 self._device.write(register, word, now_s)
         return taken

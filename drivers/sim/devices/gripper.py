@@ -11,10 +11,11 @@ from functools import lru_cache
 from drivers.ports import GripperProfile
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.counts import MODEL
-from drivers.robotiq.faults import MAJOR, fault_text
-from drivers.robotiq.frames import RTU, TCP, Wiring
+from drivers.robotiq.faults import is_major
+from drivers.robotiq.modbus import RTU, TCP, Wiring
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_mm_s_of, unpack
 from drivers.sim.devices.jaws import Fingers, Surroundings
+from drivers.sim.faults import Desk
 from runtime.shell.errors import UsageError
 from runtime.table import PROFILES
 
@@ -28,6 +29,7 @@ CURRENT_HOLD, CURRENT_DECAY_S = 0.3, 0.15  # the screw drive holds with less tha
 
 FAULT_DELAYED, FAULT_INACTIVE, FAULT_SILENCE = 0x05, 0x07, 0x09
 FAULT_RELEASING, FAULT_BLOCKED_SWEEP, FAULT_RELEASED = 0x0B, 0x0D, 0x0F
+LEAST_MAJOR = 0x0A  # lesser faults of a schedule only show in readings
 
 BLOCK_WORDS = 8
 # Over Modbus TCP no others are promised ([M200] p66).
@@ -47,6 +49,7 @@ class GripperModel(Fingers):
         rng: draws the lags of gOBJ behind the echo ([SDK] gripper.cpp waits for it).
         surroundings: what the fingers may meet.
         profile: of a model that counts.
+        desk: gives the current faults; None: never any.
 
     Raises:
         UsageError: its readings are not counts.
@@ -60,12 +63,13 @@ class GripperModel(Fingers):
         rng: random.Random,
         surroundings: Surroundings | None = None,
         profile: GripperProfile = PROFILES[MODEL],
+        desk: Desk | None = None,
     ) -> None:
         if profile.counts is None:
             raise UsageError(f"there is no simulated gripper {profile.model}")
         self._open, self._closed = profile.counts
         self._counts_per_mm = (self._closed - self._open) / (profile.stroke_um / 1000.0)
-        super().__init__(rng, surroundings, float(self._open))
+        super().__init__(rng, surroundings, float(self._open), desk)
         self._heard_s = self._silent_until_s = 0.0
         self._forget()
 
@@ -90,17 +94,22 @@ class GripperModel(Fingers):
 
     def _fields(self, now_s: float) -> dict[str, int]:
         """The fields of the input block."""
-        self._hear(now_s)
+        self.next_request(now_s)
         self._refresh(now_s)
-        request = self._request
+        request, state = self._request, self._flag.at(self._now)
+        going = request["rGTO"] if self._ready() else 0
+        misstated = self._misstated(moving=bool(going) and state == robotiq.OBJ_MOVING)
+        fault = self._fault or (FAULT_SILENCE if now_s < self._silent_until_s else 0)
+        for code in (each.code for each in self._faults):
+            fault = code if 0 < code < LEAST_MAJOR else fault
         return {
             "gACT": request["rACT"],
-            "gGTO": request["rGTO"] if self._ready() else 0,
+            "gGTO": going,
             "gSTA": self._status,
-            "gOBJ": self._flag.at(self._now),
-            "gFLT": self._fault or (FAULT_SILENCE if now_s < self._silent_until_s else 0),
+            "gOBJ": state if misstated is None else misstated,
+            "gFLT": fault,
             "gPR": request["rPR"],
-            "gPO": round(self._here()),
+            "gPO": self._misread(round(self._here())),
             "gCU": round(self._current()),
         }
 
@@ -110,13 +119,15 @@ class GripperModel(Fingers):
 
     def write_output(self, offset: int, data: bytes, now_s: float) -> None:
         """Writes bytes of the output block and obeys."""
+        self.next_request(now_s)
         self.advance(now_s)
-        self._hear(now_s)
         self._output[offset : offset + len(data)] = data
         old, self._request = self._request, unpack(OUTPUT_FIELDS, self._output)
         self._obey(old)
 
-    def _hear(self, now_s: float) -> None:
+    def next_request(self, now_s: float) -> None:
+        """Counts one more request, which ends a silence."""
+        super().next_request(now_s)
         # The register reports the silence until the next refresh, so the first answer does too.
         if now_s - self._heard_s > SILENCE_S:
             self._silent_until_s = now_s + CYCLE_S
@@ -138,10 +149,12 @@ class GripperModel(Fingers):
         self.advance(now_s)
         self._reset(code)
 
-    def auto_release(self, now_s: float) -> None:
-        """Starts the automatic release, as rATR with rARD for opening."""
-        self.advance(now_s)
-        self._release(opens=True)
+    def _report(self, code: int, now_s: float) -> None:
+        if code == FAULT_RELEASING:  # as rATR with rARD for opening
+            self.advance(now_s)
+            self._release(opens=True)
+        elif code >= LEAST_MAJOR:
+            self.fail(code, now_s)
 
     def _dropped(self) -> None:
         """The held part is lost: the jaws close on, to the requested position."""
@@ -151,10 +164,7 @@ class GripperModel(Fingers):
     # -- commands ---------------------------------------------------------------------------------
 
     def _ready(self) -> bool:
-        return self._status == robotiq.STA_ACTIVE and not self._latched()
-
-    def _latched(self) -> bool:
-        return self._fault != 0 and fault_text(self._fault).severity == MAJOR
+        return self._status == robotiq.STA_ACTIVE and not is_major(self._fault)
 
     def _obey(self, old: dict[str, int]) -> None:
         new = self._request
@@ -165,7 +175,7 @@ class GripperModel(Fingers):
             self._status = robotiq.STA_ACTIVATING
             self._legs = [self._closed, self._open]
             self._drive(float(self._open), SWEEP_MM_S)
-        elif self._latched():
+        elif is_major(self._fault):
             pass
         elif new["rATR"]:
             self._release(opens=new["rARD"] == 1)  # manuals disagree about the direction
@@ -181,10 +191,9 @@ class GripperModel(Fingers):
         self._drive(float(self._open if opens else self._closed), RELEASE_MM_S)
 
     def _go(self, *, meets: bool = True) -> None:
-        shown = self._flag.at(self._now)
         target = float(min(max(self._request["rPR"], self._open), self._closed))
         self._drive(target, speed_mm_s_of(self._request["rSP"]), meets=meets)
-        self._follow(shown)
+        self._follow()
 
     # -- motion -----------------------------------------------------------------------------------
 

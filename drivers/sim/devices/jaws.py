@@ -5,7 +5,9 @@ import random
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
+from drivers.ports import MOST_COUNT
 from drivers.robotiq.registers import OBJ_MOVING
+from drivers.sim.faults import Channel, Desk, Fault, Listed
 
 
 class Surroundings:
@@ -59,22 +61,28 @@ class ObjectFlag(NamedTuple):
 class Fingers(ABC):
     """Fingers that move, meet something, hold and release it. Times never go back.
 
-    Positions are in the device's steps, which grow or fall (`CLOSING`) as the fingers close.
+    Positions are in the device's steps, which grow or fall (`CLOSING`) as the fingers close. Each request
+    that the device receives is one event of a desk, by whose faults it fails.
 
     Args:
         rng: draws the lags.
         surroundings: what the fingers may meet.
         start: their position.
+        desk: gives the current faults; None: never any.
     """
 
     CLOSING = -1.0
     CYCLE_S = 0.005  # between two refreshes of the registers
     LAG_CYCLES = (1, 5)  # lag of a state behind its cause
 
-    def __init__(self, rng: random.Random, surroundings: Surroundings | None, start: float) -> None:
-        self.delay_s = 0.0  # additional lag of states
+    def __init__(
+        self, rng: random.Random, surroundings: Surroundings | None, start: float, desk: Desk | None
+    ) -> None:
         self._rng = rng
         self._surroundings = surroundings or Surroundings()
+        self._desk = desk or Desk(Listed())
+        self._faults: list[Fault] = []  # at the last event
+        self._last: int | None = None  # last position read, for a frozen reading
         self._now = self._shown_s = 0.0
         self._stroke = Stroke(start, 0.0, 0.0, start, 0)
         self._ends_s = math.inf  # end of the current stroke; infinity: none
@@ -135,6 +143,41 @@ class Fingers(ABC):
             self._gripping, self._contact = False, None
             self._dropped()
 
+    # -- faults -----------------------------------------------------------------------------------
+
+    def next_request(self, now_s: float) -> None:
+        """Counts one more request: a fault takes effect before the request."""
+        self._desk.next(Channel.GRIPPER)
+        for fault in self._desk.beginning(Channel.GRIPPER):
+            if fault.kind == "power_cycle":
+                self.power_cycle(now_s)
+            elif fault.kind == "grip_lost":
+                self.lose_object(now_s)
+            elif fault.code:
+                self._report(fault.code, now_s)
+        self._faults = self._desk.holding(Channel.GRIPPER)
+
+    def _report(self, code: int, now_s: float) -> None:
+        """Starts the counterpart of a Robotiq gripper's fault, where a make has one."""
+        del code, now_s
+
+    def _misread(self, position: int, most: int = MOST_COUNT) -> int:
+        """A position, 0 to `most`, as faults misreport it; their values are in 255ths of the stroke."""
+        values = {fault.kind: round(fault.value * most / MOST_COUNT) for fault in self._faults}
+        if "count_frozen" not in values or self._last is None:
+            self._last = position
+        position = self._last + values.get("encoder_offset", 0)
+        return min(max(values.get("count_spike", position), 0), most)
+
+    def _misstated(self, *, moving: bool) -> int | None:
+        """The object state that faults report, in terms of gOBJ; None: the true one."""
+        for fault in self._faults:
+            if fault.kind == "flag_stuck" or (fault.kind == "flag_false" and moving):
+                return int(fault.value) & 3
+        return None
+
+    # -- motion -----------------------------------------------------------------------------------
+
     def _refresh(self, now_s: float) -> None:
         """Advances time to the last refresh of the registers."""
         self.advance(max(math.floor(now_s / self.CYCLE_S) * self.CYCLE_S, self._now))
@@ -144,16 +187,18 @@ class Fingers(ABC):
         """Sets a state at once."""
         self._flag = ObjectFlag(state, self._now, state, self._now)
 
-    def _follow(self, shown: int) -> None:
+    def _follow(self) -> None:
         """Makes the shown state follow the stroke that begins now, with its lags."""
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
+        shown = self._flag.at(self._now)
         self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
 
     def _here(self) -> float:
         return self._stroke.at(self._now)
 
     def _lag(self) -> float:
-        return self._rng.randint(*self.LAG_CYCLES) * self.CYCLE_S + self.delay_s
+        late_s = sum(fault.value for fault in self._faults if fault.kind == "flag_late")
+        return self._rng.randint(*self.LAG_CYCLES) * self.CYCLE_S + late_s
 
     def _start(
         self, target: float, speed: float, outcomes: tuple[int, int] = (0, 0), *, meets: bool = True

@@ -14,6 +14,7 @@ from drivers.ports import GripperProfile
 from drivers.schunk import registers as schunk
 from drivers.schunk.registers import PARAMETERS, Command, Control, Output, Status, is_soft
 from drivers.sim.devices.jaws import Fingers, Surroundings
+from drivers.sim.faults import Desk
 
 SILENCE_S = 1.0  # then ERR_COMM_LOST; bkstools pauses for 0.5 s, users report that 2 s are too long
 MESSAGES = 32  # [CM] 4.2: sys_msg_req selects one of 0 to 31
@@ -36,13 +37,8 @@ MODULES = {
     "schunk-egk": Module(schunk.EGK_25_M_B, 20.0, 0.0, 0.62),
 }
 
-_COMMANDS = {
-    Command.RELEASE: Control.RELEASE,
-    Command.GRIP_AT_POSITION: Control.GRIP_AT_POSITION,
-    Command.MOVE_ABSOLUTE: Control.MOVE_ABSOLUTE,
-    Command.GRIP: Control.GRIP,
-    Command.MOVE_RELATIVE: Control.MOVE_RELATIVE,
-}
+# The command of a motion has the name of its control bit.
+_COMMANDS = {command.value: command.name for command in Command}
 
 
 class Stop(NamedTuple):
@@ -58,6 +54,12 @@ HELD = Stop(Status.SUCCESS | Status.GRIPPED)
 WRONG = Stop(Status.WRONG_WORKPIECE | Status.GRIPPED)
 BLOCKED = Stop(Status(0), schunk.MOVE_BLOCKED)
 
+# Outcomes that correspond to gOBJ 0 to 3.
+STATES = (Status(0), REACHED.status, HELD.status, EMPTY.status)
+# Counterparts of a Robotiq gripper's over temperature, and of its major faults.
+OVER_TEMPERATURE, LEAST_MAJOR = 0x08, 0x0A
+TOO_HOT, SUPPLY = 0x6D, 0x74
+
 
 class SchunkModel(Fingers):
     """A SCHUNK gripper with a brake, after power-up. Times are simulated seconds and never go back.
@@ -66,6 +68,7 @@ class SchunkModel(Fingers):
         rng: draws the lags of the outcomes.
         surroundings: what the fingers may meet.
         profile: stroke, speeds and forces.
+        desk: gives the current faults; None: never any.
         silence_s: longest silence of the host that is no fault.
     """
 
@@ -76,9 +79,10 @@ class SchunkModel(Fingers):
         rng: random.Random,
         surroundings: Surroundings | None,
         profile: GripperProfile,
+        desk: Desk | None = None,
         silence_s: float = SILENCE_S,
     ) -> None:
-        super().__init__(rng, surroundings, profile.stroke_um / 1000)
+        super().__init__(rng, surroundings, profile.stroke_um / 1000, desk)
         self.profile, self.module = profile, MODULES[profile.model]
         self.written: list[str] = []  # names of parameters written so far
         self._silence_s = silence_s
@@ -135,13 +139,13 @@ class SchunkModel(Fingers):
 
     def read(self, name: str, now_s: float) -> bytes:
         """The bytes of a parameter, as the last refresh before `now_s` left them."""
-        self._hear(now_s)
+        self.next_request(now_s)
         self._refresh(now_s)
         return PARAMETERS[name].pack(*self._values(name))
 
     def write(self, name: str, data: bytes, now_s: float) -> None:
         """Writes a parameter, and obeys."""
-        self._hear(now_s)
+        self.next_request(now_s)
         self.advance(now_s)
         self.written.append(name)
         values = PARAMETERS[name].unpack(data)
@@ -156,8 +160,13 @@ class SchunkModel(Fingers):
         position_mm = self._here()
         match name:
             case "plc_sync_input":
-                warning = (self._warning, self._additional)
-                return (self._status, int(1000 * position_mm), 0, self._error, *warning)
+                status, stroke_um = self._status, self.profile.stroke_um
+                misstated = self._misstated(moving=not status & schunk.OUTCOMES)
+                if misstated is not None:
+                    status = status & ~schunk.OUTCOMES | STATES[misstated]
+                closed_um = self._misread(stroke_um - int(1000 * position_mm), stroke_um)
+                position_um = stroke_um - closed_um
+                return (status, position_um, 0, self._error, self._warning, self._additional)
             case "plc_sync_output":
                 return self._output
             case "err_code":
@@ -181,7 +190,9 @@ class SchunkModel(Fingers):
         (value,) = self._settings[name]
         return float(value)
 
-    def _hear(self, now_s: float) -> None:
+    def next_request(self, now_s: float) -> None:
+        """Counts one more request, which ends a silence."""
+        super().next_request(now_s)
         lost_s = self._heard_s + self._silence_s
         if lost_s < now_s and self._status & Status.READY:
             self.advance(lost_s)
@@ -198,6 +209,12 @@ class SchunkModel(Fingers):
         self.advance(now_s)
         self._fail(code)
 
+    def _report(self, code: int, now_s: float) -> None:
+        if code == OVER_TEMPERATURE:
+            self.fail(TOO_HOT, now_s)
+        elif code >= LEAST_MAJOR:
+            self.fail(SUPPLY, now_s)
+
     def _dropped(self) -> None:
         """The held part is lost: the fingers close on until they meet."""
         gripping = self._status & (Status.GRIPPED | Status.READY)
@@ -210,7 +227,7 @@ class SchunkModel(Fingers):
         self._halt()
         self._error = code
         self._status = self._status & Status.RECEIVED_TOGGLE | Status.ERROR | Status.GPE_ACTIVE
-        self._log(schunk.ERRORS[code].sentence)
+        self._log(schunk.ERRORS[code].partition(";")[0])
 
     # -- commands ---------------------------------------------------------------------------------
 
@@ -244,7 +261,7 @@ class SchunkModel(Fingers):
             side = Control.GRIP_FROM_INSIDE if self._value("grp_dir") else Control(0)
             place, speed = (round(1000 * self._value(name)) for name in ("set_pos", "set_vel"))
             asked = Output(side, place, speed, round(self._value("set_force")))
-            self._command(_COMMANDS[Command(code)], asked)
+            self._command(Control[_COMMANDS[code]], asked)
 
     def _received(self) -> None:
         self._status = (self._status ^ Status.RECEIVED_TOGGLE) & ~(schunk.OUTCOMES | Status.WARNING)

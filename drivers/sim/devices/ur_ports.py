@@ -89,10 +89,9 @@ class _Session:
     def data(self) -> bytes:
         """One data package."""
         fields = self._look()
-        values = b"".join(
-            struct.pack(">" + FORMATS[fields[name][0]], *fields[name][1]) for name in self._names
-        )
-        return _packed("U", b"\1" + values)
+        shown = (fields[name] for name in self._names)
+        values = (struct.pack(">" + FORMATS[kind], *numbers) for kind, numbers in shown)
+        return _packed("U", b"\1" + b"".join(values))
 
 
 def _packed(kind: str, payload: bytes) -> bytes:

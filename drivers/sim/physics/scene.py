@@ -151,16 +151,10 @@ def job_geometry(job: Any) -> Geometry:
     """The `Geometry` that a parsed job states."""
     gripper, cell, uncertainty = job.gripper, job.cell, job.uncertainty
     timing = import_module("planner.job.cell").timing_of(job)
-    return Geometry(
-        gripper.profile,
-        cell.squeeze_height_mm,
-        cell.retreat_height_mm,
-        uncertainty.radius_mm,
-        math.radians(uncertainty.orientation_halfwidth_deg),
-        _height_mm(job),
-        timing.arm_acceleration_mm_s2,
-        timing.turn_radius_mm,
-    )
+    heights = cell.squeeze_height_mm, cell.retreat_height_mm
+    region = uncertainty.radius_mm, math.radians(uncertainty.orientation_halfwidth_deg)
+    ramps = timing.arm_acceleration_mm_s2, timing.turn_radius_mm
+    return Geometry(gripper.profile, *heights, *region, _height_mm(job), *ramps)
 
 
 def _height_mm(job: Any) -> float | None:
@@ -174,16 +168,11 @@ def table_geometry(table: tables.Table) -> Geometry:
     limits = table.limits
     timing = tables.Schedule.of(table, tables.job_of(table)).timing
     regrasp_mm = timing.regrasp_mm
-    return Geometry(
-        table.gripper.profile,
-        limits.squeeze_height_um / 1000.0,
-        limits.retreat_height_um / 1000.0,
-        REHEARSAL_RADIUS_MM,
-        math.pi,
-        height_mm=None if regrasp_mm == timing.retreat_mm else regrasp_mm - tables.ABOVE_MM,
-        acceleration_mm_s2=timing.arm_acceleration_mm_s2,
-        turn_radius_mm=timing.turn_radius_mm,
-    )
+    heights = limits.squeeze_height_um / 1000.0, limits.retreat_height_um / 1000.0
+    region = REHEARSAL_RADIUS_MM, math.pi
+    part_mm = None if regrasp_mm == timing.retreat_mm else regrasp_mm - tables.ABOVE_MM
+    ramps = timing.arm_acceleration_mm_s2, timing.turn_radius_mm
+    return Geometry(table.gripper.profile, *heights, *region, part_mm, *ramps)
 
 
 def warm_up(setting: Setting, seed: int) -> None:

@@ -95,7 +95,6 @@ def _reply(line: bytes, answer: Callable[[str], Mapping[str, object]]) -> Mappin
     try:
         what = strict_json.parse(line)["do"]
     except (ValueError, TypeError, KeyError):
-        return {
-            "error": 'not understood; send {"do": "next_part"}, {"do": "truth"} or {"do": "quit"}'
-        }
+        known = '{"do": "next_part"}, {"do": "truth"} or {"do": "quit"}'
+        return {"error": f"not understood; send {known}"}
     return answer(str(what))

@@ -106,11 +106,8 @@ class TableTop:
         """
         push = getattr(self._world, "push", None)
         way_mm, aside_mm, turn_rad = relative(start, end)
-        ahead = (
-            way_mm > AHEAD_MM
-            and abs(aside_mm) < AHEAD_MM
-            and abs(math.remainder(turn_rad, math.tau)) < AHEAD_RAD
-        )
+        straight = abs(math.remainder(turn_rad, math.tau)) < AHEAD_RAD
+        ahead = way_mm > AHEAD_MM and abs(aside_mm) < AHEAD_MM and straight
         if push is None or not ahead or self._held is not None or self._desk.holds("part_missing"):
             return
         self.pose = compose(start, push(relative(start, self.pose), opening_mm, way_mm))
@@ -141,14 +138,11 @@ class TableTop:
         """The view of a camera."""
         there = self.truthful and not self._desk.holds("part_missing")
         moved, two = self._desk.holds("camera_moved"), self._desk.holds("two_parts")
-        return Look(
-            self.pose if there else None,
-            self._desk.holds("wrong_part") is not None,
-            compose(self.pose, BESIDE) if two and there else None,
-            self._desk.holds("camera_covered") is not None,
-            0.0 if moved is None else moved.value,
-            self.hypothesis,
-        )
+        wrong, covered = self._desk.holds("wrong_part"), self._desk.holds("camera_covered")
+        second = compose(self.pose, BESIDE) if two and there else None
+        moved_mm = 0.0 if moved is None else moved.value
+        parts = (self.pose if there else None, wrong is not None, second)
+        return Look(*parts, covered is not None, moved_mm, self.hypothesis)
 
     def _bump(self, distance_mm: float) -> None:
         bearing = random.Random(f"{self._seed}/bump/{self.part}").uniform(-math.pi, math.pi)

@@ -3,12 +3,12 @@
 import errno
 import random
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
 from drivers.robotiq.modbus import BAUD
-from drivers.sim.faults import Channel, Desk
+from drivers.sim.faults import Channel, Desk, Listed
 from drivers.sim.wire.modbus import crc16
 
 BYTE_S = 10 / BAUD  # 8N1
@@ -30,26 +30,12 @@ class UnpluggedError(OSError):
         self.forbidden = forbidden
 
 
-class CleanLine:
-    """A line without faults."""
-
-    def hears(self, frame: bytes) -> bool:
-        """Whether the gripper receives a request."""
-        del frame
-        return True
-
-    def carries(self, frame: bytes, reply: bytes | None) -> list[Piece]:
-        """The bytes that come back to the host."""
-        del frame
-        return [] if reply is None else [Piece(reply)]
-
-
-@dataclass(frozen=True, slots=True)
-class FaultyLine(CleanLine):
+@dataclass
+class Line:
     """A line with the faults of a schedule."""
 
-    desk: Desk
-    rng: random.Random  # draws the noise
+    desk: Desk = field(default_factory=lambda: Desk(Listed()))
+    rng: random.Random = field(default_factory=random.Random)  # draws the noise
     checked: bool = True  # whether frames end in a CRC (RTU)
 
     def hears(self, frame: bytes) -> bool:
@@ -97,31 +83,20 @@ def _cut(reply: bytes, length: int) -> bytes:
     return reply[: min(length, len(reply) - 1)]
 
 
+@dataclass
 class Outbox:
-    """Delivers pieces, each at its time, one after the other.
+    """Delivers pieces, each at its time, one after the other."""
 
-    Args:
-        byte_s: duration of a byte.
-        at: schedules a call for a moment.
-        deliver: receives the data of a piece that has arrived.
-    """
-
-    def __init__(
-        self,
-        byte_s: float,
-        at: Callable[[float, Callable[[], object]], None],
-        deliver: Callable[[bytes], object],
-    ) -> None:
-        self._byte_s = byte_s
-        self._at = at
-        self._deliver = deliver
-        self._free_s = 0.0
+    byte_s: float  # duration of a byte
+    at: Callable[[float, Callable[[], object]], None]  # schedules a call for a moment
+    deliver: Callable[[bytes], object]  # receives the data of a piece that has arrived
+    free_s: float = 0.0  # from when on the line is free
 
     def put(self, pieces: list[Piece], now_s: float) -> None:
         """Sends pieces; each has arrived once its bytes have crossed the line."""
         for piece in pieces:
-            start_s = now_s + piece.delay_s if piece.delay_s else max(now_s, self._free_s)
-            whole_s = start_s + len(piece.data) * self._byte_s
+            start_s = now_s + piece.delay_s if piece.delay_s else max(now_s, self.free_s)
+            whole_s = start_s + len(piece.data) * self.byte_s
             if not piece.delay_s:
-                self._free_s = whole_s
-            self._at(whole_s, partial(self._deliver, piece.data))
+                self.free_s = whole_s
+            self.at(whole_s, partial(self.deliver, piece.data))

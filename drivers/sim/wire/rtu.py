@@ -6,8 +6,8 @@ import tty
 from collections.abc import Callable
 from functools import partial
 
-from drivers.robotiq.frames import RTU
-from drivers.sim.wire.line import BYTE_S, NETWORK_BYTE_S, CleanLine, Outbox, Piece
+from drivers.robotiq.modbus import RTU
+from drivers.sim.wire.line import BYTE_S, NETWORK_BYTE_S, Line, Outbox, Piece
 from drivers.sim.wire.modbus import Registers, answer, crc16, frame_length
 from drivers.sim.wire.serving import Site
 
@@ -26,11 +26,11 @@ class Slave:
     """
 
     def __init__(
-        self, registers: Registers, line: CleanLine | None = None, unit: int = RTU.unit
+        self, registers: Registers, line: Line | None = None, unit: int = RTU.unit
     ) -> None:
         self.unit = unit
         self._registers = registers
-        self._line = line or CleanLine()
+        self._line = line or Line()
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Piece]:

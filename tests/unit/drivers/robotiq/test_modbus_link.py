@@ -11,8 +11,8 @@ from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
 from drivers.modbus.framing import TcpFraming
 from drivers.modbus.master import DRAIN_S, GAP_S
-from drivers.robotiq.frames import TCP, read_request
-from drivers.robotiq.modbus import ModbusLink, rtu_link, wiring_of
+from drivers.ports import no_report
+from drivers.robotiq.modbus import TCP, ModbusLink, read_request, rtu_link, wiring_of
 from drivers.sim.wire.modbus import crc16
 
 STATUS = bytes.fromhex("B900 00FF BD00")
@@ -206,7 +206,7 @@ def mbap(number, count=3, unit=2, status=STATUS):
 
 def tcp_link(*script):
     line = Line(*script)
-    return ModbusLink(line, TcpFraming(), TCP, Pace(line.clock)), line
+    return ModbusLink(line, TcpFraming(), TCP, Pace(line.clock), no_report), line
 
 
 def test_a_modbus_tcp_answer_is_found_by_its_number():
@@ -241,7 +241,7 @@ def gateway(*codes):
     wiring = wiring_of("tcp://h:502?unit=9&output=0x03E8&input=0x07D0&function=3", TCP)
     pdus = [bytes((0x83, code)) for code in codes] + [b"\x03\x06" + STATUS]
     line = Line(*([(0.004, enveloped(number, 9, pdu))] for number, pdu in enumerate(pdus, 1)))
-    return ModbusLink(line, TcpFraming(), wiring, Pace(line.clock)), line
+    return ModbusLink(line, TcpFraming(), wiring, Pace(line.clock), no_report), line
 
 
 def test_unit_and_addresses_behind_a_gateway_are_those_of_the_port():

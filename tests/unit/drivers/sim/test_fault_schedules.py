@@ -5,11 +5,11 @@ import random
 import pytest
 
 from drivers.schunk.registers import PARAMETERS, Input
-from drivers.sim.devices.faulty import FaultySchunkModel
 from drivers.sim.devices.jaws import Surroundings
+from drivers.sim.devices.schunk import SchunkModel
 from drivers.sim.faults import Channel, Desk, Fault, Listed, parse
 from drivers.sim.virtual.clock import VirtualClock
-from drivers.sim.wire.line import BYTE_S, CleanLine, FaultyLine, Outbox, Piece, UnpluggedError
+from drivers.sim.wire.line import BYTE_S, Line, Outbox, Piece, UnpluggedError
 from drivers.sim.wire.modbus import crc16
 from runtime.shell.errors import InputError, UsageError
 from runtime.table import PROFILES
@@ -22,7 +22,7 @@ REPLY = BODY + crc16(BODY)
 def line(*faults, checked=True):
     desk = Desk(Listed(faults))
     desk.begin(1)
-    return FaultyLine(desk, random.Random(1), checked=checked)
+    return Line(desk, random.Random(1), checked=checked)
 
 
 def through(result, reply=REPLY):
@@ -124,7 +124,7 @@ def test_a_lost_request_is_not_heard():
 
 
 def test_silence_stays_silence():
-    assert through(CleanLine(), None) == []
+    assert through(Line(), None) == []
     assert through(line(), None) == []
     assert through(line(Fault("reply_twice")), None) == []
     assert through(line(Fault("echo")), None) == [Piece(REQUEST)]
@@ -159,6 +159,6 @@ def test_an_outbox_keeps_the_order_of_arrival():
 @pytest.mark.parametrize(("kind", "error"), [("gflt_08", 0x6D), ("gflt_0e", 0x74)])
 def test_fault_of_a_schedule_is_an_error_of_the_gripper(kind, error):
     desk = Desk(Listed((Fault(kind, at=0),)))
-    model = FaultySchunkModel(random.Random(1), Surroundings(), PROFILES["schunk-egu"], desk)
+    model = SchunkModel(random.Random(1), Surroundings(), PROFILES["schunk-egu"], desk)
     data = model.read("plc_sync_input", 0.1)
     assert Input.of(PARAMETERS["plc_sync_input"].unpack(data)).error == error

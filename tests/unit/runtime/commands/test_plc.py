@@ -319,7 +319,7 @@ def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path, tree):
 def test_server_that_fails_ends_the_run_and_its_journal(starts, tmp_path, tree, monkeypatch):
     async def failing(server, stop):
         if starts:
-            server.started()
+            server.started.set()
         server._listener.close()
         raise OSError("no descriptor is left")
 

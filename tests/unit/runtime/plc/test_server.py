@@ -22,7 +22,7 @@ class Scripted(PlcServer):
 
     async def serve(self, stop: asyncio.Event) -> None:
         if self._starts:
-            self.started()
+            self.started.set()
             await asyncio.to_thread(self.entered.wait, 30)
         if self._fails:
             raise OSError("no descriptor is left")
@@ -46,7 +46,7 @@ def test_server_that_cannot_start_raises_why():
 def test_server_that_fails_later_ends_enabling_and_says_why() -> None:
     server = Scripted(fails=True)
     server.exchange.put({"enable": 1})
-    server.exchange.connect()
+    server.exchange.connected = True
     with server:
         server.entered.set()
         server._thread.join(30)
