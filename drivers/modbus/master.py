@@ -1,6 +1,7 @@
 """One Modbus connection to a gripper: transactions, one after the other, each with a deadline."""
 
 import struct
+from typing import NamedTuple
 
 from pymodbus.pdu import ModbusPDU
 from pymodbus.pdu.register_message import WriteMultipleRegistersRequest
@@ -17,22 +18,33 @@ LATE_S = 0.02  # wall; silence of a line after a failure before the next request
 DRAIN_S = 0.2  # wall; longest wait for that silence
 
 
-# Meaning and remedy of each exception code (Modbus application protocol 1.1b3, section 7); without a remedy
-# the device is another one than expected. A gripper may send none: gateways do.
+class Refusal(NamedTuple):
+    """Meaning of a Modbus exception code, and the remedy."""
+
+    sentence: str
+    remedy: str = ""  # empty: the device is another one than expected
+    passes: bool = False  # whether the same request may succeed a moment later
+
+
+# Modbus application protocol 1.1b3, section 7. A gripper may send none: gateways do.
 EXCEPTIONS = {
-    1: ("the function is not known there", ""),
-    2: ("no such register", ""),
-    3: ("a value that is not allowed", ""),
-    4: ("the device failed", "look at its LED and its supply"),
-    5: ("it is taken, but takes longer", "ask less often, or raise the gateway's speed"),
-    6: ("the gateway or the gripper is busy", "stop other programs that use it"),
-    10: ("the gateway has no way to that unit", "set up its serial side and its table of units"),
-    11: (
+    1: Refusal("the function is not known there"),
+    2: Refusal("no such register"),
+    3: Refusal("a value that is not allowed"),
+    4: Refusal("the device failed", "look at its LED and its supply"),
+    5: Refusal(
+        "it is taken, but takes longer", "ask less often, or raise the gateway's speed", True
+    ),
+    6: Refusal("the gateway or the gripper is busy", "stop other programs that use it", True),
+    10: Refusal(
+        "the gateway has no way to that unit", "set up its serial side and its table of units"
+    ),
+    11: Refusal(
         "the gripper behind the gateway is silent",
         "check its power, its slave id (unit) and the wiring behind the gateway",
+        True,
     ),
 }
-TEMPORARY = frozenset({5, 6, 11})  # the same request may succeed a moment later
 
 
 class Master(StreamLink):
@@ -94,12 +106,12 @@ class Master(StreamLink):
 
     def _refused(self, request: ModbusPDU, code: int) -> LinkError:
         """The error for a refusal; a temporary one is a timeout: reads are then repeated, writes checked."""
-        meaning, remedy = EXCEPTIONS.get(code, ("an unknown reason", ""))
+        refusal = EXCEPTIONS.get(code, Refusal("an unknown reason"))
         self._tell("refused", function=request.function_code, exception=code)
-        return (LinkTimeout if code in TEMPORARY else LinkError)(
+        return (LinkTimeout if refusal.passes else LinkError)(
             f"gripper at {self.endpoint} (unit {request.dev_id}) refused function "
-            f"{request.function_code}: {meaning} (exception {code}); "
-            f"{remedy or self._wrong_device}"
+            f"{request.function_code}: {refusal.sentence} (exception {code}); "
+            f"{refusal.remedy or self._wrong_device}"
         )
 
     def _wait_for_the_line(self) -> None:

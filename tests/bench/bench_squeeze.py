@@ -43,10 +43,11 @@ Row = dict[str, Any]
 FIRST_CALL = """
 import time; start = time.perf_counter()
 import numpy as np
+from planner.mechanics.clearance import Jaws
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.simulator import Simulator
 outline = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
-jaws = np.array([85, 27.5, 9.5, 0.5])
+jaws = Jaws(85.0, 27.5, 9.5, 0.5)
 part = Simulator(outline, LimitSurface(np.diag([1.05, 1.06, 0.58]), 10.6), jaws, (0.4, 0.6), 100)
 imported = time.perf_counter()
 part.roll_out(np.zeros((1, 3)), part.nominal(1, 0.5))
