@@ -16,8 +16,13 @@ from runtime.shell.errors import InputError
 from runtime.shell.files import writing
 
 
-def read(path: Path, names: Sequence[str], defaults: Mapping[str, float] | None = None) -> Array:
-    """Reads the columns `names`, then those of `defaults`, which may be missing; others are ignored.
+def read(
+    path: Path, names: Sequence[str], defaults: Mapping[str, float] | None = None
+) -> dict[str, Array]:
+    """Reads the columns `names` and those of `defaults`, which may be missing; others are ignored.
+
+    Returns:
+        Columns (n,) by their names, in this order.
 
     Raises:
         InputError: the file is missing or not text.
@@ -41,7 +46,9 @@ def read(path: Path, names: Sequence[str], defaults: Mapping[str, float] | None 
             rows.append(stated)
     except csv.Error as error:
         raise InputError(f"not a CSV file: {error}", where=where) from error
-    return np.array(rows, dtype=np.float64).reshape(-1, len(names) + len(defaults))
+    wanted = (*names, *defaults)
+    table = np.array(rows, dtype=np.float64).reshape(-1, len(wanted))
+    return dict(zip(wanted, table.T.copy(), strict=True))
 
 
 Table: TypeAlias = dict[str, Array | list[str]]

@@ -111,19 +111,20 @@ def _from_motions(arguments: argparse.Namespace) -> None:
     shell.check_one_part(job.hypothesis, str(arguments.job), "an identification")
     if arguments.output is not None:
         usable(arguments.output, path, *job_file.files(arguments.job))
-    rows = columns.read(path, (*tips.NAMES, *tips.MOVED))
-    if len(rows) < LEAST_PAIRS:
-        raise InputError(f"{len(rows)} pushes; give at least {LEAST_PAIRS}", where=str(path))
-    ways = tips.paths(rows[:, :4], job_file.centroid_as_drawn(arguments.job))
+    stated = columns.read(path, (*tips.NAMES, *tips.MOVED))
+    ways = tips.paths(stated, job_file.centroid_as_drawn(arguments.job))
+    if (pushes := len(ways.angles)) < LEAST_PAIRS:
+        raise InputError(f"{pushes} pushes; give at least {LEAST_PAIRS}", where=str(path))
     beside = tips.beside(ways, radius_mm, job.part.outline_mm, path)
-    measured = motions.Motions(beside.paths, rows[:, 4:] * [1.0, 1.0, math.pi / 180.0])
+    x, y, turned = (stated[name] for name in tips.MOVED)
+    measured = motions.Motions(beside.paths, np.column_stack([x, y, np.radians(turned)]))
     part = Simulator.of_job(job, 1)
     fitted = motions.fit(measured, part, radius_mm)
     errors_mm = motions.errors_mm(fitted, measured, part, radius_mm)
     rng = np.random.default_rng(arguments.seed)
     unseen = motions.held_out_mm(measured, part, radius_mm, min(arguments.splits, MOST_SPLITS), rng)
     figures = {
-        "pushes": len(rows),
+        "pushes": pushes,
         "friction": round(fitted.friction, 4),
         "median_error_mm": round(float(np.median(errors_mm)), 3),
         "held_out_error_mm": round(float(unseen.mean()), 3),
@@ -136,7 +137,7 @@ def _from_motions(arguments: argparse.Namespace) -> None:
     shell.answer(
         arguments.json,
         {**figures, "written": written},
-        f"{len(rows)} pushes: friction of the tip {fitted.friction:.3f}; median error "
+        f"{pushes} pushes: friction of the tip {fitted.friction:.3f}; median error "
         f"{np.median(errors_mm):.2f} mm, {unseen.mean():.2f} mm on halves that were not fitted to",
         *(f"wrote {name}: the ellipsoid" for name in written),
     )

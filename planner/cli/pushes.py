@@ -3,6 +3,7 @@
 Coordinates are in the frame in which the job writes `outline_mm`.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,8 +22,7 @@ from runtime.shell.errors import InputError
 PLACES = ("push_x_mm", "push_y_mm", "approach_x", "approach_y", "cor_x_mm", "cor_y_mm", "angle_deg")
 FINGERS = "fingers_mm"
 SHIFTS = {"shift_x_mm": 0.0, "shift_y_mm": 0.0}
-NAMES = (*PLACES, FINGERS, *SHIFTS)
-MOST = np.array([1e4, 1e4, 1e4, 1e4, 1e4, 1e4, 360.0, 1e3, 1e4, 1e4])  # of entries
+MOST = {"angle_deg": 360.0, FINGERS: 1e3}  # of entries; of the others `tips.MOST_MM`
 BOUNDS = tuple(f"{name}_{end}" for name in tips.MOVED for end in ("low", "high"))
 SHARES = (0.05, 0.95)  # Quantiles of `BOUNDS`
 AT_ONCE = 100_000  # pushes whose mechanics are drawn together
@@ -36,8 +36,8 @@ class Drawn(NamedTuple):
     given_up: int  # number of pushes cut short, over all draws
 
 
-def read(path: Path, fingers_mm: float | None) -> Array:
-    """Reads pushes (n, 10): `PLACES`, the fingers' distance, then `SHIFTS`, which may be missing.
+def read(path: Path, fingers_mm: float | None) -> dict[str, Array]:
+    """Reads n pushes: the columns `PLACES`, `FINGERS`, and `SHIFTS`, which may be missing.
 
     The distance is `fingers_mm` in a file that has no such column.
 
@@ -46,29 +46,35 @@ def read(path: Path, fingers_mm: float | None) -> Array:
     """
     distance = {} if fingers_mm is None else {FINGERS: fingers_mm}
     try:
-        rows = columns.read(path, PLACES if distance else (*PLACES, FINGERS), distance | SHIFTS)
+        stated = columns.read(path, PLACES if distance else (*PLACES, FINGERS), distance | SHIFTS)
     except KeyNameError as error:
         if FINGERS not in error.problem:
             raise
         raise KeyNameError(f"{error.problem}, or give --fingers-mm", where=error.where) from None
-    tips.check_range(rows, NAMES, MOST, path)
-    for number, row in enumerate(rows, 1):
-        if row[7] < 0.0:
-            problem = f"push {number}: {row[7]:g} is no distance; 0 is a single finger"
-            raise InputError(problem, where=str(path), key=FINGERS)
-        if not row[2:4].any():
-            problem = f"push {number}: both are 0; state the direction in which the fingers come"
-            raise InputError(problem, where=str(path), key="approach_x, approach_y")
-    return rows
+    tips.check_range(stated, MOST, path)
+    x, y, distance_mm = stated["approach_x"], stated["approach_y"], stated[FINGERS]
+    for number in np.flatnonzero(distance_mm < 0.0):
+        problem = f"push {number + 1}: {distance_mm[number]:g} is no distance; 0 is a single finger"
+        raise InputError(problem, where=str(path), key=FINGERS)
+    for number in np.flatnonzero((x == 0.0) & (y == 0.0)):
+        problem = f"push {number + 1}: both are 0; state the direction in which the fingers come"
+        raise InputError(problem, where=str(path), key="approach_x, approach_y")
+    return stated
 
 
-def paths(rows: Array, centroid: Array) -> Paths:
-    """The paths of pushes (n, 10) in the part's frame, whose origin is at `centroid` (2,)."""
-    approach = rows[:, 2:4] / np.hypot(rows[:, 2], rows[:, 3])[:, None]
-    across = 0.5 * rows[:, 7:8] * np.column_stack([-approach[:, 1], approach[:, 0]])
-    middle = rows[:, 0:2] - centroid
+def paths(stated: Mapping[str, Array], centroid: Array) -> Paths:
+    """The paths of pushes, as `read` gives them, in the part's frame with its origin at `centroid` (2,)."""
+
+    def pairs(*names: str) -> Array:
+        return np.column_stack([stated[name] for name in names])
+
+    approach = pairs("approach_x", "approach_y")
+    approach /= np.hypot(*approach.T)[:, None]
+    across = 0.5 * stated[FINGERS][:, None] * np.column_stack([-approach[:, 1], approach[:, 0]])
+    middle = pairs("push_x_mm", "push_y_mm") - centroid
     fingers = np.stack([middle - across, middle + across], axis=1)
-    return Paths(fingers, rows[:, 4:6] - centroid, np.radians(rows[:, 6]), rows[:, 8:10].copy())
+    centres = pairs("cor_x_mm", "cor_y_mm") - centroid
+    return Paths(fingers, centres, np.radians(stated["angle_deg"]), pairs(*SHIFTS))
 
 
 def check_clear(paths: Paths, outline: Array, where: Path) -> None:

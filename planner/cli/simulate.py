@@ -21,9 +21,10 @@ from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import usable, words_of
 
 NAME = "plan-simulate"
-INPUTS = ("x_mm", "y_mm", "theta_rad")
+RADIANS, DEGREES = "theta_rad", "theta_deg"
+INPUTS = ("x_mm", "y_mm", RADIANS)
 PICTURES = {"figure": shell.PICTURES, "html": (".html",)}  # what they may end in
-IN_DEGREES = ("x_mm", "y_mm", "theta_deg")  # the same poses
+IN_DEGREES = ("x_mm", "y_mm", DEGREES)  # the same poses
 # Final pose and width, then the angles again, in degrees.
 RESULTS = (*(f"final_{name}" for name in INPUTS), "width_mm", "theta_deg", "final_theta_deg")
 MOST_RADIUS_MM, MOST_DRAWS = 1000.0, 100_000
@@ -34,7 +35,7 @@ SAME_DEG = 1e-5  # rounding error between an angle in degrees and the same in ra
 class Results(NamedTuple):
     """Results of n squeezes or pushes, ready to be written."""
 
-    what: str  # "squeezes" or "pushes"
+    what: tuple[str, str]  # what one of them is, and what several are
     table: columns.Table
     status: list[str]  # (n,) each one of `names`
     names: tuple[str, ...]
@@ -57,7 +58,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
     job = pushes.exact(job) if arguments.push else job
     simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
     results = (_squeezed if arguments.poses else _pushed)(simulator, arguments, job)
-    status, given_up, what = results.status, results.given_up, results.what
+    status, given_up, (one, what) = results.status, results.given_up, results.what
     columns.write(arguments.output, results.table)
     if results.drawn is not None and pictures:
         draw(pictures, simulator, *results.drawn, f"{job.part.name}: {listed.name}")
@@ -67,11 +68,11 @@ def _simulate(arguments: argparse.Namespace) -> None:
     counts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
     written = ", ".join((str(arguments.output), *drawn.values()))
     figures = {"output": str(arguments.output), what: len(status), **tally, **after}
-    line = f"{len(status)} {what}: {counts or 'none'}; wrote {written}"
+    line = f"{len(status)} {one if len(status) == 1 else what}: {counts or 'none'}; wrote {written}"
     with redirect_stdout(words_of(arguments.output)):
         shell.answer(arguments.json, figures, line)
     if given_up and not arguments.json:
-        words = f"{given_up} {what} could not be stepped to their end; try --step-mm"
+        words = f"{given_up} {one if given_up == 1 else what} could not be stepped to their end; try --step-mm"
         print(f"{NAME}: {words}", file=sys.stderr)
 
 
@@ -95,25 +96,27 @@ def _squeezed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> 
     status = [STATUS_NAMES[k] for k in rolled.status]
     table: columns.Table = {**columns.named((*INPUTS, *RESULTS), numbers), "status": status}
     given_up, drawn = int(rolled.given_up.sum()), (poses, parameters)
-    return Results("squeezes", table, status, STATUS_NAMES, given_up, drawn)
+    return Results(("squeeze", "squeezes"), table, status, STATUS_NAMES, given_up, drawn)
 
 
 def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Results:
     path, outline, radius = arguments.push, job.part.outline_mm, arguments.tip_radius_mm
     centroid = job_file.centroid_as_drawn(arguments.job)
     if radius is None or arguments.fingers_mm is not None:
-        rows = pushes.read(path, arguments.fingers_mm)
-        stated, ways = columns.named(pushes.NAMES, rows), pushes.paths(rows, centroid)
+        stated = pushes.read(path, arguments.fingers_mm)
+        ways = pushes.paths(stated, centroid)
     else:
-        rows = tips.read(path)
-        stated, ways = columns.named(tips.NAMES, rows), tips.paths(rows, centroid)
+        stated = tips.read(path)
+        ways = tips.paths(stated, centroid)
     further: columns.Table = {}
     if radius is None:
         pushes.check_clear(ways, outline, path)
     else:
         ways, further[tips.OVERLAP] = tips.beside(ways, radius, outline, path)
     if arguments.nominal:
-        pushed = simulator.push(ways, simulator.nominal(len(rows), arguments.mu), radius or 0.0)
+        pushed = simulator.push(
+            ways, simulator.nominal(len(ways.angles), arguments.mu), radius or 0.0
+        )
     else:
         pushed = pushes.draw(simulator, job, ways, radius or 0.0, _rng(arguments, job))
     given_up = int(pushed.given_up.sum())
@@ -127,7 +130,7 @@ def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Re
     status = [names[k] for k in (pushed.status if radius is None else tips.status(pushed))]
     moved = columns.named(tips.MOVED, pushes.in_degrees(pushed.moved))
     table: columns.Table = {**stated, **moved, "status": status, **further}
-    return Results("pushes", table, status, names, given_up)
+    return Results(("push", "pushes"), table, status, names, given_up)
 
 
 def parser() -> Parser:
@@ -147,7 +150,7 @@ def parser() -> Parser:
     add = built.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job file")
     listed = built.add_mutually_exclusive_group(required=True)
-    text = f"squeeze; with a header: {','.join(INPUTS)}, or {IN_DEGREES[2]} in place of {INPUTS[2]}"
+    text = f"squeeze; with a header: {','.join(INPUTS)}, or {DEGREES} in place of {RADIANS}"
     listed.add_argument("--poses", type=Path, metavar="IN.csv", help=text)
     text = (
         f"push; with a header: {','.join((*pushes.PLACES, pushes.FINGERS))}, and where the centre moves, "
@@ -190,20 +193,19 @@ def read_poses(path: Path) -> Array:
         InputError: see `columns.read`; or the two angles of a line differ.
     """
     try:
-        poses = columns.read(path, INPUTS)
+        x, y, theta = columns.read(path, INPUTS).values()
     except KeyNameError:
         with suppress(KeyNameError):
-            poses = columns.read(path, IN_DEGREES)
-            poses[:, 2] = np.radians(poses[:, 2])
-            return poses
+            x, y, theta = columns.read(path, IN_DEGREES).values()
+            return np.column_stack([x, y, np.radians(theta)])
         raise
-    stated = columns.read(path, (), {IN_DEGREES[2]: math.nan})[:, 0]
-    apart = np.abs(np.degrees(poses[:, 2]) - stated)
+    stated = columns.read(path, (), {DEGREES: math.nan})[DEGREES]
+    apart = np.abs(np.degrees(theta) - stated)
     if (apart > SAME_DEG).any():
         number = int(np.argmax(apart > SAME_DEG)) + 1
         problem = f"pose {number}: the two differ; leave one column out"
-        raise InputError(problem, where=str(path), key=f"{INPUTS[2]}, {IN_DEGREES[2]}")
-    return poses
+        raise InputError(problem, where=str(path), key=f"{RADIANS}, {DEGREES}")
+    return np.column_stack([x, y, theta])
 
 
 def draw(

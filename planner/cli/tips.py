@@ -6,7 +6,7 @@ outside, where it just touches, and goes the same way: of the corrections tried 
 agrees best with the measurements (decision 0049).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,34 +38,36 @@ class Beside(NamedTuple):
     overlap_mm: Array  # (n,) overlap of the deepest tip as stated; 0 where clear
 
 
-def read(path: Path) -> Array:
-    """Reads pushes (n, 4) with the columns `NAMES`.
+def read(path: Path) -> dict[str, Array]:
+    """Reads n pushes: the columns `NAMES`.
 
     Raises:
         InputError: see `columns.read`; or an entry is out of range.
     """
-    rows = columns.read(path, NAMES)
-    check_range(rows, NAMES, np.full(len(NAMES), MOST_MM), path)
-    return rows
+    stated = columns.read(path, NAMES)
+    check_range(stated, {}, path)
+    return stated
 
 
-def check_range(rows: Array, names: Sequence[str], most: Array, where: Path) -> None:
-    """Refuses pushes (n, k) with an entry whose magnitude is beyond that of its column (k,).
+def check_range(stated: Mapping[str, Array], most: Mapping[str, float], where: Path) -> None:
+    """Refuses pushes with an entry beyond the magnitude `most` of its column, `MOST_MM` by default.
 
     Raises:
         InputError: names the push and the column.
     """
-    far = np.argwhere(np.abs(rows) > most)
-    if len(far):
-        number, k = far[0]
-        problem = f"push {number + 1}: {rows[number, k]:g} is beyond {most[k]:g}; correct it"
-        raise InputError(problem, where=str(where), key=names[k])
+    for name, values in stated.items():
+        bound = most.get(name, MOST_MM)
+        far = np.flatnonzero(np.abs(values) > bound)
+        if len(far):
+            problem = f"push {far[0] + 1}: {values[far[0]]:g} is beyond {bound:g}; correct it"
+            raise InputError(problem, where=str(where), key=name)
 
 
-def paths(rows: Array, centroid: Array) -> Paths:
-    """The paths of pushes (n, 4) in the part's frame, whose origin is at `centroid` (2,)."""
-    centres = rows[:, :2] - centroid
-    return Paths(centres[:, None], centres, np.zeros(len(rows)), rows[:, 2:].copy())
+def paths(stated: Mapping[str, Array], centroid: Array) -> Paths:
+    """The paths of pushes with the columns `NAMES`, in the part's frame with its origin at `centroid` (2,)."""
+    centres = np.column_stack([stated["tip_x_mm"], stated["tip_y_mm"]]) - centroid
+    ways = np.column_stack([stated["way_x_mm"], stated["way_y_mm"]])
+    return Paths(centres[:, None], centres, np.zeros(len(centres)), ways)
 
 
 def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Beside:

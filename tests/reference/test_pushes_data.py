@@ -9,6 +9,7 @@ import pytest
 from problems import simulator
 from surfaces import hessian
 
+from planner.arrays import take
 from planner.cli import columns
 from planner.cli import pushes as push_files
 from planner.identification import identify, pushes
@@ -108,12 +109,10 @@ def test_pushes_with_two_fingers_are_predicted(support):
     with path.open(newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
     mine = np.array([line["support"] == support for line in lines])
-    paths = push_files.paths(push_files.read(path, FINGERS_MM)[mine], CORNER_TO_CENTROID)
-    moved = columns.read(path, ("moved_x_mm", "moved_y_mm", "turned_deg"))[mine] * [
-        1.0,
-        1.0,
-        math.pi / 180.0,
-    ]
+    stated = push_files.read(path, FINGERS_MM)
+    paths = take(push_files.paths(stated, CORNER_TO_CENTROID), mine)
+    x, y, turned = columns.read(path, ("moved_x_mm", "moved_y_mm", "turned_deg")).values()
+    moved = np.column_stack([x, y, np.radians(turned)])[mine]
     outline = canonical([[0, 0], [150, 0], [0, 150]]).outline_mm
     pressure = Pressure("uniform", 20)
     if support in SUPPORTS:

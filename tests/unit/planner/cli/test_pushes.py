@@ -14,7 +14,7 @@ def test_the_block_moves_along_in_the_frame_of_its_outline(tmp_path):
     text = f"run,{HEADER},fingers_mm,moved_x_mm\nr1,{STRAIGHT},50,99\n"
     code, rows, out, err = run(tmp_path, text, *NOMINAL)
     assert (code, err) == (0, "")
-    assert "1 pushes: 1 stuck" in out
+    assert "1 push: 1 stuck" in out
     assert list(rows[0]) == [*HEADER.split(","), "fingers_mm", "shift_x_mm", "shift_y_mm", *OUTPUTS]
     angle = math.radians(0.4)  # of the centroid (50, 50) about (-5000, 0)
     expected = [
