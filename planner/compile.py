@@ -106,9 +106,8 @@ def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
     figures: fresh trials for it would be a biased choice.
     """
     seed, table, trials = job.seed + SEED_FIGURES, plan.table, plan.trials
-    evaluation = evaluate(
-        table, job, ContactWorlds.of_job(job, seed), trials, seed, work, report=say
-    )
+    worlds = ContactWorlds.of_job(job, seed)
+    evaluation = evaluate(table, job, worlds, trials, seed, work, report=say)
     table, evaluation = with_figures(table, evaluation, job)
     cut = plan.cut and plan.cut._replace(open_share=float(evaluation.unresolved.mean()))
     return Plan(predicting(table, evaluation), plan.root, evaluation, plan.untried, seed, cut)

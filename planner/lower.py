@@ -13,7 +13,7 @@ from planner.belief.transition import Push, finger_speed_mm_s
 from planner.frames import wrap
 from planner.job.cell import gripper_of, limits_of
 from planner.job.model import Job
-from planner.search.handling import handling_of
+from planner.search.handling import Handling
 from planner.search.tree import Node, breadth_first
 from runtime import table as tables
 
@@ -65,7 +65,7 @@ def _node(node: Node, targets: dict[int, int], job: Job, encoder: Encoder) -> ta
     pushed = tuple(_push(push, job) for push in planned.pushes)
     contact = None
     if not pushed:
-        contact_mm = handling_of(job).contact_mm(node.belief, planned.placement)
+        contact_mm = Handling(job).contact_mm(node.belief, planned.placement)
         contact = max(round(1e3 * contact_mm), *(branch.high_um for branch in branches))
         contact = contact if contact < squeeze.opening_um else None
         release = None if release == squeeze.place else release

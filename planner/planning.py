@@ -53,11 +53,8 @@ class Cut(NamedTuple):
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
-        return {
-            "by": "interrupt" if self.asked else "budget",
-            "open_share": round(self.open_share, 6),
-            "seconds_to_finish": None,
-        }
+        by, share = "interrupt" if self.asked else "budget", round(self.open_share, 6)
+        return {"by": by, "open_share": share, "seconds_to_finish": None}
 
     def line(self) -> str:
         """The result as one line of text."""
@@ -84,11 +81,6 @@ class Rounds(NamedTuple):
 
     fresh: int  # in the first round, before leaves are searched further; half as many in later ones
     figures: int  # in the evaluation of the finished table
-
-    @classmethod
-    def of(cls, job: Job, trials: int) -> Rounds:
-        """The numbers for a search without a budget."""
-        return cls(max(1, round(FRESH * job.search.particles)), trials)
 
     def within(self, limit: Limit, root: Node, job: Job, workers: int) -> Rounds:
         """Limits the numbers to those that a budget has time for, and reserves that time in `limit`."""
@@ -139,20 +131,16 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
     Raises:
         NoPlanError: no first squeeze is both free of collision and useful, or no leaf is within the goal.
     """
-    job, course, rounds = problem.job, Course(report), Rounds.of(problem.job, trials)
+    job, course = problem.job, Course(report)
+    rounds = Rounds(max(1, round(FRESH * job.search.particles)), trials)
     search = Search(problem, np.random.default_rng([job.seed, len(PASSES)]))
     root, whole = None, True
     for number, stage in enumerate(PASSES):
-        begun = search.begin(stage, root)
+        new = search.begin(stage, root)
         over = partial(limit.over, limit.budget_s * (REPAIRS if number else 1.0 - CURSORY))
-        whole = search.grow(begun, over, partial(course.in_pass, number))
-        if (
-            root is None
-            or whole
-            or search.close(begun)
-            or search.missing(begun) < search.missing(root)
-        ):
-            root = begun
+        whole = search.grow(new, over, partial(course.in_pass, number))
+        if root is None or whole or search.close(new) or search.missing(new) < search.missing(root):
+            root = new
         if not root.actions:
             raise NoPlanError(f"{job.name}: {no_first_squeeze(job)}")
         limit.standing = True
@@ -208,16 +196,10 @@ def finished(
     kept = leading(table, before.union(run.leaf.tolist()))
     if not kept[0]:
         raise no_plan(table, run, job, cut)
-    untried = sum(
-        len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True)
-    )
-    table = without_untried(marked(job, table, run), kept)
-    return Planned(pruned(root, kept), table, untried, trials, cut)
-
-
-def marked(job: Job, table: Table, evaluation: Evaluation) -> Table:
-    """The table with leaves unresolved that trials refute; its shares stay those of the plan."""
-    return replace(table, leaves=with_figures(table, evaluation, job)[0].leaves)
+    untried = sum(len(node.branches) for node in table.nodes) - sum(map(len, kept))
+    # Leaves that trials refute are unresolved; the shares stay those of the plan.
+    table = replace(table, leaves=with_figures(table, run, job)[0].leaves)
+    return Planned(pruned(root, kept), without_untried(table, kept), untried, trials, cut)
 
 
 def judged(

@@ -50,7 +50,7 @@ class Problem:
     @classmethod
     def of(cls, job: Job, workers: int | None = None) -> Self:
         """Resolves a job; squeezes run on `workers` threads, all cores if None."""
-        encoder, costs = encoder_of(job), Costs.of(job)
+        encoder, costs = encoder_of(job), Costs(job)
         stopping = StoppingRule(job.goal.confidence)
         rule = Rule(metric_of(job), stopping, resolution_of(encoder))
         model = Simulation(Mixture.of_job(job, workers, STEP_MM), encoder)

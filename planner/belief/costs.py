@@ -7,8 +7,7 @@ counts squeezes, and the price of a part that is not located hold for both objec
 
 import json
 import math
-from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from planner.arrays import Array
 from planner.belief.transition import Push, finger_speed_mm_s
 from planner.job.cell import timing_of
 from planner.job.model import Job
-from runtime.table import Stand, Timing, Visit, same_from_every_side, turned_pose
+from runtime.table import Stand, Visit, same_from_every_side, turned_pose
 
 PUSH_SQUEEZES = 0.1
 """Cost of a push where squeezes are counted; about the difference in J between two plans."""
@@ -41,50 +40,33 @@ class Closing(NamedTuple):
     width_mm: float  # where they stop
 
 
-@dataclass(frozen=True, slots=True)
 class Costs:
-    """The prices of one job.
+    """The prices that a job states.
 
     Attributes:
         timing: of the cell; None where squeezes are counted.
         typical_s: seconds of a typical squeeze.
-        opening_mm: between the open jaws.
-        speed_mm_s: rate at which the opening closes.
-        turn: turn of the hand [rad] after which a squeeze is equivalent: half a turn where the job's fingers
-            close evenly.
-        plans_turn: whether plans are turned to the angle at which the hand stands (`runtime.table.turning`).
     """
 
-    timing: Timing | None
-    typical_s: float
-    opening_mm: float
-    speed_mm_s: float
-    turn: float
-    plans_turn: bool
-
-    @classmethod
-    def of(cls, job: Job) -> Self:
-        """The prices that a job states."""
-        gripper, timing = job.gripper, timing_of(job)
-        opening_mm, speed_mm_s = gripper.opening_mm, gripper.speed_mm_s
+    def __init__(self, job: Job) -> None:
+        timing = timing_of(job)
+        self._open_mm, self._speed_mm_s = job.gripper.opening_mm, job.gripper.speed_mm_s
         typical = Visit(
             way_mm=0.0,
             turn_rad=TYPICAL_TURN,
-            opening_mm=opening_mm,
+            opening_mm=self._open_mm,
             contact_mm=None,
-            width_mm=TYPICAL_WIDTH * opening_mm,
-            speed_mm_s=speed_mm_s,
-            next_mm=opening_mm,
+            width_mm=TYPICAL_WIDTH * self._open_mm,
+            speed_mm_s=self._speed_mm_s,
+            next_mm=self._open_mm,
         )
-        return cls(
-            timing=timing if job.goal.minimise == "seconds" else None,
-            typical_s=timing.squeeze(typical).total_s,
-            opening_mm=opening_mm,
-            speed_mm_s=speed_mm_s,
-            turn=math.pi if gripper.upper_finger_share == 0.5 else 2.0 * math.pi,
-            plans_turn=job.actions.pushes is None
-            and same_from_every_side(json.loads(job.canonical()), job.goal.kind),
-        )
+        self.timing = timing if job.goal.minimise == "seconds" else None
+        self.typical_s = timing.squeeze(typical).total_s
+        # A squeeze after half a turn is equivalent where the job's fingers close evenly.
+        self._turn = math.pi if job.gripper.upper_finger_share == 0.5 else 2.0 * math.pi
+        # Whether plans are turned to the angle at which the hand stands (`runtime.table.turning`).
+        same = same_from_every_side(json.loads(job.canonical()), job.goal.kind)
+        self._plans_turn = job.actions.pushes is None and same
 
     def short_way(self, hand: Hand | None, placements: Array) -> Array:
         """Grasp poses (k, 3) at the equivalent angle to which the hand turns least.
@@ -95,7 +77,7 @@ class Costs:
         if hand is None:
             return placements
         turns = placements[:, 2] - hand.placement[2]
-        nearest = placements[:, 2] - self.turn * np.round(turns / self.turn)
+        nearest = placements[:, 2] - self._turn * np.round(turns / self._turn)
         return np.column_stack([placements[:, :2], nearest])
 
     def squeeze(self, hand: Hand | None, placement: Array, jaws: Closing) -> float:
@@ -115,8 +97,8 @@ class Costs:
             opening_mm=jaws.opening_mm,
             contact_mm=jaws.contact_mm,
             width_mm=min(jaws.width_mm, jaws.opening_mm),
-            speed_mm_s=self.speed_mm_s,
-            next_mm=self.opening_mm,
+            speed_mm_s=self._speed_mm_s,
+            next_mm=self._open_mm,
             from_retreat=hand is None,
             jaws_s=0.0 if hand is None else self._opening_s(hand.width_mm, jaws.opening_mm),
         )
@@ -126,7 +108,7 @@ class Costs:
         """The cost of the way to `home` (3,), the placement of the next part's first squeeze in the world."""
         if self.timing is None or hand is None or home is None:
             return 0.0
-        if self.plans_turn:
+        if self._plans_turn:
             stand, first = Stand(*hand.placement.tolist()), Stand(*home.tolist())
             home = np.array(turned_pose(first, stand.turn_from(first)))
         return self.timing.move_s(*self._way(hand.placement, home)) / self.typical_s
@@ -135,22 +117,20 @@ class Costs:
         """The cost of pushes, and the hand after them."""
         if self.timing is None:
             return PUSH_SQUEEZES * len(pushes), hand
-        seconds, open_mm = 0.0, self.opening_mm
+        seconds, open_mm = 0.0, self._open_mm
         for push in pushes:
             way_mm, turn = (0.0, 0.0) if hand is None else self._way(hand.placement, push.start)
             seconds += self.timing.push_s(
                 way_mm,
                 turn,
                 stroke_mm=abs(open_mm - push.opening_mm),
-                stroke_mm_s=self.speed_mm_s,
+                stroke_mm_s=self._speed_mm_s,
                 push_mm=push.way_mm,
-                push_mm_s=finger_speed_mm_s(self.speed_mm_s),
+                push_mm_s=finger_speed_mm_s(self._speed_mm_s),
             )
-            open_mm, (x, y, angle) = push.opening_mm, push.start
-            end = np.array(
-                [x + push.way_mm * math.cos(angle), y + push.way_mm * math.sin(angle), angle]
-            )
-            hand = Hand(end, open_mm)
+            open_mm, angle = push.opening_mm, push.start[2]
+            ahead = np.array([math.cos(angle), math.sin(angle), 0.0])
+            hand = Hand(push.start + push.way_mm * ahead, open_mm)
         return seconds / self.typical_s, hand
 
     def _way(self, before: Array, placement: Array) -> tuple[float, float]:
@@ -162,4 +142,4 @@ class Costs:
         """Seconds that the jaws still open after the hand has risen from its last squeeze."""
         assert self.timing is not None  # seconds are counted
         rise_s = self.timing.move_s(self.timing.regrasp_mm - self.timing.squeeze_mm)
-        return max(self.timing.opening_s(width_mm, opening_mm, self.speed_mm_s) - rise_s, 0.0)
+        return max(self.timing.opening_s(width_mm, opening_mm, self._speed_mm_s) - rise_s, 0.0)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array, IntArray
 from planner.belief.particles import Belief, initial
@@ -18,15 +19,15 @@ SLIPPERY, ROUGH = 1.0 / 3.0, 1.5
 WAVY = 0.5  # standard deviation of a contour's waves, all together, in units of the tolerance
 
 
-Draw = Callable[[Job, int, np.random.Generator], Array]
+Draw = Callable[[Job, int, Generator], Array]
 
 
-def believed(job: Job, n: int, rng: np.random.Generator, draw: Draw = initial) -> Belief:
+def believed(job: Job, n: int, rng: Generator, draw: Draw = initial) -> Belief:
     """Draws n parts from the job's belief: their poses by `draw`, and their traits."""
     return Belief.of(draw(job, n, rng), traits=traits_of(job, n, rng))
 
 
-def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
+def traits_of(job: Job, n: int, rng: Generator) -> Traits:
     """Draws the traits (n,) of parts; with probability `doubt.chance` one random trait is not as planned.
 
     Friction is drawn separately: it is outside its bounds for a share of the parts (`friction.doubt`).
@@ -34,12 +35,12 @@ def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     return _of_each(job, hypotheses_of(job, n, rng), partial(_traits_of, rng=rng))
 
 
-def stated_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
+def stated_of(job: Job, n: int, rng: Generator) -> Traits:
     """Draws the traits (n,) of parts as planned, each with one of the job's hypotheses."""
     return _of_each(job, hypotheses_of(job, n, rng), stated)
 
 
-def pushed_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
+def pushed_of(job: Job, n: int, rng: Generator) -> Traits:
     """Draws the traits (n,) for listed pushes of parts about which nothing was measured.
 
     The pressure distribution and the friction of the pusher are drawn independently. Friction with the table
@@ -52,7 +53,7 @@ def pushed_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     return traits
 
 
-def hypotheses_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
+def hypotheses_of(job: Job, n: int, rng: Generator) -> Traits:
     """Traits (n,) of parts as planned, with the hypothesis of each drawn by its share."""
     traits = as_planned(n)
     if job.hypothesis:
@@ -68,12 +69,11 @@ def _of_each(job: Job, traits: Traits, traits_of_part: Callable[[Job, int], Trai
     return traits
 
 
-def _traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
-    traits, doubt, draws = as_planned(n), job.doubt, _draws(job, rng)
-    fault = np.where(rng.random(n) < doubt.chance, rng.integers(0, max(1, len(draws)), n), -1)
-    for number, (name, middle, draw) in enumerate(draws):
+def _traits_of(job: Job, n: int, rng: Generator) -> Traits:
+    traits, draws = _middles(job, n), _draws(job, rng)
+    fault = np.where(rng.random(n) < job.doubt.chance, rng.integers(0, max(1, len(draws)), n), -1)
+    for number, (name, draw) in enumerate(draws):
         rows = np.flatnonzero(fault == number)
-        traits[name] = middle
         traits[name][rows] = draw(len(rows))
     # The hand is calibrated where the fingers meet on the part's narrowest side, but for `middle_mm`.
     traits["across_mm"] += closing_mm(job) * traits["share"]
@@ -81,35 +81,45 @@ def _traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     return traits
 
 
-def _draws(
-    job: Job, rng: np.random.Generator
-) -> list[tuple[str, float, Callable[[int], Array | IntArray]]]:
-    """For each doubt: its trait, the planned value, and the function that draws another one."""
-    doubt, others, tolerance_mm = job.doubt, len(latent_surfaces(job)), job.part.tolerance_mm
-    low, high = sorted((max(doubt.least_dof, 1), job.pressure.wishart_dof))
-    intervals = {
+def _intervals(job: Job) -> dict[str, Interval]:
+    """The doubts that are intervals, by trait."""
+    doubt = job.doubt
+    return {
         "share": doubt.finger_share,
         "across_mm": doubt.middle_mm,
         "encoder_mm": doubt.encoder_mm,
         "gain": doubt.encoder_gain,
     }
-    draws: list[tuple[str, float, Callable[[int], Array | IntArray]]] = [
-        (name, 0.5 * sum(interval), partial(_within, interval, rng=rng))
-        for name, interval in intervals.items()
+
+
+def _middles(job: Job, n: int) -> Traits:
+    """Traits (n,) at the middle of each doubt's interval, of a hand that is not calibrated."""
+    traits = as_planned(n)
+    for name, interval in _intervals(job).items():
+        traits[name] = 0.5 * sum(interval)
+    return traits
+
+
+def _draws(job: Job, rng: Generator) -> list[tuple[str, Callable[[int], Array | IntArray]]]:
+    """For each doubt: its trait, and the function that draws other values than the planned one."""
+    others, tolerance_mm = len(latent_surfaces(job)), job.part.tolerance_mm
+    low, high = sorted((max(job.doubt.least_dof, 1), job.pressure.wishart_dof))
+    draws: list[tuple[str, Callable[[int], Array | IntArray]]] = [
+        (name, partial(_within, interval, rng=rng))
+        for name, interval in _intervals(job).items()
         if any(interval)
     ]
     if others:
-        draws.append(("surface", 0, lambda n: rng.integers(1, 1 + others, n)))
-    if doubt.least_dof:
-        draws.append(
-            ("dof", 0, lambda n: np.exp(rng.uniform(np.log(low), np.log(high), n)).astype(np.int64))
-        )
+        draws.append(("surface", lambda n: rng.integers(1, 1 + others, n)))
+    if job.doubt.least_dof:
+        logs = np.log(low), np.log(high)
+        draws.append(("dof", lambda n: np.exp(rng.uniform(*logs, n)).astype(np.int64)))
     if tolerance_mm:
-        draws.append(("deviation", 0, partial(_deviations, tolerance_mm, rng=rng)))
+        draws.append(("deviation", partial(_deviations, tolerance_mm, rng=rng)))
     return draws
 
 
-def _friction(job: Job, n: int, rng: np.random.Generator) -> Array:
+def _friction(job: Job, n: int, rng: Generator) -> Array:
     """Friction (n,) outside the bounds for a share (`friction.doubt`) of the parts, `FRESH` for the others.
 
     Half of those outside lie between `SLIPPERY` times the lower bound and that bound, the others between
@@ -123,32 +133,27 @@ def _friction(job: Job, n: int, rng: np.random.Generator) -> Array:
     return friction
 
 
-def _within(interval: Interval, n: int, rng: np.random.Generator) -> Array:
+def _within(interval: Interval, n: int, rng: Generator) -> Array:
     """Values (n,) by the arcsine law: faults that matter lie near the ends of their interval."""
     low, high = interval
-    return np.asarray(
-        0.5 * (low + high) + 0.5 * (high - low) * np.sin(np.pi * (rng.random(n) - 0.5))
-    )
+    aside = np.sin(np.pi * (rng.random(n) - 0.5))
+    return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * aside)
 
 
-def _deviations(tolerance_mm: float, n: int, rng: np.random.Generator) -> Array:
+def _deviations(tolerance_mm: float, n: int, rng: Generator) -> Array:
     """Deviations of outlines (n, SHAPES) [mm]: for half of them offset and scale, for the others waves."""
     shapes = np.empty((n, SHAPES))
     for k in range(2):
         shapes[:, k] = _within((-tolerance_mm, tolerance_mm), n, rng) * (rng.random(n) < 0.5)
-    shapes[:, 2:] = (
-        tolerance_mm * WAVY / np.sqrt(0.5 * (SHAPES - 2)) * rng.standard_normal((n, SHAPES - 2))
-    )
+    spread = tolerance_mm * WAVY / np.sqrt(0.5 * (SHAPES - 2))
+    shapes[:, 2:] = spread * rng.standard_normal((n, SHAPES - 2))
     return shapes
 
 
 def stated(job: Job, n: int) -> Traits:
     """The traits (n,) of parts as planned: the middle of each doubt's interval."""
-    traits, doubt = as_planned(n), job.doubt
-    traits["share"] = 0.5 * sum(doubt.finger_share)
-    traits["across_mm"] = closing_mm(job) * traits["share"] + 0.5 * sum(doubt.middle_mm)
-    traits["encoder_mm"] = 0.5 * sum(doubt.encoder_mm)
-    traits["gain"] = 0.5 * sum(doubt.encoder_gain)
+    traits = _middles(job, n)
+    traits["across_mm"] += closing_mm(job) * traits["share"]
     return traits
 
 

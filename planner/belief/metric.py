@@ -53,9 +53,8 @@ class Metric(NamedTuple):
     kind: str = "pose"  # one of `runtime.table.KINDS`
     tolerance: tuple[float, float, float] = (1.0, 1.0, 1.0)  # bounds on x, y [mm] and theta [rad]
     modes: int = 1  # how many poses a prediction may name
-    further: tuple[
-        tuple[float, int], ...
-    ] = ()  # rho [mm] and order of each hypothesis after the first
+    # rho [mm] and order of each hypothesis after the first
+    further: tuple[tuple[float, int], ...] = ()
     identify: bool = True  # whether a prediction must name the right hypothesis
 
     @property
@@ -135,16 +134,12 @@ class Metric(NamedTuple):
         """
         weights, total, rest = self.weights(), len(states), states
         results: list[Mode] = []
-        while (
-            len(results) < most and len(rest) and (not results or len(rest) >= least_share * total)
-        ):
-            state = np.empty(states.shape[1])
-            share = (
-                largest_mode(np.ascontiguousarray(rest.T), len(rest), weights, state)
-                * len(rest)
-                / total
-            )
-            if results and share < least_share:
+        for number in range(most):
+            if not len(rest) or (number and len(rest) < least_share * total):
+                break
+            columns, state = np.ascontiguousarray(rest.T), np.empty(states.shape[1])
+            share = largest_mode(columns, len(rest), weights, state) * len(rest) / total
+            if number and share < least_share:
                 break
             results.append(Mode(state[:3], share, hypothesis=(int(_hypothesis(state)),)))
             if most > 1:
@@ -154,23 +149,18 @@ class Metric(NamedTuple):
 
 def _hypothesis(states: Array) -> IntArray:
     """The hypotheses (...,) of states (..., 3 or 4)."""
-    return np.asarray(
-        states[..., 3] if states.shape[-1] > 3 else np.zeros(states.shape[:-1]), np.int64
-    )
+    which = states[..., 3] if states.shape[-1] > 3 else np.zeros(states.shape[:-1])
+    return np.asarray(which, np.int64)
 
 
 def metric_of(job: Job) -> Metric:
     """The metric of a job's goal."""
-    goal = job.goal
-    scales = [
-        (radius_of_gyration(alone.part.outline_mm), alone.part.symmetry) for alone in job.alone
-    ]
+    goal, parts = job.goal, [alone.part for alone in job.alone]
+    first, *others = [(radius_of_gyration(part.outline_mm), part.symmetry) for part in parts]
     tolerance = (*goal.tolerance_mm, math.radians(goal.tolerance_deg))
     modes = goal.modes if goal.kind == "modes" else 1
-    identify = goal.identify is not False
-    return Metric(
-        goal.distance_mm, *scales[0], goal.kind, tolerance, modes, tuple(scales[1:]), identify
-    )
+    named = goal.identify is not False
+    return Metric(goal.distance_mm, *first, goal.kind, tolerance, modes, tuple(others), named)
 
 
 @inlined_kernel
@@ -193,28 +183,28 @@ def off(columns: Array, i: int, centre: Array, weights: Array) -> tuple[float, f
 
 @inner_kernel
 def within(
-    columns: Array, start: int, stop: int, centre: Array, weights: Array, inside: BoolArray
+    columns: Array, low: int, high: int, centre: Array, weights: Array, inside: BoolArray
 ) -> int:
-    """Marks which states from `start` up to `stop` are within the goal of `centre`; returns how many.
+    """Marks which states from `low` up to `high` are within the goal of `centre`; returns how many.
 
     The states stand in columns (3 or 4, n), so that the loop is vectorised for poses of one part.
 
     Args:
         columns: x, y [mm], theta [rad] and maybe the hypothesis of n states.
-        start: the first state.
-        stop: one past the last state.
+        low: the first state.
+        high: one past the last state.
         centre: (3 or 4,) taken under the symmetry of each state.
         weights: (h, 6) of the metric.
         inside: (n,) receives the marks.
     """
     count = 0
     if columns.shape[0] > 3 or weights[0, 0] == 0.0:
-        for i in range(start, stop):
+        for i in range(low, high):
             inside[i] = off(columns, i, centre, weights)[0] < 1.0
             count += int(inside[i])
         return count
     x, y, theta, period = weights[0, 1], weights[0, 2], weights[0, 3], weights[0, 4]
-    for i in range(start, stop):
+    for i in range(low, high):
         dx, dy = x * (columns[0, i] - centre[0]), y * (columns[1, i] - centre[1])
         turn = columns[2, i] - centre[2]
         room = 1.0 - theta * abs(turn - period * np.round(turn / period))
@@ -226,17 +216,17 @@ def within(
 @inner_kernel
 def inliers(
     columns: Array,
-    start: int,
-    stop: int,
+    low: int,
+    high: int,
     centre: Array,
     weights: Array,
     inside: BoolArray,
     mean: Array,
 ) -> int:
     """`within` that also fills `mean` with the mean of the marked states, taken about the centre."""
-    count = within(columns, start, stop, centre, weights, inside)
+    count = within(columns, low, high, centre, weights, inside)
     mean[:] = 0.0
-    for i in range(start, stop):
+    for i in range(low, high):
         if inside[i]:
             mean[0] += columns[0, i] - centre[0]
             mean[1] += columns[1, i] - centre[1]
@@ -265,26 +255,22 @@ def largest_mode(columns: Array, n: int, weights: Array, state: Array) -> float:
         The share, 0 to 1.
     """
     stride, best = max(1, n // CANDIDATES), -1
-    centre = np.empty(columns.shape[0])
-    mean = np.empty(columns.shape[0])
+    centre, mean = np.empty(columns.shape[0]), np.empty(columns.shape[0])
     inside = np.empty(n, np.bool_)
     for start in range(0, n, stride):
         centre[:] = columns[:, start]
         if 2 * within(columns, 0, n, centre, weights, inside) < best:
             continue
-        count = inliers(columns, 0, n, centre, weights, inside, mean)
-        for _ in range(REFINEMENTS):
+        last = 0
+        for _ in range(REFINEMENTS + 1):
+            count = inliers(columns, 0, n, centre, weights, inside, mean)
             if count > best:
                 best = count
                 state[:] = centre
-            centre[:] = mean
-            last = count
-            count = inliers(columns, 0, n, centre, weights, inside, mean)
             if count < last:
                 break
-        if count > best:
-            best = count
-            state[:] = centre
+            last = count
+            centre[:] = mean
         if best == n:
             break
     # Among equals the mean is the better prediction.

@@ -25,9 +25,8 @@ class Belief:
 
     poses: Array  # (n, 3) in the world [mm, mm, rad]
     traits: Traits  # (n,)
-    reading: (
-        IntArray  # (n,) counts of the last squeeze; before the first `UNREAD`, once pushed `PUSHED`
-    )
+    # (n,) counts of the last squeeze; before the first `UNREAD`, once pushed `PUSHED`
+    reading: IntArray
 
     @classmethod
     def of(
@@ -81,9 +80,8 @@ def evenly(job: Job, n: int, rng: np.random.Generator) -> Array:
     Multiples of the inverse powers of `RATIO`, reduced to their fractions, fill a cube evenly (Roberts
     2018).
     """
-    return _poses(
-        job, (rng.random((3, 1)) + np.outer(RATIO ** -np.arange(1.0, 4.0), np.arange(n))) % 1.0
-    )
+    steps = np.outer(RATIO ** -np.arange(1.0, 4.0), np.arange(n))
+    return _poses(job, (rng.random((3, 1)) + steps) % 1.0)
 
 
 def _poses(job: Job, uniform: Array) -> Array:

@@ -28,7 +28,7 @@ from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import Metric, inliers, within
 from planner.belief.observation import Resolution
 from planner.belief.stopping import StoppingRule, missed
-from planner.kernel import inner_kernel, kernel
+from planner.kernel import kernel
 
 MOST_CELLS = 128  # of a belief, unless cells would be needlessly coarse
 CANDIDATES = 48  # candidate poses of a belief, besides one for each cell
@@ -61,23 +61,16 @@ class Rule(NamedTuple):
 
     def compiled(self) -> Costs:
         """The rule in the form that kernels read."""
-        metric, resolution = self.metric, self.resolution
-        prices = (self.doubt, self.astray, self.branch, self.reach * resolution.grain)
+        (_, free, _, grain, coarsest), metric = self.resolution, self.metric
+        prices = map(float, (self.doubt, self.astray, self.branch, self.reach * grain))
         stopping = StoppingRule(*map(float, self.stopping))
-        return Costs(
-            resolution.free,
-            resolution.coarsest,
-            metric.weights(),
-            metric.modes,
-            stopping,
-            *map(float, prices),
-        )
+        return Costs(free, coarsest, metric.weights(), metric.modes, stopping, *prices)
 
 
 class Costs(NamedTuple):
-    """A `Rule` for kernels, in cells. All but counts are floats, so that kernels compile once."""
+    """A `Rule` for kernels. All but counts are floats, so that kernels compile once."""
 
-    free: int  # least cell that an empty hand reads
+    free: int  # least reading of an empty hand
     coarsest: int  # steps that a cell may have
     weights: Array  # of the metric
     modes: int  # most modes of a belief
@@ -85,7 +78,7 @@ class Costs(NamedTuple):
     doubt: float
     astray: float
     branch: float
-    reach: float
+    reach: float  # [steps of the encoder]
 
 
 class Sums(NamedTuple):
@@ -113,58 +106,52 @@ def partition(poses: Array, readings: IntArray, rule: Rule) -> IntArray:
     Returns:
         (n,) the interval of each, numbered from 0 in the order of rising width.
     """
-    costs, cells = rule.compiled(), np.empty(len(readings), np.int64)
-    held, steps = into_cells(readings, costs.free, costs.coarsest, MOST_CELLS, cells)
-    weight = np.bincount(cells, minlength=held + 1)
-    order = np.argsort(cells, kind="stable")
-    bounds = np.empty(held + 2, np.int64)
-    columns = np.ascontiguousarray(poses[order].T)
-    k = intervals(columns, weight, in_cells(costs, held, steps), bounds)
-    return np.asarray(k - np.searchsorted(bounds[k::-1], cells, side="right"))
+    return interval_of_each(poses, readings, rule.compiled())
 
 
 @kernel
-def into_cells(
-    readings: IntArray, free: int, coarsest: int, most: int, cells: IntArray
-) -> tuple[int, int]:
-    """Replaces readings (n,) by equal cells, in place; returns the number of cells and their steps.
+def interval_of_each(states: Array, readings: IntArray, costs: Costs) -> IntArray:
+    """`partition` for kernels."""
+    cells, held, steps = into_cells(readings, costs.free, costs.coarsest)
+    columns, weight, _ = by_group(states, cells, held + 1)
+    bounds = intervals(columns, weight, costs, costs.reach / steps)
+    return len(bounds) - 1 - np.searchsorted(bounds[::-1], cells, side="right")
 
-    Readings of held parts, below `free`, take at most `most` cells, unless a cell would exceed `coarsest`
+
+@kernel
+def into_cells(readings: IntArray, free: int, coarsest: int) -> tuple[IntArray, int, int]:
+    """The cells (n,) of readings (n,), the number of cells of held parts, and the steps of each.
+
+    Readings of held parts, below `free`, take at most `MOST_CELLS`, unless a cell would exceed `coarsest`
     steps; readings of an empty hand are the cell after these.
     """
-    lowest = free
-    for reading in readings:
-        lowest = min(lowest, reading)
-    steps = min(max(-(-(free - lowest) // most), 1), coarsest)
+    lowest = min(free, readings.min())
+    steps = min(max(-(-(free - lowest) // MOST_CELLS), 1), coarsest)
     held = -(-(free - lowest) // steps)
-    for i in range(readings.shape[0]):
-        below = free - 1 - readings[i]
-        cells[i] = held if below < 0 else held - 1 - below // steps
-    return held, steps
+    below = free - 1 - readings
+    return np.where(below < 0, held, held - 1 - below // steps), held, steps
 
 
 @kernel
-def in_cells(costs: Costs, held: int, steps: int) -> Costs:
-    """The costs in cells of several steps, for readings replaced by `into_cells`."""
-    return Costs(
-        held,
-        costs.coarsest,
-        costs.weights,
-        costs.modes,
-        costs.stopping,
-        costs.doubt,
-        costs.astray,
-        costs.branch,
-        costs.reach / steps,
-    )
+def by_group(states: Array, group: IntArray, groups: int) -> tuple[Array, IntArray, IntArray]:
+    """Sorts states (n, m) by their group (n,), stably.
+
+    Returns:
+        The states in columns (m, n), the size (groups,) of each group, and the order (n,) of the states.
+    """
+    size = np.bincount(group, minlength=groups)
+    place, order = np.cumsum(size) - size, np.empty_like(group)
+    for i in range(group.shape[0]):
+        order[place[group[i]]] = i
+        place[group[i]] += 1
+    return np.ascontiguousarray(states[order].T), size, order
 
 
 @kernel
-def candidates(
-    columns: Array, first: IntArray, counts: IntArray, m: int, weights: Array, poses: Array
-) -> int:
-    """Fills `poses` (c, .) with poses that explain many particles about a count; returns c."""
-    n, width, c = first[m], columns.shape[0], 0
+def candidates(columns: Array, first: IntArray, counts: IntArray, weights: Array) -> Array:
+    """Poses (c, .) that explain many particles about a count."""
+    n, m, width, c = first[-1], counts.shape[0], columns.shape[0], 0
+    poses = np.empty((m + CANDIDATES, width))
     mean, centre, inside = np.empty(width), np.empty(width), np.empty(n, np.bool_)
     for a in range(m):
         low, high = first[a], first[a + 1]
@@ -185,22 +172,32 @@ def candidates(
                 poses[c] = centre
                 centre[:] = mean
             c += 1
-    return c
+    return poses[:c]
 
 
 @kernel
 def explained(
-    columns: Array, first: IntArray, counts: IntArray, m: int, weights: Array, modes: int
-) -> tuple[IntArray, BoolArray]:
-    """Cumulative counts (m + 1, c) of particles within the goal of each candidate; mask of those apart."""
-    result, inside = np.empty((m + CANDIDATES, columns.shape[0])), np.empty(first[m], np.bool_)
-    result = result[: candidates(columns, first, counts, m, weights, result)]
-    hits = np.zeros((m + 1, result.shape[0]), np.int64)
-    for c in range(result.shape[0]):
-        within(columns, 0, first[m], result[c], weights, inside)
-        for a in range(m):
+    columns: Array, weight: IntArray, costs: Costs, reach: float
+) -> tuple[IntArray, Sums, Reach, BoolArray]:
+    """Sums the particles within the goal of each candidate pose.
+
+    Args:
+        columns: (m, n) states, sorted by count.
+        weight: how many of them have each count.
+        costs: of branches and leaves.
+        reach: distance within which counts are near a cut.
+
+    Returns:
+        The counts that occur, the sums over them, which are near a cut, and which candidates are apart.
+    """
+    counts, first = occupied(weight)
+    poses, inside = candidates(columns, first, counts, costs.weights), np.empty(first[-1], np.bool_)
+    hits = np.zeros((first.shape[0], poses.shape[0]), np.int64)
+    for c in range(poses.shape[0]):
+        within(columns, 0, first[-1], poses[c], costs.weights, inside)
+        for a in range(counts.shape[0]):
             hits[a + 1, c] = hits[a, c] + inside[first[a] : first[a + 1]].sum()
-    return hits, mutually_apart(result if modes > 1 else result[:0], weights)
+    return counts, Sums(hits, first), find_near(counts, reach), mutually_apart(poses, costs)
 
 
 @kernel
@@ -220,26 +217,31 @@ def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple
 
 
 @kernel
-def leaf_cost(
-    counted: Sums, i: int, j: int, reach: Reach, apart: BoolArray, costs: Costs
-) -> tuple[float, float]:
-    """Probability that counts i to j - 1 miss the goal, and the cost of a leaf; arguments as `least_cost`."""
+def tally(
+    counted: Sums, misread: Sums, i: int, j: int, reach: Reach, apart: BoolArray, modes: int
+) -> tuple[int, int, int, int]:
+    """Numbers of particles for an interval of counts i to j - 1; arguments as of `least_cost`.
+
+    Returns:
+        Those within the goal of its best candidates; all of its particles; those that may stray into it; and
+        of these, those outside the goal.
+    """
     hits, size, low, high = counted.hits, counted.size, reach.low, reach.high
-    stopping = costs.stopping
-    best, chosen = _best(hits, i, j, costs.modes, apart)
-    here = size[j] - size[i]
-    open_still, rest = missed(best, here, stopping.confidence, stopping.inside, stopping.outside)
-    wrong = size[high[j]] - size[j] + size[i] - size[low[i]]
+    best, chosen = _best(hits, i, j, modes, apart)
+    strange = size[high[j]] - size[j] + size[i] - size[low[i]]
+    strange += misread.size[j] - misread.size[i]
+    wrong = strange
     if chosen >= 0:
         wrong -= hits[high[j], chosen] - hits[j, chosen] + hits[i, chosen] - hits[low[i], chosen]
-    return open_still, stopping.failure * (here * rest + costs.doubt * wrong)
+        wrong -= misread.hits[j, chosen] - misread.hits[i, chosen]
+    return best, size[j] - size[i], strange, wrong
 
 
 @kernel
 def least_cost(
-    counted: Sums, misread: Sums, reach: Reach, apart: BoolArray, costs: Costs, start: IntArray
-) -> float:
-    """The least cost of cutting particles of m counts into intervals; `start` receives the cuts.
+    counted: Sums, misread: Sums, reach: Reach, apart: BoolArray, costs: Costs
+) -> tuple[float, IntArray]:
+    """The least cost of cutting particles of m counts into intervals, and the cuts.
 
     Args:
         counted: the particles.
@@ -247,99 +249,79 @@ def least_cost(
         reach: which counts are near a cut.
         apart: (c, c) pairs of candidates that no particle can be near at once; empty for one mode.
         costs: of branches and leaves.
-        start: (m + 1,) receives where the last interval of the first j counts begins.
+
+    Returns:
+        The cost, and (m + 1,) where the last interval of the first j counts begins.
     """
-    hits, size, low, high = counted.hits, counted.size, reach.low, reach.high
-    m = size.shape[0] - 1
-    least = np.full(m + 1, np.inf)
+    m, failure = counted.size.shape[0] - 1, costs.stopping.failure
+    least, start = np.full(m + 1, np.inf), np.zeros(m + 1, np.int64)
     least[0] = 0.0
-    stopping, failure = costs.stopping, costs.stopping.failure
-    doubt, astray, branch = costs.doubt, costs.astray, costs.branch
     for i in range(m):
-        if size[i + 1] == size[i]:
+        if counted.size[i + 1] == counted.size[i]:
             least[i + 1] = min(least[i + 1], least[i])  # nothing there
             continue
         for j in range(i + 1, m + 1):
-            here = size[j] - size[i]
-            strange = size[high[j]] - size[j] + size[i] - size[low[i]]
-            strange += misread.size[j] - misread.size[i]
-            best, chosen = _best(hits, i, j, costs.modes, apart)
-            wrong = strange
-            if chosen >= 0:
-                wrong -= (
-                    hits[high[j], chosen] - hits[j, chosen] + hits[i, chosen] - hits[low[i], chosen]
-                )
-                wrong -= misread.hits[j, chosen] - misread.hits[i, chosen]
-            open_still, rest = missed(
-                best, here, stopping.confidence, stopping.inside, stopping.outside
-            )
+            best, here, strange, wrong = tally(counted, misread, i, j, reach, apart, costs.modes)
+            open_still, rest = missed(best, here, costs.stopping)
             further = 2.0 - best / here
             left = open_still * further + (1.0 - open_still) * min(failure * rest, further)
-            harm = astray * open_still * strange + (1.0 - open_still) * failure * doubt * wrong
-            cost = least[i] + branch + here * left + harm
+            astray = costs.astray * open_still * strange
+            harm = astray + (1.0 - open_still) * failure * costs.doubt * wrong
+            cost = least[i] + costs.branch + here * left + harm
             if cost < least[j]:
                 least[j], start[j] = cost, i
-    return float(least[m])
-
-
-@inner_kernel
-def find_near(counts: IntArray, m: int, distance: float, reach: Reach) -> None:
-    """Fills in `reach` for m ascending counts and a distance [counts]."""
-    low, high = reach.low, reach.high
-    for i in range(m + 1):
-        low[i], high[i] = i, i
-        while i < m and low[i] > 0 and counts[i] - counts[low[i] - 1] <= distance:
-            low[i] -= 1
-        while i > 0 and high[i] < m and counts[high[i]] - counts[i - 1] <= distance:
-            high[i] += 1
-
-
-@inner_kernel
-def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> int:
-    """Fills in the m counts below `stop` that occur, and the cumulative number of readings; returns m."""
-    m = 0
-    first[0] = 0
-    for count in range(min(stop, weight.shape[0])):
-        if weight[count] > 0:
-            counts[m] = count
-            first[m + 1] = first[m] + weight[count]
-            m += 1
-    return m
+    return least[m], start
 
 
 @kernel
-def intervals(columns: Array, weight: IntArray, costs: Costs, bounds: IntArray) -> int:
-    """Fills in the bounds (k + 1,) of the intervals, descending; returns k.
+def find_near(counts: IntArray, distance: float) -> Reach:
+    """The counts near each cut of m ascending counts, up to a distance [counts]."""
+    m = counts.shape[0]
+    low, high = np.arange(m + 1), np.zeros(m + 1, np.int64)
+    low[:m] = np.searchsorted(counts, counts - int(distance))
+    high[1:] = np.searchsorted(counts, counts + int(distance), side="right")
+    return Reach(low, high)
 
-    The states stand in columns, by ascending count. Interval j has counts from bounds[j + 1] up to bounds[j].
+
+@kernel
+def occupied(weight: IntArray) -> tuple[IntArray, IntArray]:
+    """The m counts that occur, and the cumulative number (m + 1,) of readings."""
+    counts = np.flatnonzero(weight)
+    first = np.zeros(len(counts) + 1, np.int64)
+    first[1:] = np.cumsum(weight[counts])
+    return counts, first
+
+
+@kernel
+def intervals(columns: Array, weight: IntArray, costs: Costs, reach: float) -> IntArray:
+    """The bounds (k + 1,) of the intervals, descending: interval j has cells bounds[j + 1] up to bounds[j].
+
+    Args:
+        columns: (m, n) states, sorted by cell.
+        weight: number of readings in each cell, the last of an empty hand.
+        costs: of branches and leaves.
+        reach: as of `Costs`, in cells.
     """
-    n, free = weight.shape[0], costs.free
-    counts, first = np.empty(n, np.int64), np.zeros(n + 1, np.int64)
-    m = occupied(weight, free, counts, first)
-    hits, apart = explained(columns, first, counts, m, costs.weights, costs.modes)
-    start = np.zeros(m + 1, np.int64)
-    reach = Reach(np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64))
-    find_near(counts, m, costs.reach, reach)
-    none = Sums(np.zeros_like(hits), np.zeros(m + 1, np.int64))
-    least_cost(Sums(hits, first[: m + 1]), none, reach, apart, costs, start)
-    k = 0
-    if weight[max(free, 0) :].sum() > 0:
-        bounds[0] = n
+    held = weight.shape[0] - 1
+    counts, sums, near, apart = explained(columns, weight[:held], costs, reach)
+    none = Sums(np.zeros_like(sums.hits), np.zeros_like(sums.size))
+    _, start = least_cost(sums, none, near, apart, costs)
+    bounds, k, j = np.empty(held + 2, np.int64), 0, len(counts)
+    if weight[held] > 0:
+        bounds[0] = held + 1
         k = 1
-    bounds[k] = min(free, n)
-    j = m
+    bounds[k] = held
     while j > 0:
         j = start[j]
         k += 1
         bounds[k] = counts[j]
-    return k
+    return bounds[: k + 1]
 
 
 @kernel
-def mutually_apart(poses: Array, weights: Array) -> BoolArray:
-    """(c, c) whether no particle can be within the goal of both candidates."""
-    c = poses.shape[0]
-    half = np.copy(weights)
+def mutually_apart(poses: Array, costs: Costs) -> BoolArray:
+    """(c, c) whether no particle can be within the goal of both candidates; empty for one mode."""
+    c, half = poses.shape[0] if costs.modes > 1 else 0, np.copy(costs.weights)
     half[:, 1:4] *= 0.5
     columns = np.ascontiguousarray(poses.T)
     near = np.zeros((c, c), np.bool_)

@@ -5,9 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel
 from runtime import table as tables
 
@@ -51,39 +48,30 @@ class StoppingRule(NamedTuple):
 
     def holds(self, ratio: float, size: int) -> bool:
         """Whether a table may call a leaf resolved: it misses no more than a good leaf does in trials."""
-        if self.reached(ratio):
-            return True
-        return size >= LEAST_EVIDENCE and not tables.refuted(
-            round(ratio * size), size, self.confidence
-        )
+        enough, hits = size >= LEAST_EVIDENCE, round(ratio * size)
+        return self.reached(ratio) or (enough and not tables.refuted(hits, size, self.confidence))
 
-    def cost_to_go(self, hits: Array, size: IntArray) -> Array:
-        """Expected squeezes left (n,) of beliefs with `hits` (n,) of `size` (n,) particles in their modes."""
-        return np.array(
-            [squeezes_left(float(k), float(n), *self) for k, n in zip(hits, size, strict=True)]
-        )
+    def cost_to_go(self, hits: float, size: float) -> float:
+        """Expected squeezes left of a belief with `hits` of `size` particles in its modes."""
+        return squeezes_left(float(hits), float(size), self)
 
 
 @inner_kernel
-def missed(
-    hits: float, size: float, confidence: float, inside: float, outside: float
-) -> tuple[float, float]:
+def missed(hits: float, size: float, rule: StoppingRule) -> tuple[float, float]:
     """Probability that a belief misses the goal, and the expected share outside its modes."""
-    total = size + inside + outside
-    share = (hits + inside) / total
+    total = size + rule.inside + rule.outside
+    share = (hits + rule.inside) / total
     deviation = math.sqrt(share * (1.0 - share) / total)
-    return 0.5 * math.erfc((share - confidence) / (deviation * math.sqrt(2.0))), 1.0 - share
+    return 0.5 * math.erfc((share - rule.confidence) / (deviation * math.sqrt(2.0))), 1.0 - share
 
 
 @inner_kernel
-def squeezes_left(
-    hits: float, size: float, confidence: float, failure: float, inside: float, outside: float
-) -> float:
+def squeezes_left(hits: float, size: float, rule: StoppingRule) -> float:
     """Leaf heuristic: squeezes left of a belief with `hits` of `size` particles in its modes.
 
     A belief that misses the goal needs one more squeeze, and possibly a second one, with a probability that
     grows with the share missing. A belief that meets the goal costs its parts outside the modes.
     """
-    open_still, rest = missed(hits, size, confidence, inside, outside)
+    open_still, rest = missed(hits, size, rule)
     further = 2.0 - hits / size
-    return open_still * further + (1.0 - open_still) * min(failure * rest, further)
+    return open_still * further + (1.0 - open_still) * min(rule.failure * rest, further)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self, TypeAlias
 
 import numpy as np
+from numpy.random import Generator
 
-from planner.arrays import Array, BoolArray, IntArray
+from planner.arrays import Array, BoolArray
 from planner.belief.observation import Encoder, Partition
 from planner.belief.particles import PUSHED, UNREAD, Belief
 from planner.belief.partition import Rule, partition
@@ -63,9 +64,8 @@ class Outcomes(NamedTuple):
             beliefs += [belief[piece == k] for k in range(len(starts), -1, -1)]
         if len(beliefs) == len(self.beliefs):
             return self
-        return self._replace(
-            clusters=Partition.of([piece.reading for piece in beliefs]), beliefs=beliefs
-        )
+        clusters = Partition.of([piece.reading for piece in beliefs])
+        return self._replace(clusters=clusters, beliefs=beliefs)
 
     @property
     def probability(self) -> Array:
@@ -73,25 +73,26 @@ class Outcomes(NamedTuple):
         return np.asarray(self.clusters.size / self.clusters.size.sum())
 
 
-class Placing(NamedTuple):
-    """Placement errors of the arm: standard deviations, drawn for every squeeze."""
-
-    shift_mm: float  # of x and of y [mm]
-    turn: float  # of the angle [rad]
-
-    def placed(self, placements: Array, traits: Traits, rng: np.random.Generator) -> Array:
-        """True placements of a hand sent to placements (n, 3), by the traits (n,) of parts [mm, mm, rad].
-
-        The number of random draws does not depend on the errors, so that trials are comparable one by one.
-        """
-        spread = np.array([self.shift_mm, self.shift_mm, self.turn])
-        placed = placements + spread * rng.standard_normal(placements.shape)
-        closing = np.stack([-np.sin(placed[:, 2]), np.cos(placed[:, 2])], axis=1)
-        placed[:, :2] += traits["across_mm"][:, None] * closing
-        return np.asarray(placed)
+EXACT = np.zeros(3)  # no errors of the arm
 
 
-EXACT = Placing(0.0, 0.0)
+def true_placements(
+    placements: Array, traits: Traits, rng: Generator, spread: Array = EXACT
+) -> Array:
+    """True placements of a hand sent to placements (n, 3), by the traits (n,) of parts [mm, mm, rad].
+
+    The number of random draws does not depend on the errors, so that trials are comparable one by one.
+
+    Args:
+        placements: where the arm sends the hand.
+        traits: of the parts.
+        rng: of the errors.
+        spread: (3,) standard deviations of the arm's errors, drawn for every squeeze.
+    """
+    placed = placements + spread * rng.standard_normal(placements.shape)
+    closing = np.stack([-np.sin(placed[:, 2]), np.cos(placed[:, 2])], axis=1)
+    placed[:, :2] += traits["across_mm"][:, None] * closing
+    return np.asarray(placed)
 
 
 def read_as(width_mm: Array, traits: Traits) -> Array:
@@ -106,7 +107,7 @@ class Simulation:
     simulator: Simulator | Mixture
     encoder: Encoder
 
-    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Squeezed]:
+    def squeeze(self, cases: list[Case], rng: Generator) -> list[Squeezed]:
         """Squeezes beliefs at placements in one batch, each particle by itself, and reads the widths.
 
         Args:
@@ -121,33 +122,30 @@ class Simulation:
         size = np.array([len(belief) for belief, _ in cases])
         traits = joined(belief.traits for belief, _ in cases)
         placements = np.repeat([placement for _, placement in cases], size, axis=0)
-        hand = EXACT.placed(placements, traits, rng)
+        hand = true_placements(placements, traits, rng)
         poses = np.concatenate([belief.poses for belief, _ in cases])
         rolled = self.simulator.squeeze(to_hand(poses, hand.T), rng, traits)
         counts = self.encoder.read(read_as(rolled.width_mm, traits), rng)
         counts = self.encoder.with_flag(counts, rolled.width_mm)
         after = to_world(rolled.poses, hand.T)
-        stops: IntArray = np.cumsum(size)
-        starts: IntArray = stops - size
-        width_mm = np.add.reduceat(rolled.width_mm, starts) / size
-        each = zip(cases, starts.tolist(), stops.tolist(), width_mm.tolist(), strict=True)
+        stops = np.cumsum(size)
+        width_mm = np.add.reduceat(rolled.width_mm, stops - size) / size
+        pieces = np.split(after, stops[:-1]), np.split(counts, stops[:-1])
+        each = zip(cases, *pieces, width_mm.tolist(), strict=True)
         return [
-            Squeezed(Belief(after[start:stop], belief.traits, counts[start:stop]), width)
-            for (belief, _), start, stop, width in each
+            Squeezed(Belief(lying, belief.traits, reading), width)
+            for (belief, _), lying, reading, width in each
         ]
 
-    def push(self, belief: Belief, push: Push, rng: np.random.Generator) -> Belief:
+    def push(self, belief: Belief, push: Push, rng: Generator) -> Belief:
         """The belief after a push, each particle rolled out by itself."""
         n = len(belief)
-        hand = EXACT.placed(np.tile(push.start, (n, 1)), belief.traits, rng)
+        hand = true_placements(np.tile(push.start, (n, 1)), belief.traits, rng)
         opening, way = np.full(n, push.opening_mm), np.full(n, push.way_mm)
         lying = to_hand(belief.poses, hand.T)
-        poses = to_world(
-            self.simulator.push_by_hand(lying, opening, way, rng, belief.traits), hand.T
-        )
-        return Belief(
-            poses, belief.traits, np.where(belief.reading == UNREAD, PUSHED, belief.reading)
-        )
+        ends = self.simulator.push_by_hand(lying, opening, way, rng, belief.traits)
+        reading = np.where(belief.reading == UNREAD, PUSHED, belief.reading)
+        return Belief(to_world(ends, hand.T), belief.traits, reading)
 
 
 def finger_speed_mm_s(speed_mm_s: float) -> float:

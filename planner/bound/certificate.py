@@ -15,7 +15,7 @@ from planner.belief.doubts import believed
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of
 from planner.belief.particles import Belief, subsample
-from planner.belief.transition import EXACT, read_as
+from planner.belief.transition import read_as, true_placements
 from planner.bound.histories import Depths, Histories, History, Squeeze
 from planner.bound.lagrangian import Term, leaves_term, overall_term, worth_trying
 from planner.evaluation.trials import encoder_of_table, placement_of
@@ -175,7 +175,7 @@ def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
     def squeeze(
         parts: Belief, placements: Array, rng: np.random.Generator
     ) -> tuple[Array, IntArray]:
-        hand = EXACT.placed(placements, parts.traits, rng)
+        hand = true_placements(placements, parts.traits, rng)
         rolled = simulator.squeeze(to_hand(parts.poses, hand.T), rng, parts.traits)
         readings = encoder.read(read_as(rolled.width_mm, parts.traits), rng)
         return to_world(rolled.poses, hand.T), 2 * readings + (rolled.width_mm > 0.0)

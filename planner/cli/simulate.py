@@ -72,7 +72,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
     with redirect_stdout(words_of(arguments.output)):
         shell.answer(arguments.json, figures, line)
     if given_up and not arguments.json:
-        words = f"{given_up} {one if given_up == 1 else what} could not be stepped to their end; try --step-mm"
+        words = f"{given_up} of {len(status)} {what} could not be stepped to the end; try --step-mm"
         print(f"{NAME}: {words}", file=sys.stderr)
 
 

@@ -64,7 +64,7 @@ def check_range(stated: Mapping[str, Array], most: Mapping[str, float], where: P
 
 
 def paths(stated: Mapping[str, Array], centroid: Array) -> Paths:
-    """The paths of pushes with the columns `NAMES`, in the part's frame with its origin at `centroid` (2,)."""
+    """The paths of pushes (columns `NAMES`) in the part's frame, whose origin is at `centroid` (2,)."""
     centres = np.column_stack([stated["tip_x_mm"], stated["tip_y_mm"]]) - centroid
     ways = np.column_stack([stated["way_x_mm"], stated["way_y_mm"]])
     return Paths(centres[:, None], centres, np.zeros(len(centres)), ways)

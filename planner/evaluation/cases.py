@@ -6,13 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.belief.doubts import ROUGH, SLIPPERY
+from planner.belief.doubts import ROUGH, SLIPPERY, closing_mm
 from planner.belief.observation import encoder_of
 from planner.evaluation.disturbance import NONE, Disturbance
 from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
-from planner.part.outline import grown, min_width
+from planner.part.outline import grown
 from planner.part.pressure import stances
 from runtime.shell.errors import InputError
 
@@ -80,89 +79,58 @@ def standard_cases(job: Job) -> list[Case]:
     """Cases of `plan-evaluate --sweep`, the plan's world first: pressure, friction, encoder and others."""
     gripper, low, high = job.gripper, job.friction.finger_part_min, job.friction.finger_part_max
     share = gripper.upper_finger_share
+    aside = [*_beside(share, 0.1), *_beside(share, 0.05)]
     return [
         Case(PLANNED),
         *(_pressure(kind) for kind in ("boundary", "uniform") if job.pressure.kind != kind),
         *([] if job.hypothesis else [on_three_feet(job)]),  # several parts have different corners
         *_other_surface(job),
         Case("10 degrees of freedom", {"pressure": {"wishart_dof": 10}}),
-        *(
-            friction(*pair)
-            for pair in ((0.4 * low, 0.6 * low), (0.6 * low, low), (high, 1.5 * high))
-        ),
-        *(Case(f"encoder {mm:+g} mm", disturbance=Disturbance(mm)) for mm in (-1.0, 1.0)),
+        friction(0.4 * low, 0.6 * low),
+        friction(0.6 * low, low),
+        friction(high, 1.5 * high),
+        *(Case(f"encoder {mm:+g} mm", {}, Disturbance(mm)) for mm in (-1.0, 1.0)),
         Case("encoder noise x 3", {"gripper": {"noise_mm": 3.0 * gripper.noise_mm}}),
         *(uneven(job, other, centred=False) for other in _beside(share, 0.02)),
-        *(
-            uneven(job, other, centred=True)
-            for more in (0.1, 0.05)
-            for other in _beside(share, more)
-        ),
-        Case(
-            "placement 0.5 mm, 0.5 deg",
-            disturbance=Disturbance(placement_mm=0.5, placement_deg=0.5),
-        ),
-        Case(
-            "arm off by 0.7 mm, 0.5 deg", disturbance=Disturbance(bias_mm=(0.5, 0.5), bias_deg=0.5)
-        ),
+        *(uneven(job, other, centred=True) for other in aside),
+        Case("placement 0.5 mm, 0.5 deg", {}, Disturbance(placement_mm=0.5, placement_deg=0.5)),
+        Case("arm off by 0.7 mm, 0.5 deg", {}, Disturbance(bias_mm=(0.5, 0.5), bias_deg=0.5)),
         *(outline_off(job, mm) for mm in (-0.3, 0.3) if not job.hypothesis),
     ]
 
 
 def believed_cases(job: Job) -> list[Case]:
     """Cases for the first row of a report: each of the job's doubts at the ends of its interval."""
-    doubt, share = job.doubt, job.gripper.upper_finger_share
+    doubt, share, tolerance_mm = job.doubt, job.gripper.upper_finger_share, job.part.tolerance_mm
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    cases = [
-        uneven(job, share + off, centred=True)._replace(broken=_share(share + off, off > 0.0))
-        for off in doubt.finger_share
-        if off
-    ]
-    cases += [
-        Case(
-            f"fingers meet {off:+g} mm off",
-            disturbance=Disturbance(across_mm=off),
-            broken=Condition(
-                "the fingers' distance from the hand's middle", "below", abs(off), " mm"
-            ),
-        )
-        for off in doubt.middle_mm
-        if off
-    ]
-    cases += [
-        Case(
-            f"encoder {off:+g} mm",
-            disturbance=Disturbance(off),
-            broken=Condition("the error of widths", "below" if off > 0.0 else "above", off, " mm"),
-        )
-        for off in doubt.encoder_mm
-        if off
-    ]
-    cases += [
-        outline_off(job, sign * job.part.tolerance_mm)._replace(
-            broken=Condition(
-                "the distance of contours from the drawing", "below", job.part.tolerance_mm, " mm"
-            )
-        )
-        for sign in (-1, 1)
-        if job.part.tolerance_mm
-    ]
+    cases = list[Case]()
+    for off in filter(None, doubt.finger_share):
+        broken = _share(share + off, off > 0.0)
+        cases.append(uneven(job, share + off, centred=True)._replace(broken=broken))
+    for off in filter(None, doubt.middle_mm):
+        broken = Condition("the fingers' distance from the hand's middle", "below", abs(off), " mm")
+        cases.append(Case(f"fingers meet {off:+g} mm off", {}, Disturbance(across_mm=off), broken))
+    for off in filter(None, doubt.encoder_mm):
+        broken = Condition("the error of widths", "below" if off > 0.0 else "above", off, " mm")
+        cases.append(Case(f"encoder {off:+g} mm", {}, Disturbance(off), broken))
+    for off in (-tolerance_mm, tolerance_mm) if tolerance_mm else ():
+        quantity = "the distance of contours from the drawing"
+        broken = Condition(quantity, "below", tolerance_mm, " mm")
+        cases.append(outline_off(job, off)._replace(broken=broken))
     if job.friction.doubt:
         cases += [
             friction(round(SLIPPERY * low, 3), low, Condition("friction", "above", low)),
             friction(high, round(ROUGH * high, 3), Condition("friction", "below", high)),
         ]
     if doubt.pressure != "stated" and job.pressure.limit_surface is not None:
-        cases.append(
-            on_three_feet(job)._replace(broken=Condition("parts do not stand on three feet"))
-        )
+        broken = Condition("parts do not stand on three feet")
+        cases.append(on_three_feet(job)._replace(broken=broken))
     if doubt.limit_surface == "any":
         cases += _other_surface(job)
     if doubt.least_dof:
-        change = {"pressure": {"wishart_dof": doubt.least_dof}}
         name = f"{doubt.least_dof} degrees of freedom"
-        steady = Condition(f"friction with the table scatters less than at {name}")
-        cases.append(Case(name, change, broken=steady))
+        broken = Condition(f"friction with the table scatters less than at {name}")
+        cases.append(Case(name, {"pressure": {"wishart_dof": doubt.least_dof}}, broken=broken))
     return [case for case in cases if _stands(case, job)]
 
 
@@ -178,7 +146,7 @@ def _stands(case: Case, job: Job) -> bool:
 def offset_cases(job: Job) -> list[Case]:
     """Cases with the encoder's zero off to either side."""
     offset = OFFSET * encoder_of(job).grain_mm
-    return [Case(f"encoder {mm:+.2f} mm", disturbance=Disturbance(mm)) for mm in (-offset, offset)]
+    return [Case(f"encoder {mm:+.2f} mm", {}, Disturbance(mm)) for mm in (-offset, offset)]
 
 
 def noise_cases(job: Job) -> list[Case]:
@@ -191,22 +159,18 @@ def noise_cases(job: Job) -> list[Case]:
         sources.append(Case("encoder noise", {"gripper": {"noise_mm": 0.0}}))
     if job.release.shift_mm > 0.0 or job.release.turn_deg > 0.0:
         sources.append(Case("release", {"release": {"shift_mm": 0.0, "turn_deg": 0.0}}))
-    return [
-        *sources,
-        Case(EVERYTHING, {name: part for case in sources for name, part in case.changes.items()}),
-    ]
+    everything = {name: part for case in sources for name, part in case.changes.items()}
+    return [*sources, Case(EVERYTHING, everything)]
 
 
 def friction_cases(job: Job) -> list[Case]:
     """Cases for charts of readings: as planned, then the interval of friction times several factors."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    others = (
-        (factor, friction(round(low * factor, 6), round(high * factor, 6))) for factor in FACTORS
-    )
-    return [
-        Case(PLANNED),
-        *(case._replace(name=case.name + BEYOND.get(f, "")) for f, case in others),
-    ]
+    cases = [Case(PLANNED)]
+    for factor in FACTORS:
+        case = friction(round(low * factor, 6), round(high * factor, 6))
+        cases.append(case._replace(name=case.name + BEYOND.get(factor, "")))
+    return cases
 
 
 def assumption_cases(job: Job) -> list[Case]:
@@ -240,22 +204,17 @@ def assumption_cases(job: Job) -> list[Case]:
     if job.pressure.kind in ("boundary", "uniform"):
         other = "uniform" if job.pressure.kind == "boundary" else "boundary"
         where = {"boundary": "with its rim", "uniform": "with its whole area"}[job.pressure.kind]
-        pressed = f"pressure {other}, not {job.pressure.kind}"
-        cases.append(
-            _pressure(other)._replace(name=pressed, broken=Condition(f"parts press {where}"))
-        )
+        pressed, broken = f"pressure {other}, not {job.pressure.kind}", f"parts press {where}"
+        cases.append(_pressure(other)._replace(name=pressed, broken=Condition(broken)))
     return cases
 
 
-def three_feet(outline: Array) -> Array:
-    """Three corners (3, 2) of the hull that span the largest triangle."""
-    return max(stances(outline), key=lambda feet: abs(np.linalg.det(feet[1:] - feet[0])))
-
-
 def on_three_feet(job: Job) -> Case:
-    """The case of a part that stands on three of its corners."""
-    feet = np.round(three_feet(job.part.outline_mm), 6).tolist()
-    return Case("pressure on 3 feet", {"pressure": {"kind": "points", "points_mm": feet}})
+    """The case of a part on three of its corners: those of the hull that span the largest triangle."""
+    corners = stances(job.part.outline_mm)
+    widest = max(corners, key=lambda feet: abs(np.linalg.det(feet[1:] - feet[0])))
+    points = {"kind": "points", "points_mm": np.round(widest, 6).tolist()}
+    return Case("pressure on 3 feet", {"pressure": points})
 
 
 def friction(low: float, high: float, broken: Condition | None = None) -> Case:
@@ -276,9 +235,7 @@ def uneven(job: Job, share: float, centred: bool) -> Case:
     If `centred`, a calibration on the part's narrowest side has removed the shift, so that only the effect
     of an uneven squeeze on the part remains.
     """
-    off = (job.gripper.upper_finger_share - share) * (
-        job.gripper.opening_mm - min_width(job.part.outline_mm)
-    )
+    off = (job.gripper.upper_finger_share - share) * closing_mm(job)
     changes = {"gripper": {"upper_finger_share": share}}
     name = f"upper finger moves {share:.0%}" + (", centred" if centred else "")
     return Case(name, changes, Disturbance(across_mm=-off) if centred else NONE)
@@ -286,17 +243,14 @@ def uneven(job: Job, share: float, centred: bool) -> Case:
 
 def outline_off(job: Job, mm: float) -> Case:
     """The case of a part that is larger than planned by `mm` all around."""
-    outline = grown(job.part.outline_mm, mm)
-    return Case(
-        f"outline {mm:+g} mm", {"part": {"outline_mm": outline, "symmetry": job.part.symmetry}}
-    )
+    part = {"outline_mm": grown(job.part.outline_mm, mm), "symmetry": job.part.symmetry}
+    return Case(f"outline {mm:+g} mm", {"part": part})
 
 
 def _share(share: float, more: bool) -> Condition:
     """The condition that the upper finger makes less, or more, than a share of the way."""
-    return Condition(
-        "the upper finger's share of the way", "below" if more else "above", 100.0 * share, " %"
-    )
+    side = "below" if more else "above"
+    return Condition("the upper finger's share of the way", side, 100.0 * share, " %")
 
 
 def _beside(share: float, more: float) -> list[float]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.doubts import hypotheses_of, stated_of, traits_of
-from planner.belief.transition import Placing
+from planner.belief.transition import true_placements
 from planner.job.model import Job
 from planner.mechanics.traits import Traits
 
@@ -34,8 +34,9 @@ class Disturbance:
 
     def placed(self, placements: Array, traits: Traits, rng: np.random.Generator) -> Array:
         """Where the arm puts a hand that is sent to (n, 3) [mm, mm, rad]."""
-        placing = Placing(self.placement_mm, math.radians(self.placement_deg))
-        return placing.placed(placements + self.bias, traits, rng)
+        turn = math.radians(self.placement_deg)
+        spread = np.array([self.placement_mm, self.placement_mm, turn])
+        return true_placements(placements + self.bias, traits, rng, spread)
 
     def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:
         """The traits of n parts in this cell; a foreign world has its own errors."""

@@ -37,17 +37,12 @@ def chunks_of(trials: int) -> list[Chunk]:
 
 
 def run_chunk(
-    program: Program,
-    job: Job,
-    world: World | Worlds,
-    seed: int,
-    disturbance: Disturbance,
-    chunk: Chunk,
+    program: Program, job: Job, world: World | Worlds, seed: int, cell: Disturbance, chunk: Chunk
 ) -> Evaluation:
     """Runs the trials of a chunk in its world, in any process."""
     rng = np.random.default_rng([seed, chunk.number, SEED_TRIALS])
     part_world = world.world(chunk.number) if isinstance(world, Worlds) else world
-    return Cell(program, job, part_world, disturbance, rng).run(chunk.trials)
+    return Cell(program, job, part_world, cell, rng).run(chunk.trials)
 
 
 def evaluate(

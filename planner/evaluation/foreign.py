@@ -95,22 +95,17 @@ def family(job: Job) -> tuple[Job, ...]:
     turns = 2.0 * np.pi / DISC_SIDES * np.arange(DISC_SIDES)
     disc = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     square = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    results = []
+    plain, results = {"pressure": {"kind": "uniform"}, "goal": {"kind": "pose"}}, []
     for alone in job.alone:
         outline, wide = alone.part.outline_mm, _all_widths(alone.part.outline_mm)
         shapes = {f"x {scale}": scale * outline for scale in SCALES}
         shapes["its disc"] = 0.5 * wide.mean() * disc
         shapes["its rectangle"] = 0.5 * np.array([wide.max(), wide.min()]) * square
         for variant, shape in shapes.items():
-            part = {
-                "name": f"{alone.part.name} {variant}",
-                "outline_mm": shape.tolist(),
-                "symmetry": 1,
-            }
+            name = f"{alone.part.name} {variant}"
+            part = {"name": name, "outline_mm": shape.tolist(), "symmetry": 1}
             with suppress(FitError):
-                results.append(
-                    alone.replaced(part=part, pressure={"kind": "uniform"}, goal={"kind": "pose"})
-                )
+                results.append(alone.replaced(part=part, **plain))
     return tuple(results)
 
 
@@ -131,11 +126,8 @@ def tried(
         evaluated: runs the table on such a part.
     """
     for foreign in parts:
-        result = evaluated(foreign)
-        outlines = [each.part.outline_mm for each in job.alone]
-        differ = [
-            round(widths_differ_mm(foreign.part.outline_mm, outline), 2) for outline in outlines
-        ]
+        result, outline = evaluated(foreign), foreign.part.outline_mm
+        differ = [round(widths_differ_mm(outline, each.part.outline_mm), 2) for each in job.alone]
         yield Tried(foreign.part.name, result, tuple(_answers(table, job, ours, result, differ)))
 
 
@@ -165,10 +157,8 @@ def _widths(evaluation: Evaluation, leaf: int, job: Job) -> tuple[float, ...]:
     here = evaluation.leaf == leaf
     if not here.any():
         return ()
-    steps = evaluation.steps[here][
-        :, : int(evaluation.squeezes[here][0])
-    ]  # a tree: only one way leads to a leaf
-    medians = encoder_of(job).width_mm(np.median(steps, axis=0))
+    squeezes = int(evaluation.squeezes[here][0])  # a tree: only one way leads to a leaf
+    medians = encoder_of(job).width_mm(np.median(evaluation.steps[here, :squeezes], axis=0))
     return tuple(round(float(width), 2) for width in medians)
 
 

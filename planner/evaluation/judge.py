@@ -22,23 +22,12 @@ class Verdict(NamedTuple):
 
 def metric_of_table(table: Table) -> Metric:
     """The metric that the table states, for any kind of goal."""
-    goal = table.goal
-    return Metric(
-        distance_mm=goal.distance_um / 1e3,
-        rho_mm=goal.rho_um / 1e3,
-        order=goal.symmetry,
-        kind=goal.kind,
-        tolerance=(
-            goal.tolerance.x_um / 1e3,
-            goal.tolerance.y_um / 1e3,
-            goal.tolerance.theta_urad / 1e6,
-        ),
-        modes=goal.modes,
-        further=tuple(
-            (hypothesis.rho_um / 1e3, hypothesis.symmetry) for hypothesis in table.hypotheses[1:]
-        ),
-        identify=goal.identify,
-    )
+    goal, (x_um, y_um, theta_urad) = table.goal, table.goal.tolerance
+    distance_mm, rho_mm = goal.distance_um / 1e3, goal.rho_um / 1e3
+    tolerance = (x_um / 1e3, y_um / 1e3, theta_urad / 1e6)
+    further = tuple((other.rho_um / 1e3, other.symmetry) for other in table.hypotheses[1:])
+    stated = goal.symmetry, goal.kind, tolerance, goal.modes, further, goal.identify
+    return Metric(distance_mm, rho_mm, *stated)
 
 
 def states_of(table: Table, leaf: Leaf) -> Array:
@@ -67,8 +56,7 @@ def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
     metric = metric_of_table(table)
     # A goal of another kind may state no distance.
     audit = metric._replace(kind="pose", distance_mm=1.0, identify=False)
-    error = np.full(len(leaf), np.inf)
-    within = np.zeros(len(leaf), np.bool_)
+    error, within = np.full(len(leaf), np.inf), np.zeros(len(leaf), np.bool_)
     poses_said = [states_of(table, each) for each in table.leaves]
     most = max(map(len, poses_said), default=0)
     said = np.array([np.resize(each, (most, each.shape[1])) for each in poses_said])

@@ -25,9 +25,8 @@ class LeafRecord(NamedTuple):
     predicted: float  # success probability that the table states
     predicted_trials: int  # number of trials behind the table's figure
     observed: float  # share of the visits in which its pose was within the goal
-    interval95: tuple[
-        float, float
-    ]  # central 95 % interval of that share, if the prediction is right
+    # central 95 % interval of that share, if the prediction is right
+    interval95: tuple[float, float]
     holds: bool  # whether the observed share lies in it
 
 
@@ -45,12 +44,8 @@ class Reliability(NamedTuple):
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
         rows = [row._asdict() for row in self.rows]
-        return {
-            "leaves": len(rows),
-            "share_within_95": self.share,
-            "mean_gap": self.gap,
-            "table": rows,
-        }
+        shares = {"share_within_95": self.share, "mean_gap": self.gap}
+        return {"leaves": len(rows), **shares, "table": rows}
 
 
 def reliability(table: Table, evaluation: Evaluation) -> Reliability:
@@ -63,20 +58,18 @@ def reliability(table: Table, evaluation: Evaluation) -> Reliability:
     from scipy.stats import betabinom  # importing scipy.stats takes a second
 
     rows = []
-    for index in range(len(table.leaves)):
+    for index, leaf in enumerate(table.leaves):
         here = evaluation.leaf == index
         visits = int(here.sum())
         if visits < LEAST_VISITS:
             continue
-        leaf = table.leaves[index]
         predicted, hits = leaf.success_ppm / PPM, int(evaluation.within[here].sum())
         seen = predicted * leaf.trials
         prior = (seen + JEFFREYS, leaf.trials - seen + JEFFREYS)
         low, high = (int(betabinom.ppf(q, visits, *prior)) for q in (TAIL, 1.0 - TAIL))
         interval, holds = (low / visits, high / visits), low <= hits <= high
-        rows.append(
-            LeafRecord(index, visits, predicted, leaf.trials, hits / visits, interval, holds)
-        )
+        observed = hits / visits
+        rows.append(LeafRecord(index, visits, predicted, leaf.trials, observed, interval, holds))
     total = sum(row.visits for row in rows)
     gap = sum(row.visits * abs(row.observed - row.predicted) for row in rows) / max(total, 1)
     return Reliability(tuple(rows), float(np.round(gap, 12)))
@@ -130,13 +123,13 @@ class Identities(NamedTuple):
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
-        total = self.named.sum()
+        total, named = self.named.sum(), self.named[:, :-1]
         return {
             "names": list(self.names),
             "identity_rate": self.right,
-            "named_rate": float(self.named[:, :-1].sum() / total),
-            "mistaken_rate": float((self.named[:, :-1].sum() - np.trace(self.named)) / total),
-            "named": self.named[:, :-1].tolist(),
+            "named_rate": float(named.sum() / total),
+            "mistaken_rate": float((named.sum() - np.trace(named)) / total),
+            "named": named.tolist(),
             "unnamed": self.named[:, -1].tolist(),
         }
 
@@ -182,22 +175,15 @@ def worst(table: Table, evaluation: Evaluation, most: int) -> list[Mistake]:
     """The confident answers with the largest errors, the worst first; at most `most`."""
     wrong = np.flatnonzero(evaluation.wrong)
     order = wrong[np.argsort(-evaluation.error_mm[wrong], kind="stable")][:most]
-    return [_mistake(table, evaluation, trial) for trial in order]
-
-
-def _mistake(table: Table, evaluation: Evaluation, trial: int) -> Mistake:
-    leaf = int(evaluation.leaf[trial])
-    passed = evaluation.path[trial] != NOWHERE
-    width_um = encoder_of_table(table).width_um(evaluation.steps[trial][passed])
-    return Mistake(
-        initial=evaluation.initial[trial],
-        final=evaluation.poses[trial],
-        predicted=np.array(poses_of(table.goal, table.leaves[leaf])[0]),
-        error_mm=float(evaluation.error_mm[trial]),
-        leaf=leaf,
-        path=tuple(evaluation.path[trial][passed].tolist()),
-        widths_mm=tuple((width_um / 1e3).tolist()),
-    )
+    encoder, mistakes = encoder_of_table(table), list[Mistake]()
+    for trial in order:
+        leaf, passed = int(evaluation.leaf[trial]), evaluation.path[trial] != NOWHERE
+        poses = evaluation.initial[trial], evaluation.poses[trial]
+        predicted = np.array(poses_of(table.goal, table.leaves[leaf])[0])
+        error_mm, path = float(evaluation.error_mm[trial]), evaluation.path[trial][passed].tolist()
+        widths_mm = (encoder.width_um(evaluation.steps[trial][passed]) / 1e3).tolist()
+        mistakes.append(Mistake(*poses, predicted, error_mm, leaf, tuple(path), tuple(widths_mm)))
+    return mistakes
 
 
 def _rounded(pose: Array) -> list[float]:

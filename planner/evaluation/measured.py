@@ -33,23 +33,14 @@ def with_figures(
     Returns:
         The table and the evaluation, whose `resolved` follows the leaves.
     """
-    metric = metric_of_table(table)
-    leaves = tuple(
-        _leaf(leaf, index, evaluation, job, metric, len(table.leaves))
-        for index, leaf in enumerate(table.leaves)
-    )
-    table = _without_impossible(replace(table, nodes=_measured(table, evaluation), leaves=leaves))
+    metric, number = metric_of_table(table), len(table.leaves)
+    numbered = enumerate(table.leaves)
+    leaves = [_leaf(leaf, index, evaluation, job, metric, number) for index, leaf in numbered]
+    table = replace(table, nodes=_measured(table, evaluation), leaves=tuple(leaves))
+    for index in {index for index, _ in tables.not_held(table, tables.job_of(table) or {})}:
+        leaves[index] = leaves[index]._replace(resolved=False)
+    table = replace(table, leaves=tuple(leaves))
     return table, replace(evaluation, table=table)
-
-
-def _without_impossible(table: tables.Table) -> tables.Table:
-    embedded = tables.job_of(table)
-    impossible = {number for number, _ in tables.not_held(table, embedded or {})}
-    leaves = (
-        leaf._replace(resolved=leaf.resolved and number not in impossible)
-        for number, leaf in enumerate(table.leaves)
-    )
-    return replace(table, leaves=tuple(leaves))
 
 
 def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
@@ -71,10 +62,9 @@ def leading(table: tables.Table, reached: Collection[int]) -> list[list[int]]:
     """The branches of each node that lead to one of the leaves that parts reached."""
     kept: list[list[int]] = [[] for _ in table.nodes]
     for index in reversed(range(len(table.nodes))):  # children come after their parents
-        targets = enumerate(branch.target for branch in table.nodes[index].branches)
-        kept[index] = [
-            n for n, target in targets if (kept[target] if target >= 0 else ~target in reached)
-        ]
+        for number, (*_, target) in enumerate(table.nodes[index].branches):
+            if kept[target] if target >= 0 else ~target in reached:
+                kept[index].append(number)
     return kept
 
 
@@ -100,25 +90,20 @@ def without_untried(table: tables.Table, kept: list[list[int]]) -> tables.Table:
 def _leaf(
     leaf: tables.Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric, leaves: int
 ) -> tables.Leaf:
-    here = evaluation.leaf == index
+    here, confidence = evaluation.leaf == index, job.goal.confidence
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
     if trials == 0:  # the trials behind its figures had more leaves
-        held = not tables.refuted(
-            tables.successes_of(leaf), leaf.trials, job.goal.confidence, leaves
-        )
-        return leaf._replace(resolved=leaf.resolved and held)
-    resolved = leaf.resolved and not tables.refuted(hits, trials, job.goal.confidence, leaves)
-    leaf = leaf._replace(
-        success_ppm=round(tables.PPM * hits / trials), trials=trials, resolved=resolved
-    )
+        refuted = tables.refuted(tables.successes_of(leaf), leaf.trials, confidence, leaves)
+        return leaf._replace(resolved=leaf.resolved and not refuted)
+    resolved = leaf.resolved and not tables.refuted(hits, trials, confidence, leaves)
+    success_ppm = round(tables.PPM * hits / trials)
+    leaf = leaf._replace(success_ppm=success_ppm, trials=trials, resolved=resolved)
     median_um, p95_um = _errors_um(evaluation.error_mm[here])
     leaf = leaf._replace(error_median_um=median_um, error_p95_um=p95_um)
     if trials > 2:
         result = Belief.of(evaluation.poses[here], traits=evaluation.traits[here])
         leaf = leaf._replace(covariance=covariance_of(result, leaf, job))
-    if not resolved:
-        leaf = _open(leaf, evaluation.states[here], metric)
-    return leaf
+    return leaf if resolved else _open(leaf, evaluation.states[here], metric)
 
 
 def _errors_um(error_mm: Array) -> tuple[int, int]:
@@ -130,10 +115,11 @@ def _errors_um(error_mm: Array) -> tuple[int, int]:
 def _open(leaf: tables.Leaf, states: Array, metric: Metric) -> tables.Leaf:
     """An unresolved leaf, with the main poses of its parts, besides its own, as alternatives."""
     predicted = np.array([*tables.predicted_pose(leaf), leaf.hypothesis])
-    modes = [
-        mode for mode in main_poses(states, metric) if not metric.reached(mode.state, predicted)
+    alternatives = [
+        tables.LeafPose(*pose_of(mode.pose), mode.hypothesis[0])
+        for mode in main_poses(states, metric)
+        if not metric.reached(mode.state, predicted)
     ]
-    alternatives = (tables.LeafPose(*pose_of(mode.pose), mode.hypothesis[0]) for mode in modes)
     return leaf._replace(alternatives=tuple(alternatives))
 
 
@@ -144,11 +130,11 @@ def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node,
         visits = np.bincount(taken[taken >= 0], minlength=len(node.branches))
         total = int(visits.sum())
         if total >= LEAST_VISITS:
-            shares = [round(tables.PPM * int(count) / total) for count in visits]
-            branches = zip(node.branches, shares, strict=True)
-            node = node._replace(
-                branches=tuple(b._replace(probability_ppm=share) for b, share in branches)
-            )
+            branches = [
+                branch._replace(probability_ppm=round(tables.PPM * int(count) / total))
+                for branch, count in zip(node.branches, visits, strict=True)
+            ]
+            node = node._replace(branches=tuple(branches))
         nodes.append(node)
     return tuple(nodes)
 

@@ -30,6 +30,7 @@ except ImportError as missing:
     raise ImportError(f"{missing}; install it with: pip install 'squeezetree[mujoco]'") from missing
 
 TABLE_FRICTION = 0.3  # between part and table
+ON_TABLE = [TABLE_FRICTION, 0.0, 0.0]  # the same for MuJoCo
 DENSITY_KG_M3 = 2700.0  # of the part: aluminium
 JAW_KG = 0.2  # moving mass of a finger, with its share of the drive
 ARM_KG = 1e3  # of a hand that pushes: the arm behind it does not yield
@@ -200,16 +201,11 @@ def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float],
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
     spec.option.noslip_iterations = 10  # otherwise a part held by friction creeps
-    spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[1.0, 1.0, 0.1],
-        friction=[TABLE_FRICTION, 0.0, 0.0],
-        contype=TABLE,
-        conaffinity=0,
-    )
-    height_mm = job.part.height_mm or 2.0 * job.cell.squeeze_height_mm
-    _add_part(spec, job, height_mm / 1e3)
-    add_fingers(spec, job, height_mm / 1e3)
+    plane, bits = mujoco.mjtGeom.mjGEOM_PLANE, {"contype": TABLE, "conaffinity": 0}
+    spec.worldbody.add_geom(type=plane, size=[1.0, 1.0, 0.1], friction=ON_TABLE, **bits)
+    height = (job.part.height_mm or 2.0 * job.cell.squeeze_height_mm) / 1e3
+    _add_part(spec, job, height)
+    add_fingers(spec, job, height)
     return spec.compile()
 
 
@@ -224,7 +220,7 @@ def _add_part(spec: Any, job: Job, height: float) -> None:
     body.inertia = [tilting, tilting, mass * gyration]
     _add_rim(body, simplified(outline, SIMPLIFY_MM) / 1e3, height, job.cell.squeeze_height_mm / 1e3)
     for x, y in points / 1e3:
-        _add_sphere(body, FOOT_M, [x, y, FOOT_M], (0, TABLE), friction=[TABLE_FRICTION, 0.0, 0.0])
+        _add_sphere(body, FOOT_M, [x, y, FOOT_M], (0, TABLE), friction=ON_TABLE)
 
 
 def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
@@ -250,12 +246,11 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
         first, last = trims[k], length - trims[(k + 1) % len(trims)]
         if last > first:
             c, s, middle = math.cos(angle), math.sin(angle), 0.5 * (first + last)
-            x, y = corner + np.array(
-                [c * middle - s * 0.5 * PLATE_M, s * middle + c * 0.5 * PLATE_M]
-            )
+            inset = 0.5 * PLATE_M
+            x, y = corner + np.array([c * middle - s * inset, s * middle + c * inset])
             body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_BOX,
-                size=[0.5 * (last - first), 0.5 * PLATE_M, 0.5 * height],
+                size=[0.5 * (last - first), inset, 0.5 * height],
                 pos=[x, y, 0.5 * height],
                 quat=[math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)],
                 contype=PLATE,
@@ -275,8 +270,7 @@ def _add_sphere(
     body: Any, radius: float, at: list[float], bits: tuple[int, int], **more: Any
 ) -> None:
     """Adds a sphere, given its collision bits and those of what it collides with."""
-    size, (kind, other) = [radius, 0.0, 0.0], bits
-    shape = mujoco.mjtGeom.mjGEOM_SPHERE
+    size, shape, (kind, other) = [radius, 0.0, 0.0], mujoco.mjtGeom.mjGEOM_SPHERE, bits
     body.add_geom(type=shape, size=size, pos=at, contype=kind, conaffinity=other, **more)
 
 
@@ -284,15 +278,8 @@ def _add_finger(body: Any, job: Job, height: float) -> None:
     """Adds a box from the tips' height to above the part; the body's origin is in its middle."""
     tips, size = job.cell.squeeze_height_mm / 1e3, _finger_size(job, height)
     # Its ends are the posts': a face as long as the finger would hold a corner that slid off it.
-    face = [size[0] - ROUND_M, *size[1:]]
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=face,
-        mass=JAW_KG,
-        contype=FINGER,
-        conaffinity=CORNER,
-        priority=1,
-    )
+    face, box = [size[0] - ROUND_M, *size[1:]], mujoco.mjtGeom.mjGEOM_BOX
+    body.add_geom(type=box, size=face, mass=JAW_KG, contype=FINGER, conaffinity=CORNER, priority=1)
     for x, y in product((-1.0, 1.0), repeat=2):
         inset = np.array(size[:2]) - ROUND_M
         ends = -size[2], height - tips - size[2]
@@ -301,12 +288,8 @@ def _add_finger(body: Any, job: Job, height: float) -> None:
 
 def _finger_size(job: Job, height: float) -> list[float]:
     """Half length, half width, half height [m]."""
-    gripper, tips = job.gripper, job.cell.squeeze_height_mm / 1e3
-    return [
-        gripper.finger_length_mm / 2e3,
-        gripper.finger_width_mm / 2e3,
-        0.5 * (height - tips) + FOOT_M,
-    ]
+    gripper, above = job.gripper, height - job.cell.squeeze_height_mm / 1e3
+    return [gripper.finger_length_mm / 2e3, gripper.finger_width_mm / 2e3, 0.5 * above + FOOT_M]
 
 
 def _add_jaws(spec: Any, job: Job, height: float) -> None:
@@ -331,12 +314,8 @@ def _add_jaws(spec: Any, job: Job, height: float) -> None:
     )
     shares = {"upper": gripper.upper_finger_share, "lower": 1.0 - gripper.upper_finger_share}
     less, more = sorted(shares, key=lambda name: shares[name])
-    couple = spec.add_equality(
-        type=mujoco.mjtEq.mjEQ_JOINT,
-        objtype=mujoco.mjtObj.mjOBJ_JOINT,
-        name1=less,
-        name2=more,
-    )
+    kind = {"type": mujoco.mjtEq.mjEQ_JOINT, "objtype": mujoco.mjtObj.mjOBJ_JOINT}
+    couple = spec.add_equality(**kind, name1=less, name2=more)
     couple.data[:2] = [0.0, shares[less] / shares[more]]
 
 

@@ -98,6 +98,7 @@ class Evaluation:
     def summary(self, takt_s: float | None = None) -> dict[str, Any]:
         """The figures of `plan-evaluate --json`; with a takt [s], the share of parts done within it, too."""
         n, known = len(self.leaf), self.error_mm[self.resolved]
+        errors = np.quantile(known, ERROR_SHARES).tolist() if len(known) else []
         successes, wrong = int(self.success.sum()), int(self.wrong.sum())
         return {
             "trials": n,
@@ -111,19 +112,12 @@ class Evaluation:
             "max_squeezes": int(self.squeezes.max()),
             **takt_figures(Counter(self.seconds.tolist()), takt_s),
             "crashes": self.crashes,
-            "error_mm": dict(
-                zip(("median", "p95"), np.quantile(known, ERROR_SHARES).tolist(), strict=True)
-            )
-            if len(known)
-            else None,
+            "error_mm": dict(zip(("median", "p95"), errors, strict=True)) if errors else None,
         }
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """One evaluation of the trials of several of a table, in their order; at least one."""
-        rows: dict[str, Any] = {
-            field.name: np.concatenate([getattr(part, field.name) for part in parts])
-            for field in fields(cls)
-            if field.name != "table"
-        }
-        return cls(parts[0].table, **rows)
+        names = [field.name for field in fields(cls)[1:]]
+        rows = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        return cls(parts[0].table, *rows)

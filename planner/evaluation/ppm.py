@@ -28,9 +28,9 @@ from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import claimed, judge
 from planner.evaluation.trials import DISMISSED, Cell, Program
 from planner.job.model import Job
-from planner.mechanics.traits import Traits, with_hypothesis
+from planner.mechanics.traits import with_hypothesis
 from planner.work.scheduler import Scheduler
-from planner.world import World, Worlds
+from planner.world import Worlds
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError
 from runtime.shell.files import writing
@@ -57,9 +57,8 @@ class Sums:
     parts: int  # how many.
     visits: Array  # (L,) weight that ended in each leaf.
     wrong: Array  # (L,) weight answered wrongly in each resolved leaf.
-    squares: (
-        Array  # (L + 1,) sum over parts of the square of that weight; last: all leaves together.
-    )
+    # (L + 1,) sum over parts of the square of that weight; last: all leaves together.
+    squares: Array
     rejected: float  # weight whose width fitted no branch.
     crashed: float  # weight of parts that an open finger came down on, so that the arm stopped.
     squeezes: float  # weighted number.
@@ -113,26 +112,16 @@ class Study:
         Args:
             world: the world and its changes, in words.
         """
-        parts = [
-            self.program.table,
-            self.job.digest(),
-            world,
-            self.seed,
-            CHUNK,
-            self.copies.tolist(),
-        ]
-        return hashlib.sha256(repr([*parts, self.disturbance]).encode()).hexdigest()
+        parts = [self.program.table, self.job.digest(), world, self.seed, CHUNK]
+        parts += [self.copies.tolist(), self.disturbance]
+        return hashlib.sha256(repr(parts).encode()).hexdigest()
 
     def __call__(self, chunk: int) -> Sums:
         """The sums of a chunk of `CHUNK` parts."""
         rng = np.random.default_rng([self.seed, chunk, SEED_PPM])
         poses, traits = initial(self.job, CHUNK, rng), self.disturbance.traits(self.job, CHUNK, rng)
-        return self._run(poses, traits, self.worlds.world(chunk), rng)
-
-    def _run(self, poses: Array, traits: Traits, world: World, rng: np.random.Generator) -> Sums:
-        program, cell = self.program, Cell(self.program, self.job, world, self.disturbance, rng)
-        parts, leaves = len(poses), len(program.table.leaves)
-        part, node = np.arange(parts), np.zeros(parts, np.int64)
+        cell = Cell(self.program, self.job, self.worlds.world(chunk), self.disturbance, rng)
+        part, node = np.arange(CHUNK), np.zeros(CHUNK, np.int64)
         ends: list[tuple[IntArray, IntArray, Array, Array]] = []
         rejected = crashed = squeezes = 0.0
         while len(node):
@@ -152,9 +141,10 @@ class Study:
             poses = np.repeat(after.released[on], times, axis=0)
         part, leaf, weight, poses = (np.concatenate(column) for column in zip(*ends, strict=True))
         states = with_hypothesis(poses - self.disturbance.bias, traits[part])
-        wrong = claimed(program.table, leaf) & ~judge(program.table, leaf, states).within
+        table, leaves = self.program.table, len(self.program.table.leaves)
+        wrong = claimed(table, leaf) & ~judge(table, leaf, states).within
         return Sums(
-            parts=parts,
+            parts=CHUNK,
             visits=_sum(leaf, weight, leaves),
             wrong=_sum(leaf[wrong], weight[wrong], leaves),
             squares=_squares(part[wrong], leaf[wrong], weight[wrong], leaves),
@@ -166,9 +156,8 @@ class Study:
 
 def _sum(group: IntArray, weight: Array, groups: int) -> Array:
     """(groups,) sum of the weights in each group."""
-    return np.asarray(
-        np.bincount(group, weight, groups), np.float64
-    )  # bincount returns integers where there is no weight
+    # `bincount` returns integers where there is no weight.
+    return np.asarray(np.bincount(group, weight, groups), np.float64)
 
 
 def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Array:
@@ -269,9 +258,8 @@ class Findings:
         """Standard error of the rate of a leaf, or of all of them [ppm]."""
         parts, index = self.sums.parts, -1 if leaf is None else leaf
         rate = (self.wrong if leaf is None else self.leaves[leaf]).rate / PPM
-        return PPM * math.sqrt(
-            max(float(self.sums.squares[index]) / parts - rate * rate, 0.0) / parts
-        )
+        variance = float(self.sums.squares[index]) / parts - rate * rate
+        return PPM * math.sqrt(max(variance, 0.0) / parts)
 
     def worst(self, most: int) -> list[int]:
         """The leaves with wrong answers, those with the highest rate first."""
@@ -302,8 +290,7 @@ class Findings:
 
     def lines(self) -> list[str]:
         """The result as lines of text."""
-        sums, wrong = self.sums, self.wrong
-        parts = sums.parts
+        sums, wrong, parts = self.sums, self.wrong, self.sums.parts
         bounds = f"at least {wrong.low:.2f} and at most {wrong.high:.2f} with {1.0 - ERROR:.0%} confidence"
         entries = [
             f"wrong      {wrong.rate:.2f} ppm, {bounds}, at every look",

@@ -3,12 +3,10 @@
 Parts follow one another: the hand starts from where it left the previous part.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from runtime.table import GripperProfile, Schedule, Squeezed, Table, job_of
+from runtime.table import GripperSpec, Schedule, Squeezed, Table, job_of
 
 
 def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray) -> Array:
@@ -20,55 +18,41 @@ def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray
         reading: (n, d) what was read at each of them, as `Evaluation.reading`.
         branch: (n, d) the branch taken at each of them, negative for none.
     """
-    gripper = table.gripper
-    paths = _Paths(Schedule.of(table, job_of(table)), gripper.profile, gripper.steps)
-    return paths.seconds(path, reading, branch)
+    schedule, (trials, depth) = Schedule.of(table, job_of(table)), path.shape
+    result, rows = np.zeros(trials), np.arange(trials)
+    squeezes = (path >= 0).sum(axis=1)
+    last = rows, np.maximum(squeezes - 1, 0)
+    states = np.stack([path, np.where(path >= 0, reading >> 1, -1), branch], axis=2)
+    # The part before, at its last squeeze; of parts that were never squeezed, the one before these.
+    came = np.maximum.accumulate(np.where(squeezes > 0, rows, -1))
+    before = np.roll(states[last][came], 1, axis=0)
+    before[:, 1] = 0  # how wide the jaws held it no longer matters: they are open by now
+    for k in range(depth):
+        here = np.flatnonzero(squeezes > k)
+        if not len(here):
+            break
+        after = np.where(squeezes[here] > k + 1, path[here, min(k + 1, depth - 1)], -1)
+        keys = np.column_stack([before[here], states[here, k], after])
+        each, inverse = np.unique(keys, axis=0, return_inverse=True)  # each of them is timed once
+        times = [_seconds(schedule, table.gripper, key, first=k == 0) for key in each.tolist()]
+        result[here] += np.array(times)[inverse.ravel()]
+        before[here] = states[here, k]
+    return result
 
 
-@dataclass(frozen=True, slots=True)
-class _Paths:
-    schedule: Schedule
-    profile: GripperProfile
-    steps: int  # of the encoder
+def _seconds(schedule: Schedule, gripper: GripperSpec, key: list[int], *, first: bool) -> float:
+    """Seconds of a squeeze; the key is the squeeze before it, this one, and the node after it."""
+    came, current, after = _squeezed(gripper, key[:3]), _squeezed(gripper, key[3:6]), key[6]
+    if came is None or current is None:
+        return 0.0
+    node = None if after < 0 else after
+    following = None if first else current.node
+    _, stands, jaws_s = schedule.squeeze(came, None, following, first=True)
+    phases, *_ = schedule.squeeze(current, stands, node, 0.0 if first else jaws_s, first=first)
+    return phases.total_s
 
-    def seconds(self, path: IntArray, reading: IntArray, branch: IntArray) -> Array:
-        """Seconds (n,), squeeze by squeeze; each combination of two squeezes is timed once."""
-        trials, depth = path.shape
-        result = np.zeros(trials)
-        squeezes = (path >= 0).sum(axis=1)
-        rows = np.arange(trials)
-        last = rows, np.maximum(squeezes - 1, 0)
-        states = np.stack([path, np.where(path >= 0, reading >> 1, -1), branch], axis=2)
-        # The part before, at its last squeeze; of parts that were never squeezed, the one before these.
-        came = np.maximum.accumulate(np.where(squeezes > 0, rows, -1))
-        before = np.roll(states[last][came], 1, axis=0)
-        before[:, 1] = 0  # how wide the jaws held it no longer matters: they are open by now
-        for k in range(depth):
-            here = np.flatnonzero(squeezes > k)
-            if not len(here):
-                break
-            after = np.where(squeezes[here] > k + 1, path[here, min(k + 1, depth - 1)], -1)
-            keys = np.column_stack([before[here], states[here, k], after])
-            each, inverse = np.unique(keys, axis=0, return_inverse=True)
-            times = np.array([self._time(row, first=k == 0) for row in each.tolist()])
-            result[here] += times[inverse.ravel()]
-            before[here] = states[here, k]
-        return result
 
-    def _time(self, key: list[int], *, first: bool) -> float:
-        came, current, after = self._squeezed(key[:3]), self._squeezed(key[3:6]), key[6]
-        if came is None or current is None:
-            return 0.0
-        node = None if after < 0 else after
-        _, stands, jaws_s = self.schedule.squeeze(
-            came, None, None if first else current.node, first=True
-        )
-        phases, *_ = self.schedule.squeeze(
-            current, stands, node, 0.0 if first else jaws_s, first=first
-        )
-        return phases.total_s
-
-    def _squeezed(self, state: list[int]) -> Squeezed | None:
-        node, steps, branch = state
-        width_mm = self.profile.reading_um(self.steps - steps) / 1e3
-        return None if node < 0 else Squeezed(node, width_mm, branch)
+def _squeezed(gripper: GripperSpec, state: list[int]) -> Squeezed | None:
+    node, steps, branch = state
+    width_mm = gripper.profile.reading_um(gripper.steps - steps) / 1e3
+    return None if node < 0 else Squeezed(node, width_mm, branch)

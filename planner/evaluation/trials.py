@@ -98,10 +98,6 @@ class Program:
         width_um = self.encoder.width_um(reading >> 1)
         return self.lookup.segment(2 * node + (reading & 1), width_um)
 
-    def carried(self, node: IntArray, segment: IntArray) -> Array:
-        """How far (n, 2) the hand goes with closed jaws after segments (n,) at nodes (n,) [mm]."""
-        return np.where(self.carries[segment][:, None], self.drag[node], 0.0)
-
 
 def encoder_of_table(table: Table) -> Encoder:
     """The encoder of a table's gripper."""
@@ -130,16 +126,6 @@ class Step(NamedTuple):
         return np.asarray(self.released[self.branch == branch])
 
 
-class Arrived(NamedTuple):
-    """Hands that have come down about n parts, after the pushes of their nodes."""
-
-    poses: Array  # (n, 3) where the parts lie in the world [mm, mm, rad]
-    placement: Array  # (n, 3) placements of the hands
-    stopped: (
-        BoolArray  # (n,) whether a finger came down on the part and the arm stopped, where known
-    )
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Cell:
     """A cell that runs a table as the runtime would.
@@ -158,19 +144,25 @@ class Cell:
     disturbance: Disturbance
     rng: np.random.Generator
 
-    def come_down(self, node: IntArray, poses: Array, traits: Traits) -> Arrived:
+    def come_down(
+        self, node: IntArray, poses: Array, traits: Traits
+    ) -> tuple[Array, Array, BoolArray]:
         """Pushes parts as their nodes say, and comes down to squeeze them.
 
         Args:
             node: (n,) the node that each part is at.
             poses: (n, 3) where the parts lie in the world [mm, mm, rad].
             traits: (n,) of the parts.
+
+        Returns:
+            (n, 3) where the parts lie then, (n, 3) placements of the hands, and (n,) whether a finger came
+            down on the part and the arm stopped, where known.
         """
         program = self.program
         poses, pushed_on = self.pushed(node, poses, traits)
         placement = self.disturbance.placed(program.placement[node], traits, self.rng)
         hand, opening_mm = to_hand(poses, placement.T), program.opening_mm[node]
-        return Arrived(poses, placement, pushed_on | self._standing_on(hand, opening_mm, traits))
+        return poses, placement, pushed_on | self._standing_on(hand, opening_mm, traits)
 
     def pushed(self, node: IntArray, poses: Array, traits: Traits) -> tuple[Array, BoolArray]:
         """Poses (n, 3) after the pushes at the parts' nodes; mask (n,) of parts that a finger came down on.
@@ -208,7 +200,7 @@ class Cell:
         reading = encoder_of(self.job).read(read_as(width_mm, traits), self.rng)
         reading = 2 * reading + (width_mm > 0.0)  # jaws that something keeps apart feel it
         segment = program.segment(node, reading)
-        drag = program.carried(node, segment)
+        drag = np.where(program.carries[segment][:, None], program.drag[node], 0.0)
         after = to_world(final, placement.T)
         released = after.copy()
         released[:, :2] += np.where(held[:, None], drag, 0.0)
@@ -218,10 +210,10 @@ class Cell:
     def run(self, trials: int) -> Evaluation:
         """Runs the table on a number of parts, at least 1."""
         poses, depth = initial(self.job, trials, self.rng), self.program.table.limits.max_depth
-        nowhere = np.full((trials, depth), NOWHERE, np.int64)
+        nowhere, node = np.full((trials, depth), NOWHERE, np.int64), np.zeros(trials, np.int64)
         foreign = not isinstance(of_hypothesis(self.world, 0), ContactWorld)
         traits = self.disturbance.traits(self.job, trials, self.rng, foreign=foreign)
-        begun = Evaluation(
+        result = Evaluation(
             self.program.table,
             leaf=np.full(trials, RUNNING, np.int64),
             squeezes=np.zeros(trials, np.int64),
@@ -232,25 +224,24 @@ class Cell:
             reading=nowhere.copy(),
             branch=nowhere.copy(),
         )
-        self._finish(begun, np.zeros(trials, np.int64))
-        begun.poses[:] -= self.disturbance.bias
-        return begun
-
-    def _finish(self, evaluation: Evaluation, node: IntArray) -> None:
-        """Runs trials, whose parts are at nodes (n,), to their ends, in place and without judging them."""
-        traits = evaluation.traits
         while len(members := np.flatnonzero(node >= 0)):
-            at, lying = node[members], evaluation.poses[members]
-            arrived = self.come_down(at, lying, traits[members])
-            evaluation.poses[members], placement, stopped = arrived
-            evaluation.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
+            arrived = self.come_down(node[members], result.poses[members], traits[members])
+            result.poses[members], placement, stopped = arrived
+            result.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
             members, placement = members[~stopped], placement[~stopped]
             if not len(members):
                 break
-            at, lying = node[members], evaluation.poses[members]
-            after = self.squeezed(at, lying, placement, traits[members])
-            evaluation.poses[members] = after.released
-            _note(self.program, evaluation, node, members, after.reading)
+            at, row = node[members], (members, result.squeezes[members])
+            after = self.squeezed(at, result.poses[members], placement, traits[members])
+            result.path[row], result.branch[row] = at, after.branch
+            result.reading[row] = after.reading
+            result.poses[members] = after.released
+            result.squeezes[members] += 1
+            leaf = np.where(after.target == DISMISSED, REJECTED, ~after.target)
+            result.leaf[members] = np.where(after.target < 0, leaf, RUNNING)
+            node[members] = np.maximum(after.target, NOWHERE)
+        result.poses[:] -= self.disturbance.bias
+        return result
 
     def _standing_on(self, hand: Array, opening_mm: Array, traits: Traits) -> BoolArray:
         """Mask (n,) of the parts (n, 3) in the hand frame that a finger comes down on, if the world knows."""
@@ -271,22 +262,6 @@ class Cell:
         return stopped
 
 
-def _note(
-    program: Program, evaluation: Evaluation, node: IntArray, members: IntArray, reading: IntArray
-) -> None:
-    """Records the readings of some trials at their nodes, and moves these on."""
-    at = node[members]
-    segment = program.segment(at, reading)
-    row, target = (members, evaluation.squeezes[members]), program.target[segment]
-    evaluation.path[row] = at
-    evaluation.reading[row] = reading
-    evaluation.branch[row] = program.lookup.branch[segment]
-    evaluation.squeezes[members] += 1
-    leaf = np.where(target == DISMISSED, REJECTED, ~target)
-    evaluation.leaf[members] = np.where(target < 0, leaf, RUNNING)
-    node[members] = np.maximum(target, NOWHERE)
-
-
 def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, traits: Traits) -> Array:
     """Pushes parts at poses (n, 3) in the hand frame, in a batch where the world offers one."""
     final = np.empty_like(hand)
@@ -298,13 +273,9 @@ def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, trait
             alone["hypothesis"] = 0
             final[rows] = many(*each, alone)
         elif one is not None:
-            final[rows] = np.reshape(
-                [
-                    one(tuple(map(float, q)), float(w), float(d))
-                    for q, w, d in zip(*each, strict=True)
-                ],
-                (-1, 3),
-            )
+            pushes = zip(*(column.tolist() for column in each), strict=True)
+            ends = [one(tuple(pose), opening, way) for pose, opening, way in pushes]
+            final[rows] = np.reshape(ends, (-1, 3))
         else:
             message = f"the world {type(part_world).__name__} has no push()"
             raise UsageError(f"the table pushes parts, and {message}; name another world")
@@ -318,7 +289,12 @@ def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Arra
         (n, 3) final poses there, (n,) true openings [mm], and (n,) whether the part is held at the end.
     """
     if isinstance(world, Assorted):
-        return _squeeze_each(world, hand, traits)
+        final, width, held = np.empty_like(hand), np.empty(len(hand)), np.empty(len(hand), np.bool_)
+        for k, rows in by_hypothesis(traits):
+            alone = traits[rows].copy()
+            alone["hypothesis"] = 0
+            final[rows], width[rows], held[rows] = _squeeze_all(world.worlds[k], hand[rows], alone)
+        return final, width, held
     many = getattr(world, "squeeze_many", None)
     if many is not None:
         rolled = many(hand) if ordinary(traits).all() else many(hand, traits)
@@ -327,13 +303,3 @@ def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Arra
     final = np.array([result[0] for result in results], dtype=np.float64).reshape(-1, 3)
     width = np.array([result[1] for result in results], dtype=np.float64)
     return final, width, np.array([result[2] in HOLDING for result in results])
-
-
-def _squeeze_each(world: Assorted, hand: Array, traits: Traits) -> tuple[Array, Array, BoolArray]:
-    """`_squeeze_all` with each part in the world of its hypothesis."""
-    final, width, held = np.empty_like(hand), np.empty(len(hand)), np.empty(len(hand), np.bool_)
-    for k, rows in by_hypothesis(traits):
-        alone = traits[rows].copy()
-        alone["hypothesis"] = 0
-        final[rows], width[rows], held[rows] = _squeeze_all(world.worlds[k], hand[rows], alone)
-    return final, width, held

@@ -56,26 +56,22 @@ class ActionSet:
         """The fixed placements, then one at the middle of parts (n, 3) for each of their angles: (k, 3)."""
         angles = np.unique(self.placements[:, 2])
         about = np.column_stack([np.tile(poses[:, :2].mean(axis=0), (len(angles), 1)), angles])
-        return self.within(np.concatenate([self.placements, about]))
+        return np.concatenate([self.placements, about])
 
     def along_sides(self, states: Array, metric: Metric) -> AlongSides:
         """The placements along the sides of the part for states (n, 3 or 4) [mm, mm, rad, hypothesis]."""
-        modes, none = self._modes(states, metric), self.placements[:0]
-        about = [placed(proposals.relative, mode.pose) for proposals, mode in modes]
-        middle = [placed(proposals.relative, middle_of(states, mode)) for proposals, mode in modes]
-        return AlongSides(*(np.concatenate([none, *each]) for each in (about, middle)))
-
-    def _modes(self, states: Array, metric: Metric) -> list[tuple[Proposals, Mode]]:
-        """A belief's main modes, each with the proposals for its hypothesis."""
+        about = middle = self.placements[:0]
         modes = metric.main_modes(states, MAIN_MODES, LEAST_MODE) if self.proposals else []
-        return [(self.proposals[mode.hypothesis[0]], mode) for mode in modes]
+        for mode in modes:
+            relative = self.proposals[mode.hypothesis[0]].relative
+            about = np.concatenate([about, placed(relative, mode.pose)])
+            middle = np.concatenate([middle, placed(relative, middle_of(states, mode))])
+        return AlongSides(about, middle)
 
     def within(self, placements: Array) -> Array:
         """The placements whose hand centre lies in the area."""
-        inside = np.all(
-            (placements[:, :2] >= self.area[0]) & (placements[:, :2] <= self.area[1]), axis=1
-        )
-        return np.asarray(placements[inside])
+        inside = (placements[:, :2] >= self.area[0]) & (placements[:, :2] <= self.area[1])
+        return np.asarray(placements[inside.all(axis=1)])
 
 
 def middle_of(states: Array, mode: Mode) -> Array:

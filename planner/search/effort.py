@@ -42,4 +42,3 @@ EFFORTS = (
     Effort(0.004, 4, 96, 400),
     Effort(0.0, 2, 32, 100),
 )
-FRUGAL = EFFORTS[-1:]

@@ -4,26 +4,27 @@ Neither affects where a squeeze ends in the hand frame: from any opening the fin
 place, since the jaws are one linkage.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.observation import Encoder, encoder_of
+from planner.belief.observation import encoder_of
 from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes, read_as
 from planner.frames import to_hand
 from planner.job.model import Job
 from planner.mechanics.clearance import (
     STANDS_ON,
-    Jaws,
     classify_contact,
     first_contact_mm,
     jaws_of,
     least_clearance,
 )
 from planner.mechanics.traits import by_hypothesis
+from planner.part.outline import reach
 from runtime.table import HELD_UM
 
 CONTACT_MARGIN_MM = 2.0
@@ -47,23 +48,15 @@ class Opening(NamedTuple):
     contact_mm: float  # greatest width at which closing jaws may meet it
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Handling:
-    """The choices of a job.
+    """The choices that a job allows."""
 
-    Attributes:
-        outlines: (N, 2) of the part [mm], for each hypothesis.
-        jaws: of the gripper, fully open.
-        alike: whether the fingers move alike; otherwise the opening decides which one touches first.
-        area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
-        encoder: turns the branches' counts into widths.
-    """
-
-    outlines: tuple[Array, ...]
-    jaws: Jaws
-    alike: bool
-    area: Array
-    encoder: Encoder
+    def __init__(self, job: Job) -> None:
+        self._outlines = [alone.part.outline_mm for alone in job.alone]
+        self._jaws, self._encoder = jaws_of(job.gripper), encoder_of(job)
+        self._area = np.array(job.cell.work_area_mm)
+        # The opening decides which of fingers that do not move alike touches first.
+        self._alike = job.gripper.upper_finger_share == 0.5
 
     def opening(self, belief: Belief, placement: Array, *, pushed: bool = False) -> Opening:
         """The least opening `SPARE_MM` wider than the first contact.
@@ -71,13 +64,15 @@ class Handling:
         The full opening for fingers that do not move alike, for parts that were `pushed` before, and for few
         particles: their pose is less certain.
         """
-        contact_mm = self.contact_mm(belief, placement)
-        uncertain = pushed or len(belief) < LEAST_PARTICLES
-        full_mm = self.jaws.opening_mm
-        free = self.alike and not uncertain
-        opening = min(contact_mm + SPARE_MM, full_mm) if free else full_mm
-        clearance_mm = max(self._clearance(opening, belief, placement), 0.0)
-        return Opening(opening, clearance_mm, contact_mm)
+        contact_mm, opening_mm = self.contact_mm(belief, placement), self._jaws.opening_mm
+        if self._alike and not pushed and len(belief) >= LEAST_PARTICLES:
+            opening_mm = min(contact_mm + SPARE_MM, opening_mm)
+        jaws = self._jaws._replace(opening_mm=opening_mm)
+        clearance_mm = min(
+            least_clearance(self._outlines[k], jaws, belief.poses[rows], placement)
+            for k, rows in by_hypothesis(belief.traits)
+        )
+        return Opening(opening_mm, max(clearance_mm, 0.0), contact_mm)
 
     def contact_mm(self, belief: Belief, placement: Array) -> float:
         """The greatest width at which closing jaws may meet a part of a belief, given its traits."""
@@ -85,13 +80,11 @@ class Handling:
         hand[:, 1] -= traits["across_mm"]
         part, widths = traits["hypothesis"], list[float]()
         shares = np.round(
-            np.clip(self.jaws.upper_share + traits["share"], 0.0, 1.0), SHARE_DECIMALS
+            np.clip(self._jaws.upper_share + traits["share"], 0.0, 1.0), SHARE_DECIMALS
         )
         for k, share in {*zip(part.tolist(), shares.tolist(), strict=True)}:
-            rows = (part == k) & (shares == share)
-            width_mm = first_contact_mm(
-                self.outlines[k], self.jaws, hand[rows], HERE, (share, share)
-            )
+            rows, both = (part == k) & (shares == share), (share, share)
+            width_mm = first_contact_mm(self._outlines[k], self._jaws, hand[rows], HERE, both)
             widths.append(float(read_as(np.asarray(width_mm), traits[rows]).max()))
         return max(widths) + CONTACT_MARGIN_MM
 
@@ -99,7 +92,7 @@ class Handling:
         """The particles clear of both open fingers; on the others the arm stops."""
         verdict, poses = np.empty(len(belief), np.int64), to_hand(belief.poses, placement)
         for k, rows in by_hypothesis(belief.traits):
-            verdict[rows] = classify_contact(self.outlines[k], self.jaws, poses[rows])
+            verdict[rows] = classify_contact(self._outlines[k], self._jaws, poses[rows])
         return belief[verdict != STANDS_ON]
 
     def release(self, outcomes: Outcomes) -> Array | None:
@@ -113,19 +106,13 @@ class Handling:
         Returns:
             (2,) hand centre in the world; None: the hand stays.
         """
-        reach = max(float(np.max(np.hypot(*outline.T))) for outline in self.outlines)
-        low, high = self.area[0] + reach, self.area[1] - reach
-        held = [
-            b.poses
-            for b, w in zip(outcomes.beliefs, self._widths(outcomes), strict=True)
-            if w >= HELD_MM
-        ]
-        if not held or bool(np.any(low >= high)):
+        farthest = max(map(reach, self._outlines))
+        low, high = self._area[0] + farthest, self._area[1] - farthest
+        held = [belief.poses for belief, held in self._branches(outcomes) if held]
+        centres = np.concatenate([np.zeros((0, 3)), *held])[:, :2]
+        if np.any(low >= high) or np.all((centres >= low) & (centres <= high)):
             return None
-        centres = np.concatenate(held)[:, :2]
-        if bool(np.all((centres >= low) & (centres <= high))):
-            return None
-        return np.asarray(0.5 * (self.area[0] + self.area[1]))
+        return np.asarray(0.5 * (self._area[0] + self._area[1]))
 
     def released(self, placement: Array, release: Array | None, outcomes: Outcomes) -> list[Belief]:
         """The beliefs after the jaws have opened: held parts have moved along with the hand."""
@@ -133,27 +120,11 @@ class Handling:
             return outcomes.beliefs
         drag = np.array([*(release - placement[:2]), 0.0])
         return [
-            replace(belief, poses=belief.poses + drag) if width >= HELD_MM else belief
-            for belief, width in zip(outcomes.beliefs, self._widths(outcomes), strict=True)
+            replace(belief, poses=belief.poses + drag) if held else belief
+            for belief, held in self._branches(outcomes)
         ]
 
-    def _clearance(self, opening: float, belief: Belief, placement: Array) -> float:
-        jaws = self.jaws._replace(opening_mm=opening)
-        return min(
-            least_clearance(self.outlines[k], jaws, belief.poses[rows], placement)
-            for k, rows in by_hypothesis(belief.traits)
-        )
-
-    def _widths(self, outcomes: Outcomes) -> Array:
-        return self.encoder.width_mm(outcomes.clusters.mean)
-
-
-def handling_of(job: Job) -> Handling:
-    """The choices that a job allows."""
-    return Handling(
-        outlines=tuple(alone.part.outline_mm for alone in job.alone),
-        jaws=jaws_of(job.gripper),
-        alike=job.gripper.upper_finger_share == 0.5,
-        area=np.array(job.cell.work_area_mm),
-        encoder=encoder_of(job),
-    )
+    def _branches(self, outcomes: Outcomes) -> Iterator[tuple[Belief, bool]]:
+        """The belief of each branch, and whether the jaws hold a part there."""
+        held = self._encoder.width_mm(outcomes.clusters.mean) >= HELD_MM
+        return zip(outcomes.beliefs, held.tolist(), strict=True)

@@ -7,13 +7,14 @@ stable sides, shifted along the fingers so that they cover all of it or only one
 the part; and variants of the best of them.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array
 from planner.belief.particles import RATIO
-from planner.frames import wrap
+from planner.frames import to_world, wrap
 from planner.job.model import Job
 from planner.part.outline import reach
 
@@ -40,7 +41,7 @@ class Proposals:
     """
 
     relative: Array
-    scattered: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    scattered: Array
 
 
 def proposals_of(job: Job) -> tuple[Proposals, ...]:
@@ -49,9 +50,7 @@ def proposals_of(job: Job) -> tuple[Proposals, ...]:
 
 
 def _of_part(job: Job) -> Proposals:
-    outline = job.part.outline_mm
-    half = 0.5 * job.gripper.finger_length_mm
-    rows = []
+    outline, half, rows = job.part.outline_mm, 0.5 * job.gripper.finger_length_mm, []
     for angle in stable_angles(outline):
         along = outline @ np.array([np.cos(angle), np.sin(angle)])
         low, high = float(along.min()), float(along.max())
@@ -83,9 +82,7 @@ def hands_about(reach_mm: float, half_mm: float, n: int) -> Array:
     return np.stack([shift * c - aside * s, shift * s + aside * c, angle], axis=-1)
 
 
-def varied(
-    placements: Array, n: int, spread: tuple[float, float], rng: np.random.Generator
-) -> Array:
+def varied(placements: Array, n: int, spread: tuple[float, float], rng: Generator) -> Array:
     """Variants (k n, 3) of placements (k, 3), normally distributed about each.
 
     Args:
@@ -101,12 +98,9 @@ def varied(
 
 def placed(relative: Array, pose: Array) -> Array:
     """Transforms hands (m, 3) from a part's frame to the world, for the part at a pose (3,)."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    x, y, angle = relative.T
-    return np.stack(
-        [pose[0] + c * x - s * y, pose[1] + s * x + c * y, wrap(angle + pose[2])],
-        axis=-1,
-    )
+    hands = to_world(relative, pose)
+    hands[:, 2] = wrap(hands[:, 2])
+    return hands
 
 
 def along(placements: Array, shift_mm: float) -> Array:
@@ -131,11 +125,8 @@ def stable_angles(outline: Array) -> Array:
     across = outline @ np.stack([-np.sin(angles), np.cos(angles)])
     width = np.ptp(across, axis=0)
     rest = (width <= np.roll(width, 1)) & (width <= np.roll(width, -1))
-    results: list[float] = []
-    for angle in [
-        *angles[rest][np.argsort(width[rest], kind="stable")],
-        *(angles[rest][:1] + np.pi / 2),
-    ]:
+    narrow, results = angles[rest][np.argsort(width[rest], kind="stable")], list[float]()
+    for angle in [*narrow, *(angles[rest][:1] + np.pi / 2)]:
         apart = [abs(float(wrap(np.asarray(angle - other), 2))) for other in results]
         if len(results) < MOST_ANGLES and min(apart, default=np.inf) > np.radians(APART_DEG):
             results.append(float(angle) % np.pi)

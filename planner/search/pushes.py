@@ -5,22 +5,24 @@ after a push past every particle, all of them lie at the pusher's face.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
+from operator import itemgetter
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array
-from planner.belief.costs import Costs, Hand
+from planner.belief.costs import Hand
 from planner.belief.particles import Belief, subsample
-from planner.belief.transition import Push, Simulation
-from planner.mechanics.clearance import Jaws
+from planner.belief.transition import Push
 from planner.mechanics.mixture import Mixture
 from planner.mechanics.traits import by_hypothesis
+from planner.part.outline import reach
 from planner.problem import Problem
 from planner.search.actions import turnable
-from planner.search.ranking import Asked, Ranking
+from planner.search.ranking import Ranking
 
 OPENINGS = (0.0, 0.25, 0.5)
 """Openings of the jaws while they push, as shares of the full opening."""
@@ -46,54 +48,42 @@ class Pushed(NamedTuple):
     belief: Belief
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Pusher:
-    """Proposes pushes and chooses among them.
+    """Proposes pushes and chooses among them."""
 
-    Attributes:
-        model: simulates pushes of beliefs.
-        costs: the prices of the job.
-        jaws: of the gripper.
-        area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
-        turnable: whether a turn of a whole plan about the origin changes nothing, so that one direction of
-            the first push suffices.
-        least_share: probability of a node from which pushes are tried.
-    """
-
-    model: Simulation
-    costs: Costs
-    jaws: Jaws
-    area: Array
-    turnable: bool
-    least_share: float = LEAST_SHARE
+    def __init__(self, problem: Problem) -> None:
+        # Pushes depend more on the step than squeezes do: they use the step of the trials.
+        job, mixture = problem.job, Mixture.of_job(problem.job, problem.mixture.workers)
+        self.model, self.costs = replace(problem.model, simulator=mixture), problem.costs
+        self.jaws, self._outlines = mixture.jaws, mixture.outlines
+        self._area, self._turnable = np.array(job.cell.work_area_mm), turnable(job)
 
     def options(self, belief: Belief) -> list[Push]:
         """Candidate pushes: each starts before all parts of a belief, and ends past the near side of all."""
-        result = list[Push]()
-        reach = max(float(np.hypot(*outline.T).max()) for outline in self._outlines)
+        result, farthest = list[Push](), max(map(reach, self._outlines))
         for angle in self._angles(belief):
-            along, across = np.array(
-                [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
-            )
+            c, s = np.cos(angle), np.sin(angle)
+            along, across = np.array([[c, s], [-s, c]])
             begins, middle = self._begins(belief, along), belief.poses[:, :2].mean(axis=0) @ across
             start, beyond = float(begins.min()) - BESIDE_MM, float(begins.max()) + BEYOND_MM
             place = (start - 0.5 * self.jaws.length_mm) * along + middle * across
             for opening, farther in product(OPENINGS, FARTHER):
-                way_mm = beyond + farther * reach - start
-                result.append(
-                    Push(np.array([*place, angle]), opening * self.jaws.opening_mm, way_mm)
+                way_mm, opening_mm = (
+                    beyond + farther * farthest - start,
+                    opening * self.jaws.opening_mm,
                 )
+                result.append(Push(np.array([*place, angle]), opening_mm, way_mm))
         return [push for push in result if self._within(push)]
 
     def best(
-        self, belief: Belief, hand: Hand | None, ranking: Ranking, rng: np.random.Generator
+        self, belief: Belief, hand: Hand | None, ranking: Ranking, rng: Generator
     ) -> list[Pushes]:
         """The most promising pushes and pairs of pushes, by few particles and one squeeze each.
 
         Returns:
             At most `FINALISTS` after which open fingers clear the belief.
         """
-        judged, begun = list[tuple[float, int, Pushes]](), [Pushed((), subsample(belief, JUDGED))]
+        judged, begun = list[tuple[float, Pushes]](), [Pushed((), subsample(belief, JUDGED))]
         for _ in range(MOST):
             tried = [
                 Pushed((*before, push), self.model.push(thin, push, rng))
@@ -102,20 +92,17 @@ class Pusher:
             ]
             costs = self._costs(tried, hand, ranking, rng)
             order = np.argsort(costs, kind="stable")[:KEPT]
-            judged += [
-                (float(costs[k]), len(judged) + n, tried[k].pushes) for n, k in enumerate(order)
-            ]
+            judged += [(float(costs[k]), tried[k].pushes) for k in order]
             begun = [tried[k] for k in order]
         finalists = list[Pushes]()
-        for _, _, pushes in sorted(judged):
-            pushed = (
-                self._from_beside_all(belief, pushes, rng) if len(finalists) < FINALISTS else None
-            )
-            if pushed is not None and len(ranking.candidates(pushed.belief, pushed.belief)):
-                finalists.append(pushed.pushes)
+        for _, pushes in sorted(judged, key=itemgetter(0)):
+            if len(finalists) < FINALISTS:
+                pushed = self._from_beside_all(belief, pushes, rng)
+                if pushed and len(ranking.candidates(pushed.belief, pushed.belief)):
+                    finalists.append(pushed.pushes)
         return finalists
 
-    def pushed(self, belief: Belief, pushes: Pushes, rng: np.random.Generator) -> Belief:
+    def pushed(self, belief: Belief, pushes: Pushes, rng: Generator) -> Belief:
         """Simulates pushes of a belief, each particle twice: open fingers must clear the scatter, too."""
         belief = Belief.joined([belief, belief])
         for push in pushes:
@@ -123,22 +110,20 @@ class Pusher:
         return belief
 
     def _costs(
-        self, tried: list[Pushed], hand: Hand | None, ranking: Ranking, rng: np.random.Generator
+        self, tried: list[Pushed], hand: Hand | None, ranking: Ranking, rng: Generator
     ) -> Array:
         """Cost-to-go (k,) after one squeeze of each pushed belief, with the price of its pushes.
 
         Where no grasp pose clears a belief, the cost grows with its spread.
         """
         costs = np.array([SPREAD * each.belief.poses[:, :2].std(axis=0).max() for each in tried])
-        asked = [Asked(each.belief, ranking.candidates(each.belief, each.belief)) for each in tried]
+        asked = [(each.belief, ranking.candidates(each.belief, each.belief)) for each in tried]
         for k, options in enumerate(ranking.rank(asked, rng)):
             if len(options.squeezes):
                 costs[k] = self.costs.pushes(hand, tried[k].pushes)[0] + options.squeezes[0]
         return costs
 
-    def _from_beside_all(
-        self, belief: Belief, pushes: Pushes, rng: np.random.Generator
-    ) -> Pushed | None:
+    def _from_beside_all(self, belief: Belief, pushes: Pushes, rng: Generator) -> Pushed | None:
         """Pushes moved back to start clear of a whole belief, with their result; None outside the area."""
         beside = list[Push]()
         for push in pushes:
@@ -153,25 +138,18 @@ class Pusher:
         along = np.array([np.cos(push.start[2]), np.sin(push.start[2])])
         face = float(push.start[:2] @ along) + 0.5 * self.jaws.length_mm
         back = max(0.0, face + BESIDE_MM - float(self._begins(belief, along).min()))
-        return push._replace(
-            start=push.start - back * np.array([*along, 0.0]), way_mm=push.way_mm + back
-        )
+        start = push.start - back * np.array([*along, 0.0])
+        return push._replace(start=start, way_mm=push.way_mm + back)
 
     def _within(self, push: Push) -> bool:
         """Whether a push begins and ends in the area."""
-        ends = push.start[:2] + np.outer(
-            [0.0, push.way_mm], [np.cos(push.start[2]), np.sin(push.start[2])]
-        )
-        return bool(np.all((ends >= self.area[0] + ROUND_MM) & (ends <= self.area[1] - ROUND_MM)))
-
-    @property
-    def _outlines(self) -> tuple[Array, ...]:
-        assert isinstance(self.model.simulator, Mixture)
-        return self.model.simulator.outlines
+        along = [np.cos(push.start[2]), np.sin(push.start[2])]
+        ends = push.start[:2] + np.outer([0.0, push.way_mm], along)
+        return bool(np.all((ends >= self._area[0] + ROUND_MM) & (ends <= self._area[1] - ROUND_MM)))
 
     def _angles(self, belief: Belief) -> list[float]:
         """Directions of pushes: both ways along and across a belief; one where a turn changes nothing."""
-        if self.turnable and not belief.touched:
+        if self._turnable and not belief.touched:
             return [0.0]
         x, y = (belief.poses[:, :2] - belief.poses[:, :2].mean(axis=0)).T
         angle = 0.5 * math.atan2(2.0 * float((x * y).mean()), float((x * x - y * y).mean()))
@@ -186,14 +164,3 @@ class Pusher:
             turned = np.stack([c * along[0] + s * along[1], c * along[1] - s * along[0]])
             begins[rows] = x * along[0] + y * along[1] + (self._outlines[k] @ turned).min(axis=0)
         return begins
-
-
-def pusher_of(problem: Problem) -> Pusher | None:
-    """The pusher for a problem; None where its job disables pushes."""
-    job = problem.job
-    if job.actions.pushes is None:
-        return None
-    # Pushes depend more on the step than squeezes do: they use the step of the trials.
-    model = replace(problem.model, simulator=Mixture.of_job(job, problem.mixture.workers))
-    area = np.array(job.cell.work_area_mm)
-    return Pusher(model, problem.costs, problem.mixture.jaws, area, turnable(job))

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import mode_shares
 from planner.belief.particles import PUSHED, Belief
-from planner.belief.partition import MOST_CELLS, Costs, in_cells, intervals, into_cells
+from planner.belief.partition import Costs, by_group, interval_of_each
 from planner.belief.stopping import squeezes_left
 from planner.belief.transition import Squeezed
 from planner.frames import wrap
@@ -33,13 +33,6 @@ TOGETHER = 32  # options that a thread judges at once
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # fractions of its multiples fill an interval evenly
 
 
-class Asked(NamedTuple):
-    """Grasp poses to rank for one belief."""
-
-    belief: Belief
-    placements: Array  # (k, 3) of the hand in the world
-
-
 class Options(NamedTuple):
     """Grasp poses of one belief, the best first.
 
@@ -57,33 +50,21 @@ class Options(NamedTuple):
         order = np.argsort(squeezes, kind="stable")
         return cls(placements[order], squeezes[order])
 
-    def joined(self, other: Options) -> Options:
-        """Merges these options with others of the same belief."""
-        return Options.sorted(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
 
-
-@dataclass(slots=True, eq=False)
 class _Contest:
     """The options of one belief during sequential halving."""
 
-    belief: Belief
-    placements: Array  # (k, 3) of the remaining ones
-    stop: int  # particles that will have squeezed after this round
-    # By all particles so far, for each option: poses (k, n, 3) and readings (k, n).
-    poses: Array
-    reading: IntArray
-    squeezes: Array  # (k,) latest estimates
-
-    @classmethod
-    def of(cls, asked: Asked) -> _Contest:
-        """The first round: the more options, the fewer particles, spread evenly through the belief."""
-        belief, placements = asked
-        few, k = len(belief), len(placements)
+    def __init__(self, belief: Belief, placements: Array) -> None:
+        """Begins the first round: the more options, the fewer particles, spread evenly in the belief."""
+        self.belief, self.placements = belief, placements
+        self.stop, k = len(belief), len(placements)  # particles after this round
         if k > FINALISTS:
-            few = min(few, max(FIRST_PARTICLES, round(FIRST_SHARE * few)))
-            belief = belief[np.argsort(np.arange(len(belief)) * GOLDEN % 1.0, kind="stable")]
-        nothing = np.zeros((k, 0, 3)), np.zeros((k, 0), np.int64), np.zeros(k)
-        return cls(belief, placements, few, *nothing)
+            self.stop = min(self.stop, max(FIRST_PARTICLES, round(FIRST_SHARE * self.stop)))
+            spread = np.arange(len(belief)) * GOLDEN % 1.0
+            self.belief = belief[np.argsort(spread, kind="stable")]
+        # By all particles so far, for each option: poses (k, n, 3) and readings (k, n).
+        self.poses, self.reading = np.zeros((k, 0, 3)), np.zeros((k, 0), np.int64)
+        self.squeezes = np.zeros(k)  # latest estimates
 
     @property
     def start(self) -> int:
@@ -95,18 +76,12 @@ class _Contest:
         """Whether particles are left to squeeze."""
         return self.start < len(self.belief)
 
-    @property
-    def next(self) -> Belief:
-        """The particles of this round."""
-        return self.belief[self.start : self.stop]
-
     def add(self, squeezed: list[Squeezed]) -> None:
         """Adds this round's outcomes, one for each option."""
-        poses, reading = zip(
-            *((new.belief.poses, new.belief.reading) for new in squeezed), strict=True
-        )
-        self.poses = np.concatenate([self.poses, np.stack(poses)], axis=1)
-        self.reading = np.concatenate([self.reading, np.stack(reading)], axis=1)
+        poses = np.stack([new.belief.poses for new in squeezed])
+        reading = np.stack([new.belief.reading for new in squeezed])
+        self.poses = np.concatenate([self.poses, poses], axis=1)
+        self.reading = np.concatenate([self.reading, reading], axis=1)
 
     def states(self, hypotheses: bool) -> Array:
         """Final states (k, n, m) of all particles so far, with their hypothesis if asked."""
@@ -124,9 +99,8 @@ class _Contest:
             kept = np.sort(np.argsort(squeezes, kind="stable")[:most])
             self.placements = self.placements[kept]
             self.poses, self.reading = self.poses[kept], self.reading[kept]
-            self.stop = (
-                len(self.belief) if len(kept) <= FINALISTS else min(len(self.belief), 2 * self.stop)
-            )
+            last = len(kept) <= FINALISTS
+            self.stop = len(self.belief) if last else min(len(self.belief), 2 * self.stop)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,9 +120,9 @@ class Ranking:
         options = [self.actions.placements, along]
         if belief.reading[0] == PUSHED:
             options.append(self.actions.followed(about.poses))
-        return self.free(belief, self.actions.within(np.concatenate(options)))
+        return self.free(belief, np.concatenate(options))
 
-    def rank(self, asked: list[Asked], rng: np.random.Generator) -> list[Options]:
+    def rank(self, asked: list[tuple[Belief, Array]], rng: Generator) -> list[Options]:
         """The best of every belief's grasp poses (k, 3), each judged by all its particles.
 
         Squeezes count, whatever the job minimises: seconds differ less between grasp poses than the estimate
@@ -157,12 +131,12 @@ class Ranking:
         All grasp poses are judged by few particles first, the better half by twice as many, and so on,
         until few are left (sequential halving: Karnin, Koren and Somekh, ICML 2013).
         """
-        contests = [_Contest.of(each) for each in asked]
-        while waiting := [
-            contest for contest in contests if contest.waiting and len(contest.placements)
-        ]:
-            rounds = [(contest.next, contest.placements) for contest in waiting]
-            cases = [(particles, a) for particles, placements in rounds for a in placements]
+        contests = [_Contest(*each) for each in asked]
+        while waiting := [each for each in contests if each.waiting and len(each.placements)]:
+            cases = list[tuple[Belief, Array]]()
+            for contest in waiting:
+                belief = contest.belief[contest.start : contest.stop]
+                cases += [(belief, placement) for placement in contest.placements]
             squeezed = iter(self.problem.ahead.squeeze(cases, rng))
             for contest in waiting:
                 contest.add([next(squeezed) for _ in contest.placements])
@@ -170,9 +144,7 @@ class Ranking:
                 contest.halve(1.0 + left)
         return [Options.sorted(contest.placements, contest.squeezes) for contest in contests]
 
-    def varied(
-        self, belief: Belief, thin: Belief, options: Options, rng: np.random.Generator
-    ) -> Options:
+    def varied(self, belief: Belief, thin: Belief, options: Options, rng: Generator) -> Options:
         """The options and variants of the best of them, with decreasing spread: a random local search.
 
         Args:
@@ -182,10 +154,11 @@ class Ranking:
             rng: source of randomness.
         """
         for spread in VARIED if self.actions.proposals and belief.touched else ():
-            near = varied(options.placements[:VARIED_BEST], VARIED_BEST, spread, rng)
-            near = self.free(belief, self.actions.within(near))
+            best = options.placements[:VARIED_BEST]
+            near = self.free(belief, varied(best, VARIED_BEST, spread, rng))
             if len(near):
-                options = options.joined(self.rank([Asked(thin, near)], rng)[0])
+                more = self.rank([(thin, near)], rng)[0]
+                options = Options.sorted(*map(np.concatenate, zip(options, more, strict=True)))
         return options
 
     def unlike(self, belief: Belief, placements: Array, most: int) -> Array:
@@ -197,7 +170,8 @@ class Ranking:
         return np.asarray(placements[unlike(placements, most, 0.0 if fixed else 1.0)])
 
     def free(self, belief: Belief, placements: Array) -> Array:
-        """The grasp poses (k, 3) at which the open fingers clear a belief, except a share `crash_share`."""
+        """The grasp poses (k, 3) in the area at which open fingers clear a belief, but for `crash_share`."""
+        placements = self.actions.within(placements)
         free = self._clear(belief, placements, LEAST_CLEARANCE_MM)
         crash_share = self.problem.job.goal.crash_share
         if crash_share > 0.0 and not free.any():
@@ -210,84 +184,46 @@ class Ranking:
         """Mask (k,) of placements whose fingers clear all but a share of the particles of each hypothesis."""
         clear, mixture = np.ones(len(placements), np.bool_), self.problem.mixture
         for k, rows in by_hypothesis(belief.traits):
-            clear &= free_placements(
-                mixture.outlines[k], mixture.jaws, belief.poses[rows], placements, least_mm, share
-            )
+            outline, poses = mixture.outlines[k], belief.poses[rows]
+            clear &= free_placements(outline, mixture.jaws, poses, placements, least_mm, share)
         return clear
 
     def _judge(self, contests: list[_Contest]) -> list[Array]:
         """Expected squeezes left (k,) after each option of the contests."""
         rule, costs = self.problem.rule, self.problem.rule.compiled()
-        left = [np.zeros(len(contest.placements)) for contest in contests]
-        pieces = list[tuple[Array, IntArray, Array]]()
-        for contest, mine in zip(contests, left, strict=True):
+        pieces = list[tuple[Array, IntArray]]()
+        for contest in contests:
             states = contest.states(bool(rule.metric.further))
             for start in range(0, len(states), TOGETHER):
                 some = slice(start, start + TOGETHER)
-                pieces.append((states[some], contest.reading[some], mine[some]))
-
-        def run(piece: tuple[Array, IntArray, Array]) -> None:
-            states, reading, mine = piece
-            judged(states, reading, costs, mine)
-
-        deque(Threads(self.problem.mixture.workers).map(run, pieces), maxlen=0)
-        return left
+                pieces.append((states[some], contest.reading[some]))
+        threads = Threads(self.problem.mixture.workers)
+        left = np.concatenate(list(threads.map(lambda piece: judged(*piece, costs), pieces)))
+        return np.split(left, np.cumsum([len(contest.placements) for contest in contests])[:-1])
 
 
 @kernel
-def judged(states: Array, reading: IntArray, costs: Costs, left: Array) -> None:
+def judged(states: Array, reading: IntArray, costs: Costs) -> Array:
     """Partitions the readings of options and sums the expected squeezes left after each.
 
     Args:
         states: (k, n, m) of the particles after each option.
         reading: (k, n) readings.
         costs: of branches and leaves.
-        left: (k,) receives the leaf heuristic expected after each option.
+
+    Returns:
+        (k,) the leaf heuristic expected after each option.
     """
-    n, stopping = reading.shape[1], costs.stopping
-    most = max(MOST_CELLS, max(0, costs.free - reading.min()) // costs.coarsest) + 2
-    weight, start = np.empty(most, np.int64), np.empty(most + 1, np.int64)
-    bounds, label = np.empty(most + 1, np.int64), np.empty(most, np.int64)
-    moved, stops = np.empty((states.shape[2], n)), np.empty(most, np.int64)
-    shares, cells = np.empty((most, costs.modes)), np.empty(n, np.int64)
-    for option in range(states.shape[0]):
-        left[option], weight[:] = 0.0, 0
-        held, steps = into_cells(reading[option], costs.free, costs.coarsest, MOST_CELLS, cells)
-        for i in range(n):
-            weight[cells[i]] += 1
-        start[0] = 0
-        for cell in range(held + 1):
-            start[cell + 1] = start[cell] + weight[cell]
-        for i in range(n):
-            moved[:, start[cells[i]]] = states[option, i]
-            start[cells[i]] += 1
-        size = intervals(moved, weight[: held + 1], in_cells(costs, held, steps), bounds)
-        stops[:size] = 0
-        for j in range(size):
-            label[bounds[j + 1] : bounds[j]] = j
-            stops[j] = weight[bounds[j + 1] : bounds[j]].sum()
-        start[0] = 0
-        for j in range(size):
-            start[j + 1] = start[j] + stops[j]
-            stops[j] = start[j + 1]
-        for i in range(n):
-            j = label[cells[i]]
-            moved[:, start[j]] = states[option, i]
-            start[j] += 1
-        shares[:size] = 0.0
-        mode_shares(moved, stops[:size], costs.weights, shares[:size])
-        for j in range(size):
-            here = stops[j] - (stops[j - 1] if j else 0)
-            first = shares[j].sum()
-            ahead = squeezes_left(
-                first * here,
-                here,
-                stopping.confidence,
-                stopping.failure,
-                stopping.inside,
-                stopping.outside,
-            )
-            left[option] += here / n * ahead
+    left, n = np.zeros(reading.shape[0]), reading.shape[1]
+    for option in range(reading.shape[0]):
+        branch = interval_of_each(states[option], reading[option], costs)
+        columns, size, _ = by_group(states[option], branch, branch.max() + 1)
+        shares = np.zeros((size.shape[0], costs.modes))
+        mode_shares(columns, np.cumsum(size), costs.weights, shares)
+        for j in range(size.shape[0]):
+            ahead = squeezes_left(shares[j].sum() * size[j], size[j], costs.stopping)
+            left[option] += size[j] / n * ahead
+    return left
 
 
 def unlike(placements: Array, most: int, distance: float = 1.0) -> list[int]:

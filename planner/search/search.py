@@ -12,11 +12,14 @@ leaves that they refute are open again, and the same loop expands them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
-from planner.arrays import Array, BoolArray, IntArray
+from planner.arrays import Array, IntArray
 from planner.belief.costs import Closing, Hand
 from planner.belief.observation import Partition
 from planner.belief.particles import Belief, replenish, subsample
@@ -26,11 +29,11 @@ from planner.belief.transition import Outcomes, Push, Squeezed
 from planner.frames import to_hand
 from planner.problem import Problem
 from planner.search.actions import LEAST_MODE, MAIN_MODES, actions_of
-from planner.search.effort import EFFORTS, FRUGAL, PASSES, Effort, Pass
-from planner.search.handling import Handling, Opening, handling_of
+from planner.search.effort import EFFORTS, LEAVES, PASSES, Effort, Pass
+from planner.search.handling import Handling, Opening
 from planner.search.proposals import placed, varied
-from planner.search.pushes import Pusher, pusher_of
-from planner.search.ranking import Asked, Ranking
+from planner.search.pushes import LEAST_SHARE, Pusher
+from planner.search.ranking import Ranking
 from planner.search.tree import Action, Node, Origin, Squeeze, breadth_first, dilute, leaves
 from planner.work.scheduler import Threads
 from runtime.table import MAX_BRANCHES
@@ -53,16 +56,15 @@ LEAST_STRAYS = 5  # readings far from all branches that form a new one
 GROWN = 1.5  # growth of a belief by trials after which a dead end is searched again
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Candidate:
+class _Candidate(NamedTuple):
     """A grasp pose, the pushes before it, and the belief after these."""
 
     placement: Array
     lying: Belief
     pushes: tuple[Push, ...] = ()
+    crashes: float = 0.0  # share of the parts that an open finger would come down on
 
 
-@dataclass(slots=True, eq=False)
 class Search:
     """The search for one problem.
 
@@ -70,20 +72,18 @@ class Search:
         problem: the problem.
         rng: generator of everything but the initial beliefs.
         stage: settings of the pass.
+        ranking: ranks grasp poses.
+        handling: chooses openings and places of release.
+        pusher: proposes pushes; None where the job disables them.
+        remembered: the best grasp poses of all nodes so far, each (1, 3) relative to the part.
     """
 
-    problem: Problem
-    rng: np.random.Generator
-    stage: Pass = PASSES[0]
-    ranking: Ranking = field(init=False)
-    handling: Handling = field(init=False)
-    pusher: Pusher | None = field(init=False)
-    remembered: list[Array] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        job = self.problem.job
-        self.ranking = Ranking(self.problem, actions_of(job))
-        self.handling, self.pusher = handling_of(job), pusher_of(self.problem)
+    def __init__(self, problem: Problem, rng: Generator, stage: Pass = PASSES[0]) -> None:
+        self.problem, self.rng, self.stage = problem, rng, stage
+        self.ranking = Ranking(problem, actions_of(problem.job))
+        self.handling = Handling(problem.job)
+        self.pusher = Pusher(problem) if problem.job.actions.pushes is not None else None
+        self.remembered = list[Array]()
 
     def begin(self, stage: Pass, previous: Node | None) -> Node:
         """Begins a pass: returns its root, a belief of new particles unless the pass continues a tree."""
@@ -129,9 +129,7 @@ class Search:
         """
         if node.actions is None:
             return not self._is_due(node)
-        finished = [
-            action for action in node.actions if all(self.close(child) for child in action.children)
-        ]
+        finished = [each for each in node.actions if all(map(self.close, each.children))]
         node.actions = finished or node.actions
         self._update(node)
         return bool(finished) or not node.actions
@@ -163,13 +161,13 @@ class Search:
         if not self.is_open(node) and (node.refuted or not stopping.reached(ratio)):
             return back + stopping.failure * (2.0 - ratio)  # the plan gives up all these parts
         # The heuristic distrusts small samples; later passes bring more particles.
-        size = np.array([len(node.belief) / self.stage.particles**0.5])
-        left = float(stopping.cost_to_go(ratio * size, size)[0])
+        size = len(node.belief) / self.stage.particles**0.5
+        left = stopping.cost_to_go(ratio * size, size)
         if not self.is_open(node):
             return back + left
         if node.depth == 1 and self.stage.explores:
             return back + 1.0  # a lower bound: all first actions that may be the best are expanded
-        if node.previous is not None and node.previous.actions:
+        if node.previous and node.previous.actions:
             return node.previous.value
         return back + max(left, 1.0) + FURTHER
 
@@ -184,12 +182,8 @@ class Search:
         for action in node.actions or ():
             share = np.array([child.share for child in action.children])
             left = float(share @ [child.value for child in action.children]) / float(share.sum())
-            crashes = action.squeeze.crashes
-            action.value = (
-                action.squeeze.cost
-                + self.problem.stopping.failure * crashes
-                + (1.0 - crashes) * left
-            )
+            cost, crashes = action.squeeze.cost, action.squeeze.crashes
+            action.value = cost + self.problem.stopping.failure * crashes + (1.0 - crashes) * left
         if node.actions:
             node.actions.sort(key=lambda action: action.value)
         node.value = node.actions[0].value if node.actions else self.leaf_value(node)
@@ -212,10 +206,8 @@ class Search:
         inner, ends = [node for node in breadth_first(root) if node.children], leaves(root)
         for number, parts in strays.items():
             self._reach(inner[number], parts)
-        for number, node in enumerate(ends):
-            here = ended.get(number)
-            if here is None:
-                continue
+        for number, here in ended.items():
+            node = ends[number]
             if node.actions is not None and len(here) >= (GROWN - 1.0) * len(node.belief):
                 node.actions = None
             node.belief, node.fresh = Belief.joined([here, node.belief]), node.fresh + len(here)
@@ -225,7 +217,9 @@ class Search:
             if node.refuted and self.is_open(node):
                 again += node.share
             elif node.refuted:
-                failing |= {id(above) for above in _above(node)}
+                while node.parent is not None:
+                    node = node.parent
+                    failing.add(id(node))
         for node in breadth_first(root):
             if node.actions and id(node) not in failing:
                 del node.actions[1:]
@@ -242,8 +236,7 @@ class Search:
         free, most = self.problem.rule.resolution.free, 2 * self.problem.rule.resolution.margin
         children, clusters = list(node.best.children), node.best.squeeze.clusters
         seen = sum(len(child.belief) for child in children) + len(strays)
-        order = np.argsort(strays.reading, kind="stable")
-        strays = strays[order]
+        strays = strays[np.argsort(strays.reading, kind="stable")]
         counts = strays.reading[:, None]
         away = np.maximum(clusters.low - counts, counts - clusters.high)
         away = np.where((counts < free) == (clusters.low < free), away, most + 1)
@@ -257,18 +250,9 @@ class Search:
             if len(rows) >= LEAST_STRAYS and len(children) < MAX_BRANCHES:
                 belief = far[rows]
                 mode, share = self.problem.metric.mode(belief.states), node.share * len(rows) / seen
-                children.append(
-                    Node(
-                        belief,
-                        share,
-                        mode,
-                        node.depth + 1,
-                        parent=node,
-                        fresh=len(rows),
-                        hand=children[0].hand,
-                        home=children[0].home,
-                    )
-                )
+                child = Node(belief, share, mode, node.depth + 1, parent=node, fresh=len(rows))
+                child.hand, child.home = children[0].hand, children[0].home
+                children.append(child)
         before = node.best.children
         added = sum(child.share for child in children[len(before) :])
         for child in before:
@@ -276,32 +260,28 @@ class Search:
         children.sort(key=lambda child: -float(child.belief.reading.mean()))
         _partition(node.best, children)
 
-    def _actions(self, case: tuple[Node, np.random.Generator]) -> list[Action]:
+    def _actions(self, case: tuple[Node, Generator]) -> list[Action]:
         """Actions for a leaf, given with its generator: squeezes its belief at each candidate grasp pose."""
         node, rng = case
-        tried, cases = list[tuple[_Candidate, float]](), list[tuple[Belief, Array]]()
+        tried, cases = list[_Candidate](), list[tuple[Belief, Array]]()
         for candidate in self._candidates(node, rng):
             clear = self.handling.clear(candidate.lying, candidate.placement)
             if len(clear):
+                tried.append(candidate._replace(crashes=1.0 - len(clear) / len(candidate.lying)))
                 cases.append((replenish(clear, LEAST_PARTICLES), candidate.placement))
-                tried.append((candidate, 1.0 - len(clear) / len(candidate.lying)))
         squeezed = self.problem.model.squeeze(cases, rng)
 
         def actions_at(number: int) -> list[Action]:
-            (candidate, crashes), after = tried[number], squeezed[number]
-            jaws, before = self._jaws(candidate), cases[number][0]
+            candidate, (before, _), after = tried[number], cases[number], squeezed[number]
+            jaws = self._jaws(candidate)
             return [
-                self._action(node, candidate, jaws, Origin(before, after, rule), outcomes, crashes)
+                self._action(node, candidate, jaws, Origin(before, after, rule), outcomes)
                 for rule, outcomes in self._partitions(node, after)
             ]
 
         threads = Threads(self.problem.mixture.workers)
-        actions = [
-            action
-            for some in threads.map(actions_at, range(len(cases)))
-            for action in some
-            if action.children[0].stalled < MOST_STALLED
-        ]
+        each = chain.from_iterable(threads.map(actions_at, range(len(cases))))
+        actions = [action for action in each if action.children[0].stalled < MOST_STALLED]
         if not actions and node.previous is not None:
             node.previous = None  # the old actions gain nothing here: rank new candidates
             return self._actions(case)
@@ -334,21 +314,21 @@ class Search:
         pushed = bool(candidate.pushes)
         return self.handling.opening(candidate.lying, candidate.placement, pushed=pushed)
 
-    def _candidates(self, node: Node, rng: np.random.Generator) -> list[_Candidate]:
+    def _candidates(self, node: Node, rng: Generator) -> list[_Candidate]:
         """Candidates to expand: the best of the previous pass, and the best of many new grasp poses."""
-        rows = FRUGAL if self.stage.frugal else EFFORTS
+        rows = EFFORTS[-1:] if self.stage.frugal else EFFORTS
         effort = next(row for row in rows if node.share >= row.least)
         old, new, probable = list[_Candidate](), effort.actions, node.share >= PROBABLE
-        if node.previous is not None and node.previous.actions:
+        if node.previous and node.previous.actions:
             cheap = [a for a in node.previous.actions if a.value < node.previous.value + MARGIN]
             old = self._again(node, cheap, self.stage.kept if probable else 1, rng)
             new = min(new, self.stage.new) if probable else 0
         if not new:
             return old
-        near = np.array([each.placement for each in old[:2] if not each.pushes]).reshape(-1, 3)
+        near = _placements(each for each in old[:2] if not each.pushes)
         grasps = self._ranked(node.belief, node.hand, effort, near, rng)[:new]
         fresh = [_Candidate(grasp, node.belief) for grasp in grasps]
-        if self.pusher is not None and node.share >= self.pusher.least_share:
+        if self.pusher is not None and node.share >= LEAST_SHARE:
             for pushes in self.pusher.best(node.belief, node.hand, self.ranking, rng):
                 lying = self.pusher.pushed(node.belief, pushes, rng)
                 _, hand = self.problem.costs.pushes(node.hand, pushes)
@@ -357,33 +337,21 @@ class Search:
         return old + [each for each in fresh if not any(_same(each, other) for other in old)]
 
     def _again(
-        self, node: Node, actions: list[Action], most: int, rng: np.random.Generator
+        self, node: Node, actions: list[Action], most: int, rng: Generator
     ) -> list[_Candidate]:
         """Candidates from the previous pass: distinct grasp poses, and at most one with pushes before it."""
-        plain = np.array([a.squeeze.placement for a in actions if not a.squeeze.pushes]).reshape(
-            -1, 3
-        )
+        plain = _placements(a.squeeze for a in actions if not a.squeeze.pushes)
         plain = self.problem.costs.short_way(node.hand, plain)
         plain = self.ranking.unlike(node.belief, plain, most)
         again = [_Candidate(grasp, node.belief) for grasp in plain]
         for squeeze in [a.squeeze for a in actions if a.squeeze.pushes][:1]:
             assert self.pusher is not None
-            again.append(
-                _Candidate(
-                    squeeze.placement,
-                    self.pusher.pushed(node.belief, squeeze.pushes, rng),
-                    squeeze.pushes,
-                )
-            )
+            lying = self.pusher.pushed(node.belief, squeeze.pushes, rng)
+            again.append(_Candidate(squeeze.placement, lying, squeeze.pushes))
         return again
 
     def _ranked(
-        self,
-        belief: Belief,
-        hand: Hand | None,
-        effort: Effort,
-        near: Array,
-        rng: np.random.Generator,
+        self, belief: Belief, hand: Hand | None, effort: Effort, near: Array, rng: Generator
     ) -> Array:
         """Grasp poses (k, 3) for a belief, the best first, without near duplicates.
 
@@ -398,69 +366,49 @@ class Search:
         ranking, thin = self.ranking, subsample(belief, most)
         groups = [ranking.candidates(belief, thin)]
         if belief.touched and ranking.actions.proposals:
-            groups.append(
-                ranking.free(belief, ranking.actions.within(varied(near, VARIANTS, SPREAD, rng)))
-            )
+            groups.append(ranking.free(belief, varied(near, VARIANTS, SPREAD, rng)))
             modes = self.problem.metric.main_modes(thin.states, MAIN_MODES, LEAST_MODE)
-            start, n = self._number() * effort.scattered, effort.scattered // len(modes)
-            for mode in modes:  # new ones in each pass
+            number, n = (*PASSES, LEAVES).index(self.stage), effort.scattered // len(modes)
+            start = number * effort.scattered  # new ones in each pass
+            for mode in modes:
                 about = ranking.actions.proposals[mode.hypothesis[0]].scattered[start : start + n]
                 relative = np.concatenate([about, *self.remembered[-REMEMBERED:]])
-                grasps = ranking.actions.within(placed(relative, mode.pose))
-                groups.append(ranking.free(belief, grasps))
+                groups.append(ranking.free(belief, placed(relative, mode.pose)))
         grasps = self.problem.costs.short_way(hand, np.concatenate(groups))
         if not len(grasps):
             return grasps
-        options = ranking.rank([Asked(thin, grasps)], rng)[0]
+        options = ranking.rank([(thin, grasps)], rng)[0]
         if effort.actions > 1:
             options = ranking.varied(belief, thin, options, rng)
         return ranking.unlike(belief, options.placements, effort.actions)
 
-    def _number(self) -> int:
-        return PASSES.index(self.stage) if self.stage in PASSES else len(PASSES)
-
     def _action(
-        self,
-        node: Node,
-        candidate: _Candidate,
-        jaws: Opening,
-        origin: Origin,
-        outcomes: Outcomes,
-        crashes: float,
+        self, node: Node, candidate: _Candidate, jaws: Opening, origin: Origin, outcomes: Outcomes
     ) -> Action:
         """The action of a squeeze, with a child for each interval of readings."""
-        problem, grasp = self.problem, candidate.placement
+        problem, ratio = self.problem, node.mode.ratio
+        grasp, _, pushes, crashes = candidate
         release = self.handling.release(outcomes)
-        cost, hand = problem.costs.pushes(node.hand, candidate.pushes)
-        closing = Closing(jaws.opening_mm, jaws.contact_mm, outcomes.width_mm)
+        cost, hand = problem.costs.pushes(node.hand, pushes)
+        opening_mm, clearance_mm, contact_mm = jaws
+        closing = Closing(opening_mm, contact_mm, outcomes.width_mm)
         cost += problem.costs.squeeze(hand, grasp, closing)
         squeeze = Squeeze(
-            grasp,
-            jaws.opening_mm,
-            jaws.clearance_mm,
-            outcomes.clusters,
-            release,
-            candidate.pushes,
-            cost,
-            crashes,
+            grasp, opening_mm, clearance_mm, outcomes.clusters, release, pushes, cost, crashes
         )
         beliefs = self.handling.released(grasp, release, outcomes)
         modes = [problem.metric.mode(belief.states) for belief in beliefs]
         shares = (1.0 - crashes) * outcomes.probability
-        chance = SELECTION_BIAS * np.sqrt(
-            len(modes) * node.mode.ratio * (1.0 - node.mode.ratio) / len(node.belief)
-        )
-        gains = shares @ [mode.ratio for mode in modes] - node.mode.ratio - chance > LEAST_GAIN
+        chance = SELECTION_BIAS * np.sqrt(len(modes) * ratio * (1.0 - ratio) / len(node.belief))
+        gains = shares @ [mode.ratio for mode in modes] - ratio - chance > LEAST_GAIN
         stalled = 0 if gains else node.stalled + 1
         tried = node.previous.actions if node.previous and node.previous.actions else []
         old = [c for a in tried if np.array_equal(a.squeeze.placement, grasp) for c in a.children]
         children, stands = list[Node](), grasp.copy()
         if release is not None:
             stands[:2] = release
-        for share, belief, mode in zip(shares, beliefs, modes, strict=True):
-            child = Node(
-                belief, node.share * float(share), mode, node.depth + 1, stalled, parent=node
-            )
+        for share, belief, mode in zip((node.share * shares).tolist(), beliefs, modes, strict=True):
+            child = Node(belief, share, mode, node.depth + 1, stalled, parent=node)
             child.home = grasp if node.home is None else node.home
             child.hand = Hand(stands, float(problem.encoder.width_mm(belief.reading).mean()))
             child.previous = most_similar(belief, old, problem.rule.resolution.coarsest)
@@ -503,35 +451,28 @@ class Search:
         plain = [each for each in node.actions or () if not each.squeeze.pushes]
         for k in numbers[::-1]:  # readings fall as widths rise
             part, share = node.belief[piece == k], node.share * float(np.mean(piece == k))
-            child = replace(
-                node,
-                belief=part,
-                share=share,
-                mode=self.problem.metric.mode(part.states),
-                actions=None,
-                previous=node.previous if k == largest else None,
-            )
+            mode = self.problem.metric.mode(part.states)
+            old = node.previous if k == largest else None
+            child = replace(node, belief=part, share=share, mode=mode, actions=None, previous=old)
             child.value = self.leaf_value(child)
             if k == largest and self.is_open(child):
-                child.actions = [
-                    self._narrowed(child, each, _piece(each, cuts) == k) for each in plain
-                ]
+                child.actions = [self._narrowed(child, each, cuts, k) for each in plain]
             pieces.append(child)
         at = above.best.children.index(node)
         _partition(above.best, [*above.best.children[:at], *pieces, *above.best.children[at + 1 :]])
         for child in pieces:
             self.back_up(child)
 
-    def _narrowed(self, node: Node, action: Action, rows: BoolArray) -> Action:
-        """An action of a node, restricted to some of its particles."""
+    def _narrowed(self, node: Node, action: Action, cuts: IntArray, piece: int) -> Action:
+        """An action of a node, restricted to a piece between `cuts` of the readings before the squeeze."""
         assert action.origin is not None
         before, after, rule = action.origin
+        rows = np.searchsorted(cuts, before.reading, side="right") == piece
         squeeze, part = action.squeeze, after._replace(belief=after.belief[rows])
-        candidate = _Candidate(squeeze.placement, node.belief, squeeze.pushes)
+        candidate = _Candidate(squeeze.placement, node.belief, squeeze.pushes, squeeze.crashes)
         rule, outcomes = self._cut(part, rule)
         origin = Origin(before[rows], part, rule)
-        jaws = self._jaws(candidate)
-        return self._action(node, candidate, jaws, origin, outcomes, squeeze.crashes)
+        return self._action(node, candidate, self._jaws(candidate), origin, outcomes)
 
 
 def most_similar(belief: Belief, nodes: list[Node], steps: int) -> Node | None:
@@ -559,21 +500,12 @@ def _partition(action: Action, children: list[Node]) -> None:
     action.squeeze = replace(action.squeeze, clusters=clusters._replace(size=size.astype(np.int64)))
 
 
-def _piece(action: Action, cuts: IntArray) -> IntArray:
-    """The interval between `cuts` (n,) that contains each particle's reading before the squeeze."""
-    assert action.origin is not None
-    return np.searchsorted(cuts, action.origin.before.reading, side="right")
-
-
-def _above(node: Node) -> Iterable[Node]:
-    """The ancestors of a node, up to the root."""
-    while node.parent is not None:
-        node = node.parent
-        yield node
+def _placements(squeezes: Iterable[Squeeze | _Candidate]) -> Array:
+    """The grasp poses (k, 3) of squeezes."""
+    return np.array([each.placement for each in squeezes]).reshape(-1, 3)
 
 
 def _same(one: _Candidate, other: _Candidate) -> bool:
     """Whether two candidates are the same squeeze after the same number of pushes."""
-    return len(one.pushes) == len(other.pushes) and bool(
-        np.allclose(one.placement, other.placement)
-    )
+    alike = np.allclose(one.placement, other.placement)
+    return alike and len(one.pushes) == len(other.pushes)

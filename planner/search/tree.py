@@ -155,16 +155,12 @@ def pruned(root: Node, kept: Sequence[Sequence[int]]) -> Node:
     chosen = {id(node): numbers for node, numbers in zip(inner, kept, strict=True)}
 
     def copied(node: Node) -> Node:
-        if node.best is None:
-            return replace(node, parent=None, previous=None)
-        numbers, clusters = chosen[id(node)], node.best.squeeze.clusters
-        squeeze = replace(node.best.squeeze, clusters=clusters.of_clusters(numbers))
-        children = [copied(node.children[k]) for k in numbers]
-        return replace(
-            node,
-            actions=[replace(node.best, squeeze=squeeze, children=children)],
-            parent=None,
-            previous=None,
-        )
+        result = replace(node, parent=None, previous=None)
+        if node.best is not None:
+            numbers, clusters = chosen[id(node)], node.best.squeeze.clusters
+            squeeze = replace(node.best.squeeze, clusters=clusters.of_clusters(numbers))
+            children = [copied(node.children[k]) for k in numbers]
+            result.actions = [replace(node.best, squeeze=squeeze, children=children)]
+        return result
 
     return copied(root)

@@ -16,7 +16,7 @@ def job(job):
 
 @pytest.fixture(scope="module")
 def costs(job):
-    return Costs.of(job)
+    return Costs(job)
 
 
 def placement_of(node):
@@ -62,6 +62,6 @@ def test_short_way_is_a_quarter_turn_at_most_to_the_same_squeezes_of_fingers_tha
     ("halfwidth_deg", "turn"), [(180.0, 0.0), (90.0, 1.2)], ids=["turned", "as planned"]
 )
 def test_back_of_turned_plans_is_the_way_without_the_turn(job, halfwidth_deg, turn):
-    costs = Costs.of(job.replaced(uncertainty={"orientation_halfwidth_deg": halfwidth_deg}))
+    costs = Costs(job.replaced(uncertainty={"orientation_halfwidth_deg": halfwidth_deg}))
     hand, home = Hand(np.array([4.0, -3.0, 1.2]), 25.0), np.zeros(3)
     assert costs.back(hand, home) * costs.typical_s == pytest.approx(costs.timing.move_s(5.0, turn))

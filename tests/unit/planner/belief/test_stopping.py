@@ -50,4 +50,4 @@ def test_cost_to_go_matches_the_beta_distribution_it_approximates():
     miss = 0.5 * math.erfc((share - 0.99) / deviation / math.sqrt(2.0))
     further = 2.0 - hits / size
     expected = miss * further + (1.0 - miss) * min(100.0 * (1.0 - share), further)
-    assert RULE.cost_to_go(np.array([hits]), np.array([size]))[0] == pytest.approx(expected)
+    assert RULE.cost_to_go(hits, size) == pytest.approx(expected)

@@ -36,7 +36,7 @@ def test_proposals_stand_about_the_main_modes_and_the_middle_along_each():
     belief = np.repeat([[5.0, 0.0, 0.0], [-5.0, 0.0, np.pi]], [60, 40], axis=0)
     area = np.array([[-10.0, -10.0], [10.0, 10.0]])
     relative = np.array([[0.0, 0.0, 0.0], [7.0, 0.0, 0.5]])
-    actions = ActionSet(np.zeros((1, 3)), (Proposals(relative),), area)
+    actions = ActionSet(np.zeros((1, 3)), (Proposals(relative, relative[:0]),), area)
     sides = actions.along_sides(belief, metric)
     np.testing.assert_allclose(sides.about_modes[:, 0], [5.0, 12.0, -5.0, -12.0], atol=1e-9)
     np.testing.assert_allclose(sides.about_middles[:, 0], [0.0, 7.0, 0.0, -7.0], atol=1e-9)

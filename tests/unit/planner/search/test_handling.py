@@ -8,7 +8,7 @@ from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes
 from planner.mechanics.clearance import jaws_of, least_clearance
 from planner.mechanics.traits import as_planned
-from planner.search.handling import LEAST_PARTICLES, SPARE_MM, handling_of
+from planner.search.handling import LEAST_PARTICLES, SPARE_MM, Handling
 
 
 def held_at(job, centre):
@@ -20,7 +20,7 @@ def held_at(job, centre):
 @pytest.mark.parametrize("y", [0.0, 8.0, 18.0, 28.0])
 def test_opening_clearance_is_that_of_the_open_fingers_at_most_fully_open(job, y):
     belief, placement = np.tile([0.0, y, 0.0], (LEAST_PARTICLES, 1)), np.zeros(3)
-    opening, clearance, _ = handling_of(job).opening(Belief.of(belief), placement)
+    opening, clearance, _ = Handling(job).opening(Belief.of(belief), placement)
     jaws = jaws_of(job.gripper)._replace(opening_mm=opening)
     assert clearance == least_clearance(job.part.outline_mm, jaws, belief, placement)
     assert clearance >= SPARE_MM or opening == job.gripper.opening_mm
@@ -29,13 +29,13 @@ def test_opening_clearance_is_that_of_the_open_fingers_at_most_fully_open(job, y
 def test_opening_fingers_that_do_not_move_alike_is_full(job):
     belief = Belief.of(np.zeros((LEAST_PARTICLES, 3)))
     uneven = job.replaced(gripper={"upper_finger_share": 0.6})
-    assert handling_of(uneven).opening(belief, np.zeros(3))[0] == job.gripper.opening_mm
+    assert Handling(uneven).opening(belief, np.zeros(3))[0] == job.gripper.opening_mm
 
 
 def test_opening_leaves_just_the_room_that_is_needed(job):
     poses = np.tile([[0.0, 5.0, 0.0], [0.0, -8.0, 0.1]], (LEAST_PARTICLES // 2, 1))
     belief, placement = Belief.of(poses), np.zeros(3)
-    handling = handling_of(job)
+    handling = Handling(job)
     opening, clearance, _ = handling.opening(belief, placement)
     assert opening == handling.contact_mm(belief, placement) + SPARE_MM
     assert SPARE_MM <= clearance < 2 * SPARE_MM
@@ -46,7 +46,7 @@ def test_opening_leaves_just_the_room_that_is_needed(job):
 
 @pytest.mark.parametrize("trait", ["share", "across_mm", "encoder_mm"])
 def test_first_contact_of_a_part_with_something_off_comes_earlier(job, trait):
-    poses, placement, handling = np.array([[0.0, 9.0, 0.3]]), np.zeros(3), handling_of(job)
+    poses, placement, handling = np.array([[0.0, 9.0, 0.3]]), np.zeros(3), Handling(job)
     traits = as_planned(1)
     plain = handling.contact_mm(Belief.of(poses, traits=traits), placement)
     traits[trait] = {"share": 0.1, "across_mm": -1.4, "encoder_mm": 1.1}[trait]
@@ -54,7 +54,7 @@ def test_first_contact_of_a_part_with_something_off_comes_earlier(job, trait):
 
 
 def test_a_part_near_the_edge_is_dragged_to_the_middle(job):
-    handling, outcomes = handling_of(job), held_at(job, (145.0, 0.0))
+    handling, outcomes = Handling(job), held_at(job, (145.0, 0.0))
     release = handling.release(outcomes)
     np.testing.assert_allclose(release, [0.0, 0.0])
     (belief,) = handling.released(np.array([140.0, 0.0, 0.0]), release, outcomes)

@@ -13,8 +13,9 @@ from planner.job import model as job_file
 from planner.mechanics.clearance import STANDS_ON, Jaws, classify_contact
 from planner.problem import Problem
 from planner.search.actions import actions_of
-from planner.search.pushes import FINALISTS, MOST, Pusher, pusher_of
+from planner.search.pushes import FINALISTS, MOST, Pusher
 from planner.search.ranking import Ranking
+from planner.search.search import Search
 from runtime.shell.errors import InputError
 
 PUSHING = {"actions": {"pushes": "belief", "proposals": "belief"}}
@@ -32,7 +33,7 @@ def problem(job):
 
 @pytest.fixture(scope="module")
 def pusher(problem):
-    return pusher_of(problem)
+    return Pusher(problem)
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +97,7 @@ def test_best_pushes_through_a_belief_reach_where_they_were_judged_to_end(proble
 def test_a_job_that_states_that_nothing_is_pushed_is_the_job_that_does_not(job):
     stated = job_file.load(JOB_PATH, {"actions": {"pushes": "none"}})
     assert stated.canonical() == job_file.load(JOB_PATH).canonical()
-    assert pusher_of(Problem.of(stated, 1)) is None
+    assert Search(Problem.of(stated, 1), np.random.default_rng(0)).pusher is None
     assert job_file.from_canonical(job.canonical()) == job
 
 

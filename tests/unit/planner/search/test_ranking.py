@@ -27,22 +27,17 @@ def test_judged_options_equals_the_heuristic_of_their_branches(changes):
     belief = Belief.of(initial(problem.job, 120, rng), traits=traits)
     grasps = Ranking(problem, actions_of(problem.job)).candidates(belief, belief)[:6]
     squeezed = problem.ahead.squeeze([(belief, grasp) for grasp in grasps], rng)
-    left = np.empty(len(grasps))
-    judged(
-        np.stack([each.belief.states for each in squeezed]),
-        np.stack([each.belief.reading for each in squeezed]),
-        rule.compiled(),
-        left,
-    )
+    states = np.stack([each.belief.states for each in squeezed])
+    reading = np.stack([each.belief.reading for each in squeezed])
+    left = judged(states, reading, rule.compiled())
     for k, each in enumerate(squeezed):
         outcomes = Outcomes.of(each, rule)
         size = outcomes.clusters.size
         shares = rule.metric.shares(
             [child.states for child in outcomes.beliefs], rule.metric.modes
         ).sum(axis=1)
-        assert left[k] == pytest.approx(
-            outcomes.probability @ rule.stopping.cost_to_go(shares * size, size)
-        )
+        ahead = list(map(rule.stopping.cost_to_go, shares * size, size))
+        assert left[k] == pytest.approx(outcomes.probability @ ahead)
 
 
 def test_unlike_first_squeezes_closer_than_variants_keeps_them_all():
