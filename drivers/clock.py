@@ -41,7 +41,7 @@ class Clock:
 
 
 class Pace:
-    """Waits and deadlines in device seconds; `time_scale` of them, 1 for hardware, pass in a wall second."""
+    """Waits and deadlines in device seconds: `time_scale` of them pass in a wall second (hardware: 1)."""
 
     def __init__(self, clock: Clock, time_scale: float = 1.0) -> None:
         self.clock = clock

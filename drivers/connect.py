@@ -123,7 +123,7 @@ def manual_arm(url: str, pace: Pace, *, read_only: bool) -> Arm:
 
 
 def scene(url: str) -> Scene:
-    """Connect to the scene of a simulated cell: its feeder and the ground truth.
+    """Connects to the scene of a simulated cell: its feeder and the ground truth.
 
     Raises:
         PortError: the connection is refused.

@@ -13,7 +13,10 @@ Read = TypeVar("Read")
 
 
 class ReportingLink:
-    """Base of the links: repeats reads; reports failures as ("link", {"incident": ..., ...})."""
+    """Base class of links: repeats reads, and reports incidents such as repeated or failed requests.
+
+    Each report is ("link", {"incident": ..., "transaction": ..., ...}).
+    """
 
     def __init__(self, endpoint: str, report: Report) -> None:
         self.endpoint = endpoint

@@ -81,13 +81,13 @@ class ManualArm:
         return (self._at or ALOFT) if self._behind is None else self._behind.pose()
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """A person's wrist is not counted."""
+        """The range of the simulated arm, or no limit: the wrist of a person is not modelled."""
         if self._behind is None:
             return -math.inf, math.inf
         return self._behind.turn_range(x_mm, y_mm)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """No obstacle is known for a person."""
+        """The obstacle of the simulated arm, or none: no obstacle is known for a person."""
         return "" if self._behind is None else self._behind.obstacle(start, target)
 
     def move_linear(

@@ -40,7 +40,11 @@ class Stream(Protocol):
     endpoint: str
 
     def send(self, data: bytes) -> None:
-        """Sends data in one piece; StalledError where it is not accepted within `SEND_S`, perhaps in part."""
+        """Sends data in one piece.
+
+        Raises:
+            StalledError: not all data were accepted within `SEND_S`; some of them may have been sent.
+        """
 
     def receive(self, seconds: float) -> bytes:
         """Data received, waiting at most `seconds` (of the clock) for it; empty if there is none."""

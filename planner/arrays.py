@@ -1,4 +1,4 @@
-"""Array types for annotations, whose shapes are given in docstrings; rows of records of arrays."""
+"""Array types for annotations (docstrings give the shapes), and selection of rows from tuples of arrays."""
 
 from typing import Any, TypeAlias, TypeVar
 

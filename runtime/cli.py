@@ -16,21 +16,21 @@ from runtime.shell.interrupts import StopRequests
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run `grasp-runtime`; returns its exit code."""
+    """Runs `grasp-runtime`; returns its exit code."""
     from runtime.commands import arguments, run
 
     return guarded(arguments.parser(), argv, lambda given: run.run(given, connect))
 
 
 def doctor(argv: Sequence[str] | None = None) -> int:
-    """Run `grasp-doctor`; returns its exit code."""
+    """Runs `grasp-doctor`; returns its exit code."""
     from runtime.commands import doctor as doctor_command
 
     return guarded(doctor_command.parser(), argv, lambda given: doctor_command.run(given, connect))
 
 
 def calibrate(argv: Sequence[str] | None = None) -> int:
-    """Run `grasp-calibrate`; returns its exit code."""
+    """Runs `grasp-calibrate`; returns its exit code."""
     from runtime.commands import calibrate as calibrate_command
 
     words = list(sys.argv[1:] if argv is None else argv)

@@ -227,7 +227,7 @@ def _states(path: str, body: str) -> list[State]:
 
 
 def _message(text: str) -> str:
-    """The reason in an error's document, or its beginning."""
+    """The reason that the document of an error states; the beginning of the document if it states none."""
     try:
         return shown(json.loads(text)["status"]["msg"])
     except (ValueError, KeyError, TypeError, RecursionError):

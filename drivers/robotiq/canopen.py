@@ -42,7 +42,7 @@ ANSWERS = {WRITE_ONE: 0x60, READ: 0x42}
 
 
 class CanMap(NamedTuple):
-    """Bus, node and objects that hold the register blocks, as inferred above."""
+    """Bus, node and objects of the register blocks; the module's docstring explains the defaults."""
 
     channel: str
     interface: str = "socketcan"

@@ -122,7 +122,16 @@ class UrcapLink(StreamLink):
         )
 
     def _answer(self, line: str, wanted: str, *, stale: bool) -> int | None:
-        """The answer's number if it is complete; with `stale`, other answers are dropped."""
+        """The number in the answer `wanted`, 0 for "ack"; None if that answer is not complete yet.
+
+        Args:
+            line: the request, for messages.
+            wanted: name of the expected answer.
+            stale: whether other answers are dropped.
+
+        Raises:
+            LinkError: another answer came, and `stale` is false.
+        """
         while self._text.strip():
             text = self._text.lstrip()
             if text.startswith(b"ack"):

@@ -148,7 +148,7 @@ class Gripper(PolledGripper[Input, Output]):
         return output
 
     def _send(self, output: Output) -> None:
-        """Sends a request; a repetition is no command, since it has no edge."""
+        """Sends a request, and repeats a lost write; without an edge, a repetition is not a new command."""
         write = partial(self._link.write, "plc_sync_output", *output)
         self._repeat(write, lambda: self._asked() == output)
 

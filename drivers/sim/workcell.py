@@ -64,11 +64,11 @@ class Workcell(Surroundings):
         return self.table.squeeze(hand)
 
     def gripped(self) -> None:
-        """The jaws stopped at the part."""
+        """Receives the event that the jaws have stopped at the part."""
         self.table.gripped()
 
     def released(self) -> None:
-        """The jaws release it."""
+        """Receives the event that the jaws release the part."""
         self._let_go = True
         self.table.released()
 

@@ -70,7 +70,7 @@ class Depths(NamedTuple):
 
 
 class Histories:
-    """The histories of a sample: all up to a depth, longer ones on request."""
+    """The histories of a sample of parts: all histories up to a depth, and longer ones on request."""
 
     def __init__(
         self,

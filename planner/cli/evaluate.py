@@ -317,7 +317,7 @@ SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds
 
 
 def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None) -> str:
-    """One world of a sweep, in the columns of `SWEEP_HEAD`; with a takt, the share done within it last."""
+    """One world as a row of `SWEEP_HEAD`'s columns; a takt adds the share of parts done within it."""
     figures = evaluation.summary(takt_s)
     shares, takt = shares_of(figures), "" if takt_s is None else f"; {takt_text(figures)}"
     return (

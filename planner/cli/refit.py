@@ -151,9 +151,10 @@ def _measured(path: Path, parts: Sequence[PartLog]) -> None:
 
 
 def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
-    """Counts the readings at each node, up to each part's first leaf or rejected reading.
+    """Counts the readings at each node, and collects the residuals of audited parts.
 
-    Later readings belong to another attempt, on a part that does not lie as a new one would.
+    The readings of a part count up to its first leaf or rejected reading. Later readings belong to another
+    attempt, in which the part does not lie as a new part would.
     """
     gripper = table.gripper
     counts, squeezed = np.zeros((len(table.nodes), gripper.bins), np.int64), 0

@@ -161,7 +161,7 @@ def add_trials(parser: argparse.ArgumentParser, default: int, what: str) -> None
 
 
 def add_distance(group: argparse._ArgumentGroup) -> None:
-    """Adds the goal of a new job."""
+    """Adds the option `--distance`, which states how precisely the part of a new job must be located."""
     text = "how well the part must be located (default: %(default)s)"
     group.add_argument("--distance", type=command.number, default=3.0, metavar="MM", help=text)
 

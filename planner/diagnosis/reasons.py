@@ -30,9 +30,10 @@ class Reason(NamedTuple):
 
 
 def likeness(job: Job, cut: bool = False) -> Reason | None:
-    """The feature of the part that makes poses look alike: its outline or its hull hardly changes by a turn.
+    """Finds why poses of the part look alike: its outline or its hull hardly changes by a turn.
 
-    The hull is no proof, since fingers may reach the rest; it is not named after a search that was cut short.
+    The hull proves nothing, since fingers may reach the rest of the outline. With `cut`, for a search that
+    was cut short, the hull is not examined.
     """
     outline, grain_mm = job.part.outline_mm, encoder_of(job).grain_mm
     hull = canonical(convex_hull(outline)).outline_mm  # about its own centroid

@@ -55,12 +55,12 @@ class Tried(NamedTuple):
 
     @property
     def answered(self) -> float:
-        """Share that ended in a resolved leaf."""
+        """Share of the foreign part's trials that ended in a resolved leaf."""
         return float(self.evaluation.resolved.mean())
 
     @property
     def often(self) -> bool:
-        """Whether that is too often."""
+        """Whether the share answered exceeds `OFTEN`."""
         return self.answered > OFTEN
 
     def figures(self) -> dict[str, Any]:
@@ -77,7 +77,7 @@ class Tried(NamedTuple):
         }
 
     def lines(self) -> list[str]:
-        """States the share answered and, where that is too large, by which widths and as which part."""
+        """States the share answered and, if it is too large, each answer with its widths and its part."""
         message = (
             f"foreign    {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
         )

@@ -94,7 +94,7 @@ class Program:
         )
 
     def segment(self, node: IntArray, reading: IntArray) -> IntArray:
-        """The segments (n,) of `lookup` for readings (n,), as in `Step`, at nodes (n,)."""
+        """The segments (n,) of `lookup` for readings (n,), coded as in `Step.reading`, at nodes (n,)."""
         width_um = self.encoder.width_um(reading >> 1)
         return self.lookup.segment(2 * node + (reading & 1), width_um)
 

@@ -115,7 +115,7 @@ LONGEST_TEXT = 60  # texts of the table, in comments
 
 
 def write(file: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[str, int]:
-    """Write a table in one of `FORMS`, and its vectors, into a new or an empty folder.
+    """Writes a table in one of `FORMS`, and its vectors, into a new or an empty folder.
 
     Args:
         file: the table.

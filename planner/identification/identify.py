@@ -67,7 +67,7 @@ class Identified(NamedTuple):
 
 
 def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
-    """Divide torques by rho, multiply angles by it, and scale the twists to length 1."""
+    """Divides torques by rho, multiplies angles by rho, and scales the twists to length 1."""
     F = pairs.wrenches / [1.0, 1.0, rho_mm]
     V = pairs.twists * [1.0, 1.0, rho_mm]
     unit = V / np.linalg.norm(V, axis=1, keepdims=True)
@@ -223,7 +223,7 @@ def predict(surface: Surface, F: Array) -> Array:
 
 
 def angles(first: Array, second: Array) -> Array:
-    """Return the angles (K,) between unit vectors (K, 3), rad."""
+    """Returns the angles (K,) between unit vectors (K, 3), rad."""
     return np.asarray(np.arccos(np.clip((first * second).sum(axis=1), -1.0, 1.0)))
 
 

@@ -88,7 +88,7 @@ def complete_gripper(gripper: dict[str, Any]) -> None:
 
 
 def doubt_mm(resolution_mm: float, noise_mm: float) -> float:
-    """Default doubt of the error of a gripper's widths, rounded to two digits."""
+    """Default bound of the constant error of a gripper's widths [mm], rounded to two digits."""
     return min(float(f"{doubt_um(resolution_mm, noise_mm):.2g}"), MOST_OFF_MM)
 
 

@@ -94,7 +94,7 @@ def roll_block(simulator: Simulator, block: Block) -> RollOuts:
 
 
 def content_of(simulator: Simulator) -> bytes:
-    """Digest of all inputs of a squeeze: the part, its limit surface, the gripper, the step."""
+    """Digest of all inputs of a squeeze: part, limit surface, gripper, friction, scatter, release, step."""
     digest = hashlib.sha256(FORMAT)
     surface = simulator.surface
     arrays = [simulator.outline, limit_surface.nominal(surface), np.array(simulator.jaws)]
@@ -145,7 +145,7 @@ def ring_counts(radius_mm: float, count: int) -> list[int]:
 
 
 def starts(ring: int, n: int, rng: np.random.Generator) -> Array:
-    """Draw (n, 3) poses: centres uniform in a ring, angles uniform [mm, mm, rad]."""
+    """Draws (n, 3) poses: centres uniform in a ring, angles uniform [mm, mm, rad]."""
     radius = RING_MM * np.sqrt(rng.uniform(ring**2, (ring + 1) ** 2, n))
     bearing = rng.uniform(-math.pi, math.pi, n)
     angle = rng.uniform(-math.pi, math.pi, n)

@@ -1,4 +1,4 @@
-"""Simulator of squeezes and pushes in batches on all cores; results do not depend on their number."""
+"""Simulator of squeezes and pushes in batches on all cores, whose number does not change the results."""
 
 import math
 import os

@@ -1,12 +1,14 @@
-"""OpenLoopSearch and OpenLoopSearchBFSExpand: Algorithms 2 and 3 of the paper, as printed.
+"""Algorithms 2 and 3 of the paper, OpenLoopSearch and OpenLoopSearchBFSExpand, as printed.
 
-A breadth-first search over sequences of actions, without the outcomes of squeezes. Four interpretations:
+The search goes through sequences of actions, breadth first, and ignores the outcomes of squeezes. The paper
+leaves four points open:
 
-- "while subtree depth < d" bounds the expansion: sequences of length d are judged, not expanded.
-- Ties go to the first sequence. The root is no sequence: the result has an action even if none gains.
-- Algorithm 3 keeps a successor if r > alpha E.r, the text of VI drops one below alpha of its parent's. Where
-  both are 0, as for a belief of two modes, the printed form would end the tree at once, so the text is used.
-- CollisionFree tests the whole belief. A learned detector errs, so a small share is tolerated
+- "while subtree depth < d" bounds the expansion: sequences of length d are judged, but not expanded.
+- Ties go to the first sequence. The root is not a sequence: the result has an action even if no action gains.
+- Algorithm 3 keeps a successor whose ratio r is above alpha E.r, where E is the expanded element. The text
+  of section VI drops a successor whose ratio is below alpha E.r. The two differ where both ratios are 0, as
+  for a belief of two modes: there the printed algorithm would end the tree at once, so the text is used.
+- CollisionFree tests the whole belief. A learned detector errs, so a small share of collisions is tolerated
   (`COLLIDING_SHARE`).
 """
 

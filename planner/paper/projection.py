@@ -52,9 +52,10 @@ class Projection:
         return cls(stored, rho_mm, order)
 
     def project(self, poses: Array, label: IntArray) -> Array:
-        """BeliefUpdateProjection: the nearest stored poses for particles (n, 3) of subspaces `label` (n,).
+        """Moves particles (n, 3) to the nearest stored poses of their subspaces (BeliefUpdateProjection).
 
-        Of symmetric angles, the one nearest to the particle's is used; free particles stay. Idempotent.
+        `label` (n,) numbers the subspaces. A particle whose label has no stored poses, as in free space,
+        stays where it is. Of symmetric angles, the one nearest to the particle's angle is used. Idempotent.
         """
         result = np.array(poses, dtype=np.float64)
         for k, (stored, tree) in self.stored.items():

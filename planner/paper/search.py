@@ -104,9 +104,9 @@ class PaperPlanner:
     def plan(self, belief: Array, seed: list[int], progress: Progress | None = None) -> Node:
         """ExpandTree(C, eps, r_s, d) from particles (n, 3) in the world, breadth first instead of recursive.
 
-        A leaf whose ratio is not above r_s could not be expanded: no action was free of collision and kept
-        the ratio, or the path was too long. The random
-        stream of a node is seeded by the seed and the branches on its way.
+        A leaf whose ratio is not above r_s could not be expanded: either no action was free of collision and
+        kept the ratio, or the leaf lies at the maximum depth. The random stream of a node is seeded by
+        `seed`, the node's depth, and the branches that lead to the node.
         """
         root = Node(Belief.of(belief), 1.0, singleton(belief, self.order))
         waiting, done = deque[tuple[Node, Path]]([(root, ())]), 0

@@ -135,7 +135,7 @@ class Cells:
 
     @classmethod
     def of(cls, job: Job, table: Table) -> Self:
-        """The cells of a job that run a table; their parts may have any pressure on the table."""
+        """The cells of a job that run a decision table, for any pressure of their parts on the support."""
         any_pressure = job.replaced(doubt={"pressure": "any", "limit_surface": "stated"})
         simulator = Simulator.of_job(any_pressure, workers=1)
         if simulator.others:

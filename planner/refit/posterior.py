@@ -160,7 +160,7 @@ def _power(likelihoods: Array, effective: float) -> float:
 
 
 def _features(cells: Cells) -> Callable[[Array], Array]:
-    """Features of the likelihood: quantities, and properties of the surfaces (n, k)."""
+    """Maps points of cells to features (n, k): quantities, and properties of their limit surfaces."""
     entries = cells.surface_entries()
     main = np.linalg.svd(entries - entries.mean(axis=0), full_matrices=False)
     alike = (main[0] * main[1])[:, :SURFACE_FEATURES]

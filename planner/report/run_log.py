@@ -1,8 +1,8 @@
 """The journal of a run, read for pictures: the width of each squeeze, and each part's outcome.
 
-JSON lines, each with the SHA-256 of itself without that field, and of the line before: the chain is checked
-through all files of a journal that was sealed in segments. `grasp-journal replay` checks that every decision
-follows from its widths.
+A journal consists of JSON lines. Each line has the SHA-256 of itself, without that field, and the SHA-256 of
+the line before. This chain is checked through all files of a journal that was sealed in segments.
+`grasp-journal replay` checks that every decision follows from its widths.
 """
 
 import base64

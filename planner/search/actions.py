@@ -129,7 +129,10 @@ def inequivalent(placements: Array, common: Array, job: Job) -> Array:
 
 
 def _key(placements: Array, turn: float, alike: bool) -> Key:
-    """Key of a set of placements (k, 3) in a world turned back by an angle, equal for equal sets."""
+    """Key of a set of placements (k, 3) in a frame turned by `turn` [rad]; equal sets have equal keys.
+
+    With `alike`, half a turn of the hand makes no difference.
+    """
     placements = to_hand(placements, np.array([0.0, 0.0, turn]))
     period = math.pi if alike else 2.0 * math.pi
     angle = np.round(np.mod(placements[:, 2] + 0.5 * ALIKE, period) / ALIKE - 0.5)

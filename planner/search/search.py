@@ -261,7 +261,11 @@ class Search:
         _partition(node.best, children)
 
     def _actions(self, case: tuple[Node, Generator]) -> list[Action]:
-        """Actions for a leaf, given with its generator: squeezes its belief at each candidate grasp pose."""
+        """Squeezes the belief of a leaf at each candidate grasp pose, and returns the resulting actions.
+
+        Args:
+            case: the leaf, and the random generator for it.
+        """
         node, rng = case
         tried, cases = list[_Candidate](), list[tuple[Belief, Array]]()
         for candidate in self._candidates(node, rng):

@@ -27,7 +27,7 @@ OPTIONS = (
 
 
 class Plan(NamedTuple):
-    """A plan, as its log and the files beside it tell."""
+    """The state of a plan, read from its log and from the files beside the log."""
 
     name: str
     running: bool

@@ -11,7 +11,7 @@ EFFORT = ("--budget", "20s", "--trials", "3000")
 
 
 class Trial(NamedTuple):
-    """A key of the job, with values that are planned for until one fails."""
+    """A key of the job, and the values to try in turn until the plan for one of them fails."""
 
     key: str
     values: list[float]

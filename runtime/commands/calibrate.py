@@ -94,7 +94,7 @@ def run(
     open_gripper: Callable[[str, GripperProfile], Gripper],
     ask: Callable[[str], object],
 ) -> int:
-    """Measures and writes a file by the arguments; returns 0.
+    """Measures the gripper as the arguments ask, and writes the result to a file; returns 0.
 
     Args:
         arguments: parsed.

@@ -103,7 +103,7 @@ def check_latency(port: str, system: System) -> Iterator[Finding]:
 
 
 def check_silence(port: str, scan: Callable[[str], Iterator[Answered]]) -> Iterator[Finding]:
-    """Why a gripper does not answer: another slave id, another baud rate, or no device."""
+    """Finds why a gripper does not answer: another slave id or baud rate, a loose plug, or no device."""
     for heard in scan(port):
         if (heard.unit, heard.baud) == (USUAL_UNIT, USUAL_BAUD):
             yield warning(

@@ -51,7 +51,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None = None) -> int:
-    """Runs the checks, and prints a line for each finding, or one object of all; returns 0.
+    """Runs the checks, and prints a line for each finding, or all findings as one JSON object; returns 0.
 
     Raises:
         CheckFailedError: a check failed.

@@ -170,9 +170,13 @@ def _takes_part(arguments: argparse.Namespace) -> bool:
 def arc_of(
     arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None
 ) -> TipArc | None:
-    """The tips' arc: as named, else as measured, else that of the model.
+    """The arc of the finger tips: as `--tips` states, else as measured, else that of the gripper's model.
 
-    None in a simulated cell, unless named, and where a person keeps the tips above the table.
+    None for tips that move straight, where a person is the gripper or the arm, and in a simulated cell unless
+    `--tips` states an arc.
+
+    Raises:
+        UsageError: `--tips` cannot be read, or the model's arc has to be measured.
     """
     taught_mm = table.gripper.opening_um / 1000
     if arguments.tips not in (None, "arc", "straight"):

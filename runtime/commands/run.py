@@ -148,7 +148,7 @@ class _Asked:
         return tally.exit_code
 
     def check(self) -> int:
-        """Reports that the table fits, and reads the gripper if there is one. Nothing moves."""
+        """Prints that the table fits the gripper, and reads the gripper if a port is given; moves nothing."""
         arguments, table, console = self.arguments, self.recipe.loaded.table, self.recipe.console
         record: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
         origin = arguments.calibration or "its nominal widths"

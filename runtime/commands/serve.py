@@ -146,7 +146,11 @@ class RobotServer:
             self._hang_up(None)
 
     def _hang_up(self, number: int | None) -> None:
-        """Ends the robot's connection, with or without an error, and its current part."""
+        """Disconnects the robot and aborts its current part.
+
+        Args:
+            number: error to send before that; None: no error.
+        """
         if self._robot is None:
             return
         robot, self._robot, self._read = self._robot, None, b""

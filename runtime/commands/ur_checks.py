@@ -1,4 +1,4 @@
-"""Checks of a UR controller by its open ports: common problems of its gripper's URCap."""
+"""Checks of a UR controller: its open ports reveal common problems of the gripper's URCap."""
 
 import socket
 from collections.abc import Callable, Iterator

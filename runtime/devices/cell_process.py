@@ -1,4 +1,4 @@
-"""The simulated cell as a separate process: started, its endpoints read, ended with this process."""
+"""Runs the simulated cell as a separate process, reads its endpoints, and ends it with this process."""
 
 import json
 import os

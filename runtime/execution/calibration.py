@@ -63,9 +63,13 @@ class GripperCalibration:
 def measure(
     gripper: Gripper, widths_mm: Sequence[float], grips: int, ask: Callable[[str], object]
 ) -> Iterator[Gauge]:
-    """Grips each block `grips` times, and yields a gauge for each.
+    """Grips each block `grips` times, and yields the readings of each block as a gauge.
 
-    The blocks come in ascending order, 0 for none; `ask` prompts the operator and waits.
+    Args:
+        gripper: the gripper to measure.
+        widths_mm: widths of the blocks, in ascending order; 0 stands for no block.
+        grips: how often each block is gripped.
+        ask: prompts the operator and waits.
 
     Raises:
         GripperStateError: the gripper is not ready, or closed without meeting the block.

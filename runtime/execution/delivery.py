@@ -121,10 +121,10 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
 
 
 def from_file(path: Path, picks: Mapping[str, Pose2]) -> Delivery:
-    """The delivery of a TOML file, its keys at the top or in a section `delivery`.
+    """Reads a delivery from a TOML file, whose keys are at the top level or in a section `delivery`.
 
     Raises:
-        InputError: it cannot be read, or a key is wrong.
+        InputError: the file cannot be read, or a key is wrong.
     """
     try:
         with path.open("rb") as file:

@@ -38,7 +38,7 @@ class Handling:
 
 
 def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> None:
-    """Check that the tips' arc fits between a table's heights.
+    """Checks that the tips' arc fits between a table's heights.
 
     Raises:
         TableError: it does not.

@@ -67,7 +67,7 @@ def closing(
 
 
 def of_any_width(node: Node, squeeze: Squeeze, widest_um: int) -> Node:
-    """The node with another squeeze, and one branch for any width."""
+    """A copy of the node with another squeeze, and with one branch that takes any width up to `widest_um`."""
     return node._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))
 
 

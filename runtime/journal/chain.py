@@ -250,7 +250,7 @@ class Journal:
 class Incidents:
     """Retries and failures on the drivers' links, kept until a journal exists.
 
-    It begins before the journal does, since a refused run leaves no file.
+    Collecting begins before the journal does, since a refused run leaves no file.
     """
 
     def __init__(self) -> None:

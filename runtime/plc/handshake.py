@@ -56,7 +56,7 @@ class Signals(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """Result of an event: the next state, and an error that changes nothing else."""
+    """Result of an event: the next state, and an error. If there is an error, the state stays the same."""
 
     following: State
     error: Error = Error.NONE

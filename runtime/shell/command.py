@@ -68,7 +68,7 @@ def add_command(
     example: str,
     codes: str,
 ) -> Parser:
-    """Add a subcommand, whose --help has its purpose, an example and the exit codes."""
+    """Adds a subcommand, whose --help has its purpose, an example and the exit codes."""
     return commands.add_parser(
         name,
         help=purpose,

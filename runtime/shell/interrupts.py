@@ -33,7 +33,10 @@ class _Request:
     late: Callable[[], Exception] | None = None
 
     def deliver(self) -> None:
-        """Raises the request if it may, or the error of a deadline that has passed."""
+        """Raises a pending stop request, or the error of a deadline that has passed, in stoppable code.
+
+        While an exception is being handled, this only sets a timer to try again.
+        """
         stop = self.asked and not self.over
         if not self.open or not (stop or self.late):
             return

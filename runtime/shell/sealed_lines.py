@@ -27,7 +27,7 @@ def is_intact(line: bytes) -> bool | None:
 
 
 def segment(path: Path, number: int) -> Path:
-    """The file of a journal's sealed segment of this number, from 1."""
+    """The file of the sealed segment `number` of a journal; numbers start at 1."""
     return path.with_name(f"{path.name}.{number:06d}")
 
 

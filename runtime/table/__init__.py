@@ -114,7 +114,7 @@ def loads(data: bytes) -> Table:
 
 
 def dump(table: Table, path: Path | str) -> None:
-    """Write a table's file, whole or not at all.
+    """Writes a table's file, whole or not at all.
 
     Raises:
         TableError: it must not be executed; the message says why.

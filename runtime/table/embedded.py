@@ -46,7 +46,10 @@ def section(job: Section, name: str) -> Section:
 
 
 def parts_of(job: Section) -> list[Section]:
-    """The sections of each part that may lie there; empty where the job states no part."""
+    """The section of each part that may lie on the table: the job's hypotheses, or the job itself.
+
+    Empty where the job states no part.
+    """
     listed = job.get("hypothesis") or ([job] if "part" in job else [])
     if not isinstance(listed, list) or not all(isinstance(entry, dict) for entry in listed):
         raise _refusal("hypothesis", "is no list of parts")

@@ -1,4 +1,4 @@
-"""Check that the last squeeze could hold the part of the embedded job at a leaf's pose.
+"""Checks that the last squeeze could hold the part of the embedded job at a leaf's pose.
 
 A held part touches both jaws. So the outline, at the leaf's pose, reaches both faces between the ends of
 the fingers and does not extend just behind either, within the leaf's error and the job's doubts. It may

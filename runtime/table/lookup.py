@@ -96,7 +96,7 @@ class DecisionMap(NamedTuple):
     felt: Segments  # with an object felt
 
     def of(self, felt: bool) -> Segments:
-        """The segments for a flag."""
+        """The segments for readings with or without an object felt."""
         return self.felt if felt else self.unfelt
 
     @property

@@ -34,12 +34,12 @@ class Section(NamedTuple):
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """The fields of its record."""
+        """The fields of the section's record."""
         return FIELDS[self.name]
 
     @property
     def columns(self) -> tuple[Field, ...]:
-        """All fields in the order of the file."""
+        """The columns in the order of the file: the owner's index, if any, then the record's fields."""
         return self.fields if self.owner is None else (self.owner, *self.fields)
 
 

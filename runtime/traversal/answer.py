@@ -22,7 +22,10 @@ NO_FRAMES = PartFrames(None, {})
 
 
 def frames_of(table: Table) -> tuple[PartFrames, ...]:
-    """The frames of each part of a table's job; empty for a stripped or foreign job."""
+    """The frames of each part of a table's job.
+
+    All are `NO_FRAMES` if the table has no readable job, or if the job states another number of parts.
+    """
     count = max(1, len(table.hypotheses))
     try:
         listed = parts_of(job_of(table) or {})

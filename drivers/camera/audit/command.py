@@ -79,10 +79,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
-    """Answers all questions; restarts when the process has grown too large.
+    """Answers all questions on standard input; restarts the process when it has grown too large.
 
-    No fault of the files or the camera stops the cell: every verdict is then "unknown" for that reason, and
-    the command ends with its error.
+    Faulty files or a faulty camera never stop the cell: every verdict is then "unknown", with the reason, and
+    the command raises the error after the last question.
     """
     cv2.setNumThreads(1)
     full = service.limit_memory(options.memory_mb)

@@ -31,7 +31,7 @@ class Residuals(NamedTuple):
 
     @property
     def rms_mm(self) -> float:
-        """Root mean square over the corners."""
+        """Root mean square deviation of the corners, mm."""
         return float(np.sqrt(np.mean(np.sum(self.off**2, axis=1))))
 
 

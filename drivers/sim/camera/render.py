@@ -1,8 +1,8 @@
 """Rendering: intersects rays with cards, many for each pixel, then adds the flaws of a real picture.
 
-A pixel is the mean over `SAMPLES` x `SAMPLES` rays spread evenly over its square, as a sensor's is over
-its light: an edge is accurate to about a hundredth of a pixel, so that larger errors are those of the
-measurement.
+A pixel is the mean over `SAMPLES` x `SAMPLES` rays spread evenly over its square, just as a pixel of a sensor
+averages the light on its area. An edge is therefore accurate to about a hundredth of a pixel, and larger
+errors are those of the measurement.
 """
 
 from collections.abc import Iterator, Sequence

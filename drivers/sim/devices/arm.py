@@ -294,7 +294,7 @@ class ArmModel:
     def _profile(
         self, ways: tuple[float, float], speeds: tuple[float, float]
     ) -> tuple[float, float]:
-        """Duration of a line, in total and for acceleration, by the longer of way and turn."""
+        """Durations [s] of a linear motion and of its acceleration; the slower of path and turn counts."""
         if self._acceleration is None:
             return max(way / speed for way, speed in zip(ways, speeds, strict=True)), 0.0
         results = []

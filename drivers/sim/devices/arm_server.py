@@ -64,7 +64,11 @@ class ArmServer:
     async def _deliver(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, answer: Answer
     ) -> bool:
-        """Sends the acknowledgement at the end of the instruction; False ends this client."""
+        """Sends the acknowledgement when the instruction is over.
+
+        Returns:
+            Whether the client stays connected.
+        """
         if math.isinf(answer.ready_s):
             # RAPID execution stopped: the connection stays open without answers.
             await asyncio.Event().wait()

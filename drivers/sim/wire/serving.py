@@ -114,7 +114,7 @@ class Site:
         self._servers.pop(port).close()
 
     def begin(self, work: Work) -> asyncio.Task[None]:
-        """Runs what serves a device, until it ends or the site is closed; to be called on the loop."""
+        """Starts a task that serves a device, until it ends or the site is closed; must run on the loop."""
         task = self._loop.create_task(self._guarded(work))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

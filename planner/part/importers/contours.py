@@ -130,9 +130,10 @@ def listing(contours: list[Contour]) -> str:
 
 
 def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
-    """Separates isolated rings from all other lines, about a local origin.
+    """Separates isolated rings from all other lines; coordinates are relative to a local origin.
 
-    A ring that crosses itself is isolated, too, unless its lines bound one region: it is refused if chosen.
+    A ring that crosses itself counts as isolated, too, unless its lines bound one region. Such a ring is
+    refused if it is chosen.
     """
     curves = [*pieces.rings, *pieces.strokes]
     if not curves:

@@ -229,7 +229,11 @@ def _checked(
 
 
 def _apart(points: Array, where: str) -> Array:
-    """The points without those that repeat the one before; refuses a contour that touches itself."""
+    """Removes points that repeat the point before them.
+
+    Raises:
+        InputError: the contour touches itself.
+    """
     gaps = np.hypot(*(points - np.roll(points, 1, axis=0)).T)
     fresh = points[gaps > 10 * outline.REPEAT_MM]
     places, times = np.unique(np.rint(fresh / (10 * outline.REPEAT_MM)), axis=0, return_counts=True)

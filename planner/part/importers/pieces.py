@@ -1,4 +1,4 @@
-"""Options for reading a drawing, and its content before contours: rings and open strokes, in mm."""
+"""Options for reading a drawing, and its shapes before they form contours: rings and strokes, in mm."""
 
 import signal
 import threading

@@ -161,7 +161,7 @@ class Values(NamedTuple):
         return np.array([[parsed.a, 0.0, parsed.e], [0.0, parsed.d, parsed.f], [0.0, 0.0, 1.0]])
 
     def error(self, name: str, problem: str) -> InputError:
-        """What is wrong with an attribute."""
+        """An error that states an attribute, its value, and what is wrong with the value."""
         text = " ".join(self.style.get(name, "").split())
         text = text if len(text) <= 40 else f"{text[:37]}..."
         return InputError(f'{name}="{text}" {problem}; correct it in the drawing', where=self.where)

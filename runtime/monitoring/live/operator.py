@@ -153,13 +153,13 @@ def _named(loss: Mapping[str, Any]) -> str:
 
 
 def picture(loaded: Table, outlines: Outlines, node: int, width_mm: float | None) -> str:
-    """The fingers where a part was lost, and the part as planned, to scale.
+    """Draws the fingers where a part was lost, and the part as planned, to scale, as SVG.
 
     Args:
         loaded: the table.
-        outlines: of its parts.
+        outlines: outlines of the table's parts.
         node: index of the squeeze's node.
-        width_mm: between the fingers; None: they are open.
+        width_mm: distance between the fingers; None: the fingers are open.
     """
     squeeze, gripper = loaded.nodes[node].squeeze, loaded.gripper
     half = 0.5 * (squeeze.opening_um / 1000 if width_mm is None else width_mm)

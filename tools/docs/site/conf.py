@@ -149,7 +149,7 @@ def commands(page: str) -> str:
 
 
 def complete(_: Sphinx, page: str, source: list[str]) -> None:
-    """Adds the start page's contents, folders' links, commands' help and tables of results."""
+    """Completes a page: links and contents of the start page, help of commands, tables of results."""
     if page in PLACES:
         source[0] += commands(page)
     if page == "tools/docs/results":

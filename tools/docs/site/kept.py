@@ -3,10 +3,10 @@
     python tools/docs/site/kept.py                  write both pages
     python tools/docs/site/kept.py bound worlds     print these tables
 
-A table, or a list of sentences, stands between `<!-- table NAME -->` and `<!-- end -->`, in results.md after
-the former alone; one of several of a file is named after the file and a dash, such as `squeeze-speed`.
-`kept.jinja` holds them. The tests fail where a page is not what this writes. The tables of
-tools/docs/results.md are filled in when the site is built (conf.py).
+A table, or a list of sentences, stands between `<!-- table NAME -->` and `<!-- end -->`. The templates are in
+`kept.jinja`. If a file of results gives several tables, the name of each is that of the file, a dash and a
+word, such as `squeeze-speed`. The tests fail where a page is not what this script writes. In
+tools/docs/results.md, a table has only the first marker, and is filled in when the site is built (conf.py).
 """
 
 import json
