@@ -62,7 +62,7 @@ def test_squeeze_finger_in_the_corner_of_a_shoulder_keeps_both_contacts():
     shaft = [(-11.5, -3.5), (-5.5, -3.5), (-5.5, -2.0), (38.5, -2.0)]
     head = [(-11.5, 8.45), (-20.8, 8.45), (-20.8, -8.45), (-11.5, -8.45)]
     stepped = np.array([*head, *shaft, *((x, -y) for x, y in reversed(shaft))])
-    rig = simulator(stepped, np.array([140.0, 27.0, 13.5, 0.5]))
+    rig = simulator(stepped, Jaws(140.0, 27.0, 13.5, 0.5))
     rng = np.random.default_rng(1)
     poses = rng.uniform((15.1, -40.0, -1.539055), (15.3, -27.0, -1.539040), (3000, 3))
     ended = rig.roll_out(poses, rig.sample(len(poses), rng))
