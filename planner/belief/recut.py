@@ -38,14 +38,15 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
         The first readings of all pieces but the lowest, rising; none where the interval stays whole.
     """
     end = int(old.reading.max()) + 1
-    return _recut(old.states, old.reading, end, new.states, new.reading, rule.compiled())
+    cuts = _recut(old.states, old.reading, end, new.states, new.reading, rule.compiled())
+    return np.sort(cuts)
 
 
 @kernel
 def _recut(
     old: Array, old_reading: IntArray, end: int, new: Array, new_reading: IntArray, costs: Costs
 ) -> IntArray:
-    """`recut` of states (n, m) and readings (n,) before the squeeze, all below `end`, and after it."""
+    """`recut`, unsorted, of states (n, m) and readings (n,), before the squeeze below `end`, and after it."""
     old_cells, old_held, old_steps = into_cells(old_reading, end, costs.coarsest)
     cells, held, steps = into_cells(new_reading, costs.free, costs.coarsest)
     columns, weight, order = by_group(new, cells, held + 1)
@@ -61,7 +62,7 @@ def _recut(
     poses = candidates(columns, first, counts, costs.weights)
     n, m, rows, inside = len(order), len(counts), len(old_counts), np.empty(len(order), np.bool_)
     row = np.searchsorted(old_counts, old_cells[order]) + 1
-    count = np.repeat(np.arange(m), np.diff(first)) + 1
+    count = np.searchsorted(first, np.arange(n), side="right")
     # Cumulative over readings before and counts after: rows r.. and counts a.. hold all below both.
     hits = np.zeros((rows + 1, m + 1, len(poses)), np.int64)
     size = np.zeros((rows + 1, m + 1), np.int64)
@@ -113,4 +114,4 @@ def _recut(
             waiting[left, 0], waiting[left, 1] = i, at
             waiting[left + 1, 0], waiting[left + 1, 1] = at, j
             left += 2
-    return end - old_steps * (old_held - np.sort(cuts[:number]))
+    return end - old_steps * (old_held - cuts[:number])
