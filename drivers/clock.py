@@ -64,7 +64,7 @@ class Pace:
         self.clock.idle(POLL_S / self.time_scale, until)
 
     def looks(self, deadline: float) -> Iterator[float]:
-        """Yields the wall seconds left before each read, the last `LATE_LOOKS` times after the deadline.
+        """Yields the wall seconds left until a deadline before each read; ends after `LATE_LOOKS` late reads.
 
         The late reads find data that arrived in time while this process was stopped.
         """

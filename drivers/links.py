@@ -56,7 +56,7 @@ class StreamLink(ReportingLink):
         self._lost = self._lost or "it was closed"
 
     def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
-        """Yields received data until a deadline, and once more after it if this process was stopped.
+        """Yields received data until a deadline, and once more after it, in case this process was stopped.
 
         The deadline is that of a transaction, `LINK_TIMEOUT_S`, plus `seconds` of device time.
         """

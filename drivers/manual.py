@@ -218,7 +218,7 @@ class ManualGripper:
         return ports.Settled(self._seen.width_um, self._seen.object, 0, max(asked, 0), 0.0)
 
     def stop(self) -> None:
-        """Does nothing: a person holds the jaws."""
+        """Forgets the request; a person holds the jaws."""
         self._asked = None
 
     def close(self) -> None:

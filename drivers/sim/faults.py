@@ -1,4 +1,4 @@
-"""Faults of a simulated cell: their classes, and schedules, see FAULTS.md."""
+"""Faults of a simulated cell: their classes and schedules (FAULTS.md)."""
 
 import random
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from runtime.shell.errors import InputError, UsageError
 
 
 class Channel(StrEnum):
-    """A kind of events; the faults of a class begin and end by counts of such events."""
+    """A kind of events; beginning and length of a fault are counted in the events of one channel."""
 
     LINE = "line"  # requests that reach the gripper's end of the line, and their answers
     GRIPPER = "gripper"  # the same requests; the registers or the device itself fail

@@ -19,7 +19,7 @@ ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
 class Workcell(Surroundings):
-    """Gripper, arm and table of a cell, and what they do to each other.
+    """Gripper, arm and table of a cell, and their effects on each other.
 
     Args:
         setting: part and world.

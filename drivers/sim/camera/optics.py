@@ -75,9 +75,9 @@ def webcam(
     """A camera with the lens of an ordinary wide-angle webcam (82 degrees across).
 
     Args:
-        eye_mm: its position; below the table it looks up, above it looks down.
-        tilt_deg: by how much it looks aside, about its own x and y.
-        turn_deg: by how much it is turned about its own axis.
+        eye_mm: position; a camera below the table looks up, one above it looks down.
+        tilt_deg: rotation about the camera's x and y.
+        turn_deg: rotation about the optical axis.
         size: width and height of the picture; the lens stays the same.
     """
     looks_up = eye_mm[2] < 0.0

@@ -134,7 +134,7 @@ class GripperModel(Fingers):
         self._heard_s = now_s
 
     def opening_mm(self, now_s: float) -> float:
-        """True distance between the fingers."""
+        """True distance between the fingers, mm."""
         self.advance(now_s)
         return (self._closed - self._here()) / self._counts_per_mm
 

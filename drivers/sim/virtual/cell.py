@@ -1,4 +1,4 @@
-"""The whole cell in one thread on a virtual clock: the bytes of a real cell, ports in memory, no waiting.
+"""The whole cell in one thread on a virtual clock: real protocols, but ports in memory and no waiting.
 
 Time advances only when somebody waits. The same seed gives the same run, byte for byte.
 """

@@ -61,7 +61,7 @@ class Site:
         await asyncio.sleep(seconds / self._scale)
 
     def at(self, moment: float, happens: Callable[[], object]) -> None:
-        """Schedules a call for a moment of simulated time."""
+        """Schedules a call for a moment of simulated time; must run on the loop."""
         self._loop.call_at(self._start + moment / self._scale, happens)
 
     def call(self, function: Callable[..., Result], *arguments: object) -> Result:
