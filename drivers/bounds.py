@@ -1,6 +1,7 @@
-"""An HTTP exchange within bounds: a deadline, and a limit of bytes for its answer.
+"""HTTP exchanges with a deadline and a size limit of the answer.
 
-The timeout of a socket applies to each piece: an answer that drips, or never ends, would stay within it.
+The timeout of a socket applies to each piece of data, so an answer that drips or never ends would not exceed
+it.
 """
 
 import http.client
@@ -16,7 +17,9 @@ class EndlessError(OSError):
 
 
 class BoundedSocket:
-    """A connected socket as `http.client` uses one; `allow` sets the bounds of the next exchange.
+    """A connected socket with bounds, in the form in which `http.client` uses sockets.
+
+    `allow` sets the bounds of the next exchange; before its first call, every transfer times out.
 
     Args:
         connection: the socket, with TLS if used; closed with this object.
@@ -33,12 +36,19 @@ class BoundedSocket:
         self._until, self._left_bytes = until, most_bytes
 
     def sendall(self, data: bytes) -> None:
-        """Sends data; TimeoutError where it is not accepted in time."""
+        """Sends data.
+
+        Raises:
+            TimeoutError: the data is not accepted before the deadline.
+        """
         self._set_timeout()
         self._socket.sendall(data)
 
     def makefile(self, mode: str) -> io.BufferedReader:
-        """The answer as a file; reading raises a TimeoutError or an `EndlessError` at its bounds."""
+        """Returns the answer as a file.
+
+        Reading it raises a TimeoutError at the deadline, and an `EndlessError` beyond the size limit.
+        """
         assert mode == "rb"
         return io.BufferedReader(_Incoming(self))
 
@@ -56,7 +66,13 @@ class BoundedSocket:
 def opener(
     until: float, most_bytes: int, now: Callable[[], float]
 ) -> urllib.request.OpenerDirector:
-    """A function that opens URLs like `urllib.request.urlopen`, within bounds for each exchange."""
+    """Creates an object whose `open` works like `urllib.request.urlopen`, but with bounds.
+
+    Args:
+        until: deadline of all exchanges, by the clock `now`.
+        most_bytes: size limit of each answer.
+        now: the clock, wall seconds.
+    """
 
     def bounded(kind: type[http.client.HTTPConnection]) -> type[http.client.HTTPConnection]:
         class Bounded(kind):  # type: ignore[misc, valid-type]
@@ -91,7 +107,7 @@ class _Incoming(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int | None:
-        """Reads the next piece."""
+        """Reads the next piece of the answer into a buffer; returns its length."""
         self._bounded._set_timeout()
         count = self._raw.readinto(buffer) or 0
         self._bounded._left_bytes -= count

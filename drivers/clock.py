@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 # One transaction, wall time (Robotiq SDK connection_config; devices answer in ~5 ms).
 LINK_TIMEOUT_S = 0.5
-LATE_LOOKS = 3  # reads after a deadline
+LATE_LOOKS = 3  # number of reads after a deadline
 POLL_S = 0.005  # between two polls of a busy device: a 2F gripper refreshes at 200 Hz ([M16] p55)
 
 
@@ -22,7 +22,7 @@ class Clock:
         time.sleep(max(seconds, 0.0))
 
     def every(self, seconds: float, happens: Callable[[], None]) -> Callable[[], None]:
-        """Calls `happens` repeatedly in a separate thread; returns a function that ends that."""
+        """Calls `happens` every `seconds` in a separate thread; returns a function that ends the calls."""
         ended = threading.Event()
 
         def repeat() -> None:
@@ -41,7 +41,7 @@ class Clock:
 
 
 class Pace:
-    """Waits and deadlines in device seconds: `time_scale` of them pass in a wall second (hardware: 1)."""
+    """Waits and deadlines in device seconds, of which `time_scale` pass per wall second (hardware: 1)."""
 
     def __init__(self, clock: Clock, time_scale: float = 1.0) -> None:
         self.clock = clock
@@ -56,7 +56,7 @@ class Pace:
         self.clock.sleep(seconds / self.time_scale)
 
     def every(self, seconds: float, happens: Callable[[], None]) -> Callable[[], None]:
-        """Calls `happens` every `seconds` of device time; returns a function that ends that."""
+        """Calls `happens` every `seconds` of device time; returns a function that ends the calls."""
         return self.clock.every(seconds / self.time_scale, happens)
 
     def idle(self, until: float) -> None:
@@ -64,9 +64,9 @@ class Pace:
         self.clock.idle(POLL_S / self.time_scale, until)
 
     def looks(self, deadline: float) -> Iterator[float]:
-        """Yields the seconds left until a wall time for each read, and for `LATE_LOOKS` reads after it.
+        """Yields the wall seconds left until a deadline before each read; ends after `LATE_LOOKS` late reads.
 
-        Those are for data that has already arrived: this process may have been stopped meanwhile.
+        The late reads find data that arrived in time while this process was stopped.
         """
         late = 0
         while late < LATE_LOOKS:
@@ -75,10 +75,10 @@ class Pace:
             yield left_s
 
     def deadline(self, seconds: float, simulated_s: float = LINK_TIMEOUT_S) -> float:
-        """The wall time at which a device budget is spent, including one last poll, at any scale.
+        """The wall time at which a budget in device seconds is spent, plus a margin for one last poll.
 
-        A simulated device faster than real time gets `simulated_s` for the last poll: a busy machine may
-        delay its process, and a budget divided by its scale leaves no margin.
+        The margin of a simulated device faster than real time is `simulated_s`: a busy machine may delay the
+        process of the device, and a budget divided by the time scale leaves nothing for that.
         """
         margin_s = LINK_TIMEOUT_S if self.time_scale <= 1.0 else simulated_s
         return self.clock.now() + seconds / self.time_scale + margin_s

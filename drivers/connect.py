@@ -1,13 +1,13 @@
 """Opens a device by its port name: the only module that a runtime needs from this package.
 
 Gripper ports: a tty path (Modbus RTU, 115200 8N1, slave 9), `rtu+tcp://host:port` (RTU frames over a raw TCP
-port), `tcp://host:port` (Modbus TCP; `?unit=9` and others, see `drivers.robotiq.modbus`, name another unit
-than 2), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
+port), `tcp://host:port` (Modbus TCP, unit 2; settings such as `?unit=9`, see `drivers.robotiq.modbus`, change
+that), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
 `can:channel` (CANopen, see `drivers.robotiq.canopen`), `dh:///dev/...` (DH-Robotics, drivers/dh/README.md),
 `schunk:///dev/...` (SCHUNK, drivers/schunk/README.md), `manual` (a person types widths). Arms:
 `tcp://host:port` (open_abb), `ur://host` (UR controller), `omnicore://host` (Robot Web Services 2), with
 frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`; `manual` (a person moves
-the hand), `manual+tcp://...` (and a simulated one follows). Simulated scenes: `tcp://host:port`.
+the hand), `manual+tcp://...` (the same, and a simulated arm follows). Simulated scenes: `tcp://host:port`.
 
 A device of another make is one more line in `GRIPPERS` or `ARMS`, or a separate package with an entry point
 for its scheme and the function that opens it (tools/docs/drivers.md).
@@ -24,13 +24,13 @@ from drivers.ports import Answered, Arm, Gripper, GripperProfile, Report, Scene,
 from runtime.shell.errors import ExpectedError
 
 TTY = "tty"  # the scheme of a port without one
-MANUAL = "manual"  # of a person, without a host
+MANUAL = "manual"  # the scheme of a person, which needs no host
 
 
 class Makes(NamedTuple):
     """The makes of one kind of device: the opening function of each scheme."""
 
-    group: str  # group of entry points by which other packages add theirs
+    group: str  # group of entry points by which other packages add schemes
     kind: type  # the Protocol of opened devices
     known: dict[str, str]  # scheme -> module:function, imported when the scheme is first asked for
 
@@ -68,11 +68,18 @@ def gripper(
     read_only: bool = False,
     report: Report = no_report,
 ) -> Gripper:
-    """Opens a gripper, with a profile if given; reads its state, writes nothing.
+    """Opens a gripper and reads its state; writes nothing.
 
-    With `read_only` its link cannot write; `report` receives every retry and failure on it.
-    PortError where port or driver cannot be opened, or a gripper of another profile is there; LinkError
-    where nothing answers.
+    Args:
+        port: address of the gripper.
+        profile: of the expected gripper; None: the usual one of its make.
+        time_scale: device seconds per wall second.
+        read_only: whether the link refuses to write.
+        report: receives every retry and failure on the link.
+
+    Raises:
+        PortError: port or driver cannot be opened, or the gripper is of another model than the profile.
+        LinkError: nothing answers.
     """
     opened: Gripper = _opened(
         GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only, profile=profile
@@ -87,10 +94,11 @@ def gripper(
 
 
 def scan(port: str) -> Iterator[Answered]:
-    """The device that answers on a serial port, and its baud rate; reads only.
+    """Yields slave id and baud rate of each device that answers on a serial port; reads only.
 
     Raises:
         PortError: the port cannot be opened.
+        LinkError: the port accepts no bytes, or is gone.
     """
     from drivers.robotiq import modbus
 
@@ -98,9 +106,9 @@ def scan(port: str) -> Iterator[Answered]:
 
 
 def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
-    """Connects to an arm; may send its settings, moves nothing.
+    """Connects to an arm; may send settings to it, moves nothing.
 
-    Frames and limits may follow its address (drivers/abb/README.md). With `read_only` no setting is sent, and
+    Frames and limits may follow the address (drivers/abb/README.md). With `read_only` no setting is sent, and
     every motion is refused.
 
     Raises:
@@ -112,7 +120,12 @@ def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
 
 
 def manual_arm(url: str, pace: Pace, *, read_only: bool) -> Arm:
-    """A hand moved by a person, and the simulated arm that follows it, if any."""
+    """Opens a hand moved by a person, and the simulated arm that follows the hand, if any.
+
+    Raises:
+        PortError: the address is not `manual` or `manual+` and the address of an arm, or that arm cannot be
+            opened.
+    """
     from drivers.manual import ManualArm
 
     behind = url.removeprefix(MANUAL).removeprefix("+")
@@ -135,7 +148,7 @@ def scene(url: str) -> Scene:
 
 
 class VirtualDevices(NamedTuple):
-    """A simulated cell in this process, whose time advances only when somebody waits."""
+    """The devices of a simulated cell in this process, and its clock, which advances only during waits."""
 
     gripper: Gripper
     arm: Arm
@@ -144,10 +157,11 @@ class VirtualDevices(NamedTuple):
 
 
 def virtual(tree: Path, *, world: str, seed: int, report: Report = no_report) -> VirtualDevices:
-    """The simulated cell of a table, its devices connected.
+    """Creates the simulated cell of a table, and connects to its devices.
 
     Raises:
         UsageError: the world cannot be loaded, or fails.
+        InputError: the table cannot be read.
     """
     from drivers.sim.physics.scene import load, warm_up
     from drivers.sim.virtual.cell import VirtualCell
@@ -169,7 +183,7 @@ def _opened(makes: Makes, port: str, *settings: object, **options: object) -> An
 
 
 def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, **options: object) -> Any:
-    """A device of another package's driver; any failure is a PortError that names the driver."""
+    """Opens a device with another package's driver; unexpected errors become a PortError that names it."""
     name, open_device = _plug_in(makes, scheme, port)
     try:
         device = open_device(port, *settings, **options)

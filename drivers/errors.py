@@ -1,10 +1,10 @@
-"""Errors of devices: every error of a library leaves a driver as one of these.
+"""Errors of devices; a driver converts every error of a library to one of these.
 
 ::
 
     UnreachableError
      +- LinkError        the gripper cannot be reached: check cable, power, port (a ConnectionError)
-     |   +- LinkTimeout  it did not answer in time (a TimeoutError)
+     |   +- LinkTimeout  the gripper did not answer in time (a TimeoutError)
      +- PortError        a port cannot be opened: check its name and permissions (an OSError)
     DeviceError
      +- ArmError         the arm is silent, gone or answers nonsense (a ConnectionError)
@@ -18,7 +18,7 @@ SHOWN = 60  # characters of a device's message that an error shows
 
 
 def shown(sent: object) -> str:
-    """Data from a device, bytes or text, for a message: shortened, and without control characters."""
+    """Formats data from a device for a message: shortened, with control characters escaped."""
     text = sent.decode("latin-1") if isinstance(sent, bytes) else str(sent)
     letters = text[:SHOWN].strip()
     plain = "".join(one if one.isprintable() else ascii(one)[1:-1] for one in letters)

@@ -8,7 +8,7 @@ from drivers.errors import LinkError, LinkTimeout
 from drivers.ports import Report
 from drivers.stream import StalledError, Stream
 
-READ_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
+READ_TRIES = 3  # as Robotiq's SDK: the link is down after 3 failures in a row
 Read = TypeVar("Read")
 
 
@@ -42,7 +42,7 @@ class ReportingLink:
 
 
 class StreamLink(ReportingLink):
-    """A link over a stream, which it owns."""
+    """A link over a stream; `close` also closes the stream."""
 
     def __init__(self, stream: Stream, pace: Pace, report: Report) -> None:
         super().__init__(stream.endpoint, report)
@@ -56,9 +56,9 @@ class StreamLink(ReportingLink):
         self._lost = self._lost or "it was closed"
 
     def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
-        """Yields data until the deadline, and once more after it, since this process may have been stopped.
+        """Yields received data until a deadline, and once more after it, in case this process was stopped.
 
-        The deadline is that of a transaction plus `seconds` of device time.
+        The deadline is that of a transaction, `LINK_TIMEOUT_S`, plus `seconds` of device time.
         """
         left = LINK_TIMEOUT_S + seconds / self._pace.time_scale
         deadline = self._pace.now() + left
@@ -69,7 +69,10 @@ class StreamLink(ReportingLink):
             yield piece
 
     def _check_in_time(self) -> None:
-        """Refuses a reading that is too old; the answer to a write stays valid at any age."""
+        """Raises a LinkTimeout if the last answer was read too late.
+
+        This is for readings, which become outdated; the answer to a write stays valid.
+        """
         if self._late_s > 0.0:
             raise LinkTimeout(
                 f"gripper at {self.endpoint} answered, but this process was stopped or starved and read it "

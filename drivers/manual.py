@@ -1,8 +1,8 @@
 """A person in place of a device: gets instructions on standard error, answers on standard input.
 
-`manual` as an arm: a person holds the hand, or only the gripper. `manual+ADDRESS`: the same, and a
-simulated arm follows the hand, so that it meets its part. `manual` as a gripper: a person closes calipers
-and types the width.
+`manual` as an arm: a person moves the hand, or only the gripper. `manual+ADDRESS`: the same, and a
+simulated arm follows the hand, so that its gripper meets the simulated part. `manual` as a gripper: a person
+closes calipers and types the width.
 """
 
 import math
@@ -20,13 +20,14 @@ from runtime.table import PROFILES
 
 ANSWER_S = 600.0  # a person may be away
 LIFT_S = 60.0  # also used in a safe sequence, which must not wait for long
-SAME_MM, SAME_RAD = 0.1, 0.01  # reading tolerance of an arm behind
+# Closer poses are the same: the reading tolerance of a simulated arm that follows the hand.
+SAME_MM, SAME_RAD = 0.1, 0.01
 # Assumed pose of a hand before the first request.
 ALOFT: PoseOfHand = (0.0, 0.0, 1000.0, 0.0)
 
 
 class Person:
-    """The person at the terminal; one for arm and gripper."""
+    """The person at the terminal, the same for arm and gripper."""
 
     def __init__(self) -> None:
         self._read = b""
@@ -35,7 +36,8 @@ class Person:
         """Shows a sentence; returns the line typed after it.
 
         Raises:
-            TimeoutError: nothing was typed within `seconds`. EOFError: standard input has ended.
+            TimeoutError: within `seconds` the sentence could not be shown, or nothing was typed after it.
+            EOFError: standard input has ended.
         """
         self._forget()
         # A held terminal (Ctrl-S) shows nothing, and printing would wait for it.
@@ -66,7 +68,7 @@ PERSON = Person()
 class ManualArm:
     """A hand moved by a person, which a simulated arm may follow (`behind`).
 
-    Its pose is the last request that the person confirmed.
+    Without such an arm, the pose of the hand is the target of the last motion.
     """
 
     def __init__(self, behind: Arm | None, *, read_only: bool) -> None:
@@ -76,7 +78,11 @@ class ManualArm:
         self._unknown = ""
 
     def pose(self) -> PoseOfHand:
-        """The last pose; `ALOFT` before the first."""
+        """The pose of the simulated arm or, without one, the last target (`ALOFT` before the first).
+
+        Raises:
+            ArmError: the last motion was not confirmed.
+        """
         self._check_known()
         return (self._at or ALOFT) if self._behind is None else self._behind.pose()
 
@@ -99,10 +105,13 @@ class ManualArm:
         speed_mm_s: float,
         radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
-        """Requests a motion; a way above the table is only recorded, until the next place to come down to.
+        """Asks the person to lift the hand, to put it down, or to move it along the table.
+
+        For other motions, above the table, the person is not asked: the target is only recorded.
 
         Raises:
-            ArmError: an invalid place, no answer, or standard input has ended.
+            ArmError: target or speed is invalid, the person did not answer, or standard input has ended.
+            ReadOnlyError: the arm is read-only.
         """
         self._check_known()
         target = (x_mm, y_mm, z_mm, angle_rad)
@@ -116,7 +125,7 @@ class ManualArm:
         self._at = target
 
     def close(self) -> None:
-        """Closes the arm behind."""
+        """Closes the link of the simulated arm, if any."""
         if self._behind is not None:
             self._behind.close()
 
@@ -165,7 +174,11 @@ class ManualGripper:
         self._closed = False
 
     def state(self) -> GripperState:
-        """The last answer."""
+        """The state by the last answer; before the first, open jaws.
+
+        Raises:
+            LinkError: the gripper was closed.
+        """
         if self._closed:
             raise LinkError("the gripper was closed")
         return self._seen
@@ -182,7 +195,14 @@ class ManualGripper:
         self._asked = width_um
 
     def wait(self) -> ports.Settled:
-        """Asks the person to set the requested opening or, after closing, for the width on the calipers."""
+        """Asks the person to set the requested opening, or to close the jaws and type the width.
+
+        The person is not asked for an opening that is already set.
+
+        Raises:
+            GripperFault: no move was requested.
+            LinkError: the person did not answer, or standard input has ended.
+        """
         if self._asked is None:
             raise GripperFault("no move to wait for; call move() first")
         asked, self._asked = self._asked, None
@@ -190,7 +210,7 @@ class ManualGripper:
             width_mm = self._width_mm()
             held = width_mm >= self.profile.held_um / 1000
             state = ObjectState.CLOSING if held else ObjectState.AT_TARGET
-            # On the grid: a table is planned for readings of that resolution.
+            # Rounded to the profile's grid: a table is planned for readings of that resolution.
             self._saw(state, 0, self.profile.reading_um(self.profile.step(1000 * width_mm)))
         elif not (self._was_asked and self._seen == _standing(ObjectState.AT_TARGET, asked, asked)):
             self._ask(f"Open the jaws to {asked / 1000:.1f} mm or a little more; press Enter")
@@ -198,11 +218,11 @@ class ManualGripper:
         return ports.Settled(self._seen.width_um, self._seen.object, 0, max(asked, 0), 0.0)
 
     def stop(self) -> None:
-        """Does nothing: a person holds the jaws."""
+        """Forgets the request; a person holds the jaws."""
         self._asked = None
 
     def close(self) -> None:
-        """Does nothing."""
+        """Ends the use of the gripper: its state cannot be read any more."""
         self._closed = True
 
     def _saw(self, state: ObjectState, target_um: int, width_um: int) -> None:
@@ -210,7 +230,7 @@ class ManualGripper:
         self._was_asked = True
 
     def _width_mm(self) -> float:
-        """The typed width, asked for until it is valid."""
+        """Asks for the width until a valid one is typed, mm."""
         reply = self._ask(
             "Close the jaws on the part: which width do you read, in mm (0 if there is nothing)?"
         )
@@ -236,7 +256,7 @@ def _standing(state: ObjectState, target_um: int, width_um: int) -> GripperState
 def gripper(
     port: str, pace: Pace, report: ports.Report, *, read_only: bool, profile: GripperProfile | None
 ) -> ManualGripper:
-    """Opens `manual`, which reads widths like a gripper of a profile, by default a 2F-85.
+    """Opens `manual`, whose readings are those of a gripper of the profile, by default of a 2F-85.
 
     Raises:
         PortError: the port is not `manual`.

@@ -12,7 +12,7 @@ from drivers.stream import closed_on_error
 
 ECHO_S = 1.0  # the request is echoed within this ([SDK] gripper.cpp of Robotiq)
 MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
-READINGS = 3  # in a row before a width is accepted
+READINGS = 3  # number that must agree in a row before a width is accepted
 WRITE_TRIES = 3  # as Robotiq's SDK: the link is down after 3 failures in a row
 Seen = TypeVar("Seen")
 Target = TypeVar("Target")
@@ -30,14 +30,14 @@ class Move(Generic[Seen, Target]):
 
 
 class ReadOnlyLink:
-    """A link without a way to write: frames of a write are never built. Owns the link."""
+    """A link that refuses to write before any frame is built; `close` closes the given link."""
 
     def __init__(self, link: Any) -> None:
         self.endpoint = link.endpoint
         self.read, self.close = link.read, link.close
 
     def write(self, *what: object) -> None:
-        """Refuses, with a ReadOnlyError."""
+        """Raises a ReadOnlyError."""
         words = (word.hex() if isinstance(word, bytes) else shown(word) for word in what)
         raise ReadOnlyError(
             f"a dry run was about to write {' '.join(words)} to the gripper at {self.endpoint}"
@@ -56,7 +56,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         profile: of the expected gripper; None: the make's usual one.
     """
 
-    stale_s = 0.0  # time during which a reading may be of the previous move
+    stale_s = 0.0  # device time after a request during which a reading may be of the previous move
     spread = 0  # largest distance between positions of fingers at rest
 
     def __init__(
@@ -83,7 +83,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         *,
         read_only: bool,
     ) -> Self:
-        """A gripper on a link, which is closed again if there is no answer."""
+        """Creates a gripper on a link; closes the link if the gripper cannot be read."""
         with closed_on_error(link):
             return cls(ReadOnlyLink(link) if read_only else link, pace, report, profile)
 
@@ -95,8 +95,11 @@ class PolledGripper(ABC, Generic[Seen, Target]):
     def wait(self) -> Settled:
         """Waits until the last move has ended and the fingers are at rest.
 
-        That requires: the request was received; readings are no longer of the previous move; three in a row
-        say that the move has ended, and agree in position.
+        The device must have received the request, readings must no longer be of the previous move, and
+        `READINGS` of them in a row must report the end of the move at positions that agree within `spread`.
+
+        Raises:
+            GripperFault: no move was requested, the request changed, or the move does not settle in time.
         """
         if self._move is None:
             raise GripperFault("no move to wait for; call move() first")
@@ -114,7 +117,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         self._link.close()
 
     def _budget_s(self, speed_mm_s: float) -> float:
-        """How long a move may take: a whole stroke, since the reading of its start may be wrong."""
+        """Device seconds that a move may take: those of a whole stroke, since the start may be misread."""
         return self.profile.stroke_um / 1000.0 / speed_mm_s + MOVE_MARGIN_S
 
     # -- what a make says -------------------------------------------------------------------------
@@ -129,15 +132,18 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
     @abstractmethod
     def _target(self, seen: Seen) -> Target:
-        """The request, as echoed by the device."""
+        """The request that the device echoes in a reading."""
 
     @abstractmethod
     def _state(self, seen: Seen, target: Target) -> GripperState:
-        """The state in a reading."""
+        """Converts a reading, and the target that it echoes, to a state."""
 
     @abstractmethod
     def _rest(self, seen: Seen, move: Move[Seen, Target]) -> int | None:
-        """Where a move has ended, in the device's steps; None: not yet, or the reading contradicts itself."""
+        """The position at which a move has ended, in the device's steps.
+
+        None if the move has not ended, or the reading contradicts itself.
+        """
 
     @abstractmethod
     def _require_ready(self, seen: Seen, doing: str) -> None:
@@ -145,7 +151,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
     @abstractmethod
     def _sketch(self, seen: Seen) -> str:
-        """A reading as text for a message."""
+        """Formats a reading for a message."""
 
     def _received(self, seen: Seen, move: Move[Seen, Target]) -> bool:
         """Whether the device has accepted the request."""
@@ -169,7 +175,11 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         doing: str,
         check: Callable[[Seen, str], None] | None = None,
     ) -> Seen:
-        """Polls until `done`, a reading that `check` refuses, or the deadline."""
+        """Polls until a reading is `done`, and returns it.
+
+        Raises:
+            GripperFault: `check` refused a reading, or the deadline has passed.
+        """
         while True:
             late = self._pace.now() > deadline
             seen = self._read()
@@ -183,7 +193,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             self._pace.idle(deadline)
 
     def _settled(self) -> Seen:
-        """The reading at the end of the current move."""
+        """Waits until the current move has settled; returns the last reading."""
         assert self._move is not None
         move, self._move = self._move, None
         until, doing = self._pace.deadline(ECHO_S), "taking the request"
@@ -212,7 +222,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             seen = self._read()
 
     def _past_stale(self, seen: Seen) -> Seen:
-        """Reads on until a reading belongs to the last request, and to no earlier one."""
+        """Reads on until a reading belongs to the last request and to no earlier one; returns the reading."""
         while self._asked_at is not None and not self._state(seen, self._target(seen)).moving:
             until = self._asked_at + self.stale_s / self._pace.time_scale
             if self._pace.now() >= until:
@@ -223,10 +233,14 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         return seen
 
     def _repeat(self, write: Callable[[], None], arrived: Callable[[], bool]) -> None:
-        """Repeats a write until it is acknowledged; checks and reports each failure.
+        """Writes until a write is acknowledged, at most `WRITE_TRIES` times; reports each failure.
 
-        Repeating the write must change nothing; otherwise `arrived`, which checks the echo of the device,
-        raises.
+        Args:
+            write: the write.
+            arrived: returns whether the device echoes the write; raises if a repetition could do harm.
+
+        Raises:
+            LinkTimeout: no write was acknowledged.
         """
         for left in reversed(range(WRITE_TRIES)):
             try:
@@ -240,6 +254,13 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
 
 def setting(value: float, ends: tuple[float, float], first: int, last: int) -> int:
-    """The greatest setting, from `first` to `last` linear between two ends, that does not exceed a value."""
+    """Converts a value to the greatest setting of a device that does not exceed it, or else to `first`.
+
+    Args:
+        value: the value, in the unit of `ends`.
+        ends: values at the settings `first` and `last`; linear in between.
+        first: the least setting.
+        last: the greatest setting.
+    """
     value, least, most = (round(1000 * number) for number in (value, *ends))
     return min(max(first + (value - least) * (last - first) // (most - least), first), last)

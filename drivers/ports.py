@@ -1,14 +1,14 @@
-"""Interfaces of a cell's devices, of any make; a new make is one file here, or a separate package.
+"""Interfaces of a cell's devices, of any make.
 
-A driver satisfies these Protocols without inheriting from them; `drivers.contract` has the tests that every
-make passes; tools/docs/drivers.md is the guide.
+A driver, in this package or in a separate one, satisfies these Protocols without inheriting from them.
+`drivers.contract` has the tests that every make passes; tools/docs/drivers.md is the guide.
 
 Rules that a type cannot express:
 
 - Connecting reads and never moves anything, and never resets a device that may hold a part.
 - Every call has a deadline, and a call that fails raises an error of `drivers.errors`.
-- A motion is requested once. If it is unknown whether the request arrived, the state is read before it is
-  repeated; after a silence that leaves the state unknown, every further motion is refused.
+- A motion is requested once. If it is unknown whether the request arrived, the state is read before the
+  request is repeated; after a silence that leaves the state unknown, every further motion is refused.
 - `wait` returns a reading that belongs to the last `move` and to no earlier one, or raises.
 - `close` moves nothing.
 - A device opened with `read_only` sends no command: commands are refused in the lowest layer that
@@ -23,8 +23,8 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 # x mm, y mm, z mm, angle rad, of the point between the tips
 PoseOfHand = tuple[float, float, float, float]
-MOST_COUNT = 255  # of a device that reports widths as counts
-# Reach of a hand with an unknown gripper and its part from its axis.
+MOST_COUNT = 255  # greatest count of a device that reports widths as counts
+# Greatest distance of a point of an unknown gripper, or of the part that it holds, from the hand's axis.
 TURN_RADIUS_MM = 160.0
 
 # Receives every retry and failure on a link, as kind and fields of a record: a journal's `record`
@@ -33,7 +33,7 @@ Report = Callable[[str, Mapping[str, object]], None]
 
 
 def no_report(kind: str, fields: Mapping[str, object]) -> None:
-    """No-op report."""
+    """Discards a report."""
 
 
 class ObjectState(IntEnum):
@@ -46,7 +46,7 @@ class ObjectState(IntEnum):
 
     @property
     def sentence(self) -> str:
-        """The state, for a message."""
+        """The state as words for a message."""
         return self.name.lower().replace("_", " ")
 
 
@@ -64,7 +64,7 @@ class GripperProfile:
     noise_um: int  # standard deviation of a reading, beside its rounding
     speed_mm_s: tuple[float, float]  # rate of the width, slowest and fastest
     force_n: tuple[float, float]  # grip force, weakest and strongest
-    held_um: int = 2000  # expected width from which a part is held
+    held_um: int = 2000  # width from which closed fingers are expected to hold a part
     empty_um: int = 5000  # width up to which the object state may miss a held part
     streams: bool = False  # whether it accepts a request while the fingers move
     # Link and offset of the arc of the tips, mm; a link alone: the offset has to be measured;
@@ -86,26 +86,29 @@ class GripperProfile:
 
     @property
     def usual_force_n(self) -> float:
-        """Grip force where a job states none: low."""
+        """Grip force if a job states none: 40 N, which is low, or the nearest force of the gripper."""
         return _within(40.0, self.force_n)
 
     def fastest_grip_mm_s(self, force_n: float) -> float:
-        """Fastest rate of the width at which it grips with a force."""
+        """Fastest rate of the width at which the gripper grips with a force."""
         if self.grip_mm_s is None:
             return self.speed_mm_s[1]
         return max(self.grip_mm_s * force_n / self.force_n[1], self.speed_mm_s[0])
 
     def usual_speed_mm_s(self, force_n: float) -> float:
-        """Closing speed where a job states none: moderate, and one at which it grips with the force."""
+        """Closing speed if a job states none: at most 60 mm/s, and slow enough to grip with the force."""
         return _within(min(60.0, self.fastest_grip_mm_s(force_n)), self.speed_mm_s)
 
     @property
     def gentle_mm_s(self) -> float:
-        """Closing speed on a gauge block: slow, but some grippers' slowest takes a minute for a stroke."""
+        """Closing speed on a gauge block: 20 mm/s, or the nearest speed of the gripper.
+
+        The slowest speed of some grippers would take a minute for a stroke.
+        """
         return _within(20.0, self.speed_mm_s)
 
     def reading_um(self, step: int) -> int:
-        """The width at a step of the grid, from 0, rounded; extrapolated beyond the ends."""
+        """The width at a step of the grid, rounded; steps count from 0 (closed), also beyond the ends."""
         return (2 * self.stroke_um * step + self.steps) // (2 * self.steps)
 
     def step(self, width_um: float) -> int:
@@ -113,7 +116,7 @@ class GripperProfile:
         return round(width_um * self.steps / self.stroke_um)
 
     def counted_um(self, count: int) -> int:
-        """The width at a count of a device that counts; extrapolated beyond its end counts."""
+        """The width at a count, also beyond the counts of the open and closed jaws; needs `counts`."""
         assert self.counts is not None
         return self.reading_um(self.counts[1] - count)
 
@@ -131,8 +134,8 @@ class GripperState:
     fault: int  # the device's fault word; 0 if it may be moved
     fault_text: str  # meaning and remedy, a sentence; empty without a fault
     object: ObjectState
-    # the requested width as the device repeats it, up to the stroke; after a new connection too. What closes
-    # the fingers as far as they go is repeated as below 0 by a device that can, else as 0.
+    # the requested width as the device echoes it, up to the stroke; it outlasts a connection. A request to
+    # close as far as possible is echoed as a negative width by a device that can, else as 0.
     target_um: int
     # position of the fingers; slightly below 0 or above the stroke beyond the nominal ends
     width_um: int
@@ -200,21 +203,21 @@ class Arm(Protocol):
     """An arm that places the point midway between the finger tips, hand pointing down."""
 
     def pose(self) -> PoseOfHand:
-        """Reads its pose; the angle counts whole turns of the wrist.
+        """Reads the pose of the hand; the angle counts whole turns of the wrist.
 
         Raises:
-            ArmError: it is silent, or its hand does not point down.
+            ArmError: the arm is silent, or its hand does not point down.
         """
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
         """Least and greatest angle of the hand at a place, rad; may be infinite.
 
         Raises:
-            ArmError: it is silent, or its wrist does not stand as counted.
+            ArmError: the arm is silent, or the angle of its wrist contradicts the counted turns.
         """
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """Why a straight way is impossible, as far as known beforehand; empty otherwise."""
+        """Why a straight motion is impossible, as far as known beforehand; empty if no reason is known."""
 
     def move_linear(
         self,
@@ -225,11 +228,11 @@ class Arm(Protocol):
         speed_mm_s: float,
         radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
-        """Moves in a straight line and returns when it is at rest there.
+        """Moves in a straight line, and returns when the hand is at rest at the target.
 
-        Whole turns of the angle count; callers split half a turn or more, whose direction an arm may not be
-        able to choose, into several motions. A turn counts as the way of a point `radius_mm` off the hand's
-        axis: nothing so near to the axis moves faster than asked.
+        Angles that differ by whole turns are different targets. Callers split half a turn or more, whose
+        direction an arm may not be able to choose, into several motions. The speed also limits turns: no
+        point within `radius_mm` of the hand's axis moves faster.
 
         Raises:
             ArmError: refused before anything was sent, or its state is unknown from now on.
@@ -249,7 +252,7 @@ class Truth(NamedTuple):
     crashes: int  # times open fingers were placed on it
     status: str  # result of the last squeeze
     covered: bool = False  # whether the camera's view is blocked
-    hypothesis: int = 0  # hypothesis
+    hypothesis: int = 0  # index of the part's hypothesis
 
 
 class Scene(Protocol):
@@ -259,7 +262,7 @@ class Scene(Protocol):
         """Removes the part, brings the next and returns its number."""
 
     def truth(self) -> Truth:
-        """Reads the true pose of the part."""
+        """Reads the ground truth about the part."""
 
     def close(self) -> None:
         """Closes the link."""
@@ -293,7 +296,7 @@ class Drivers(Protocol):
         """Connects to a simulated cell's scene."""
 
     def virtual(self, tree: Path, *, world: str, seed: int, report: Report = ...) -> Any:
-        """A simulated cell in this process, in virtual time: gripper, arm, scene and clock."""
+        """Creates a simulated cell in this process, in virtual time; returns gripper, arm, scene, clock."""
 
     def scan(self, port: str) -> Iterator[Answered]:
-        """The device that answers on a serial port."""
+        """Yields each device that answers on a serial port."""

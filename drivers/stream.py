@@ -21,7 +21,7 @@ from runtime.shell.host_names import addresses_of
 CONNECT_S = 5.0  # wall; for name resolution and connection
 SEND_S = 0.5  # wall; a request has some hundred bytes at most, which a line takes in milliseconds
 CHUNK = 4096
-# major numbers (Linux, devices.txt): they refuse to have a parity
+# Major numbers of pseudo-terminals (Linux, devices.txt), which refuse to have a parity.
 PSEUDO_TERMINALS = range(136, 144)
 
 
@@ -47,7 +47,7 @@ class Stream(Protocol):
         """
 
     def receive(self, seconds: float) -> bytes:
-        """Data received, waiting at most `seconds` (of the clock) for it; empty if there is none."""
+        """Waits at most `seconds` of the cell's clock for data, and returns it; empty if there is none."""
 
     def close(self) -> None:
         """Closes the connection; idempotent."""
@@ -98,7 +98,11 @@ class SerialStream:
             self._port.set_low_latency_mode(True)
 
     def send(self, data: bytes) -> None:
-        """Sends data in one piece; not by pyserial's `write`, which waits forever for a stopped line."""
+        """Sends data in one piece, without pyserial's `write`, which waits forever for a stopped line.
+
+        Raises:
+            StalledError: not all data were accepted in time, or data of an earlier request are pending.
+        """
         file, until = self._port.fileno(), time.monotonic() + SEND_S
         if self._unsent():  # of an earlier request, which must not be obeyed now
             self._stall()
@@ -139,14 +143,14 @@ class SerialStream:
         raise StalledError
 
     def _discard(self) -> None:
-        """Discards unsent data: it would be obeyed once the flow continues."""
+        """Discards unsent data, which the device would obey once the flow continues."""
         with contextlib.suppress(OSError, termios.error):
             termios.tcflush(self._port.fileno(), termios.TCOFLUSH)
 
 
 @contextlib.contextmanager
 def closed_on_error(opened: Any) -> Iterator[None]:
-    """Closes what was opened where the context fails: Ctrl-C, too, must not leave a port open."""
+    """Context that closes `opened` on any error, also on Ctrl-C, which must not leave a port open."""
     try:
         yield
     except BaseException:
@@ -155,12 +159,12 @@ def closed_on_error(opened: Any) -> Iterator[None]:
 
 
 def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
-    """Host and port of `scheme://host:port`; the port may be omitted if a usual one is given.
+    """Host and port of a URL `scheme://host:port`, whose port may be omitted if a usual one is given.
 
     The caller first removes settings after a `?`.
 
     Raises:
-        PortError: it has another form.
+        PortError: the URL has another form.
     """
     try:
         parts = urlsplit(url)
@@ -177,7 +181,7 @@ def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:
     """Connects; `hint` says what to check if the connection is refused.
 
     Raises:
-        PortError: the connection is refused.
+        PortError: nobody accepts the connection, or the host name is unknown or invalid.
     """
     try:
         connection = connected(host, port, CONNECT_S)
@@ -191,8 +195,8 @@ def connected(host: str, port: int, seconds: float) -> socket.socket:
     """A TCP connection to the first of a host's addresses that accepts one, within `seconds` of wall time.
 
     Raises:
-        OSError: the name is unknown, or the connection is not accepted in time. UnicodeError: an invalid
-            name.
+        OSError: the name is unknown, or the connection is not accepted in time.
+        UnicodeError: the name is invalid.
     """
     until = time.monotonic() + seconds
     failed: OSError = TimeoutError(errno.ETIMEDOUT, "timed out")
@@ -220,7 +224,7 @@ def _opened(path: str, baud: int, parity: str) -> serial.Serial:
 
 
 def port_error(path: str, error: OSError) -> PortError:
-    """The message for a port that cannot be opened."""
+    """Converts the error of opening a port to a PortError that says what to do."""
     if error.errno == errno.ENOENT:
         message = (
             f"port {path} does not exist; list ports with `ls /dev/serial/by-id`, or use --port sim"

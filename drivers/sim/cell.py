@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from drivers.sim.camera.rig import Rig  # needs the audit extra
 
 
-REACH_MM = 580  # of the simulated arm, behind every controller
+REACH_MM = 580  # of the simulated arm, which is the same behind every controller
 
 
 class LoneGripper(Site):
@@ -42,10 +42,16 @@ class LoneGripper(Site):
 
 
 class Cell(Site):
-    """Gripper on the ports of its make, arm and scene on TCP ports, joined by a world.
+    """A simulated cell: the gripper on the ports of its make, arm and scene on TCP ports.
 
-    Gripper and arm are one device each: a host uses one of their ports only. Arguments as for `Workcell`;
-    `time_scale` is simulated seconds per wall second, `rig` the camera, if any.
+    All ports of the gripper lead to one device, and so do those of the arm: a host uses one port of each.
+
+    Args:
+        setting: part and world.
+        seed: of every draw.
+        time_scale: simulated seconds per wall second.
+        faults: schedule of faults; None: no faults.
+        rig: the camera; None: there is none.
     """
 
     def __init__(

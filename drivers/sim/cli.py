@@ -37,7 +37,7 @@ table at a tag under the part (needs the audit extra): `grasp-audit judge --came
 
 
 def parser() -> Parser:
-    """The command line."""
+    """Creates the parser of the command line."""
     purpose = "Simulate a cell: gripper, arm and part behind the real devices' protocols."
     command = Parser(prog="grasp-cell", description=purpose, epilog=EPILOG)
     source = command.add_mutually_exclusive_group(required=True)
@@ -71,8 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def serve(options: argparse.Namespace) -> int:
-    """Loads, starts, prints the endpoints, and serves until asked to end."""
-    # A shell starts background jobs with SIGINT ignored, and that is inherited.
+    """Starts a cell or a lone gripper, prints its endpoints and serves; returns the exit code.
+
+    With `--camera-views` it writes pictures instead.
+    """
+    # A background job inherits from its shell that SIGINT is ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if options.gripper is not None:
         _refuse_other_devices(options)
@@ -94,7 +97,7 @@ def serve(options: argparse.Namespace) -> int:
 
 
 def _refuse_other_devices(options: argparse.Namespace) -> None:
-    """Refuses what a gripper alone does not have; raises UsageError."""
+    """Raises a UsageError if there are options that only a whole cell has."""
     for name in ("world", "faults", "middle", "block", "camera", "camera_views"):
         if getattr(options, name):
             word = name.replace("_", "-")
@@ -104,7 +107,10 @@ def _refuse_other_devices(options: argparse.Namespace) -> None:
 
 
 def _run(serving: Cell | LoneGripper, options: argparse.Namespace) -> int:
-    """Serves until asked to end, or a port fails, so that no device stays mute; returns the exit code."""
+    """Serves until asked to end, or until a port fails; returns the exit code.
+
+    A failed port ends the whole cell, since its device would answer no more.
+    """
     with serving as running:
         signal.signal(signal.SIGTERM, lambda *_: running.stopped.set())
         if options.until_stdin_closes:
@@ -132,7 +138,11 @@ def _block(text: str) -> Block:
 
 
 def camera(setting: Setting) -> Any:
-    """The camera under the table; raises UsageError without OpenCV, or where the world has no poses."""
+    """Creates the camera under the table.
+
+    Raises:
+        UsageError: the audit extra is missing, or the world has no poses.
+    """
     if not setting.truthful:
         raise UsageError(
             f"--camera: a part of {setting.world} lies nowhere; name a world, or install squeezetree[planner]"
@@ -141,7 +151,7 @@ def camera(setting: Setting) -> Any:
 
 
 def _audit_extra(name: str) -> Any:
-    """Imports a module of the simulated camera, which is optional."""
+    """Imports a module of the simulated camera; raises a UsageError without the audit extra."""
     try:
         return import_module(f"drivers.sim.camera.{name}")
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""Faults of a simulated cell: their classes, and schedules, see FAULTS.md."""
+"""Faults of a simulated cell: their classes and schedules (FAULTS.md)."""
 
 import random
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from runtime.shell.errors import InputError, UsageError
 
 
 class Channel(StrEnum):
-    """Events in which a class of faults is counted."""
+    """A kind of events; beginning and length of a fault are counted in the events of one channel."""
 
     LINE = "line"  # requests that reach the gripper's end of the line, and their answers
     GRIPPER = "gripper"  # the same requests; the registers or the device itself fail
@@ -91,12 +91,12 @@ SCENE_KINDS = _kinds(
 )
 KINDS = {kind.name: kind for kind in (*LINE_KINDS, *GRIPPER_KINDS, *ARM_KINDS, *SCENE_KINDS)}
 
-# Events of a part at which faults of a random schedule may begin: about three squeezes.
+# Number of a part's first events at which a random fault may begin: about three squeezes.
 BEGINS = {Channel.LINE: 150, Channel.GRIPPER: 150, Channel.ARM: 30, Channel.SCENE: 3}
 
 
 class Fault(NamedTuple):
-    """One fault: events `at` to `at + length - 1` of part `part` (None: of every part)."""
+    """One fault, which holds from event `at` to `at + length - 1` of part `part` (None: every part)."""
 
     kind: str
     part: int | None = None
@@ -111,7 +111,7 @@ class Fault(NamedTuple):
 
     @property
     def code(self) -> int:
-        """The gFLT code in its name; 0 without one."""
+        """The gFLT code in the name of the fault; 0 without one."""
         return int(self.kind.removeprefix("gflt_"), 16) if self.kind.startswith("gflt_") else 0
 
 
@@ -149,7 +149,7 @@ def _random_fault(draw: random.Random, part: int) -> Fault:
 
 
 class Desk:
-    """Counts the events of a part and gives the current faults."""
+    """Counts the events of a part and gives the faults that hold at the last event."""
 
     def __init__(self, schedule: Listed) -> None:
         self.met: list[str] = []  # names of all faults so far, in order
@@ -157,13 +157,13 @@ class Desk:
         self.begin(0)
 
     def begin(self, part: int) -> None:
-        """Starts the next part."""
+        """Starts a part: takes its faults from the schedule, and counts its events from 0."""
         faults = self._schedule.of_part(part)
         self._of = {each: [one for one in faults if one.channel is each] for each in Channel}
         self._events = dict.fromkeys(Channel, -1)
 
     def next(self, channel: Channel) -> None:
-        """Counts one more event."""
+        """Counts one more event of a channel."""
         self._events[channel] += 1
         self.met += [fault.kind for fault in self.beginning(channel)]
 
@@ -172,18 +172,23 @@ class Desk:
         return [fault for fault in self._of[channel] if fault.at == self._events[channel]]
 
     def holding(self, channel: Channel) -> list[Fault]:
-        """The current faults at the last event of a channel."""
+        """The faults that hold at the last event of a channel."""
         event = self._events[channel]
         return [fault for fault in self._of[channel] if fault.at <= event < fault.at + fault.length]
 
     def holds(self, kind: str) -> Fault | None:
-        """The fault of that name, if it is current."""
+        """The fault of a kind, if it holds; else None."""
         held = (fault for fault in self.holding(KINDS[kind].channel) if fault.kind == kind)
         return next(held, None)
 
 
 def parse(text: str | None) -> Listed:
-    """Parses a schedule of `--faults`, None for none; raises UsageError or InputError if it is invalid."""
+    """Parses the argument of `--faults`; None: an empty schedule.
+
+    Raises:
+        UsageError: the seed is not a whole number.
+        InputError: the file cannot be read, or is no schedule.
+    """
     if text is None:
         return Listed()
     if text.startswith("seed:"):

@@ -1,4 +1,4 @@
-"""The simulated grippers: by model, their device and ports."""
+"""The simulators of grippers by model: the device, its ports and its driver."""
 
 import random
 from collections.abc import Callable
@@ -35,13 +35,14 @@ from runtime.table import same_model
 class Simulator:
     """Simulator of the grippers of one make."""
 
-    # of the device: its draws, what its fingers may meet, its profile, the desk that gives its faults
+    # creates the device from its draws, what its fingers may meet, its profile, and the desk of its faults
     model: Callable[[random.Random, Surroundings, GripperProfile, Desk], Fingers]
-    registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, at its time
-    unit: int  # on the serial line
+    registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, with its clock
+    unit: int  # slave id on the serial line
     scheme: str  # prefix of the serial port's path for `drivers.connect`
-    link: Callable[[Stream, Pace, Report], Any]  # link of the driver, on that line
-    gripper: Callable[[Any, Pace, Report, GripperProfile], Gripper]  # the driver, on that link
+    link: Callable[[Stream, Pace, Report], Any]  # creates the driver's link on that line
+    # creates the driver on that link
+    gripper: Callable[[Any, Pace, Report, GripperProfile], Gripper]
 
     def device(
         self, profile: GripperProfile, seed: int, surroundings: Surroundings, desk: Desk
@@ -57,7 +58,7 @@ class Simulator:
         return self.model(random.Random(f"{seed}/gripper"), surroundings, profile, desk)
 
     def slave(self, device: Any, now: Callable[[], float], line: Line) -> RtuSlave:
-        """The device on the other end of a serial line."""
+        """Creates the Modbus slave of the device, on the gripper's end of a serial line."""
         return RtuSlave(self.registers(device, now), line, self.unit)
 
     def ports(
@@ -78,12 +79,12 @@ class Simulator:
     def driver(
         self, stream: Stream, pace: Pace, report: Report, profile: GripperProfile
     ) -> Gripper:
-        """The driver on one end of a serial line."""
+        """Creates the driver, on the host's end of a serial line."""
         return self.gripper(self.link(stream, pace, report), pace, report, profile)
 
 
 class RobotiqSimulator(Simulator):
-    """A Robotiq gripper also has TCP ports, and the URCap."""
+    """Simulator of Robotiq grippers, which have also TCP ports and the URCap."""
 
     def ports(
         self, device: Any, site: Site, line: Callable[..., Line]
@@ -114,7 +115,7 @@ SIMULATORS = {
 
 
 def simulator(model: str) -> Simulator:
-    """The simulator of a model, for any spelling; raises UsageError for an unknown one."""
+    """The simulator of a model, in any spelling; raises a UsageError if the model is unknown."""
     for name, result in SIMULATORS.items():
         if same_model(name, model):
             return result

@@ -19,12 +19,12 @@ ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 
 class Workcell(Surroundings):
-    """The components of a cell.
+    """Gripper, arm and table of a cell, and their effects on each other.
 
     Args:
         setting: part and world.
         seed: of every draw.
-        now: simulated seconds.
+        now: returns the simulated time, s.
         faults: schedule of faults; None: no faults.
     """
 
@@ -37,7 +37,8 @@ class Workcell(Surroundings):
         self.table = (TableTop if setting.block is None else Vice)(setting, seed, self.desk)
         self._middle: Pose2 = (0.0, setting.middle_mm, 0.0)
         self.profile = geometry.gripper
-        self._low, self._stood = False, (0.0, 0.0, 0.0)  # last place of the hand
+        # Whether the hand was low after the last motion, and its pose then.
+        self._low, self._stood = False, (0.0, 0.0, 0.0)
         self._height_mm = math.inf
         # Whether the jaws opened since the hand came down, and whether it rose afterwards.
         self._let_go, self._risen = False, False
@@ -57,7 +58,11 @@ class Workcell(Surroundings):
     # -- what the fingers meet: drivers.sim.devices.jaws.Surroundings -------------------------------------
 
     def closing(self) -> float | None:
-        """The jaws start to close: the width [mm] that will stop them, given the arm's true pose."""
+        """Receives the event that the jaws start to close at the arm's true pose.
+
+        Returns:
+            Width at which something will stop the jaws, mm; None: nothing will.
+        """
         hand, height_mm = self._hand()
         if hand is None or height_mm > self.table.geometry.closing_mm or self._risen:
             return None
@@ -75,12 +80,15 @@ class Workcell(Surroundings):
     # -- the arm ----------------------------------------------------------------------------------
 
     def arm_stands(self) -> None:
-        """An arm instruction is over: the hand carries what it holds, or may have come down on the part."""
+        """Receives the event that an arm instruction may be over; repeated calls change nothing.
+
+        If the hand has moved, it has carried what it holds, pushed the part, or come down on it.
+        """
         if self.arm.moves == self._moves:
             return
         self._moves = self.arm.moves
         now_s = self.now()
-        opening_mm = self.gripper.opening_mm(now_s)  # the jaws' action on the way is over now
+        opening_mm = self.gripper.opening_mm(now_s)  # first lets the jaws act until now
         hand, height_mm = self._hand()
         if height_mm < self._height_mm:
             self._let_go = False
@@ -100,7 +108,7 @@ class Workcell(Surroundings):
         self._stood = hand
 
     def _hand(self) -> tuple[Pose2 | None, float]:
-        """Where the fingers of an upright hand meet, and its height [mm]; None where it is not upright."""
+        """Pose at which the fingers meet (None if the hand does not point down), and hand height, mm."""
         x, y, z, rotation = self.arm.pose_at(self.now())
         try:
             return compose((x, y, hand_angle(rotation)), self._middle), z
@@ -110,7 +118,7 @@ class Workcell(Surroundings):
     # -- feeder and ground truth ------------------------------------------------------------------
 
     def answer(self, what: str) -> Mapping[str, object] | None:
-        """Feeds the next part, or gives the truth about this one; None for any other request."""
+        """Answers a request for the next part or for the truth about this one; None for any other request."""
         self.gripper.advance(self.now())
         if what == "next_part":
             return {"part": self.table.next_part()}

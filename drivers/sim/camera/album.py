@@ -16,7 +16,8 @@ from drivers.sim.camera.rig import Rig
 from runtime.shell import files
 
 COLUMNS, ROWS = 12, 9
-FIELD_SHARE, MARKER_SHARE = 0.05, 0.75  # of the camera's distance; of a field
+# Edge of a field as a share of the camera's distance; edge of a marker as a share of a field.
+FIELD_SHARE, MARKER_SHARE = 0.05, 0.75
 ARM_SIGMA_MM = 0.03  # accuracy of an arm's placements
 CORNERS = [(x, y) for x in (0.2, 0.8) for y in (0.28, 0.72)]
 TILTED = (
@@ -31,7 +32,7 @@ SPREAD: tuple[Pose2, ...] = (
 
 
 def _field_mm(optics: Optics) -> float:
-    """Edge of a field of the board that suits a camera."""
+    """Edge of a field of the board, mm, in proportion to the distance of the camera."""
     return FIELD_SHARE * abs(float(optics.eye_mm[2]))
 
 
@@ -46,7 +47,14 @@ def _on_table(optics: Optics) -> list[Card]:
 def _held(
     optics: Optics, spot: tuple[float, float], tilt: tuple[float, float], rng: np.random.Generator
 ) -> Card:
-    """The board held in front of the camera, at a spot of the picture and tilted."""
+    """The board held in front of the camera, tilted, at a random distance and roll.
+
+    Args:
+        optics: the camera.
+        spot: x and y of the middle of the board, in shares of the picture.
+        tilt: rotation about x and y of the camera, rad.
+        rng: draws distance and roll.
+    """
     pixel = np.array([spot[0] * optics.width, spot[1] * optics.height])
     ray = np.array([*((pixel - optics.centre) / optics.focal), 1.0])
     middle = rng.uniform(0.70, 1.03) * abs(float(optics.eye_mm[2])) * ray
@@ -61,8 +69,14 @@ def _held(
 def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Iterator[str]:
     """Takes all pictures; yields the arguments of commands that create calibration and tag files from them.
 
-    The seed is of noise, boards and the arm; the names are of the parts, where there are several. OutputError
-    where a file cannot be written.
+    Args:
+        rig: the camera and its tags.
+        folder: receives the pictures and the tables of poses.
+        seed: of the noise, the held boards and the errors of the arm.
+        names: of the parts, if there are several.
+
+    Raises:
+        OutputError: a file cannot be written.
     """
     rng = np.random.default_rng([seed, 0x414C42])
     flaws = replace(rig.flaws, jpeg_quality=rig.flaws.jpeg_quality or Flaws().jpeg_quality)
@@ -101,7 +115,7 @@ def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Itera
 
 
 def _suffixes(names: Sequence[str]) -> list[str]:
-    """What the names of a part's files end in."""
+    """Suffix of the names of each part's files; one empty suffix if the parts have no names."""
     return [f"-{k}" for k in range(len(names))] or [""]
 
 

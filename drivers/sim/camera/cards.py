@@ -38,7 +38,7 @@ def lying(
 ) -> Card:
     """A card flat on the table, at x, y and the angle of its rows in the world (mm, mm, rad).
 
-    Face down it is read from below; without a margin its white border is one square wide.
+    A card that lies face down is read from below. The default margin is one square wide.
     """
     x, y, theta = pose
     c, s = np.cos(theta), np.sin(theta)
@@ -55,7 +55,7 @@ def tag_cells(number: int) -> Cells:
 
 
 def board_cells(columns: int, rows: int) -> Cells:
-    """The squares of a ChArUco board: fields of 8 by 8, markers (DICT_4X4) of three quarters of that."""
+    """The (8 rows, 8 columns) squares of a ChArUco board: 8 by 8 a field, 6 by 6 a marker (DICT_4X4)."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_250)
     board = cv2.aruco.CharucoBoard((columns, rows), 8.0, 6.0, dictionary)
     drawn = board.generateImage((8 * columns, 8 * rows), marginSize=0, borderBits=1)

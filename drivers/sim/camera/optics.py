@@ -1,6 +1,7 @@
 """The optics of the simulated camera: the ray of each point of the picture.
 
-An independent implementation, not OpenCV's as in the measuring code, so that no mistake is in both.
+Projection and distortion are implemented independently of OpenCV, on which the measuring code relies, so that
+no mistake is in both.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ITERATIONS = 15  # the last one moves a ray by less than 1e-7 pixels
+ITERATIONS = 15  # of the inverse distortion; the last one moves a ray by less than 1e-7 pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ class Optics:
         return self.focal * bent + self.centre
 
     def _bend(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Brown and Conrady's distortion of rays at depth one: a factor, then shifts along x and y."""
+        """Brown and Conrady's distortion of rays at depth one: a factor of x and y, and a shift of each."""
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x**2 + y**2
         radial = 1.0 + k1 * r2 + k2 * r2**2 + k3 * r2**3
@@ -74,9 +75,9 @@ def webcam(
     """A camera with the lens of an ordinary wide-angle webcam (82 degrees across).
 
     Args:
-        eye_mm: its position; below the table it looks up, above it looks down.
-        tilt_deg: by how much it looks aside, about its own x and y.
-        turn_deg: by how much it is turned about its own axis.
+        eye_mm: position; a camera below the table looks up, one above it looks down.
+        tilt_deg: rotation about the camera's x and y.
+        turn_deg: rotation about the optical axis.
         size: width and height of the picture; the lens stays the same.
     """
     looks_up = eye_mm[2] < 0.0

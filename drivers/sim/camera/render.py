@@ -45,7 +45,7 @@ def render(
         optics: the camera.
         cards: the visible cards; a later one covers an earlier one.
         flaws: of lens, light, sensor and compression.
-        rng: of the noise.
+        rng: draws the noise.
 
     Returns:
         (height, width) grey levels.
@@ -100,7 +100,7 @@ def _draw(levels: Levels, optics: Optics, card: Card) -> None:
 
 
 def _tone(card: Card, along: Levels, across: Levels, behind: Levels) -> Levels:
-    """Grey levels at points of a card's plane: its squares, its margin, or the background."""
+    """Tones at points of a card's plane, 0 to 1: of its squares, its margin, or the background."""
     rows, columns = card.cells.shape
     column = np.clip(np.floor(along / card.cell_mm + 0.5 * columns), -1, columns).astype(np.intp)
     row = np.clip(np.floor(across / card.cell_mm + 0.5 * rows), -1, rows).astype(np.intp)
@@ -112,7 +112,7 @@ def _tone(card: Card, along: Levels, across: Levels, behind: Levels) -> Levels:
 
 
 def _outline(card: Card) -> Array:
-    """Points around a card, including its motion, (n, 3)."""
+    """Points on the rim of a card at the start and end of the exposure, (n, 3) mm."""
     half_along, half_across = card.half_mm
     rim = np.concatenate([[(t, -1), (t, 1), (-1, t), (1, t)] for t in np.linspace(-1.0, 1.0, 9)])
     way = rim[:, :1] * half_along * card.right + rim[:, 1:] * half_across * card.down
@@ -121,7 +121,7 @@ def _outline(card: Card) -> Array:
 
 
 def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:
-    """Rows and columns of the picture that contain these points; None: outside of it."""
+    """Rows and columns of the picture that contain these points; None: they lie outside the picture."""
     seen = optics.project(points_mm)
     left, top = np.floor(seen.min(axis=0)).astype(int) - 2
     right, bottom = np.ceil(seen.max(axis=0)).astype(int) + 3
@@ -131,7 +131,7 @@ def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:
 
 
 def _rays(optics: Optics, box: tuple[slice, slice], axes: Array) -> Iterator[tuple[float, Levels]]:
-    """For each sample: its moment of the exposure, 0 to 1, and the rays of a box along axes, (3, h, w)."""
+    """Yields for each sample its moment of the exposure, 0 to 1, and the rays of a box, (3, h, w) on axes."""
     rows, columns = box
     grid = optics.corner_rays[rows.start : rows.stop + 1, columns.start : columns.stop + 1] @ axes
     corners = np.ascontiguousarray(np.moveaxis(grid, -1, 0), np.float32)

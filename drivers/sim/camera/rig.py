@@ -24,7 +24,8 @@ class Rig:
 
     optics: Optics  # the camera
     flaws: Flaws  # of its pictures
-    number: int = 7  # id of the part's tag, or of the first part's, followed by the others'
+    # Id of the part's tag; of several parts, that of the first: the ids of the others follow it.
+    number: int = 7
     side_mm: float = 22.0  # edge of the tags' black borders
     on_part: Pose2 = (0.0, 0.0, 0.0)  # pose of the tag in the part's frame: mm, mm, rad
     references: tuple[tuple[int, Pose2], ...] = REFERENCES  # fixed tags: id and pose
@@ -35,25 +36,25 @@ class Rig:
         return bool(self.optics.eye_mm[2] < 0.0)
 
     def cards(self, part: Pose2 | None, number: int | None = None) -> list[Card]:
-        """All tags, including the part's, with its number or another."""
+        """Cards of all tags: the fixed ones, and that of the part with its usual number or another."""
         laid = list(self.references)
         if part is not None:
             laid.append((self.number if number is None else number, compose(part, self.on_part)))
         return [self.card(number, pose) for number, pose in laid]
 
     def card(self, number: int, pose: Pose2) -> Card:
-        """One tag at a pose."""
+        """Card of one tag at a pose."""
         return lying(tag_cells(number), self.side_mm / 8.0, pose, face_down=self.below)
 
     def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
-        """A function that takes a picture of `look()`, as bytes of a JPEG; the seed is that of the noise."""
+        """Returns a function that takes a picture of `look()` as a JPEG file; the seed is of the noise."""
         rng = np.random.default_rng([seed, 0x43414D])
         quality = self.flaws.jpeg_quality or 95
         _ = self.optics.corner_rays  # computed once, before the first request
         return lambda: jpeg(self.seen(look(), rng), quality)
 
     def seen(self, look: Look, rng: np.random.Generator) -> Picture:
-        """The picture of a scene: a wrong part has the previous number, a camera may have moved."""
+        """Renders the picture of a view; a foreign part has the tag number before the usual one."""
         if look.covered:
             return render(self.optics, [], replace(self.flaws, gain=0.0), rng)
         number = self.number + look.hypothesis
@@ -65,6 +66,6 @@ class Rig:
 
 
 def standard_rig() -> Rig:
-    """The webcam 600 mm under the table; like the tag on the part, slightly tilted."""
+    """A webcam 600 mm under the table, slightly tilted; the tag is shifted and turned on the part."""
     optics = webcam((6.0, -9.0, -600.0), (1.5, -1.0), 2.0)
     return Rig(optics, Flaws(jpeg_quality=None), on_part=(2.0, -1.0, 0.3))

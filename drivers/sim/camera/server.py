@@ -10,7 +10,7 @@ from drivers.sim.wire.serving import HOST, LibraryServer
 
 
 class CameraServer(LibraryServer):
-    """Serves JPEGs from `take`, which is called by several threads, one at a time."""
+    """Serves the JPEG files that `take` returns; several threads call it, one at a time."""
 
     def __init__(self, take: Callable[[], bytes]) -> None:
         lock = threading.Lock()

@@ -1,1 +1,1 @@
-"""The simulated devices: gripper with its jaws, arm with its RAPID server."""
+"""The simulated devices: grippers of several makes, and an arm with its RAPID server or UR controller."""

@@ -50,7 +50,7 @@ class Leg(NamedTuple):
     seconds: float
     joints_deg: kinematics.Joints
     ends_deg: kinematics.Joints
-    ramp_s: float = 0.0  # of speeding up, and as long of slowing down
+    ramp_s: float = 0.0  # duration of the acceleration, and of the deceleration
 
     def at(self, now_s: float) -> Pose:
         """Pose of the flange."""
@@ -58,7 +58,7 @@ class Leg(NamedTuple):
         return self.target if share == 1.0 else kinematics.between(self.start, self.target, share)
 
     def joints_at(self, now_s: float) -> kinematics.Joints:
-        """Joints."""
+        """Joints in degrees, whole turns counted."""
         share = self._share(now_s)
         if share == 1.0:
             return self.ends_deg
@@ -81,11 +81,13 @@ class HaltError(Exception):
 
 
 class ArmModel:
-    """The server's state and the arm's; each instruction is one event of a desk, by whose faults it fails.
+    """State of the server and of its arm.
+
+    Each instruction is one event of the desk, whose current faults make it fail.
 
     Args:
-        base: its base frame in the world.
-        acceleration: of lines, mm/s2 and deg/s2; none: the arm reaches its speed at once.
+        base: the arm's base frame in the world.
+        acceleration: of lines, mm/s2 and deg/s2; None: the arm reaches its speed at once.
         desk: gives the current faults; None: never any.
         seed: of displacements of the hand.
     """
@@ -115,7 +117,7 @@ class ArmModel:
         self._legs = [Leg(here, here, 0.0, 0.0, joints, joints)]
 
     def pose_at(self, now_s: float) -> Pose:
-        """Pose of the hand in the client's tool and work object."""
+        """Pose of the client's tool in the client's work object."""
         flange = compose(self._base, self.flange_at(now_s))
         return compose(invert(self._work_object), compose(flange, self._tool))
 
@@ -128,7 +130,11 @@ class ArmModel:
         self._tool, self._work_object = _unit(tool), _unit(work_object)
 
     def line(self, tip: Pose, speed: tuple[float, float], now_s: float) -> float:
-        """Moves straight to a fine point at mm/s and deg/s; returns the time of arrival; or HaltError."""
+        """Moves in a straight line to a fine point, at mm/s and deg/s; returns the time of arrival.
+
+        Raises:
+            HaltError: the arm cannot move there, or a speed is not positive.
+        """
         self._zone_mm = 0.0
         return self._line(tip, speed, now_s)[1]
 
@@ -142,7 +148,7 @@ class ArmModel:
         """Displaces the hand at once by x, y, z [mm] and a turn [rad], within its reach.
 
         Returns:
-            Whether it moved.
+            Whether the hand was moved.
         """
         hand, joints = self.pose_at(moment_s), self.joints_at(moment_s)
         half_rad = by[3] / 2.0
@@ -161,10 +167,10 @@ class ArmModel:
         return self._leg(now_s).at(now_s)
 
     def execute(self, text: str, now_s: float) -> Answer:
-        """Executes one received string; nothing while the program stands still.
+        """Executes one received string; does nothing after the program has halted.
 
         Raises:
-            RapidError: the server disconnects and listens again.
+            RapidError: too many parameters, for which the server disconnects and listens again.
         """
         self._desk.next(Channel.ARM)
         kinds = {fault.kind for fault in self._desk.holding(Channel.ARM)}
@@ -183,7 +189,10 @@ class ArmModel:
         return answer._replace(before=STALE) if "arm_stale_ack" in kinds else answer
 
     def _displace_hand(self, moment_s: float) -> None:
-        """Displaces the hand, as a bump does: the controller knows its pose, but did not command it."""
+        """Displaces the hand if such a fault begins.
+
+        The controller knows the new pose, but did not command it.
+        """
         for fault in self._desk.beginning(Channel.ARM):
             if fault.kind == "arm_displaced":
                 bearing = self._rng.uniform(-math.pi, math.pi)
@@ -209,7 +218,7 @@ class ArmModel:
         return Answer(f"{code} 1 {self._payload(message.code, now_s)}", ready_s)
 
     def _payload(self, code: float, now_s: float) -> str:
-        """Content of the answer to an instruction; empty for all but questions."""
+        """Content of the answer to a question; empty for any other instruction."""
         if code == 3:
             return rapid.pose_string(self.pose_at(now_s), 2)
         if code == 4:
@@ -219,7 +228,7 @@ class ArmModel:
         return {32: rapid.to_string(len(self._buffer), 2), 98: INFO}.get(int(code), "")
 
     def _run(self, code: float, values: tuple[float, ...], now_s: float) -> float:
-        """Executes an instruction; returns the time of its end."""
+        """Executes an instruction; returns the time at which the next one may start."""
         match code:
             case 1:
                 return self._line(_pose(values), self._speed, now_s)[0]
@@ -261,7 +270,11 @@ class ArmModel:
         return compose(invert(self._base), world)
 
     def _drive(self, target: Pose, seconds: float, now_s: float, ramp_s: float = 0.0) -> float:
-        """Adds a straight motion after the current one; returns the time of its end."""
+        """Adds a straight motion that starts at `now_s`; returns the time of its end.
+
+        Raises:
+            HaltError: a point of it is out of reach, or beyond the limits of a joint.
+        """
         here, joints = self.flange_at(now_s), self.joints_at(now_s)
         ends = joints
         for step in kinematics.track(joints, here, target):
@@ -278,7 +291,7 @@ class ArmModel:
         return leg.start_s + leg.seconds
 
     def _line(self, tip: Pose, speed: tuple[float, float], now_s: float) -> tuple[float, float]:
-        """One MoveL: when the next instruction may start, and when the motion is over."""
+        """Executes a MoveL; returns the times at which the next instruction may start and the motion ends."""
         target = self._flange_target(tip)
         if min(speed) <= 0.0:
             raise HaltError("50204 speed is not positive")
@@ -294,7 +307,7 @@ class ArmModel:
     def _profile(
         self, ways: tuple[float, float], speeds: tuple[float, float]
     ) -> tuple[float, float]:
-        """Durations [s] of a linear motion and of its acceleration; the slower of path and turn counts."""
+        """Durations of a linear motion and of its acceleration, s, for the slower of path and turn."""
         if self._acceleration is None:
             return max(way / speed for way, speed in zip(ways, speeds, strict=True)), 0.0
         results = []
@@ -304,7 +317,7 @@ class ArmModel:
         return max(results)
 
     def _move_circle(self, end: Pose, now_s: float) -> float:
-        """MoveC, driven as two chords through the via-point."""
+        """Executes a MoveC as two chords through the via-point; returns the time of its end."""
         if self._circle is None:
             raise HaltError("50066 circle point not defined")
         for tip in (self._circle, end):

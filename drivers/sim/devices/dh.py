@@ -1,7 +1,7 @@
 """A gripper of DH-Robotics' AG or PGC series as a state machine over simulated time; no I/O, no clock.
 
 The registers are those of `drivers.dh.registers`. Where the manuals are unclear, the device behaves
-adversely, so that a driver does not rely on it: the grip state follows a command late, and a value out of
+adversely, so that a driver relies on no assumption: the grip state follows a command late, and a value out of
 range gets no answer.
 """
 
@@ -57,13 +57,13 @@ class DhModel(Fingers):
         self._open_mm = profile.stroke_um / 1000.0
         super().__init__(rng, surroundings, self._open_mm, desk)
         self._scale = Scale(profile)
-        self.writes = 0  # number of writes of each register
+        self.writes = 0  # number of registers written so far
         self._closed_mm = 0.0  # opening learnt as position 0
         self._settings = dict.fromkeys(ALLOWED, 0) | DEFAULTS
         self._forget()
 
     def _forget(self) -> None:
-        """State after a power failure: uninitialised."""
+        """Takes the state after a power failure: not initialised."""
         self._halt(Grip.AT_POSITION)
         self._show(Grip.AT_POSITION)
         self._initialised = Initialised.NO
@@ -73,7 +73,7 @@ class DhModel(Fingers):
     # -- the registers ----------------------------------------------------------------------------
 
     def read(self, address: int, now_s: float) -> int:
-        """One of the `READABLE` registers."""
+        """Reads one of the `READABLE` registers."""
         self._refresh(now_s)
         match address:
             case dh.INITIALISATION:
@@ -89,7 +89,7 @@ class DhModel(Fingers):
         return self._settings.get(address, 0)
 
     def write(self, address: int, value: int, now_s: float) -> None:
-        """Writes a value that is `ALLOWED` to a register, and obeys."""
+        """Writes a value that is `ALLOWED` to a register, and executes the command in it, if any."""
         self.advance(now_s)
         self.writes += 1
         self._settings[address] = value
@@ -106,14 +106,14 @@ class DhModel(Fingers):
     # -- mishaps ----------------------------------------------------------------------------------
 
     def _dropped(self) -> None:
-        """The held part is lost: the fingers close on, to the requested position."""
+        """Receives the event that the held part is lost: the fingers close on, to the requested position."""
         if self._initialised is Initialised.YES:
             self._go(dropped=True)
 
     # -- motion -----------------------------------------------------------------------------------
 
     def _initialise(self, how: int) -> None:
-        """Starts the search for one end stop, or for both."""
+        """Starts the initialisation: the search for one end stop, or for both to learn the stroke."""
         self._initialised = Initialised.IN_PROGRESS
         self._show(Grip.MOVING)
         ends = [self._open_mm, 0.0]
@@ -134,7 +134,7 @@ class DhModel(Fingers):
         self._start(target, speed, (free, Grip.CAUGHT), meets=not dropped)
 
     def _arrived(self) -> None:
-        """Continues the search."""
+        """Continues or finishes the initialisation."""
         if self._initialised is not Initialised.IN_PROGRESS:
             return
         if self._stroke.rate < 0.0:
@@ -174,7 +174,7 @@ class DhRegisters:
         return struct.pack(f">{count}H", *words)
 
     def write(self, address: int, data: bytes) -> bool:
-        """Writes registers in order, or none where one is refused."""
+        """Writes registers in order; writes none and returns False if one of them is refused."""
         words = dict(enumerate(struct.unpack(f">{len(data) // 2}H", data), address))
         taken = all(word in ALLOWED.get(register, ()) for register, word in words.items())
         if taken:

@@ -1,4 +1,4 @@
-"""The 2F-85 as a state machine over simulated time, without I/O or clock.
+"""A Robotiq gripper as a state machine over simulated time, without I/O or clock.
 
 Behaviour by the 2F-85 manual ([M18] p54-62) and Robotiq's SDK.
 """
@@ -20,7 +20,7 @@ from runtime.shell.errors import UsageError
 from runtime.table import PROFILES
 
 CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
-SILENCE_S = 1.0  # then fault 0x09 until traffic returns ([SDK] fault_status.hpp)
+SILENCE_S = 1.0  # silence that causes fault 0x09 until traffic returns ([SDK] fault_status.hpp)
 SWEEP_MM_S = 60.0  # activation: two strokes in about 3 s
 RELEASE_MM_S = 20.0  # automatic release is slow ([M18] p62)
 
@@ -32,27 +32,27 @@ FAULT_RELEASING, FAULT_BLOCKED_SWEEP, FAULT_RELEASED = 0x0B, 0x0D, 0x0F
 LEAST_MAJOR = 0x0A  # lesser faults of a schedule only show in readings
 
 BLOCK_WORDS = 8
-# Over Modbus TCP no others are promised ([M200] p66).
+# Supported function codes; [M200] p66 promises no others over Modbus TCP.
 FUNCTIONS = {RTU: frozenset({3, 4, 6, 16, 23}), TCP: frozenset({4, 16})}
 
 
 @lru_cache(4096)
 def input_block(**fields: int) -> bytes:
-    """The 16 input bytes of this state."""
+    """The 16 input bytes that contain these fields."""
     return pack(INPUT_FIELDS, fields) + bytes(10)
 
 
 class GripperModel(Fingers):
-    """A 2F gripper from power-up on. Times are simulated seconds and never go back.
+    """A Robotiq gripper from power-up on. Times are simulated seconds and never go back.
 
     Args:
         rng: draws the lags of gOBJ behind the echo ([SDK] gripper.cpp waits for it).
         surroundings: what the fingers may meet.
-        profile: of a model that counts.
+        profile: of a model whose readings are counts.
         desk: gives the current faults; None: never any.
 
     Raises:
-        UsageError: its readings are not counts.
+        UsageError: the readings of the model are not counts.
     """
 
     CLOSING = 1.0
@@ -74,7 +74,7 @@ class GripperModel(Fingers):
         self._forget()
 
     def _forget(self) -> None:
-        """State after a power failure: nothing was written, the screw drive holds the jaws."""
+        """Takes the state after a power failure: all outputs are 0; the screw drive holds the jaws."""
         self._output = bytearray(16)
         self._request = unpack(OUTPUT_FIELDS, self._output)
         self._show(robotiq.OBJ_MOVING)
@@ -93,7 +93,7 @@ class GripperModel(Fingers):
         return input_block(**self._fields(now_s))
 
     def _fields(self, now_s: float) -> dict[str, int]:
-        """The fields of the input block."""
+        """Counts a request; returns the fields of the input block."""
         self.next_request(now_s)
         self._refresh(now_s)
         request, state = self._request, self._flag.at(self._now)
@@ -118,7 +118,7 @@ class GripperModel(Fingers):
         return bytes(self._output)
 
     def write_output(self, offset: int, data: bytes, now_s: float) -> None:
-        """Writes bytes of the output block and obeys."""
+        """Writes bytes to the output block from an offset on, and executes the command in the block."""
         self.next_request(now_s)
         self.advance(now_s)
         self._output[offset : offset + len(data)] = data
@@ -134,7 +134,7 @@ class GripperModel(Fingers):
         self._heard_s = now_s
 
     def opening_mm(self, now_s: float) -> float:
-        """True distance between the fingers."""
+        """True distance between the fingers, mm."""
         self.advance(now_s)
         return (self._closed - self._here()) / self._counts_per_mm
 
@@ -145,7 +145,7 @@ class GripperModel(Fingers):
     # -- mishaps ----------------------------------------------------------------------------------
 
     def fail(self, code: int, now_s: float) -> None:
-        """A major fault: the jaws stop, and nothing moves them before a reset."""
+        """Starts a major fault: the jaws stop, and nothing moves them before a reset."""
         self.advance(now_s)
         self._reset(code)
 
@@ -157,7 +157,7 @@ class GripperModel(Fingers):
             self.fail(code, now_s)
 
     def _dropped(self) -> None:
-        """The held part is lost: the jaws close on, to the requested position."""
+        """Receives the event that the held part is lost: the jaws close on, to the requested position."""
         if self._ready() and self._request["rGTO"]:
             self._go(meets=False)
 
@@ -233,7 +233,7 @@ class GripperModel(Fingers):
 
 
 class GripperRegisters:
-    """A Robotiq gripper's two blocks at their wire addresses.
+    """The two register blocks of a Robotiq gripper at their wire addresses.
 
     Args:
         device: the gripper.
@@ -255,7 +255,7 @@ class GripperRegisters:
         return _inside(address, count, self._input) or _inside(address, count, self._output)
 
     def read(self, address: int, count: int) -> bytes:
-        """Registers of the input block, or of the output block as last written."""
+        """Reads registers of the input block, or of the output block as last written."""
         if _inside(address, count, self._input):
             block, base = self._device.read_input(self._now()), self._input
         else:
@@ -263,7 +263,7 @@ class GripperRegisters:
         return block[2 * (address - base) : 2 * (address - base + count)]
 
     def write(self, address: int, data: bytes) -> bool:
-        """Write to the output block; the input block cannot be written."""
+        """Writes to the output block; returns False for any other address."""
         if not _inside(address, len(data) // 2, self._output):
             return False
         self._device.write_output(2 * (address - self._output), data, self._now())

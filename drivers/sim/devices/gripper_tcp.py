@@ -17,7 +17,7 @@ HEADER = 7  # MBAP: transaction, protocol 0, length, unit
 
 
 class MbapSlave(Slave):
-    """Modbus TCP framing; another protocol gets no answer, too."""
+    """A slave with Modbus TCP framing; frames of another unit or protocol get no answer."""
 
     @property
     def pending(self) -> bool:
@@ -25,7 +25,7 @@ class MbapSlave(Slave):
         return False
 
     def reply(self, frame: bytes) -> bytes | None:
-        """The answer with the request's number, or None for silence."""
+        """The answer with the request's transaction number, or None for silence."""
         if frame[2:4] != b"\0\0" or frame[6:7] != bytes((self.unit,)):
             return None
         pdu = answer(frame[HEADER:], self._registers)
@@ -40,7 +40,7 @@ class MbapSlave(Slave):
 
 
 def stop_jaws(device: GripperModel, now: Callable[[], float]) -> None:
-    """Effect of closing a Modbus TCP connection: rGTO falls to 0."""
+    """Sets rGTO to 0, as the gripper does when a Modbus TCP connection closes."""
     action = device.read_output()[0] & ~0x08
     device.write_output(0, bytes((action,)), now())
 

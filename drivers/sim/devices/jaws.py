@@ -14,18 +14,25 @@ class Surroundings:
     """Interface for objects between the fingers; by default there are none."""
 
     def closing(self) -> float | None:
-        """The jaws start to close: returns the width [mm] at which something will stop them, or None."""
+        """Receives the event that the jaws start to close.
+
+        Returns:
+            Width at which something will stop the jaws, mm; None: nothing will.
+        """
         return None
 
     def gripped(self) -> None:
-        """The jaws have stopped at the object."""
+        """Receives the event that the jaws have stopped at the object."""
 
     def released(self) -> None:
-        """The jaws open again and release the object."""
+        """Receives the event that the jaws open again and release the object."""
 
 
 class Stroke(NamedTuple):
-    """A straight motion in steps and seconds; `rate` is signed, `outcome` the state at its end."""
+    """A motion of the fingers at constant speed, in steps and seconds.
+
+    `rate` is signed; `outcome` is the object state at the end of the motion.
+    """
 
     start: float
     start_s: float
@@ -35,7 +42,7 @@ class Stroke(NamedTuple):
 
     @property
     def end_s(self) -> float:
-        """Time of its end."""
+        """Time of the end of the motion."""
         return self.start_s + (abs((self.stop - self.start) / self.rate) if self.rate else 0.0)
 
     def at(self, now_s: float) -> float:
@@ -44,7 +51,7 @@ class Stroke(NamedTuple):
 
 
 class ObjectFlag(NamedTuple):
-    """The object state during a move: first the old one, then 0, then the outcome; each change is delayed."""
+    """The object state that a register shows: `old`, then 0 from `moving_s` on, then the outcome."""
 
     old: int
     moving_s: float
@@ -52,7 +59,7 @@ class ObjectFlag(NamedTuple):
     outcome_s: float
 
     def at(self, now_s: float) -> int:
-        """The state as the register shows it."""
+        """The state that the register shows at a time."""
         if now_s >= self.outcome_s:
             return self.outcome
         return OBJ_MOVING if now_s >= self.moving_s else self.old
@@ -61,13 +68,13 @@ class ObjectFlag(NamedTuple):
 class Fingers(ABC):
     """Fingers that move, meet something, hold and release it. Times never go back.
 
-    Positions are in the device's steps, which grow or fall (`CLOSING`) as the fingers close. Each request
-    that the device receives is one event of a desk, by whose faults it fails.
+    Positions are in the device's steps, which grow (`CLOSING` = 1) or fall (-1) as the fingers close. Each
+    request that the device receives is one event of the desk, whose current faults disturb the device.
 
     Args:
         rng: draws the lags.
         surroundings: what the fingers may meet.
-        start: their position.
+        start: initial position.
         desk: gives the current faults; None: never any.
     """
 
@@ -88,7 +95,7 @@ class Fingers(ABC):
         self._ends_s = math.inf  # end of the current stroke; infinity: none
         # Position at which the closing stroke will meet something.
         self._contact: float | None = None
-        self._meets = False  # whether it ends there
+        self._meets = False  # whether the current stroke ends at the contact
         self._show(OBJ_MOVING)
         self._gripping = False
 
@@ -97,17 +104,17 @@ class Fingers(ABC):
         return width_mm
 
     def opening_mm(self, now_s: float) -> float:
-        """True distance between the fingers."""
+        """True distance between the fingers, mm."""
         self.advance(now_s)
         return self._here()
 
     @abstractmethod
     def _arrived(self) -> None:
-        """The stroke has ended."""
+        """Receives the event that the stroke has ended."""
 
     @abstractmethod
     def _dropped(self) -> None:
-        """The held part has slipped out."""
+        """Receives the event that the held part has slipped out."""
 
     @abstractmethod
     def _forget(self) -> None:
@@ -125,19 +132,19 @@ class Fingers(ABC):
         self._now = max(self._now, now_s)
 
     def next_change(self) -> float:
-        """When the next reading will differ from the last, apart from a moving width; infinity: never."""
+        """Time at which the readings will next change, apart from a moving width; infinity: never."""
         states = self._flag.moving_s, self._flag.outcome_s
         changes = (moment for moment in states if moment > self._shown_s)
         coming = min(self._ends_s, *changes, math.inf)
         return math.ceil(coming / self.CYCLE_S) * self.CYCLE_S if coming < math.inf else coming
 
     def power_cycle(self, now_s: float) -> None:
-        """A short power failure: all volatile state is gone."""
+        """Interrupts the power for a moment: all volatile state is lost."""
         self.advance(now_s)
         self._forget()
 
     def lose_object(self, now_s: float) -> None:
-        """The held part slips out."""
+        """Makes the held part, if any, slip out."""
         self.advance(now_s)
         if self._gripping:
             self._gripping, self._contact = False, None
@@ -146,7 +153,7 @@ class Fingers(ABC):
     # -- faults -----------------------------------------------------------------------------------
 
     def next_request(self, now_s: float) -> None:
-        """Counts one more request: a fault takes effect before the request."""
+        """Counts one more request; the faults that begin with it take effect before it is executed."""
         self._desk.next(Channel.GRIPPER)
         for fault in self._desk.beginning(Channel.GRIPPER):
             if fault.kind == "power_cycle":
@@ -158,11 +165,14 @@ class Fingers(ABC):
         self._faults = self._desk.holding(Channel.GRIPPER)
 
     def _report(self, code: int, now_s: float) -> None:
-        """Starts the counterpart of a Robotiq gripper's fault, where a make has one."""
+        """Starts the fault of this make that corresponds to a gFLT code; by default there is none."""
         del code, now_s
 
     def _misread(self, position: int, most: int = MOST_COUNT) -> int:
-        """A position, 0 to `most`, as faults misreport it; their values are in 255ths of the stroke."""
+        """Returns the position, 0 to `most`, that the current faults report instead of a true one.
+
+        The values of faults are in 255ths of `most`.
+        """
         values = {fault.kind: round(fault.value * most / MOST_COUNT) for fault in self._faults}
         if "count_frozen" not in values or self._last is None:
             self._last = position
@@ -170,7 +180,7 @@ class Fingers(ABC):
         return min(max(values.get("count_spike", position), 0), most)
 
     def _misstated(self, *, moving: bool) -> int | None:
-        """The object state that faults report, in terms of gOBJ; None: the true one."""
+        """Returns the gOBJ that a current fault reports instead of the true one; None if there is none."""
         for fault in self._faults:
             if fault.kind == "flag_stuck" or (fault.kind == "flag_false" and moving):
                 return int(fault.value) & 3
@@ -179,16 +189,16 @@ class Fingers(ABC):
     # -- motion -----------------------------------------------------------------------------------
 
     def _refresh(self, now_s: float) -> None:
-        """Advances time to the last refresh of the registers."""
+        """Advances time to the last refresh of the registers before `now_s`."""
         self.advance(max(math.floor(now_s / self.CYCLE_S) * self.CYCLE_S, self._now))
         self._shown_s = self._now
 
     def _show(self, state: int) -> None:
-        """Sets a state at once."""
+        """Sets the shown object state at once."""
         self._flag = ObjectFlag(state, self._now, state, self._now)
 
     def _follow(self) -> None:
-        """Makes the shown state follow the stroke that begins now, with its lags."""
+        """Makes the shown object state follow the stroke that begins now, with random lags."""
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
         shown = self._flag.at(self._now)
         self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
@@ -206,10 +216,10 @@ class Fingers(ABC):
         """Sets the fingers in motion; a closing stroke asks once what it meets.
 
         Args:
-            target: of the stroke.
+            target: end of the stroke if it meets nothing.
             speed: steps per second.
-            outcomes: of the stroke at the target, and at what it meets.
-            meets: whether it may meet anything.
+            outcomes: object state at the end if the stroke meets nothing, and if it meets something.
+            meets: whether the stroke may meet anything.
         """
         here, (outcome, met) = self._here(), outcomes
         way = (target - here) * self.CLOSING
@@ -217,7 +227,7 @@ class Fingers(ABC):
         if way > 0.0 and meets and not (closing or self._gripping):
             width_mm = self._surroundings.closing()
             self._contact = None if width_mm is None else self._met_at(width_mm)
-        elif way <= 0.0:  # open jaws that met something there let go without a way, too
+        elif way <= 0.0:  # 0: fully open jaws that hold something release it without moving
             self._contact = None
             if self._gripping:
                 self._gripping = False

@@ -32,7 +32,7 @@ def to_string(value: float, decimals: int) -> str:
 
 
 def pose_string(pose: Pose, decimals: int) -> str:
-    """A robtarget's seven numbers, mm with so many decimals."""
+    """The seven numbers of a robtarget: mm with `decimals` decimals, the quaternion with three."""
     shift = (to_string(mm, decimals) for mm in pose[:3])
     return " ".join((*shift, *(to_string(part, 3) for part in pose.rotation)))
 

@@ -1,7 +1,7 @@
 """A SCHUNK EGU or EGK with Modbus RTU as a state machine over simulated time; no I/O, no clock.
 
 Behaviour by the sources of `drivers.schunk.registers`. Where they are unclear, the device behaves
-adversely, so that a driver does not rely on it: a contact while positioning is an error, an outcome shows
+adversely, so that a driver relies on no assumption: a contact while positioning is an error, an outcome shows
 late, a grip cannot be changed while something is held.
 """
 
@@ -16,7 +16,8 @@ from drivers.schunk.registers import PARAMETERS, Command, Control, Output, Statu
 from drivers.sim.devices.jaws import Fingers, Surroundings
 from drivers.sim.faults import Desk
 
-SILENCE_S = 1.0  # then ERR_COMM_LOST; bkstools pauses for 0.5 s, users report that 2 s are too long
+# Silence that causes ERR_COMM_LOST; bkstools pauses for 0.5 s, users report that 2 s are too long.
+SILENCE_S = 1.0
 MESSAGES = 32  # [CM] 4.2: sys_msg_req selects one of 0 to 31
 
 _BY_ADDRESS = {parameter.address: parameter for parameter in PARAMETERS.values()}
@@ -94,7 +95,7 @@ class SchunkModel(Fingers):
         self._forget()
 
     def _forget(self) -> None:
-        """State after a power failure: not acknowledged, every control bit reads as set ([DUMP])."""
+        """Takes the state after a power failure: an unacknowledged error, all control bits set ([DUMP])."""
         self._settings = {name: one.unpack(bytes(216)) for name, one in PARAMETERS.items()}
         self._settings.update({name: (value,) for name, value in self._facts().items()})
         self._control, self._output = Control(0xFFFFFFFF), Output(Control(0xFFFFFFFF))
@@ -144,7 +145,7 @@ class SchunkModel(Fingers):
         return PARAMETERS[name].pack(*self._values(name))
 
     def write(self, name: str, data: bytes, now_s: float) -> None:
-        """Writes a parameter, and obeys."""
+        """Writes a parameter, and executes the command in it, if any."""
         self.next_request(now_s)
         self.advance(now_s)
         self.written.append(name)
@@ -205,7 +206,7 @@ class SchunkModel(Fingers):
     # -- mishaps ----------------------------------------------------------------------------------
 
     def fail(self, code: int, now_s: float) -> None:
-        """An error: the fingers stop, and the brake holds them until it is acknowledged."""
+        """Starts an error: the fingers stop, and the brake holds them until the error is acknowledged."""
         self.advance(now_s)
         self._fail(code)
 
@@ -216,7 +217,7 @@ class SchunkModel(Fingers):
             self.fail(SUPPLY, now_s)
 
     def _dropped(self) -> None:
-        """The held part is lost: the fingers close on until they meet."""
+        """Receives the event that the held part is lost: the fingers close on until they meet."""
         gripping = self._status & (Status.GRIPPED | Status.READY)
         if gripping == Status.GRIPPED | Status.READY:
             self._status &= ~(Status.GRIPPED | Status.SUCCESS)
@@ -232,7 +233,10 @@ class SchunkModel(Fingers):
     # -- commands ---------------------------------------------------------------------------------
 
     def _obey(self, output: Output) -> None:
-        """Obeys a control word: a command is an edge of its bit, or a set bit with the repeat toggle."""
+        """Executes a control word.
+
+        A rising edge of a bit is a command; a set bit of a motion is one also when the repeat toggle changes.
+        """
         old, new = self._control, output.control
         self._control, self._output = new, output
         risen = new & ~old
@@ -293,7 +297,7 @@ class SchunkModel(Fingers):
         self._status |= REACHED.status
 
     def _command(self, command: Control, output: Output) -> None:
-        """Executes one of `MOTIONS`, with position, speed and force of an output."""
+        """Executes one of `MOTIONS` with the position, speed and force of an output, or refuses it."""
         position_mm, speed_mm_s = output.position_um / 1000, output.velocity_um_s / 1000
         inside, percent = output.control & Control.GRIP_FROM_INSIDE, output.force_percent
         gripped = bool(self._status & Status.GRIPPED)

@@ -23,12 +23,12 @@ Fields = dict[str, tuple[str, tuple[float, ...]]]
 
 
 class UrModel:
-    """The controller's state.
+    """State of a UR controller.
 
     Args:
-        arm: its mechanics; only this controller moves it.
+        arm: mechanics of the arm; only this controller moves it.
         base: the arm's base frame in the world, which programs use.
-        executed: called after each observed motion.
+        executed: called whenever time advances while no motion is under way.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class UrModel:
         self._motion_ends_s = 0.0
 
     def take(self, program: str, now_s: float) -> None:
-        """Receives a program on the secondary interface."""
+        """Receives a program on the secondary interface; ignores it if it is invalid or cannot run now."""
         statements = _parsed(program)
         if not (self.remote and statements and self.safety_bits == NORMAL and self.mode == 7):
             return
@@ -60,7 +60,7 @@ class UrModel:
         self._ends_s = at_s
 
     def advance(self, now_s: float) -> None:
-        """Advances time."""
+        """Advances time to `now_s`, with the register writes that are due."""
         while self._events and self._events[0][0] <= now_s:
             _, register, value = self._events.pop(0)
             self.registers[register] = value
@@ -68,7 +68,7 @@ class UrModel:
             self._executed()
 
     def fields(self, now_s: float) -> Fields:
-        """All available output fields, with their types."""
+        """All available output fields at a time: by name, the type and the values."""
         self.advance(now_s)
         pose, soon = self._tcp_at(now_s), self._tcp_at(now_s + 0.002)
         vector = _vector(pose)
@@ -95,7 +95,7 @@ class UrModel:
         return fields
 
     def _tcp_at(self, now_s: float) -> Pose:
-        """The active tool in the base frame."""
+        """Pose of the active tool in the base frame."""
         return compose(self._arm.flange_at(now_s), self._tool)
 
     def _halt(self, now_s: float) -> None:
@@ -121,7 +121,7 @@ class UrModel:
         return at_s
 
     def _speed(self, words: str, at_s: float) -> tuple[float, float]:
-        """Speeds for the arm's model, mm/s and deg/s, of which the slower applies."""
+        """Speeds of path and turn for the arm's model, mm/s and deg/s; the slower motion counts."""
         pacing = dict(re.findall(r"\b([avt])=([\d.]+)", words))
         if "t" not in pacing:
             return 1000.0 * float(pacing["v"]) * self.speed_fraction, math.inf
@@ -133,7 +133,7 @@ class UrModel:
 
 
 def _parsed(program: str) -> list[tuple[str, str]]:
-    """Name and arguments of each statement; empty where one is unknown."""
+    """Name and arguments of each statement; empty if the program is malformed or a statement is unknown."""
     lines = [line.strip() for line in program.strip().splitlines()]
     if len(lines) < 3 or not re.fullmatch(r"def \w+\(\):", lines[0]) or lines[-1] != "end":
         return []

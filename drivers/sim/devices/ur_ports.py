@@ -14,7 +14,11 @@ LEAST_HZ, MOST_HZ = 1.0, 500.0
 
 
 def served(model: UrModel, site: Site) -> tuple[int, "RtdePort"]:
-    """Opens both ports of a controller; the number of the secondary interface is two below that of RTDE."""
+    """Opens both ports of a controller.
+
+    Returns:
+        Number of the secondary interface's port, and the RTDE port, whose number is greater by two.
+    """
 
     async def take(reader: asyncio.StreamReader, _: asyncio.StreamWriter) -> None:
         while True:
@@ -25,12 +29,12 @@ def served(model: UrModel, site: Site) -> tuple[int, "RtdePort"]:
         script_port = site.listen(take)
         try:
             return script_port, RtdePort(model, site, script_port + SCRIPT_PORT_BELOW)
-        except (OSError, OverflowError):  # taken, or beyond the last one
+        except (OSError, OverflowError):  # the number for RTDE is taken, or beyond 65535
             site.call(site.shut, script_port)
 
 
 class RtdePort:
-    """RTDE version 2: outputs only; inputs are refused. `mute`: it sends nothing."""
+    """RTDE version 2, outputs only: inputs are refused. The port sends nothing while `mute` is set."""
 
     def __init__(self, model: UrModel, site: Site, port: int, host: str = HOST) -> None:
         self.mute = False
@@ -56,7 +60,7 @@ class RtdePort:
 
 
 class _Session:
-    """One client's recipes."""
+    """State of one client: its output recipe, the period, and whether data is being sent."""
 
     def __init__(self, look: Callable[[], Fields]) -> None:
         self.started = False

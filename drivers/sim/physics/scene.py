@@ -1,6 +1,6 @@
 """The setting of a simulated cell: part and world.
 
-The planner may be missing, so its job reader is imported when a job is read; drivers do not depend on it.
+Drivers do not depend on the planner, which may be missing: its job reader is imported when a job is read.
 """
 
 import math
@@ -21,10 +21,14 @@ REHEARSAL_RADIUS_MM = 10.0  # a rehearsal's part has no pose; its world does not
 
 
 class World(Protocol):
-    """The physics of one squeeze; true width, without the encoder's noise."""
+    """The physics of squeezes; widths are true, without the encoder's noise."""
 
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
-        """Squeezes a part at a pose in the hand frame: its pose afterwards, the width in mm, and a status."""
+        """Squeezes a part that lies at a pose in the hand frame.
+
+        Returns:
+            Pose of the part afterwards, in the hand frame; width in mm; and a status.
+        """
 
 
 class Geometry(NamedTuple):
@@ -46,21 +50,21 @@ class Geometry(NamedTuple):
 
     @property
     def reach_mm(self) -> float:
-        """Hand height at and below which open fingers meet the part: as given, else as for closing ones."""
+        """Greatest hand height at which open fingers meet the part: `height_mm`, else `closing_mm`."""
         return self.closing_mm if self.height_mm is None else self.height_mm
 
     @property
     def closing_mm(self) -> float:
-        """Hand height at and below which fingers that came down meet the part: half way to the retreat.
+        """Greatest hand height at which closing fingers meet the part: half way from squeeze to retreat.
 
-        That is above the part: a hand for tips on an arc rises as they close, but simulated tips are
-        straight.
+        This height is above the part: a hand whose tips move on an arc rises as they close, but simulated
+        tips move straight.
         """
         return (self.squeeze_height_mm + self.retreat_height_mm) / 2.0
 
 
 class Block(NamedTuple):
-    """A fixed square block, its sides along the axes."""
+    """A fixed square block with its centre at (x, y) and its sides along the axes of the world."""
 
     width_mm: float
     x_mm: float = 0.0
@@ -74,14 +78,19 @@ class Setting(NamedTuple):
     geometry: Geometry
     world: str
     factory: Callable[[Any, int], World]
-    middle_mm: float = 0.0  # distance from the hand's middle, along its y, where the fingers meet
+    # Offset of the point where the fingers meet from the hand's middle, along the hand's y.
+    middle_mm: float = 0.0
     block: Block | None = None  # a fixed block instead of parts
     # Share and job of each part, if there are several
     parts: tuple[tuple[float, Any], ...] = ()
     pushing: bool = False  # whether the table pushes parts
 
     def make_worlds(self, seed: int) -> list[World]:
-        """A world for each part; raises UsageError where the factory fails or its result cannot squeeze."""
+        """Makes a world for each part.
+
+        Raises:
+            UsageError: the factory fails, or a world lacks a method that the scene needs.
+        """
         subjects = [subject for _, subject in self.parts] or [self.subject]
         return [self._make_world(subject, seed + number) for number, subject in enumerate(subjects)]
 
@@ -103,8 +112,11 @@ class Setting(NamedTuple):
 def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
     """Reads a table or a job, and loads the world.
 
-    The world is `module:factory`; by default the planner's, or a rehearsal without the planner. Raises
-    UsageError for the world, InputError for a file.
+    The world is `module:factory`; by default the planner's, or a rehearsal without the planner.
+
+    Raises:
+        UsageError: the world cannot be loaded, the planner is missing, or the table carries no job.
+        InputError: the file cannot be read.
     """
     path = tree or job
     if path is None or not path.is_file():
@@ -130,7 +142,7 @@ def _setting_of(job: Any, world: str, factory: Callable[[Any, int], World]) -> S
 
 
 def _world(name: str | None) -> tuple[str, Callable[[Any, int], Any]]:
-    """Name and factory of a world; by default the planner's, or the rehearsal if that is missing."""
+    """Name and factory of a world; by default the planner's, or a rehearsal if the planner is missing."""
     try:
         return name or DEFAULT_WORLD, find_factory(name or DEFAULT_WORLD)
     except WorldError as error:
@@ -158,7 +170,7 @@ def job_geometry(job: Any) -> Geometry:
 
 
 def _height_mm(job: Any) -> float | None:
-    """Height of the highest part that may lie there; None where one is unknown."""
+    """Height of the highest part that may be on the table, mm; None if the height of one is unknown."""
     heights = [alone.part.height_mm for alone in job.alone]
     return None if None in heights else max(heights)
 
@@ -176,7 +188,9 @@ def table_geometry(table: tables.Table) -> Geometry:
 
 
 def warm_up(setting: Setting, seed: int) -> None:
-    """Squeezes once in a separate world, so that kernels compile before anything waits for an answer.
+    """Squeezes, and pushes if the table does, once in separate worlds of all parts.
+
+    Kernels are thus compiled before anything waits for an answer.
 
     Raises:
         UsageError: the world fails.
@@ -192,7 +206,7 @@ def warm_up(setting: Setting, seed: int) -> None:
 
 @contextmanager
 def _telling(world: str, method: str) -> Iterator[None]:
-    """Context that turns an external world's error into a message with the world's name."""
+    """Context that turns an error of an external world into a UsageError with the world's name."""
     try:
         yield
     except Exception as error:

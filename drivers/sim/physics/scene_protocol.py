@@ -1,8 +1,8 @@
 """The scene's line protocol, both ends: stand-in for the feeder, and ground truth.
 
-One JSON object a line. `{"do":"next_part"}` -> `{"part": k}`; `{"do":"truth"}` -> pose, squeezes, crashes,
-status, and hypothesis (pose null where the world has none); `{"do":"quit"}`
-ends the cell. A real cell has no scene.
+One JSON object a line. `{"do":"next_part"}` -> `{"part": k}`; `{"do":"truth"}` -> the fields of
+`drivers.ports.Truth` (pose null where the world has none); `{"do":"quit"}` ends the cell. A real cell has no
+scene.
 """
 
 import json
@@ -28,11 +28,19 @@ class Feeder:
         self._ask = ask
 
     def next_part(self) -> int:
-        """Brings the next part; returns its number; raises LinkError where the cell is gone, or refuses."""
+        """Brings the next part, and returns its number.
+
+        Raises:
+            LinkError: the cell is gone, or refuses.
+        """
         return int(str(self._ask("next_part")["part"]))
 
     def truth(self) -> Truth:
-        """The true pose of the part; raises LinkError where the cell is gone, or refuses."""
+        """Reads the ground truth about the part.
+
+        Raises:
+            LinkError: the cell is gone, or refuses.
+        """
         said: Mapping[str, Any] = self._ask("truth")
         nowhere = dict.fromkeys((name for name, value in said.items() if value is None), math.nan)
         return Truth(**{**said, **nowhere})
@@ -70,7 +78,11 @@ class Scene(Feeder):
         return said
 
     def _line(self) -> bytes:
-        """An answer; TimeoutError without a complete one in time."""
+        """Receives one answer.
+
+        Raises:
+            TimeoutError: the answer is not complete within `ANSWER_S`.
+        """
         until, line = time.monotonic() + ANSWER_S, b""
         while not line.endswith(b"\n") and len(line) < MAX_LINE:
             if (left_s := until - time.monotonic()) <= 0.0:

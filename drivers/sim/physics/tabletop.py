@@ -8,7 +8,7 @@ from drivers.planar import Pose2, compose, relative
 from drivers.sim.faults import Channel, Desk
 from drivers.sim.physics.scene import Setting
 
-# Tolerance of a motion straight ahead, by the reading of an arm.
+# Deviation up to which a motion is straight ahead, given the rounded readings of an arm.
 AHEAD_MM, AHEAD_RAD = 0.05, 0.005
 BESIDE: Pose2 = (0.0, 70.0, 0.8)  # pose of a second part, in the frame of the first
 
@@ -21,14 +21,14 @@ class Look(NamedTuple):
     second: Pose2 | None = None  # pose of a second part; None: there is none
     covered: bool = False  # whether something covers the lens
     moved_mm: float = 0.0  # displacement of the camera
-    hypothesis: int = 0  # hypothesis
+    hypothesis: int = 0  # index of the part's hypothesis
 
 
 class TableTop:
     """The part on the table and its motions by the fingers.
 
     Args:
-        setting: the inputs.
+        setting: part and world.
         seed: of parts, world and encoder noise.
         desk: gives the faults of the part; a closing of the jaws is one event.
     """
@@ -59,7 +59,11 @@ class TableTop:
         return self.part
 
     def squeeze(self, hand: Pose2) -> float | None:
-        """The fingers start to close: returns the width (mm, by the encoder) that will stop them, or None."""
+        """Receives the event that the fingers start to close at a hand pose.
+
+        Returns:
+            Encoder reading at which the part will stop the fingers, mm; None: nothing will.
+        """
         self._desk.next(Channel.SCENE)
         for fault in self._desk.beginning(Channel.SCENE):
             if fault.kind == "part_bumped":
@@ -78,19 +82,23 @@ class TableTop:
         return width_mm + self._noise.gauss(0.0, self.geometry.gripper.noise_um / 1000.0)
 
     def gripped(self) -> None:
-        """The squeeze is complete: the part is at the world's final pose, held if the fingers met it."""
+        """Completes the squeeze: puts the part at the world's final pose, held if the fingers met it."""
         self.pose, self.status = self._coming
         self._held = None if self._hand is None else relative(self._hand, self.pose)
         self.squeezes += 1
 
     def released(self) -> None:
-        """The fingers open: the part stays, or falls straight down if it was lifted."""
+        """Receives the event that the fingers open: the part stays, or falls straight down if lifted."""
         if self._held is not None and self._lifted:
             self.drops += 1
         self._held, self._lifted = None, False
 
     def carried(self, hand: Pose2, *, lifted: bool) -> bool:
-        """The hand is here with anything that it holds; returns False if a lifted part has slipped out."""
+        """Moves the held part, if any, with the hand to a hand pose.
+
+        Returns:
+            False if the lifted part has slipped out instead, else True.
+        """
         if self._held is None:
             return True
         if lifted and self._desk.holds("part_slips"):
@@ -100,9 +108,9 @@ class TableTop:
         return True
 
     def pushed(self, start: Pose2, end: Pose2, opening_mm: float) -> None:
-        """The hand went along the table with empty jaws: straight ahead, it pushes the part.
+        """Pushes the part if the hand went straight ahead (along its x) on the table with empty jaws.
 
-        In a world that cannot push, and for any other way of the hand, the part stays.
+        The part stays for any other motion of the hand, and in a world that cannot push.
         """
         push = getattr(self._world, "push", None)
         way_mm, aside_mm, turn_rad = relative(start, end)
@@ -113,7 +121,7 @@ class TableTop:
         self.pose = compose(start, push(relative(start, self.pose), opening_mm, way_mm))
 
     def placed(self, hand: Pose2, opening_mm: float) -> None:
-        """Fingers came down here; standing on the part is a crash."""
+        """Counts a crash if open fingers that came down at a hand pose stand on the part."""
         if self._held is not None or self._desk.holds("part_missing"):
             return
         collides = getattr(self._world, "collides", None)
@@ -150,7 +158,7 @@ class TableTop:
         self.pose = (x + distance_mm * math.cos(bearing), y + distance_mm * math.sin(bearing), turn)
 
     def _drawn(self, part: int) -> int:
-        """The hypothesis of a part."""
+        """Draws the hypothesis of a part, with the probabilities of the setting's shares."""
         if not self._shares:
             return 0
         draw = random.Random(f"{self._seed}/hypothesis/{part}")
@@ -168,7 +176,10 @@ class Vice(TableTop):
     """A table without parts, to which the setting's block is fixed."""
 
     def squeeze(self, hand: Pose2) -> float | None:
-        """Closes until a finger touches the block, which stops both; returns the width read [mm], or None."""
+        """Closes until a finger touches the block, which stops both; returns the width read, mm.
+
+        Returns None if the hand is beside the block.
+        """
         self.squeezes += 1
         needed_mm = self._needed(hand)
         if needed_mm is None:
@@ -179,14 +190,14 @@ class Vice(TableTop):
         """Does nothing: the block is fixed."""
 
     def placed(self, hand: Pose2, opening_mm: float) -> None:
-        """Fingers that come down on the block crash."""
+        """Counts a crash if the fingers come down on the block."""
         self.crashes += (self._needed(hand) or 0.0) > opening_mm
 
     def _needed(self, hand: Pose2) -> float | None:
-        """Distance of fingers about the hand when the first of them touches; None beside the block."""
+        """Width at which the first finger touches the block, mm; None if the hand is beside the block."""
         block = self._setting.block
         assert block is not None
         x, y = block.x_mm - hand[0], block.y_mm - hand[1]
         c, s = math.cos(hand[2]), math.sin(hand[2])
-        wide_mm = block.width_mm * (abs(c) + abs(s))  # turned to the fingers
+        wide_mm = block.width_mm * (abs(c) + abs(s))  # extent along the hand's axes
         return wide_mm + 2.0 * abs(c * y - s * x) if abs(c * x + s * y) < wide_mm / 2.0 else None

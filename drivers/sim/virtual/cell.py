@@ -1,4 +1,4 @@
-"""The whole cell in one thread on a virtual clock: the same bytes, but ports in memory and no waiting.
+"""The whole cell in one thread on a virtual clock: real protocols, but ports in memory and no waiting.
 
 Time advances only when somebody waits. The same seed gives the same run, byte for byte.
 """
@@ -45,13 +45,22 @@ class VirtualCell:
         self._arm_port = ArmPort(self.works.arm, self.clock, self.works.arm_stands, overheard)
 
     def serial(self) -> Stream:
-        """The gripper's serial port; raises PortError where it is gone."""
+        """Opens the gripper's serial port; raises PortError if it is gone."""
         return self._gripper_port.open()
 
     def gripper(self, report: Report = no_report) -> Gripper:
-        """The connected driver; raises PortError where the port is gone, LinkError without an answer."""
+        """Connects a driver to the gripper.
+
+        Raises:
+            PortError: the port is gone.
+            LinkError: there is no answer.
+        """
         return self.works.simulator.driver(self.serial(), self.pace, report, self.works.profile)
 
     def arm(self) -> Arm:
-        """The connected driver, with the base frame; raises ArmError without an answer."""
+        """Connects a driver, which knows the base frame, to the arm.
+
+        Raises:
+            ArmError: there is no answer.
+        """
         return over(self._arm_port.connect, self.pace, Setup(base=ARM_BASE))

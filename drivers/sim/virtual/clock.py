@@ -8,12 +8,12 @@ from datetime import UTC, datetime, timedelta
 
 from drivers.clock import LINK_TIMEOUT_S, Clock
 
-AFTER_S = 1e-6  # a poll of a device that changes at some moment comes just after it
+AFTER_S = 1e-6  # delay of a poll after the change of the device that it waits for
 EPOCH = datetime(2000, 1, 1, tzinfo=UTC)  # when every simulated cell comes up
 
 
 class VirtualClock(Clock):
-    """A clock for a cell in one thread, for drivers and runtime."""
+    """A clock shared by the devices, drivers and runtime of a cell in one thread."""
 
     def __init__(self) -> None:
         self._now = 0.0
@@ -31,7 +31,7 @@ class VirtualClock(Clock):
         return self._now
 
     def deadline(self, seconds: float) -> float:
-        """The time after `seconds` and one last poll of a device."""
+        """The time at which `seconds` have passed, and enough for one last poll of a device."""
         return self._now + seconds + LINK_TIMEOUT_S
 
     def stamp(self) -> str:
@@ -39,11 +39,11 @@ class VirtualClock(Clock):
         return (EPOCH + timedelta(seconds=self._now)).isoformat(timespec="milliseconds")
 
     def sleep(self, seconds: float) -> None:
-        """Advances time, with its events."""
+        """Advances time by `seconds`, and runs the events that are due."""
         self.advance(self._now + max(seconds, 0.0))
 
     def advance(self, moment: float) -> None:
-        """Advances time to a moment."""
+        """Advances time to a moment, and runs the events that are due."""
         while self._coming and self._coming[0][0] <= moment:
             due, _, happens = heapq.heappop(self._coming)
             self._now = max(self._now, due)
@@ -56,11 +56,11 @@ class VirtualClock(Clock):
         self.advance(min(max(self._now + seconds, change), until))
 
     def at(self, moment: float, happens: Callable[[], object]) -> None:
-        """Schedules an event."""
+        """Schedules a call of `happens` for a moment."""
         heapq.heappush(self._coming, (moment, next(self._number), happens))
 
     def every(self, seconds: float, happens: Callable[[], None]) -> Callable[[], None]:
-        """Schedules a repeated event; returns a function that ends it."""
+        """Schedules a call of `happens` every `seconds`; returns a function that ends the calls."""
         ended: list[bool] = []
 
         def repeat() -> None:
@@ -72,5 +72,5 @@ class VirtualClock(Clock):
         return lambda: ended.append(True)
 
     def watch(self, next_change: Callable[[], float]) -> None:
-        """Registers a device's function for its next change."""
+        """Registers a function that returns the time of a device's next change."""
         self._watched.append(next_change)

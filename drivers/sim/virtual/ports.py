@@ -32,7 +32,7 @@ class VirtualPort:
         self._gone: OSError | None = None
 
     def receive(self, seconds: float) -> bytes:
-        """Data received, after at most `seconds` in which devices may send more; empty if there is none."""
+        """Advances time by at most `seconds` until data arrives, and returns it; empty if there is none."""
         until = self._clock.now() + max(seconds, 0.0)
         while not self._arrived:
             self._check()
@@ -64,7 +64,11 @@ class GripperPort(VirtualPort):
         self._sent_s = 0.0
 
     def open(self) -> "GripperPort":
-        """Opens the port; raises PortError where it is unplugged, or may not be opened any more."""
+        """Opens the port, also after a `close`, and returns it.
+
+        Raises:
+            PortError: the port is unplugged, or may not be opened any more.
+        """
         if isinstance(self._gone, UnpluggedError):
             raise port_error(
                 self.endpoint, OSError(errno.EACCES if self._gone.forbidden else errno.ENOENT, "")
@@ -73,7 +77,7 @@ class GripperPort(VirtualPort):
         return self
 
     def send(self, data: bytes) -> None:
-        """Sends a frame on the line; time passes while it crosses."""
+        """Sends data on the line; time advances while the bytes cross it."""
         self._check()
         if self._clock.now() - self._sent_s > FRAME_GAP_S:
             self._slave.silence()
@@ -99,7 +103,7 @@ class ArmPort:
     stale: str = ""
 
     def connect(self) -> "ArmConnection":
-        """A connection, which starts with the acknowledgement left over from its predecessor."""
+        """Connects a client, which first receives an acknowledgement left over from its predecessor."""
         connection = ArmConnection(self, self.clock)
         self.free_s = max(self.free_s, self.clock.now()) + ACCEPT_S
         connection.arrives(self.stale, self.free_s)
@@ -107,7 +111,7 @@ class ArmPort:
         return connection
 
     def execute(self, text: str, connection: "ArmConnection") -> None:
-        """Executes one received string: its effects happen later, at their times."""
+        """Executes one received string; its acknowledgement is sent when the instruction is over."""
         if self.overheard is not None:
             self.overheard(text)
         start_s = max(self.clock.now() + TURNAROUND_S, self.free_s)
@@ -144,11 +148,11 @@ class ArmConnection(VirtualPort):
             self._port.execute(data[start : start + MAX_STRING].decode("latin-1"), self)
 
     def hang_up(self) -> None:
-        """The controller disconnects."""
+        """Closes the connection on behalf of the controller."""
         self._gone = ConnectionResetError("closed by the arm")
 
     def arrives(self, text: str, moment: float) -> bool:
-        """Delivers a text at a moment; returns False where the client is gone."""
+        """Schedules the delivery of a text for a moment; returns False if the connection is closed."""
         if self._gone is None and text:
             self._clock.at(moment + TURNAROUND_S, partial(self._arrive, text.encode("latin-1")))
         return self._gone is None

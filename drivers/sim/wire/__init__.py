@@ -1,1 +1,1 @@
-"""Bytes between host and simulated gripper: Modbus RTU on a line with its timing."""
+"""Bytes between hosts and simulated devices: ports, Modbus frames, and a line with timing and faults."""

@@ -39,7 +39,11 @@ class Line:
     checked: bool = True  # whether frames end in a CRC (RTU)
 
     def hears(self, frame: bytes) -> bool:
-        """Whether the gripper receives a request; raises UnpluggedError where the line is gone."""
+        """Counts a request as an event of the schedule; returns whether the gripper receives it.
+
+        Raises:
+            UnpluggedError: the line is gone.
+        """
         del frame
         self.desk.next(Channel.LINE)
         for kind in ("unplugged", "permission_lost"):
@@ -85,15 +89,15 @@ def _cut(reply: bytes, length: int) -> bytes:
 
 @dataclass
 class Outbox:
-    """Delivers pieces, each at its time, one after the other."""
+    """Schedules the delivery of pieces, one after the other; delayed pieces do not occupy the line."""
 
     byte_s: float  # duration of a byte
     at: Callable[[float, Callable[[], object]], None]  # schedules a call for a moment
     deliver: Callable[[bytes], object]  # receives the data of a piece that has arrived
-    free_s: float = 0.0  # from when on the line is free
+    free_s: float = 0.0  # time from which on the line is free
 
     def put(self, pieces: list[Piece], now_s: float) -> None:
-        """Sends pieces; each has arrived once its bytes have crossed the line."""
+        """Sends pieces; each is delivered as a whole when its last byte has crossed the line."""
         for piece in pieces:
             start_s = now_s + piece.delay_s if piece.delay_s else max(now_s, self.free_s)
             whole_s = start_s + len(piece.data) * self.byte_s

@@ -27,7 +27,7 @@ class Registers(Protocol):
 
 
 def answer(pdu: bytes, registers: Registers) -> bytes | None:
-    """The reply to one request (function code first), or None for silence."""
+    """Returns the reply to one request (a PDU: function code first), or None for silence."""
     if not pdu or pdu[0] not in registers.functions:
         return None
     match pdu[0]:

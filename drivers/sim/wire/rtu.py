@@ -11,13 +11,13 @@ from drivers.sim.wire.line import BYTE_S, NETWORK_BYTE_S, Line, Outbox, Piece
 from drivers.sim.wire.modbus import Registers, answer, crc16, frame_length
 from drivers.sim.wire.serving import Site
 
-# Wall; the line's own 0.3 ms of silence between frames is below what a scheduler keeps.
+# Wall; silence that ends a frame. A real line's 0.3 ms are less than what a scheduler keeps.
 GAP_S = 0.010
 CHUNK = 1024
 
 
 class Slave:
-    """Frames of one slave on a bus, fed with bytes as they come; frames of other units get no answer.
+    """A slave on a bus, fed with bytes as they arrive; frames for other units get no answer.
 
     Args:
         registers: of the slave.
@@ -34,7 +34,11 @@ class Slave:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Piece]:
-        """Takes bytes off the wire and returns the answer; raises UnpluggedError without a line."""
+        """Takes bytes off the wire; returns the answers to the frames that they complete.
+
+        Raises:
+            UnpluggedError: the line is gone.
+        """
         self._buffer += data
         pieces: list[Piece] = []
         while length := self._frame_length():
@@ -47,12 +51,12 @@ class Slave:
         return pieces
 
     def silence(self) -> None:
-        """The line was quiet: drops an incomplete frame; the next byte starts a new one."""
+        """Drops an incomplete frame after a silence on the line: the next byte starts a new frame."""
         self._buffer.clear()
 
     @property
     def pending(self) -> bool:
-        """Whether an unfinished frame is waiting for more, and would end if the line is quiet."""
+        """Whether an incomplete frame is waiting for more bytes; a silence on the line would drop it."""
         return bool(self._buffer)
 
     def reply(self, frame: bytes) -> bytes | None:
@@ -65,7 +69,7 @@ class Slave:
 
 
 class RtuSlave(Slave):
-    """RTU frames with CRC."""
+    """A slave with RTU framing: unit, PDU and CRC."""
 
     def reply(self, frame: bytes) -> bytes | None:
         """The answer, or None for silence: wrong id, bad CRC, unknown function or address."""

@@ -23,7 +23,7 @@ class Site:
         scale: simulated seconds per wall second.
 
     Attributes:
-        stopped: set where the devices are to be served no longer.
+        stopped: set when the devices are to be served no longer.
         failures: exceptions of ports that are not the client's fault; they set `stopped`.
     """
 
@@ -61,7 +61,7 @@ class Site:
         await asyncio.sleep(seconds / self._scale)
 
     def at(self, moment: float, happens: Callable[[], object]) -> None:
-        """Schedules a call for a moment of simulated time."""
+        """Schedules a call for a moment of simulated time; must run on the loop."""
         self._loop.call_at(self._start + moment / self._scale, happens)
 
     def call(self, function: Callable[..., Result], *arguments: object) -> Result:
@@ -78,9 +78,9 @@ class Site:
         """Opens a TCP port, and serves each client until it leaves.
 
         Args:
-            serve: one client; its connection is closed afterwards.
+            serve: serves one client; the connection is closed afterwards.
             port: number of the port; 0: any.
-            host: its address.
+            host: address of the port.
             most_bytes: longest line of a client.
 
         Returns:
@@ -110,7 +110,7 @@ class Site:
         return self.listen(serve, most_bytes=most_bytes)
 
     def shut(self, port: int) -> None:
-        """Accepts no further client at a port; to be called on the loop."""
+        """Accepts no further client at a port; must run on the loop."""
         self._servers.pop(port).close()
 
     def begin(self, work: Work) -> asyncio.Task[None]:
@@ -124,7 +124,7 @@ class Site:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()
 
     async def _guarded(self, work: Work) -> None:
-        """Runs what serves a client; a client that has gone, or sends endless lines, is no failure."""
+        """Runs `work`; records its exception, unless a client has gone or sends endless lines."""
         try:
             await work()
         except (OSError, EOFError, asyncio.LimitOverrunError):
