@@ -130,10 +130,7 @@ class Monitor:
 
 
 def failure_share(predicted: Prediction) -> float:
-    """Upper end of the 95 % interval of the share of failures in a table's evaluation.
-
-    Returns `LEAST_SHARE` if that is greater.
-    """
+    """Upper end of the 95 % interval of a table's share of failures, at least `LEAST_SHARE`."""
     failed = round((PPM - predicted.success_ppm) / PPM * predicted.trials)
     return max(wilson_interval(failed, predicted.trials)[1], LEAST_SHARE)
 

@@ -194,7 +194,7 @@ def _readings(
 ) -> list[list[list[float]]]:
     """Readings of a quantity by part, journal and trial.
 
-    Angles are chosen within half a period of the part's symmetry from its first one.
+    Angles are shifted by whole periods of the part's symmetry to within half a period of the part's first.
     """
     readings = [[[of(part) for part in run.parts[k::parts]] for run in runs] for k in range(parts)]
     if name != "theta_rad":
