@@ -3,13 +3,18 @@
 A line's last field, `digest`, is the SHA-256 of the line without that field; `previous` is the digest of the
 line before. So a changed, missing or inserted line is detected.
 
-A record is on the disk when `Journal.record` returns. A run begins with a header that embeds the table, so
+A record is on the disk when `Journal.record` returns. A run begins with a `header` that embeds the table, so
 that the file alone is enough to check every decision, and ends with a record of kind `end`; a run without it
-broke off. In between, for each part: `part`, then a `placed` and a `squeeze` for each squeeze, `audit` and
-`delivery` where there is one, `outcome`, and `truth`, where a simulated part really lay; before a part that a
-PLC asked for `trigger`, with a null `part` where it was withdrawn before anything moved; after a crash
-`resume` and `freed`; instead of parts `put_down`; and anywhere `link`, a retry or a failure on the way to the
-gripper.
+broke off. Between the two are records of these kinds:
+
+- for each part `part`; `turned` if its plan was turned; `pushing` if a push precedes a squeeze; `placed` and
+  `squeeze` for each squeeze; `audit` and `delivery` where there is one; `outcome`; and `truth`, the true pose
+  of a simulated part;
+- before a part that a PLC requested `trigger`, whose `part` is null if the request was withdrawn before
+  anything moved;
+- after a crash `resume` and `freed`;
+- in a run without parts `put_down`;
+- anywhere `link`, a retry or a failure of the communication with the gripper.
 
 A long file ends, between two parts, with a record of kind `seal`, and the chain continues in a new file,
 which begins with the run's header again and the number `after_part` of the last part. So the latest file is
@@ -45,8 +50,9 @@ class Journal:
     with any other content is left unchanged.
 
     Before each record the file is compared with what was written. If it was removed, renamed, replaced or
-    truncated, the record is refused, since the next run might miss it. All records of the run, also later
-    ones, are kept in `files.broken_of`, and no run continues the journal before they are put back.
+    truncated, the record is refused, since the next run might not see it. The records of the file, unless it
+    was truncated, and all later ones are then kept in `files.broken_of`, and no run continues the journal
+    before they are put back.
     """
 
     def __init__(
@@ -60,12 +66,13 @@ class Journal:
 
         Args:
             path: the file.
-            stamp: gives the date of each record: `SystemClock.stamp`.
-            uptime: gives the time of each record by a clock that cannot be set: `SystemClock.uptime`.
-            segment_bytes: length above which the file is sealed, without its first record.
+            stamp: returns the date of a record: `SystemClock.stamp`.
+            uptime: returns the time of a record by a clock that cannot be set: `SystemClock.uptime`.
+            segment_bytes: length from which the file is sealed, its first record not counted.
 
         Raises:
-            JournalError: it cannot be opened, another process writes it, or its content does not verify.
+            JournalError: the file cannot be opened, another process writes it, or its content does not
+                verify.
         """
         self.path = path
         self.cut_bytes = 0  # length of the incomplete line that was cut off
@@ -88,7 +95,7 @@ class Journal:
             raise
 
     def _verify(self) -> Verified:
-        """Verifies the file; only then cuts an incomplete line at its end."""
+        """Verifies the file, and only then cuts an incomplete line at its end; returns the state."""
         start = end = files.start_of(self.path)
         with open(self._file, "rb", closefd=False) as file:
             for entry, end in follow(self.path, file, start, torn=True):
@@ -134,9 +141,9 @@ class Journal:
         """Appends one record and writes it to the disk.
 
         Raises:
-            JournalError: it cannot be written: full disk, lost mount, closed journal, a file moved or
+            JournalError: the record cannot be written: full disk, lost mount, closed journal, a file moved or
                 truncated.
-            ValueError: a field has a reserved name or is not a number JSON can hold.
+            ValueError: a field has a reserved name, or holds a number that JSON cannot represent.
         """
         if clash := RESERVED & fields.keys():
             raise ValueError(f"reserved field names: {sorted(clash)}")
@@ -152,7 +159,11 @@ class Journal:
         self._append(kind, fields)
 
     def _check(self) -> None:
-        """Checks that the file is the one that was written."""
+        """Checks that the file is still at its place, with the content that was written.
+
+        Raises:
+            JournalError: it is not, or an earlier record could not be written.
+        """
         if self._failed:
             raise JournalError(
                 self.path,
@@ -170,7 +181,7 @@ class Journal:
             )
 
     def _keep_apart(self) -> str:
-        """Continues in `files.broken_of`; returns its content in words."""
+        """Continues in `files.broken_of`; returns what that file contains, as text for a message."""
         before = self._file
         self._failed = True
         try:
@@ -250,7 +261,7 @@ class Journal:
 class Incidents:
     """Retries and failures on the drivers' links, kept until a journal exists.
 
-    Collecting begins before the journal does, since a refused run leaves no file.
+    Incidents may occur before the journal is begun, since a run that is refused leaves no journal.
     """
 
     def __init__(self) -> None:
@@ -258,14 +269,14 @@ class Incidents:
         self._kept: list[tuple[str, Mapping[str, object]]] = []
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
-        """Writes one incident, or keeps it; see `Journal.record`."""
+        """Writes one incident to the journal, see `Journal.record`, or keeps it until there is a journal."""
         if self._journal is not None:
             self._journal.record(kind, fields)
         elif len(self._kept) < MOST_INCIDENTS:
             self._kept.append((kind, fields))
 
     def hand_over(self, journal: Journal) -> None:
-        """Writes the kept incidents, see `Journal.record`; from now on incidents are written at once."""
+        """Writes the kept incidents to a journal, see `Journal.record`; later ones are written at once."""
         self._journal = journal
         for kind, fields in self._kept:
             journal.record(kind, fields)
@@ -273,7 +284,14 @@ class Incidents:
 
 
 def verify(path: Path) -> Verified:
-    """Checks every line of a journal: complete, numbered, chained, its tables intact; raises JournalError."""
+    """Checks that every line of a journal is complete, numbered and chained, and every table intact.
+
+    Returns:
+        The state of the journal after its last line.
+
+    Raises:
+        JournalError: a line does not verify, a segment is missing, or the journal is empty.
+    """
     sealed_before = files.check_whole(path)
     latest = deque(_followed(path), maxlen=1)
     if not latest or latest[0][1].segments < len(sealed_before):
@@ -285,7 +303,7 @@ def records(path: Path) -> Iterator[dict[str, object]]:
     """The records of a journal, each checked against the chain before it is yielded.
 
     Raises:
-        JournalError: a file cannot be read, or a line does not verify; names the first one.
+        JournalError: a file cannot be read, or a line does not verify; the message names the first one.
     """
     for entry, _ in _followed(path):
         yield entry

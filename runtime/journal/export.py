@@ -1,4 +1,4 @@
-"""A journal as a table for statistics: one row for each squeeze, with its part's end."""
+"""Export of a journal as a table for statistics: one row for each squeeze, with the outcome of its part."""
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,7 +12,7 @@ UNITS = {"um": ("mm", 1e3), "urad": ("rad", 1e6)}  # units in records, and in ro
 
 
 def column(field: str) -> str:
-    """The column of a record's field: its name with the column's unit."""
+    """The column of a record's field: its name, with the unit of rows (`x_mm` for `x_um`)."""
     name, _, unit = field.rpartition("_")
     return f"{name}_{UNITS[unit][0]}" if unit in UNITS else field
 
@@ -33,7 +33,10 @@ Row = dict[str, object]
 
 
 def rows(entries: Iterable[Entry]) -> Iterator[Row]:
-    """One row for each squeeze of a journal, in order; columns of the part's end may be empty."""
+    """Yields one row for each squeeze of a journal, in order.
+
+    The columns `PART` are None for a part without an outcome.
+    """
     run, table, part = 0, "", []
     for entry in entries:
         kind = entry["kind"]
@@ -77,6 +80,6 @@ def write_rows(
 
 
 def scaled(source: str, value: object) -> object:
-    """A record's value in mm or rad, where its name says that it is in um or urad."""
+    """Converts the value of the record's field `source`: um to mm, urad to rad, others unchanged."""
     unit = UNITS.get(source.rpartition("_")[2])
     return value / unit[1] if unit is not None and isinstance(value, int) else value

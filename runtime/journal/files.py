@@ -48,7 +48,7 @@ def check_whole(path: Path) -> list[Path]:
     """The sealed segments of a journal; checks that none is missing.
 
     Raises:
-        JournalError: one is missing, or a run's records lie apart from the journal.
+        JournalError: a segment is missing, or `J.broken` holds records of a run.
     """
     if os.path.lexists(broken_of(path)):
         raise JournalError(
@@ -64,7 +64,7 @@ def check_whole(path: Path) -> list[Path]:
 
 
 def start_of(path: Path) -> Verified:
-    """State of a journal before its own file, by the last line of the segment before it.
+    """State of a journal at the beginning of its own file, by the seal of the last segment.
 
     Raises:
         JournalError: a segment is missing, or the last one does not end with its seal.
@@ -85,12 +85,17 @@ def start_of(path: Path) -> Verified:
 
 
 def claim(path: Path) -> int:
-    """A locked descriptor of a journal's own file, created if need be, and never reached through a link.
+    """Opens and locks a journal's own file, without following a symbolic link.
+
+    Creates a missing file, and completes a rotation that a crash interrupted.
+
+    Returns:
+        The file's descriptor.
 
     Raises:
-        JournalError: it is not a regular file, it is a segment, another process writes it, or it is missing
+        JournalError: the file is not regular, it is a segment, another process writes it, or it is missing
             although its segments exist.
-        OSError: it cannot be opened.
+        OSError: the file cannot be opened.
     """
     check_whole(path)
     if path.suffix[1:].isdecimal() and path in sealed_segments(path.with_suffix("")):
@@ -130,7 +135,15 @@ def _busy(path: Path) -> JournalError:
 
 
 def opened_regular(path: Path, mode: int, flags: int = 0) -> int:
-    """A descriptor to append to a regular file, created with this mode if need be."""
+    """Opens a regular file to append to it; creates a missing one with `mode`.
+
+    Returns:
+        The file's descriptor.
+
+    Raises:
+        JournalError: the path is no regular file.
+        OSError: it cannot be opened.
+    """
     with contextlib.suppress(FileNotFoundError):
         _check_regular(path, path.lstat().st_mode)
     file = os.open(path, FLAGS | flags, mode)
@@ -148,7 +161,7 @@ def _check_regular(path: Path, mode: int) -> None:
 
 
 def displacement(path: Path, file: int, size: int) -> str:
-    """What happened to an open file, as words for a message; "" if it is still at `path` with `size`."""
+    """What happened to an open file, as text for a message; "" if it is still at `path` with `size` bytes."""
     opened = os.fstat(file)
     try:
         there = path.lstat()
@@ -165,7 +178,7 @@ def copy_aside(path: Path, file: int, size: int) -> tuple[int, int]:
     """Starts a journal's `J.broken` with the first `size` bytes of its open file, as far as available.
 
     Returns:
-        Its descriptor, locked, and its length: `size` or, for a truncated file, 0.
+        The descriptor of `J.broken`, locked, and its length: `size` or, for a truncated journal, 0.
 
     Raises:
         OSError: it cannot be written, or exists already.

@@ -1,8 +1,8 @@
-"""Log of the software installed in a cell and its dates: a journal beside the runs' journal.
+"""Log of what was installed in a cell, and when: a journal beside the runs' journal.
 
-Each record embeds a table with its calibration, versions and signature. A run adds a record only if
-anything differs from the last one. Chain, locks and segments are those of the journal, and `grasp-journal`
-reads it.
+Each header embeds a table, with its calibration, versions and signature. A run adds one only if anything
+differs from the last one. The log has the chain, locks and segments of a journal, and `grasp-journal` reads
+it.
 """
 
 import hashlib
@@ -27,14 +27,14 @@ def note(
     stamp: Callable[[], str],
     uptime: Callable[[], Mapping[str, object]],
 ) -> bool:
-    """Adds the software of a run to the log if it differs from the last record; returns whether it was added.
+    """Adds what a run uses to the log if it differs from the last entry; returns whether it was added.
 
     Args:
-        journal: of the run; the log is `log_of` it.
+        journal: the run's journal; the log is `log_of` it.
         table: the table's bytes.
-        fields: the other installed software, in the form of JSON.
-        stamp: gives the date of a record: `SystemClock.stamp`.
-        uptime: as for `Journal`: `SystemClock.uptime`.
+        fields: what else is installed, in the form of JSON.
+        stamp: returns the date of a record: `SystemClock.stamp`.
+        uptime: returns the time of a record as for `Journal`: `SystemClock.uptime`.
 
     Raises:
         JournalError: the log cannot be written, or was changed.

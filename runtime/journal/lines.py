@@ -32,7 +32,7 @@ class Verified(NamedTuple):
     segments: int = 0  # number of sealed segments before the journal's own file
 
     def after(self, entry: Entry, length: int) -> "Verified":
-        """The state after one more record, of a line of `length` bytes."""
+        """The state after one more record, whose line has `length` bytes."""
         return self._replace(
             head=str(entry["digest"]),
             records=self.records + 1,
@@ -55,11 +55,11 @@ def follow(
     Args:
         path: the file's name.
         file: the file, at its beginning.
-        seen: state of the journal before it.
-        torn: whether it may end with an incomplete record.
+        seen: state of the journal before the file.
+        torn: whether the file may end with an incomplete record, which is left out.
 
     Raises:
-        JournalError: a line does not verify; names the first one.
+        JournalError: a line does not verify; the message names the first one.
     """
     for number in count(1):
         line = file.readline(MAX_LINE_BYTES)
@@ -86,13 +86,14 @@ def checked(path: Path, number: int, line: bytes, seq: int, previous: str) -> di
 
     Args:
         path: the file.
-        number: of the line in it, from 1.
-        line: the line with its end.
+        number: number of the line in the file, from 1.
+        line: the line, including its line break.
         seq: the expected sequence number.
         previous: digest of the line before.
 
     Raises:
-        JournalError: the line is not that record.
+        TornError: the line is incomplete.
+        JournalError: the line is no valid record, or not the one that follows the line before.
     """
     if is_begun(line, seq) or (line.startswith(OPENING) and not line.endswith(b"\n")):
         raise TornError(path, "cut short; the run ended while it was written", number)

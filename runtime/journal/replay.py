@@ -1,7 +1,7 @@
-"""Replay of a journal: derives its decisions again, record by record, from counts and embedded tables.
+"""Replay of a journal: derives its decisions again, record by record, from readings and embedded tables.
 
-It drives the same program of a part (`traversal.program`) as the executor, so a resumed run and a replay
-agree on where a part stood, or report where they do not.
+A replay drives the same program of a part (`traversal.program`) as the executor. So a resumed run continues
+where the replay says that the part stood, and the replay reports records that contradict it.
 """
 
 import base64
@@ -30,14 +30,14 @@ class Last(Enum):
 
 
 class Finding(NamedTuple):
-    """A claim of a journal that its counts do not justify."""
+    """A statement of a record that does not follow from the records before it."""
 
     seq: int
     sentence: str
 
 
 class Replay:
-    """State of the run after the journal's records so far."""
+    """State of a journal's latest run, as of the records followed so far."""
 
     def __init__(self) -> None:
         self.table: Table | None = None
@@ -47,13 +47,14 @@ class Replay:
         self.over = False  # whether its last part's outcome ends a run
         self.decisions = 0  # squeezes derived so far, over all runs
         self.parts = 0  # parts with an outcome
-        # The node that last squeezed the part and its target; AWAY: the fingers have released it.
+        # The node of the latest squeeze, begun or read, and the target of its reading, None before it
+        # is read. If `last` is AWAY, the fingers have released the part since.
         self.held_at: tuple[int, int | None] | None = None
         self._found: int | None = None  # the leaf whose delivery was begun
         self._begin(None)
 
     def follow(self, entries: Iterable[Entry]) -> Iterator[Finding]:
-        """Goes through a journal's records in order and yields those that do not follow from earlier ones."""
+        """Goes through a journal's records in order, and yields a finding for each contradiction."""
         for entry in entries:
             seq = int(str(entry["seq"]))
             try:

@@ -96,7 +96,7 @@ class Objects(Console):
 def as_object(
     table: Table, result: PartResult, seen: Sighting | None, journal: Path
 ) -> dict[str, object]:
-    """One part for machines, with its true pose on a simulated cell; units are in the names."""
+    """The result of one part in the form of JSON, with the true pose if known; units are in the names."""
     leaf = result.leaf_of(table)
     return {
         "part": result.part,
@@ -136,7 +136,7 @@ def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
 
 
 def _names(table: Table, leaf: Leaf | None, seen: Sighting | None) -> dict[str, object]:
-    """The hypothesis, answered and true, where the table leaves it open."""
+    """The predicted and the true hypothesis; empty for a table of a single part."""
     if not table.hypotheses:
         return {}
     said = None if leaf is None else table.name_of(leaf)

@@ -19,7 +19,7 @@ SENT_S = 0.1  # for the last answer to be sent
 
 
 class Views(NamedTuple):
-    """Views of a run besides the console, None for none; and references for its parts."""
+    """Options of a run's status and of its live page."""
 
     http: str | None = None  # address of the live page, `HOST:PORT`
     takt_s: float | None = None  # within which a part should be done
@@ -28,9 +28,9 @@ class Views(NamedTuple):
 
 
 class Monitor(Console):
-    """A console that also updates the status and the watchdog; the page is served within its context.
+    """A console that also updates the status and notifies the service manager.
 
-    The page's modules are loaded only if it is requested.
+    As a context it serves the live page if `Views.http` names an address, and only then loads its modules.
     """
 
     def __init__(
@@ -103,7 +103,10 @@ class Monitor(Console):
         self._console.note(f"live page: http://{server.address}/{open_to}")
 
     def _say_goodbye(self) -> None:
-        """Lets a page in use read how the run ended: it cannot distinguish an end from a lost link."""
+        """Waits until a page in use has read how the run ended.
+
+        Without this the page could not distinguish the end from a lost connection.
+        """
         watched = self._status.watched
         if not watched.is_set():
             return

@@ -51,14 +51,14 @@ class Shift:
             self._begin(change, change)
 
     def add(self, result: PartResult) -> None:
-        """Adds one part's end."""
+        """Counts a part that has ended."""
         self._renew()
         last = result.steps[-1] if result.steps else None
         self._count(result.fields(), None if last is None else last.width_um / 1000)
 
     def recall(self, journal: Path, table_sha256: str) -> None:
         """Counts the parts of earlier runs of the table in this shift, from the journal's own file."""
-        # Up to the first record that is none: the journal is verified when the run opens it.
+        # Stops at the first line that is no record; the journal is verified when the run opens it.
         with suppress(OSError, ValueError, KeyError, TypeError):
             for record in _outcomes(journal, table_sha256):
                 ended = self._clock.local_of(str(record["time"]))
@@ -108,7 +108,7 @@ def _kind(part: Mapping[str, Any]) -> str | None:
 
 
 def _outcomes(journal: Path, table_sha256: str) -> Iterator[Mapping[str, Any]]:
-    """The records of parts' ends with a table."""
+    """Yields the records of kind `outcome` of the runs with a table."""
     same = False
     with journal.open("rb") as file:
         for line in file:

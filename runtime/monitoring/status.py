@@ -70,7 +70,7 @@ class Status:
             self._end = {"grade": grade, "sentence": sentence}
 
     def as_object(self) -> dict[str, Any]:
-        """The snapshot for machines.
+        """The snapshot in the form of JSON.
 
         `steps` are the squeezes of the current part, or of the last one until the next begins; a target >=
         0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest; the `answer`

@@ -32,7 +32,14 @@ class Band(NamedTuple):
 
 
 def trend(label: str, lines: Sequence[Line], limits: Sequence[float], step: str) -> str:
-    """Line chart of series over steps, with limits as dashed lines."""
+    """Line chart of series over steps, with limits as dashed lines.
+
+    Args:
+        label: description for screen readers.
+        lines: the series, from the first step on.
+        limits: values of the limits.
+        step: name of a step, for the axis.
+    """
     values = [value for line in lines for value in line.values]
     if not values:
         return "<p>Nothing was measured.</p>"
@@ -80,7 +87,7 @@ def histogram(
 
     Args:
         label: description for screen readers.
-        counts: values and their counts, drawn as square roots.
+        counts: values and their counts; heights are square roots of the counts.
         bands: of the axis, named where there is room.
         span: ends of the axis.
         unit: of the values.
@@ -106,7 +113,11 @@ def histogram(
 
 
 def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
-    """Thins values for drawing: of each stretch, index and value of the one farthest from zero."""
+    """Thins values to `MOST_POINTS` at most, for drawing.
+
+    Returns:
+        Of each stretch of values the one farthest from zero, with its index.
+    """
     stretch = max(1, -(-len(values) // MOST_POINTS))
     points = list(enumerate(values))
     starts = range(0, len(points), stretch)
@@ -116,7 +127,7 @@ def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
 
 
 def _apart(bands: Sequence[Band], span: tuple[float, float]) -> list[tuple[float, str]]:
-    """The middles of bands in percent of a span with their names, without overlapping ones."""
+    """Names of bands, each after its place in percent of a span; names that would overlap are left out."""
     shown: list[tuple[float, str]] = []
     low, high = span
     for band in sorted(bands):

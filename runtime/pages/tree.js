@@ -1,5 +1,5 @@
-// The tree of squeezes: nested panels. What there is to say of the chosen one, `about(key, byHand)`, stands in `details`:
-// beside the tree, on a narrow screen below the panel unless the tree scrolls in a box.
+// The tree of squeezes: nested panels. `details` shows the chosen one, and what `about(key, byHand)` says of it.
+// It stands beside the tree; on a narrow screen below the chosen panel, unless the tree scrolls in a box.
 function treeView(plan, details, about) {
   const aside = details.parentElement, narrow = matchMedia("(max-width: 800px)");
   let chosen = null;
@@ -16,7 +16,7 @@ function treeView(plan, details, about) {
     if (focus) panel.focus({preventScroll: true});
   }
   const reveal = key => { choose(key, true); byId(key)?.scrollIntoView({block: "nearest"}); };
-  // The way of a part: what is taken is marked.
+  // Marks the panels on the way of a part, and the branches that lead to them.
   function mark(keys) {
     for (const old of plan.querySelectorAll(".taken")) old.classList.remove("taken");
     for (const key of keys) for (const id of [key, `to-${key}`]) byId(id)?.classList.add("taken");

@@ -1,6 +1,6 @@
 """The address space of an OPC UA server: objects, variables and methods by their paths below `VisionSystem`.
 
-Identifiers are strings, the paths with dots, so that clients can use them without browsing.
+Node identifiers are the paths, with dots in place of slashes, so that clients can use them without browsing.
 """
 
 from collections.abc import Callable, Iterable, Mapping

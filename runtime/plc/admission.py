@@ -43,7 +43,12 @@ class ListeningServer(Server):
 
 
 class GuardedServer(InternalServer):
-    """Admits clients that `trust` accepts, everybody where it is None, and reports ended sessions."""
+    """asyncua's internal server with access control.
+
+    Args:
+        trust: decides which clients are admitted; None: all are.
+        ended: called with each session that has ended.
+    """
 
     def __init__(self, trust: Trust | None, ended: Callable[["Session"], None]) -> None:
         super().__init__(user_manager=self)
@@ -54,10 +59,10 @@ class GuardedServer(InternalServer):
         self.max_subscriptions = MOST_SUBSCRIPTIONS
 
     def create_session(self, name: str, user: User = NOBODY, external: bool = False) -> "Session":
-        """A session that ends with its connection.
+        """Creates a session that ends with its connection.
 
-        asyncua lets any channel enter a session that outlives its connection by its number, which can be
-        guessed.
+        A session of asyncua's own class may outlive its connection; then any channel may enter it by its
+        number, which can be guessed.
         """
         del external
         return Session(self, self.aspace, self.subscription_service, name, user=user)
@@ -74,9 +79,16 @@ class GuardedServer(InternalServer):
         password: str | None = None,
         certificate: Any = None,
     ) -> User:
-        """A user who may read and call, but not change the address space.
+        """Admits a client as a user who may read and call methods, but not change the address space.
 
-        Checks the certificate that opened the secure channel, once its key is proved.
+        Args:
+            iserver: not used.
+            username: not used.
+            password: not used.
+            certificate: the client's; the secure channel has proved that the client holds its key.
+
+        Raises:
+            ServiceError: the certificate is not trusted.
         """
         del iserver, username, password
         if self._trust is None or self._trust.admits(certificate):
@@ -85,12 +97,12 @@ class GuardedServer(InternalServer):
 
 
 class Session(InternalSession):
-    """A client's session; methods find it in the context of their call."""
+    """A client's session, which `caller` holds while the client's methods are called."""
 
     iserver: GuardedServer
 
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
-        """Calls methods."""
+        """Calls methods, with this session in `caller`."""
         token = caller.set(self)
         try:
             results: list[ua.CallMethodResult] = await super().call(params)
@@ -99,6 +111,6 @@ class Session(InternalSession):
             caller.reset(token)
 
     async def close_session(self, delete_subs: bool = True) -> None:
-        """Ends the session."""
+        """Ends the session and reports its end to the server."""
         await super().close_session(delete_subs)
         self.iserver.ended(self)

@@ -38,7 +38,8 @@ def identity_in(place: Path) -> Identity:
 
     Raises:
         OutputError: the folder or its files cannot be written.
-        InputError: one of the two files is missing, cannot be read or holds something else.
+        InputError: one of the two files is missing, cannot be read or holds something else, or others may
+            read the key.
     """
     key_at, certificate_at = place / KEY, place / CERTIFICATE
     if not (key_at.exists() or certificate_at.exists()):
@@ -87,11 +88,15 @@ class Trust:
             self._known = frozenset([_der(pinned)])
 
     def admits(self, certificate: bytes | None) -> bool:
-        """Whether a client with this certificate may connect; the first one is pinned."""
+        """Whether a client with this certificate may connect.
+
+        Without a folder of trusted certificates, the first certificate is pinned, and no other is admitted.
+        """
         if certificate is None:
             return False
         if self._known is None:
-            # The disk is full, or another server pinned first; a chain of certificates is refused.
+            # Nothing is pinned if the disk is full or this is no single certificate; another server
+            # may have pinned first.
             with suppress(OutputError, InputError, ValueError):
                 x509.load_der_x509_certificate(certificate)
                 if not self._pinned.exists():
@@ -105,7 +110,7 @@ def parsed(path: Path) -> x509.Certificate:
     """Parses a certificate file, in DER or PEM.
 
     Raises:
-        InputError: there is no certificate in it.
+        InputError: the file cannot be read, or holds no certificate.
     """
     data, _ = _read(path)
     pem = data.lstrip().startswith(b"-----")

@@ -17,7 +17,11 @@ _NAMES = {Outcome.LEAF: "located", Outcome.REJECT: "rejected", Outcome.UNRESOLVE
 
 
 class Exchange:
-    """A station that two threads use; heartbeats are in the seconds of `clock`, which is a real one.
+    """A station that two threads use.
+
+    Args:
+        station: the station.
+        clock: a clock of real time, for the heartbeats.
 
     Attributes:
         watch: called with each new glance, in order and by the thread that caused it; must not block.

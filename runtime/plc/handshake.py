@@ -89,8 +89,8 @@ _CHANGES = {
     (State.TRIGGER_HELD, Event.TRIGGER_BACK): State.READY,
     (State.TRIGGER_HELD, Event.ACKNOWLEDGE): State.TAKEN,
     (State.ACKNOWLEDGE_HELD, Event.ACKNOWLEDGE_BACK): State.READY,
-    # A PLC that leaves its acknowledge up may start the next part: only the next rise takes that
-    # result.
+    # A PLC that leaves `result_acknowledge` up may start the next part, whose result only the next
+    # rise takes.
     (State.ACKNOWLEDGE_HELD, Event.TRIGGER): State.ACCEPTED,
 }
 

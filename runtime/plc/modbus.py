@@ -1,7 +1,8 @@
 """A Modbus TCP server for one PLC and any number of readers, in a separate thread.
 
-pymodbus decodes requests, checks them and encodes the answers. Its server has no identity for a
-connection and drops what a client sends before an answer, so this module splits the frames.
+pymodbus decodes requests, checks them and encodes the answers. Its server is not used: it does not identify
+connections, and drops what a client sends before it has an answer. So this module serves the connections, and
+splits what they send into frames.
 """
 
 import asyncio
@@ -47,7 +48,11 @@ class ModbusServer(PlcServer):
         self._writer: Connection | None = None
 
     def enter(self, connection: "Connection") -> bool:
-        """Registers a connection; False if there are too many."""
+        """Registers a connection, which becomes the writer if there is none.
+
+        Returns:
+            False if there are too many connections.
+        """
         if len(self._connections) >= MOST_CONNECTIONS:
             return False
         self._connections.append(connection)
@@ -56,7 +61,7 @@ class ModbusServer(PlcServer):
         return True
 
     def leave(self, connection: "Connection") -> None:
-        """Removes a connection."""
+        """Removes a connection; without its writer the exchange is disconnected."""
         if connection in self._connections:
             self._connections.remove(connection)
         if self._writer is connection:
@@ -64,7 +69,10 @@ class ModbusServer(PlcServer):
             self.exchange.disconnect()
 
     def may_write(self, connection: "Connection") -> bool:
-        """Whether a connection is the writer: the first, until it ends or only reads."""
+        """Whether a connection, which is about to write, is the writer.
+
+        It becomes the writer if there is none, or if the writer is older than `PANEL_S` and never wrote.
+        """
         writer, panel_since_s = self._writer, self.clock.now() - PANEL_S
         if writer is None or (not writer.has_written and writer.began_s < panel_since_s):
             self._appoint(connection)
@@ -86,7 +94,7 @@ class ModbusServer(PlcServer):
 
 
 class Connection(asyncio.BufferedProtocol):
-    """One client; also the register store for requests of pymodbus."""
+    """The connection of one client; also the register store that pymodbus' requests read and write."""
 
     def __init__(self, server: ModbusServer) -> None:
         self._server = server
@@ -98,7 +106,7 @@ class Connection(asyncio.BufferedProtocol):
         self.began_s = server.clock.now()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """A client has connected."""
+        """Registers the new connection and sets its keepalive, or aborts it if there are too many."""
         self._transport = cast(asyncio.Transport, transport)
         if not self._server.enter(self):
             self._transport.abort()
@@ -109,7 +117,7 @@ class Connection(asyncio.BufferedProtocol):
             client.setsockopt(socket.IPPROTO_TCP, option, value)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client is gone."""
+        """Removes the connection from the server."""
         del exc
         self._forget_late()
         self._server.leave(self)
@@ -124,7 +132,10 @@ class Connection(asyncio.BufferedProtocol):
         return self._piece
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Answers each complete frame, in order; disconnects a client that sends anything else."""
+        """Answers each complete frame, in order; disconnects a client that sends anything else.
+
+        A client that leaves a frame incomplete or does not read its answers is disconnected, too.
+        """
         self._buffer += self._piece[:nbytes]
         while len(self._buffer) >= HEADER.size:
             number, protocol, length = HEADER.unpack_from(self._buffer)
@@ -148,7 +159,7 @@ class Connection(asyncio.BufferedProtocol):
     async def async_getValues(  # noqa: N802 - pymodbus' name
         self, device_id: int, func_code: int, address: int, count: int = 1
     ) -> list[int] | ExcCodes:
-        """Reads registers, for pymodbus; a single write reads back its value."""
+        """Reads registers, for pymodbus; for a write of one register (function 6), the value just written."""
         del device_id
         if func_code == 6:
             return self._last
@@ -186,7 +197,7 @@ class Connection(asyncio.BufferedProtocol):
 
 
 def _completed(request: Coroutine[Any, Any, ModbusPDU]) -> ModbusPDU:
-    """The answer of a request, which never waits: it is complete after one step."""
+    """Runs a request, which completes in one step since it never waits, and returns the answer."""
     try:
         request.send(None)
     except StopIteration as end:

@@ -1,7 +1,7 @@
-"""An OPC UA server in the shape of OPC 40100-1, for one master and any number of readers.
+"""An OPC UA server modelled on OPC 40100-1, for one master and any number of readers.
 
-asyncua encodes, encrypts and serves the address space. Its values come from the panel; a method does one or
-two writes to the exchange, as a PLC does over registers.
+asyncua encodes, encrypts and serves the address space. The values of the variables come from the panel.
+Methods write to the exchange, as a PLC does over registers.
 """
 
 import asyncio
@@ -111,7 +111,7 @@ class OpcUaServer(PlcServer):
         host, port = self._listener.getsockname()[:2]
         server.set_endpoint(f"opc.tcp://{f'[{host}]' if ':' in host else host}:{port}/")
         await server.set_application_uri(BARE_URI if security is None else security.identity.uri)
-        # the channel's certificate says who it is
+        # the certificate of the secure channel identifies the client
         server.set_identity_tokens([ua.AnonymousIdentityToken])
         policy = ua.SecurityPolicyType.NoSecurity
         if security is not None:
@@ -124,7 +124,7 @@ class OpcUaServer(PlcServer):
     # -- the master -----------------------------------------------------------------------------------
 
     def _may_command(self, session: Session) -> bool:
-        """Whether a session is the master: the first that commands, until it ends."""
+        """Whether a session is the master; without a master, the session becomes it until it ends."""
         if self._master is None:
             self._master = session
             self.exchange.connected = True
@@ -187,7 +187,11 @@ class OpcUaServer(PlcServer):
     def _method(
         self, path: str, inputs: Arguments, outputs: Arguments, act: Act, *, commands: bool
     ) -> Method:
-        """A method for asyncua, with unchecked arguments; updates the values at once."""
+        """A method for asyncua, which does not check arguments.
+
+        The method checks its arguments and, if it commands, that the caller is the master; it returns after
+        the displayed values are updated.
+        """
 
         async def call(parent: ua.NodeId, *given: ua.Variant) -> list[ua.Variant] | ua.StatusCode:
             del parent

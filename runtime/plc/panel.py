@@ -50,13 +50,13 @@ class Change(NamedTuple):
 
 
 class Panel:
-    """Follows a station, and keeps results and counts of this process.
+    """Follows a station, and keeps the latest results and the counts since the start of the process.
 
     Attributes:
         offers: the recipes, by the numbers of their tables.
-        configuration: the current one.
-        results: by their ids, the last ones.
-        job: of the current part or of the waiting result; otherwise the last one.
+        configuration: the current configuration.
+        results: the latest results, by their ids.
+        job: the job of the current part or of the waiting result; otherwise the last one.
         seen: the last glance.
     """
 
@@ -78,7 +78,7 @@ class Panel:
         return vision.view(self.seen).state
 
     def see(self, seen: Glance) -> Change | None:
-        """Updates from the station; returns the change of the displayed state, if any."""
+        """Receives a glance at the station; returns the change of the displayed state, if any."""
         before, self.seen = self.seen, seen
         if vision.waits(seen) and not vision.waits(before):
             self._finish(seen.answer, self.offers[seen.in_use].parts)
@@ -96,7 +96,7 @@ class Panel:
             del self.results[next(iter(self.results))]
 
     def values(self) -> Iterator[tuple[str, Value]]:
-        """All values by path."""
+        """Yields all values, each with its path."""
         seen, row = self.seen, vision.view(self.seen)
         prepared = None if seen.table is None else self.offers[seen.table]
         yield f"{MACHINE}/CurrentState", row.state.outer

@@ -40,7 +40,7 @@ class Register(NamedTuple):
 
 
 def _block(address: int, kind: str, *registers: Register) -> tuple[Register, ...]:
-    """Registers one after the other from an address on."""
+    """Registers at consecutive addresses, the first one at `address`."""
     ends = accumulate((register.words for register in registers), initial=address)
     pairs = zip(registers, ends, strict=False)
     return tuple(register._replace(address=at, kind=kind) for register, at in pairs)
@@ -127,7 +127,12 @@ def as_json() -> dict[str, object]:
 
 
 def words(registers: Sequence[Register], values: Mapping[str, int]) -> list[int]:
-    """The consecutive words of registers."""
+    """The 16-bit words of consecutive registers.
+
+    Args:
+        registers: the registers, in order.
+        values: integers by register name.
+    """
     together: list[int] = []
     for register in registers:
         value = values[register.name]

@@ -1,4 +1,4 @@
-"""Common part of the servers of an exchange: an event loop in a thread, with a deadline for its end."""
+"""Base class of the servers of an exchange: an event loop in a thread, with a deadline for its end."""
 
 import asyncio
 import signal
@@ -29,7 +29,7 @@ class PlcServer(ABC):
         """Serves until `stop`; sets `started` once clients are answered."""
 
     def check(self) -> None:
-        """Raises the error that the server has ended with, if any."""
+        """Raises the error with which the server has ended, if any."""
         if self._failure is not None:
             raise self._failure
 

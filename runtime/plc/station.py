@@ -72,7 +72,7 @@ class Counters:
 
     def __init__(self, takt_s: float | None = None) -> None:
         self._takt_s = takt_s
-        self._seconds: Counter[float] = Counter()  # in hundredths: limited in number
+        self._seconds: Counter[float] = Counter()  # rounded to 0.01 s, which limits their number
         self._values = {f"parts_{name}": 0 for name in OUTCOMES[1:]}
         self._values |= {"seconds_last": UNKNOWN, "takt_share": UNKNOWN}
 
@@ -80,7 +80,7 @@ class Counters:
         """Adds one part by its `Answer.outcome` and its seconds; NaN: unknown."""
         self._values[f"parts_{OUTCOMES[outcome]}"] += 1
         self._values["seconds_last"] = UNKNOWN
-        if not seconds > 0.0:  # a clock that does not advance times nothing
+        if not seconds > 0.0:  # NaN, or 0 from a clock that does not advance
             return
         self._values["seconds_last"] = min(round(100.0 * seconds), UNKNOWN)
         self._seconds[round(seconds, 2)] += 1
@@ -97,7 +97,7 @@ class Station:
     """The registers of one PLC and its handshake.
 
     Args:
-        digests: of each table, the first four bytes.
+        digests: first four bytes of each table's SHA-256, as an integer.
         takt_s: time within which parts should be done; None: no takt.
         beats: whether the PLC has to change `heartbeat_in` regularly.
 
@@ -128,9 +128,12 @@ class Station:
         """Writes registers, all or none.
 
         Args:
-            address: of the first one.
-            values: one word each.
+            address: address of the first register.
+            values: one word for each register.
             now: seconds of a clock that never goes back.
+
+        Returns:
+            Why nothing was written; None if the registers were written.
         """
         changes: dict[str, int] = {}
         for place, value in enumerate(values, address):
@@ -155,7 +158,10 @@ class Station:
         self._edge(before, "trigger", self._trigger, Event.TRIGGER_BACK)
 
     def read(self, address: int, count: int, now: float) -> list[int] | Refusal:
-        """Reads words of one of the two blocks."""
+        """Reads `count` words of one of the two blocks, or refuses an access beyond the block.
+
+        `address` and `now` are as for `write`.
+        """
         self.tick(now)
         block, values = WRITTEN, self._written
         if address >= READ[0].address:
@@ -170,12 +176,15 @@ class Station:
             self._disable(Error.HEARTBEAT)
 
     def disconnect(self) -> None:
-        """Ends enabling after the writing connection is lost; keeps the levels, lest a false edge occur."""
+        """Ends enabling after the writing connection is lost.
+
+        The other registers keep their levels, so that the next write causes no false edge.
+        """
         if self.enabled:
             self._disable(Error.CONNECTION_LOST)
 
     def finish(self, answer: Answer) -> None:
-        """Ends the current part, and presents its answer until the PLC acknowledges it."""
+        """Ends the current part, which must exist, and presents its answer until the PLC acknowledges it."""
         assert self.order is not None
         self._result_id, self._answer, self.order = self.order.trigger_id, answer, None
         self._counters.add(answer.outcome, answer.seconds)
@@ -189,12 +198,12 @@ class Station:
 
     @property
     def glance(self) -> Glance:
-        """The visible state, as of the last access."""
+        """The visible state after the last access."""
         part, tables = (self.order, self._answer), (self._table, self._in_use)
         return Glance(self.state, *part, self.enabled, self._ended, self.error_id, *tables)
 
     def end(self) -> None:
-        """Accepts no triggers from now on."""
+        """Refuses all triggers from now on."""
         self._ended = True
 
     @property

@@ -50,7 +50,7 @@ class PackMLState(IntEnum):
 
 
 class Row(NamedTuple):
-    """A state of either standard, and when it is shown."""
+    """A state of each of the two standards, and the condition under which both are shown."""
 
     state: VisionState
     packml: PackMLState
@@ -90,11 +90,11 @@ VIEW: tuple[Row, ...] = (
     ),
     Row(VisionState.READY, PackMLState.IDLE, "StartSingleJob is accepted", lambda _: True),
 )
-"""The view of a station: the state of the first row that holds."""
+"""The views of a station; the first row whose condition holds is shown."""
 
 
 def view(seen: Glance) -> Row:
-    """The row that holds."""
+    """The first row of `VIEW` whose condition holds for a glance at the station."""
     return next(row for row in VIEW if row.holds(seen))
 
 

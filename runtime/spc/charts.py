@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from math import erfc, exp, lgamma, log, log1p, sqrt
 
 WINDOW = 50  # parts over which shares are taken
-# parts of frequencies: the short one finds large changes soon, the long one small ones
+# parts over which frequencies of branches are taken: the short window finds large changes soon, the
+# long one small ones
 WINDOWS = (50, 200)
 RARE = 1e-5  # false-alarm probability of a window
-UNLIKELY = 2e-5  # the same for frequencies: chi-square is inexact farther out in its tail
+UNLIKELY = 2e-5  # the same for frequencies of branches: chi-square is inexact for less
 LEAST_EXPECTED = 3.0  # least expectation of a chi-square's cell; smaller ones are pooled
 CLIP = 3.0  # clip of deviations, in standard deviations: a single outlier is a failure, not a drift
 
@@ -22,8 +23,8 @@ CLIP = 3.0  # clip of deviations, in standard deviations: a single outlier is a 
 class Cusum:
     """Page's cumulative sums of a standardised deviation, both ways (Biometrika 41, 1954).
 
-    Each deviation counts by its likelihood ratio of a shift against none, so that deviations with large
-    scatter weigh little.
+    Each deviation adds its log-likelihood ratio of a shift to no shift, so that deviations with large scatter
+    weigh little.
     """
 
     shift: float  # shift to be detected, in the unit of the deviations
@@ -32,7 +33,7 @@ class Cusum:
     down: float = 0.0
 
     def add(self, deviation: float, sigma: float) -> bool:
-        """Adds one deviation and its standard deviation; returns whether this is an alarm."""
+        """Adds one deviation and its standard deviation; returns whether the chart alarms."""
         clipped = min(max(deviation, -CLIP * sigma), CLIP * sigma)
         weight = self.shift / (sigma * sigma)
         self.up = max(0.0, self.up + weight * (clipped - 0.5 * self.shift))
@@ -53,11 +54,11 @@ class Ewma:
 
     @property
     def limit(self) -> float:
-        """Greatest mean without an alarm."""
+        """Absolute value of the mean from which the chart alarms."""
         return self.width * sqrt(self.weight / (2.0 - self.weight))
 
     def add(self, value: float) -> bool:
-        """Adds one value; returns whether this is an alarm."""
+        """Adds one value; returns whether the chart alarms."""
         clipped = min(max(value, -CLIP), CLIP)
         self.mean += self.weight * (clipped - self.mean)
         if abs(self.mean) < self.limit:
@@ -68,13 +69,13 @@ class Ewma:
 
 @dataclass(slots=True)
 class BinomialWindowChart:
-    """Number of the last `WINDOW` parts with a property, against the expected share (binomial test)."""
+    """Tests how many of the last `WINDOW` parts have a property against an expected share (binomial test)."""
 
     expected: float
     recent: deque[bool] = field(default_factory=lambda: deque(maxlen=WINDOW))
 
     def add(self, had: bool) -> bool:
-        """Adds one part; returns whether this is an alarm."""
+        """Adds a part that had the property or not; returns whether the chart alarms."""
         self.recent.append(had)
         if not had or binomial_tail(sum(self.recent), len(self.recent), self.expected) > RARE:
             return False
@@ -84,7 +85,7 @@ class BinomialWindowChart:
 
 @dataclass(slots=True)
 class GTestChart:
-    """Branches (node, branch) that the last parts took, against predicted shares (G test)."""
+    """Tests the branches that the last `window` parts took against predicted shares (G test)."""
 
     shares: Sequence[Sequence[float]]
     window: int
@@ -94,7 +95,7 @@ class GTestChart:
         self.recent = deque(maxlen=self.window)
 
     def add(self, taken: tuple[tuple[int, int], ...]) -> bool:
-        """Adds one part; returns whether this is an alarm."""
+        """Adds the branches (node, branch) that one part took; returns whether the chart alarms."""
         self.recent.append(taken)
         if len(self.recent) < self.window // 2 or self._tail() > UNLIKELY:
             return False
@@ -112,7 +113,10 @@ class GTestChart:
 
 
 def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
-    """Pearson's statistic of counts against shares, which need not add up to 1; its degrees of freedom."""
+    """Pearson's statistic of counts against shares, and its degrees of freedom.
+
+    The shares need not add up to 1.
+    """
     filled = _cells(counts, shares)
     statistic = sum((seen - expected) ** 2 / expected for seen, expected in filled)
     return statistic, max(len(filled) - 1, 0)
@@ -129,7 +133,7 @@ def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[fl
 
 
 def _cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, float]]:
-    """Observed and expected counts, those of small expectation pooled."""
+    """Pairs of observed and expected counts; cells of small expectation are pooled."""
     total, whole = sum(counts), sum(shares)
     if total == 0 or whole <= 0.0:
         return []

@@ -71,7 +71,10 @@ def _write(options: argparse.Namespace, history: History, summary: Summary) -> N
 
 
 def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator[Row]:
-    """One row a part, with the names of the charts that alarmed at its index; None is unknown."""
+    """Yields one row for each part; `alarms` has the charts that alarmed, by the part's index.
+
+    Unknown values are None.
+    """
     for index, part in enumerate(parts):
         ends = (part.number, part.time, part.outcome, part.leaf, part.verdict, len(part.squeezes))
         residual = part.residual or (None, None, None)

@@ -35,7 +35,7 @@ class Drift:
         }
 
     def add(self, result: PartResult) -> bool:
-        """Adds a part that has ended; returns whether a refit would pay by now."""
+        """Adds a part that has ended; returns whether a refit would pay now."""
         nodes = self._table.nodes
         squeezes = (
             Squeezed(step.node, nodes[step.node].branch_to(step.target), step.width_um)

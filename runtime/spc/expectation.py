@@ -1,10 +1,11 @@
 """Expected readings by `plan-expect`, and likelihood ratios of readings in other worlds.
 
-Each part has the likelihood ratio of its readings at another friction and as planned. The chart is the sum
-over all starting parts of the products of the ratios since then (Shiryaev 1963, Roberts 1966). On a healthy
-cell its mean grows by at most one a part, so the mean number of parts to a false alarm is at least the
-limit (Pollak, Annals of Statistics 15, 1987). That assumes exact shares: they are counted in trials, and a
-reading depends on earlier ones only through its node.
+A part's likelihood ratio compares its readings in another world, such as one of another friction, with the
+planned world. The statistic is a sum over all parts at which the change may have begun; each term is the
+product of the ratios since then (Shiryaev 1963, Roberts 1966). On a healthy cell its mean grows by at most
+one a part, so the mean number of parts to a false alarm is at least the limit (Pollak, Annals of Statistics
+15, 1987). This bound assumes that the shares are exact, and that a reading depends on earlier ones only
+through its node; the shares are counted in trials.
 """
 
 from dataclasses import dataclass, field
@@ -21,7 +22,7 @@ KIND, VERSION = "expected readings", 2
 # prior readings of each node, evenly spread over all bins
 PRIOR = 20.0
 MOST_BINS = 1000  # of a node's readings; tables have fewer
-LIMIT = 1.5e4  # mean number of parts to a false alarm; the other charts have the rest
+LIMIT = 1.5e4  # mean number of parts to a false alarm of this chart alone
 CLIP = log(200.0)  # largest contribution of one part: a single outlier is no drift
 
 Shares = tuple[tuple[float, ...], ...]
@@ -31,12 +32,16 @@ Shares = tuple[tuple[float, ...], ...]
 class Expectation:
     """Shares of readings in several worlds, the planned one first."""
 
-    table_sha256: str  # of the table they are of
+    table_sha256: str  # digest of the table's file
     names: tuple[str, ...]
     shares: tuple[Shares, ...]  # for each world, (nodes, bins), none of them zero
 
     def check(self, history: History) -> None:
-        """Raises UsageError unless this belongs to the table of a history."""
+        """Checks that the expectation belongs to the table of a history.
+
+        Raises:
+            UsageError: it is of another table.
+        """
         table, planned = history.table, self.shares[0]
         alike = len(planned) == len(table.nodes) and len(planned[0]) == table.gripper.bins
         if history.table_sha256 not in ("", self.table_sha256) or not alike:
@@ -64,7 +69,7 @@ class ShiryaevRoberts:
 
     @property
     def value(self) -> float:
-        """The chart's value; an alarm above `LIMIT`."""
+        """The chart's value; the chart alarms from `LIMIT` on."""
         return sum(self.sums) / len(self.sums)
 
     def add(self, table: Table, part: Part) -> str | None:
@@ -83,7 +88,7 @@ def load(path: Path) -> Expectation:
     """Reads the output of `plan-expect`.
 
     Raises:
-        InputError: it cannot be read, or is not such a file.
+        InputError: the file cannot be read, or is no output of `plan-expect`.
     """
 
     def refused(problem: str) -> InputError:

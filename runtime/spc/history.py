@@ -38,9 +38,10 @@ class Part:
     # measured
     residual: tuple[float, float, float] | None = None
     time: str = ""  # of its end, ISO 8601
-    # pose of a simulated part as its plan sees it, where that is on record
+    # true pose of a simulated part (mm, mm, rad) in the frame of its plan, None where it was not
+    # recorded
     true: Pose2 | None = None
-    within: bool | None = None  # whether that is within the goal of its leaf, None without a leaf
+    within: bool | None = None  # whether the true pose meets the goal at its leaf, None if unknown
     turn_rad: float = 0.0  # angle of its plan about the origin
 
 
@@ -57,8 +58,8 @@ def read(paths: Sequence[Path]) -> History:
     """Reads the history of several journals.
 
     Raises:
-        JournalError: one cannot be read, or does not verify.
-        UsageError: they have different tables, or no parts.
+        JournalError: a journal cannot be read, does not verify, or disagrees with its table.
+        UsageError: the journals have different tables, or no parts.
     """
     table: Table | None = None
     digest = ""
@@ -102,7 +103,7 @@ def read(paths: Sequence[Path]) -> History:
 
 
 def by_leaf(parts: Iterable[Part]) -> list[tuple[int, list[Part]]]:
-    """The parts that ended at a leaf, for each one."""
+    """Leaves at which parts ended, by rising index, each with its parts."""
     result: dict[int, list[Part]] = {}
     for part in parts:
         if part.leaf is not None:
@@ -111,7 +112,7 @@ def by_leaf(parts: Iterable[Part]) -> list[tuple[int, list[Part]]]:
 
 
 def _whole_records(path: Path) -> Iterator[Entry]:
-    """The records of a journal, without an incomplete last line: nothing was done because of it."""
+    """Yields the records of a journal, without an incomplete last line, on which no action was based."""
     with suppress(TornError):
         yield from records(path)
 

@@ -49,7 +49,10 @@ STEADY = {
 
 
 class Monitor:
-    """The charts of one table, fed part by part; keeps no more than the charts' windows."""
+    """The control charts of one table, which receive one part after the other.
+
+    Of the parts only those within the charts' windows are kept.
+    """
 
     def __init__(
         self,
@@ -62,8 +65,9 @@ class Monitor:
         Args:
             table: the table.
             expected: the expected readings, if known.
-            draw: receives the values of the drawn charts, by name: `wider` and `narrower` a squeeze,
-                `COORDINATES` an audited part, `friction` a part.
+            draw: called with name and value of each drawn chart: `wider` and `narrower` after each squeeze,
+                `COORDINATES` after each measured part, and `friction` after each part if readings are
+                expected.
         """
         predicted = table.predicted
         rejects = round(predicted.reject_ppm / PPM * predicted.trials)
@@ -126,7 +130,7 @@ class Monitor:
 
 
 def failure_share(predicted: Prediction) -> float:
-    """Upper limit of failures within the interval of a table's evaluation."""
+    """Upper end of the 95 % interval of a table's share of failures, at least `LEAST_SHARE`."""
     failed = round((PPM - predicted.success_ppm) / PPM * predicted.trials)
     return max(wilson_interval(failed, predicted.trials)[1], LEAST_SHARE)
 
@@ -134,7 +138,8 @@ def failure_share(predicted: Prediction) -> float:
 def deviation(table: Table, squeeze: Squeezed) -> tuple[float, float]:
     """Deviation of a width from its branch's expectation, and its standard deviation, um.
 
-    A rejected width is compared with the nearest branch, if any is near.
+    A rejected width is compared with the nearest branch. If none is near, the deviation is 0 and its standard
+    deviation infinite.
     """
     branches = table.nodes[squeeze.node].branches
     if squeeze.branch is None:
@@ -150,7 +155,7 @@ def deviation(table: Table, squeeze: Squeezed) -> tuple[float, float]:
 
 
 def standardised(table: Table, part: Part) -> tuple[float, ...]:
-    """A part's residual in units of its leaf's prediction; empty where it was not measured."""
+    """A part's residual in standard deviations of its leaf's pose; empty where the part was not measured."""
     if part.residual is None or part.leaf is None:
         return ()
     scale = sigmas(table, table.leaves[part.leaf])
@@ -170,10 +175,10 @@ def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
 
 
 def branch_shares(table: Table) -> list[list[float]]:
-    """Predicted shares of each node's branches, none of them zero.
+    """Predicted shares of each node's branches.
 
-    They come from the trials of the table's evaluation, counted at its leaves, which are many more than the
-    particles of the beliefs; from the latter where no trial reached a node.
+    They are counted from the trials of the evaluation at the table's leaves, which are many more than the
+    particles of the beliefs, and none is zero. A node that no trial reached has the branches' probabilities.
     """
     reached = [0] * len(table.nodes)
 
@@ -197,7 +202,7 @@ def _shares(branches: Sequence[Branch], trials: Sequence[int]) -> list[float]:
 
 
 def branch_counts(parts: Iterable[Part], table: Table) -> list[list[int]]:
-    """Counts of each branch of each node; the last count of a node is of its rejects."""
+    """Counts of the readings of each branch of each node; the last count of a node is that of rejects."""
     counts = [[0] * (len(node.branches) + 1) for node in table.nodes]
     for part in parts:
         for squeeze in part.squeezes:

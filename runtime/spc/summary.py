@@ -44,11 +44,11 @@ class LeafRow(NamedTuple):
 
 
 class NameRow(NamedTuple):
-    """The parts that got one of several names."""
+    """The located parts that were identified as one of the table's hypotheses."""
 
     name: str
     parts: int
-    share: float  # share of the parts that the table states
+    share: float  # share of such parts that the table states
 
 
 class NodeRow(NamedTuple):
@@ -82,7 +82,7 @@ class Summary:
 
     @property
     def names_tail(self) -> float:
-        """Probability of counts farther from the stated shares than those of the names."""
+        """Tail probability of the counts in `names` by the chi-square test against the stated shares."""
         counts, shares = [row.parts for row in self.names], [row.share for row in self.names]
         return chi_square_tail(*chi_square(counts, shares))
 
@@ -112,7 +112,7 @@ class Summary:
 
 
 def summarise(history: History, expected: Expectation | None = None) -> Summary:
-    """The figures of a history, including its readings if the expectation is known.
+    """Summarises a history; the chart of readings is included if the expectation is known.
 
     Raises:
         UsageError: the expectation is of another table.
@@ -201,7 +201,7 @@ def _counted(names: Iterator[str]) -> dict[str, int]:
 
 
 def _names(history: History) -> Iterator[NameRow]:
-    """Names given by resolved leaves."""
+    """Yields the number of located parts of each hypothesis; none for a table of a single part."""
     table = history.table
     resolved = (part.leaf for part in history.parts if part.outcome == "leaf")
     given = Counter(table.leaves[leaf].hypothesis for leaf in resolved if leaf is not None)

@@ -1,6 +1,6 @@
-"""The decision table: records, look-up, goal, bytes, validation, fit. `TABLE.md` is its specification.
+"""The decision table: records, look-up, goal, file, validation, times. `TABLE.md` specifies the file.
 
-The one package of the runtime that planner and camera need, and may import; its names are all those below.
+Planner and camera use tables through the names imported below, not through the modules.
 
 ```
 dump(table, path)             # validates it, writes it whole or not at all
@@ -84,7 +84,7 @@ from runtime.table.validation import validate
 
 
 class TableFile(NamedTuple):
-    """A table, decoded and validated, the bytes of its file, and their SHA-256 as `sha256sum` prints it."""
+    """A validated table, the bytes of its file, and their SHA-256 in hexadecimal."""
 
     table: Table
     data: bytes
@@ -92,10 +92,10 @@ class TableFile(NamedTuple):
 
 
 def dumps(table: Table) -> bytes:
-    """The bytes of a table's file; `loads` returns the same table.
+    """Validates a table and returns the bytes of its file, from which `loads` restores it.
 
     Raises:
-        TableError: it must not be executed; the message says why.
+        TableError: the table must not be executed; the message says why.
     """
     data = encode(table)
     validate(table)
@@ -114,10 +114,10 @@ def loads(data: bytes) -> Table:
 
 
 def dump(table: Table, path: Path | str) -> None:
-    """Writes a table's file, whole or not at all.
+    """Validates a table and writes its file, whole or not at all.
 
     Raises:
-        TableError: it must not be executed; the message says why.
+        TableError: the table must not be executed; the message says why.
         OutputError: the file cannot be written.
     """
     data = dumps(table)
@@ -126,10 +126,10 @@ def dump(table: Table, path: Path | str) -> None:
 
 
 def load(path: Path | str) -> TableFile:
-    """Read, decode and validate a table's file.
+    """Reads, decodes and validates a table's file.
 
     Raises:
-        TableError: it is missing, unreadable or refused; the message names the file.
+        TableError: the file is missing, unreadable or no valid table; the message names the file.
     """
     path = Path(path)
     try:

@@ -1,7 +1,7 @@
 """Comparison of a table with the job inside it, for all values that both state.
 
-Values that the job omits are not compared. Measured values have no counterpart in a job; `evidence` bounds
-them.
+Values that the job omits are not compared. Figures of the evaluation have no counterpart in a job; `evidence`
+checks them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -23,7 +23,7 @@ def validate_agreement(table: Table, job: Mapping[str, Any]) -> None:
     """Checks a table against the job inside it.
 
     Raises:
-        TableError: the job contradicts a figure; names the first one.
+        TableError: the job contradicts a value of the table; the message names the first one.
     """
     for name, stated, wanted in (*_header(table, job), *_parts(table, job), *_squeezes(table, job)):
         if stated != wanted:
@@ -105,7 +105,7 @@ def _parts(table: Table, job: Section) -> Compared:
 
 
 def _squeezes(table: Table, job: Section) -> Compared:
-    """Speed and force of squeezes; whether pushes are allowed."""
+    """Compares speed and force of the squeezes, and whether pushes are allowed."""
     gripper, actions = section(job, "gripper"), section(job, "actions")
     for field, key in (("speed_um_s", "speed_mm_s"), ("force_mn", "force_n")):
         wanted = sorted({round(UM * value) for value in numbers(gripper, key)})
@@ -119,7 +119,7 @@ def _squeezes(table: Table, job: Section) -> Compared:
 
 
 def _scaled(name: str, value: int, stated: Section, key: str, scale: float = UM) -> Compared:
-    """Compares an integer of the table with a key of the job, whose unit is `scale` of the table's."""
+    """Compares an integer of the table with a number of the job, multiplied by `scale`."""
     wanted = number(stated, key)
     if wanted is not None:
         yield name, value, round(scale * wanted)

@@ -40,15 +40,16 @@ def encode(table: Table) -> bytes:
 
 
 def names_table(data: bytes) -> bool:
-    """Whether bytes begin as those of a table, of any format and however damaged."""
+    """Whether data begins as a table's file of any format; the rest may be damaged."""
     return MAGIC.encode() in data[:BEGINNING]
 
 
 def decode(data: bytes) -> Table:
-    """The table in some bytes, without validation; `encode` must give exactly these bytes for it.
+    """The table in some bytes, without validation.
 
     Raises:
-        TableError: the bytes are not a table; gives the first reason.
+        TableError: the bytes are not exactly those that `encode` gives for a table; the message gives the
+            first reason.
     """
     payload = _unpacked(_payload(data), "the payload")
     if type(payload) is not tuple or not all(type(held) is tuple and held for held in payload):
@@ -83,7 +84,11 @@ def _payload(data: bytes) -> bytes:
 
 
 def _unpacked(data: bytes, name: str) -> Any:
-    """One msgpack value without maps and extensions; no array in it is longer than allowed in a table."""
+    """Decodes a msgpack value.
+
+    Raises:
+        TableError: the bytes are damaged, or hold a map, an extension or an array too long for a table.
+    """
     most = {"max_array_len": MAX_LEAVES, "max_map_len": 0, "max_ext_len": 0}
     try:
         return msgpack.unpackb(data, use_list=False, **most)

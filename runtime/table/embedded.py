@@ -1,4 +1,7 @@
-"""The job inside a table: its sections, numbers and outlines, any of which may be missing."""
+"""The job inside a table: its sections, numbers and outlines, any of which may be missing.
+
+All functions that read a job raise `TableError` for a value of a wrong type.
+"""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -57,7 +60,7 @@ def parts_of(job: Section) -> list[Section]:
 
 
 def number(table: Section, key: str) -> float | None:
-    """A number; None where it is not stated."""
+    """The number under a key; None where it is not stated."""
     value = table.get(key)
     return None if value is None else _number(value, key)
 
@@ -73,7 +76,7 @@ def numbers(table: Section, *keys: str) -> list[float]:
 
 
 def points(table: Section, key: str) -> Outline:
-    """A list of points [x, y]; empty where it is not stated."""
+    """The list of points [x, y] under a key; empty where it is not stated."""
     rows = table.get(key)
     if rows is None:
         return []
@@ -85,7 +88,7 @@ def points(table: Section, key: str) -> Outline:
 
 
 def gyration_mm(outline: Outline) -> float:
-    """The radius of gyration of the enclosed area about the origin; 0 without area."""
+    """The radius of gyration about the origin of the area in an outline; 0 without area."""
     crosses, moments = [], []
     for (x0, y0), (x1, y1) in zip(outline, (*outline[1:], *outline[:1]), strict=True):
         cross = x0 * y1 - x1 * y0

@@ -55,11 +55,12 @@ def successes_of(leaf: Leaf) -> int:
 def validate_figures(table: Table) -> None:
     """Checks that the figures of a table can be those of one evaluation.
 
-    A leaf's success is a share of whole trials, and its errors lie on the right side of the goal's distance;
-    the table as a whole has no more successes than its leaves, and no more trials than ended somewhere.
+    A leaf's success must be a share of whole trials, and quantiles of its errors must not exceed the goal's
+    distance if as many trials met the goal. The whole table must not have more successes than its leaves, and
+    its shares of success and REJECT must not exceed 1 together.
 
     Raises:
-        TableError: a figure contradicts the others; names it or its leaf.
+        TableError: a figure contradicts the others; the message names the figure or its leaf.
     """
     for index, leaf in enumerate(table.leaves):
         if 0 < leaf.trials <= MOST_EXACT_TRIALS:
@@ -88,7 +89,7 @@ def validate_figures(table: Table) -> None:
 
 
 def _validate_predicted(table: Table) -> None:
-    """Checks that the shares belong to the same trials, and that the mean squeezes fit the tree."""
+    """Checks that success and REJECT do not exceed 1 together, and that the mean squeezes fit the tree."""
     predicted = table.predicted
     most_ppm = PPM - predicted.reject_ppm + 1  # both are rounded
     if predicted.success_ppm > most_ppm:
@@ -105,7 +106,7 @@ def _validate_predicted(table: Table) -> None:
 
 
 def _validate_errors(index: int, leaf: Leaf, goal: GoalSpec) -> None:
-    """Checks that the errors below the goal's distance are as many as the trials that met it."""
+    """Checks that a quantile of the errors is within the goal's distance if as many trials met the goal."""
     if goal.kind not in ("pose", "modes") or not leaf.trials:
         return
     successes = successes_of(leaf)

@@ -40,7 +40,7 @@ class Field(NamedTuple):
     name: str = ""  # the attribute's, dotted for nested records
 
     def bounds(self, table: Any) -> tuple[int, int]:
-        """The least and the greatest value or length in a table."""
+        """The least and the greatest value of the field in a table, or length for text and bytes."""
         least, most = (
             bound if isinstance(bound, int) else attrgetter(bound)(table)
             for bound in (self.least, self.most)
@@ -49,7 +49,12 @@ class Field(NamedTuple):
 
 
 def fields_of(record: Any, *only: str) -> tuple[Field, ...]:
-    """The fields that annotate a record's class, in order, with those of nested records; or `only` some."""
+    """The fields that annotate a record's class, in order, including those of nested records.
+
+    Args:
+        record: the class.
+        only: names of the attributes whose fields are returned; without any name, all are.
+    """
     result: list[Field] = []
     for name, annotation in record.__annotations__.items():
         if only and name not in only:

@@ -18,7 +18,7 @@ def poses_of(goal: GoalSpec, leaf: Leaf) -> list[Pose2]:
 
 
 def hypotheses_of(goal: GoalSpec, leaf: Leaf) -> tuple[int, ...]:
-    """The hypothesis at each of `poses_of`."""
+    """The hypothesis of each pose that `poses_of` returns."""
     return tuple(pose.hypothesis for pose in _allowed(goal, leaf))
 
 
@@ -55,7 +55,10 @@ def threshold(goal: GoalSpec) -> float:
 
 
 def meets(goal: GoalSpec, leaf: Leaf, true: Pose2, hypothesis: int = 0) -> bool:
-    """Whether a part at `true` (mm, mm, rad) agrees with its leaf in pose and hypothesis, within its goal."""
+    """Whether a part at the pose `true` (mm, mm, rad) meets the goal at a leaf.
+
+    The leaf's hypothesis must be that of the part, too, if the goal asks to identify it.
+    """
     return any(
         distance(goal, pose, true) < threshold(goal) and (which == hypothesis or not goal.identify)
         for pose, which in zip(poses_of(goal, leaf), hypotheses_of(goal, leaf), strict=True)

@@ -1,8 +1,8 @@
 """Checks that the last squeeze could hold the part of the embedded job at a leaf's pose.
 
-A held part touches both jaws. So the outline, at the leaf's pose, reaches both faces between the ends of
-the fingers and does not extend just behind either, within the leaf's error and the job's doubts. It may
-continue farther behind a face: a finger may stand in a slot.
+A held part touches both jaws. So its outline, at the leaf's pose, must reach the faces of both fingers
+between their ends, and must not extend to just behind a face. Both are checked up to the leaf's error and the
+job's doubts. The outline may continue farther behind a face: a finger may stand in a slot.
 """
 
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ class Shape(NamedTuple):
 
 
 class Slack(NamedTuple):
-    """Possible errors of the cell, by the job's doubts; without a doubt 0."""
+    """Largest errors of the cell according to the job's doubts; 0 where the job states none."""
 
     place_mm: float
     turn_rad: float
@@ -53,9 +53,9 @@ class Slack(NamedTuple):
 
 
 class Grip(NamedTuple):
-    """Closed jaws about a part; lengths in mm."""
+    """Jaws closed on a part; lengths in mm."""
 
-    hand: Pose2  # of the hand in the world, where the jaws open
+    hand: Pose2  # in the world, where the jaws release the part
     half_length: float  # of a finger
     low: float  # y of the lower face in the hand frame
     high: float
@@ -63,10 +63,11 @@ class Grip(NamedTuple):
 
 
 def validate_grips(table: Table, job: Section) -> None:
-    """Checks each resolved leaf after a grip against the outline in the job.
+    """Checks the first squeeze, and each resolved leaf after a grip, against the outline in the job.
 
     Raises:
-        TableError: the jaws could not hold the part at a leaf's pose; names the first such leaf.
+        TableError: the first squeeze touches no part, or the jaws could not hold the part at a leaf's pose;
+            the message names the first such leaf.
     """
     if not (shapes := _shapes(table, job)):
         return
@@ -80,7 +81,10 @@ def validate_grips(table: Table, job: Section) -> None:
 
 
 def not_held(table: Table, job: Section) -> Iterator[tuple[int, int]]:
-    """Resolved leaves whose part the jaws could not hold at the leaf's pose, each with its node."""
+    """Yields the resolved leaves at whose pose the jaws could not hold the part, as indices.
+
+    Each comes with the index of the node of its last squeeze.
+    """
     shapes, slack = _shapes(table, job), _slack(job)
     for index, node, branch, leaf in _grips(table) if shapes else ():
         error_mm = _error_mm(table, leaf)
@@ -92,7 +96,7 @@ def not_held(table: Table, job: Section) -> Iterator[tuple[int, int]]:
 
 
 def _shapes(table: Table, job: Section) -> list[Shape]:
-    """Shapes of the job's parts; empty if it states none, or the goal does not identify the part."""
+    """Shapes of the job's parts; empty if the job states no outlines, or the goal does not identify parts."""
     outlines = [points(section(part, "part"), "outline_mm") for part in parts_of(job)]
     if not outlines or min(map(len, outlines)) < 3 or not table.goal.identify:
         return []
@@ -115,7 +119,7 @@ def _validate_first(table: Table, job: Section, reach_mm: float, slack: Slack) -
 
 
 def _grips(table: Table) -> Iterator[tuple[int, Node, Branch, Leaf]]:
-    """Each resolved leaf after a grip, with its node's index, its node and its branch."""
+    """Yields the index of a node, the node, a branch that is a grip, and the resolved leaf it leads to."""
     for index, node in enumerate(table.nodes):
         for branch in node.branches:
             held = branch.target < 0 and branch.low_um > 0 and branch.expected_um >= HELD_UM
@@ -124,7 +128,7 @@ def _grips(table: Table) -> Iterator[tuple[int, Node, Branch, Leaf]]:
 
 
 def _error_mm(table: Table, leaf: Leaf) -> float:
-    """An error (eq. 9) that half of the leaf's trials, or those that met the goal, did not exceed."""
+    """Error (eq. 9) allowed for a leaf's pose, mm: the median of its trials, or the goal's without trials."""
     if leaf.trials:
         return leaf.error_median_um / 1e3
     goal = table.goal
@@ -138,7 +142,7 @@ def _error_mm(table: Table, leaf: Leaf) -> float:
 
 
 def _grip(table: Table, node: Node, branch: Branch, shape: Shape, slack: Slack) -> Grip:
-    """The jaws closed on a branch, at the place of release."""
+    """The jaws closed to the expected width of a branch, at the place of release."""
     squeeze, expected = node.squeeze, branch.expected_um / 1e3
     place = node.let_go
     read = max(branch.high_um - branch.expected_um, branch.expected_um - branch.low_um) / 1e3
@@ -167,7 +171,7 @@ def _is_held(shape: Shape, pose: Pose2, grip: Grip, error_mm: float) -> bool:
 
 
 def _in_hand(outline: Outline, pose: Pose2, hand: Pose2) -> Outline:
-    """Transforms an outline of a part at a pose in the world to the frame of a hand."""
+    """Transforms the outline of a part at a pose in the world to the frame of the hand."""
     turn = pose[2] - hand[2]
     c, s, ch, sh = cos(turn), sin(turn), cos(hand[2]), sin(hand[2])
     dx, dy = pose[0] - hand[0], pose[1] - hand[1]

@@ -12,7 +12,7 @@ from drivers.ports import GripperProfile
 from runtime.errors import TableError
 
 GROUP = "squeezetree.profiles"
-DOUBT_STEPS = 3  # planned error of a width, in units of the resolution or the noise
+DOUBT_STEPS = 3  # doubt about widths, in units of the larger of resolution and noise
 
 
 PROFILES = {
@@ -113,7 +113,7 @@ def profile_of(model: str) -> GripperProfile:
     """The profile of a model by its name, ignoring case, spaces and dashes.
 
     Raises:
-        TableError: the model is unknown.
+        TableError: the model is unknown, or its driver's profile is invalid.
     """
     profile = known(model)
     if profile is None:
@@ -125,14 +125,18 @@ def profile_of(model: str) -> GripperProfile:
 
 
 def known(model: str) -> GripperProfile | None:
-    """`profile_of`, but None for an unknown model."""
+    """The profile of a model by its name, like `profile_of`; None for an unknown model.
+
+    Raises:
+        TableError: the profile of the model's driver is invalid.
+    """
     name = _normalised(model)
     preset = next((one for key, one in PROFILES.items() if name == _normalised(key)), None)
     return preset or _plugged_in(model, name)
 
 
 def selectable() -> dict[str, GripperProfile]:
-    """The presets, then the profiles of installed drivers, by model; an unsound one is left out."""
+    """The presets, then the profiles of installed drivers, by model; invalid profiles are left out."""
     from importlib.metadata import entry_points
 
     result = dict(PROFILES)
@@ -143,7 +147,7 @@ def selectable() -> dict[str, GripperProfile]:
 
 
 def doubt_um(resolution_um: float, noise_um: float) -> float:
-    """Default doubt about the error of a gripper's widths."""
+    """Default doubt about a gripper's widths, um: three times the larger of resolution and noise."""
     return DOUBT_STEPS * max(resolution_um, noise_um)
 
 
@@ -163,7 +167,7 @@ def _plugged_in(model: str, name: str) -> GripperProfile | None:
 
 
 def _is_sound(profile: GripperProfile) -> bool:
-    """Whether its numbers are possible for a gripper."""
+    """Whether the numbers of a profile are possible for a gripper."""
     pairs = (profile.speed_mm_s, profile.force_n)
     numbers = [profile.stroke_um, profile.resolution_um, profile.noise_um, *pairs[0], *pairs[1]]
     if not all(isinstance(number, int | float) and number >= 0 for number in numbers):

@@ -1,4 +1,4 @@
-"""From a reading to its outcome: a gripper's calibration, the map of a node, and whether both fit."""
+"""Look-up of a reading: a gripper's calibration, the map of a node, and whether gripper and table fit."""
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from runtime.table.model import REJECT, Branch, GripperSpec, Node, Table
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Map from nominal to true widths: linear between points, constant offset beyond the ends.
+    """Map from nominal to true widths: linear between points, constant beyond the first and the last.
 
     Raises:
         TableError: there is only one point, or the points do not rise.
@@ -90,7 +90,7 @@ class Segments(NamedTuple):
 
 
 class DecisionMap(NamedTuple):
-    """Meaning of every settled reading of a closing motion at a node."""
+    """The branch of every settled reading of a closing motion at a node."""
 
     unfelt: Segments  # without an object felt
     felt: Segments  # with an object felt
@@ -101,16 +101,16 @@ class DecisionMap(NamedTuple):
 
     @property
     def either(self) -> Segments:
-        """The segments for drawings: a width with the flag that it needs.
+        """The segments without regard to the object flag, for drawings.
 
-        Where the flag decides between nothing and a thin grip, it is the grip.
+        A width that means nothing held or a thin grip, depending on the flag, has the branch of the grip.
         """
         starts = sorted({*self.unfelt.starts_um, *self.felt.starts_um})
         return _segments(starts, [max(part.at(start) for part in self) for start in starts])
 
 
 def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
-    """Meaning of every settled reading of a closing motion at a node: the whole rule (decision 0056).
+    """The branch of every settled reading of a closing motion at a node: the whole rule (decision 0056).
 
     A width means the branch with the nearest expected width, the lower of two equally near, among those
     whose interval contains the width and which the flag admits. A branch that does not reach down to width 0,
@@ -132,7 +132,7 @@ def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
 
 
 def _cuts(branches: list[tuple[int, Branch]]) -> set[int]:
-    """The widths at which the meant branch may change."""
+    """The widths, um, at which the branch of a reading may change."""
     cuts = {cut for _, branch in branches for cut in (branch.low_um, branch.high_um + 1)}
     for k, (_, one) in enumerate(branches):
         for _, other in branches[k + 1 :]:
@@ -142,7 +142,7 @@ def _cuts(branches: list[tuple[int, Branch]]) -> set[int]:
 
 
 def _nearest(branches: list[tuple[int, Branch]], width_um: int) -> int:
-    """The branch whose interval contains a width, of several the one with the nearest expected width."""
+    """The branch whose interval contains a width; of several, the one with the nearest expected width."""
     within = [
         (abs(width_um - branch.expected_um), number)
         for number, branch in branches
@@ -157,15 +157,21 @@ def _segments(starts: list[int], branches: list[int]) -> Segments:
 
 
 def decide(decided: DecisionMap, width_um: int, felt: bool) -> int:
-    """Meaning of one settled reading: an index into the node's branches, or `REJECT`; one bisection.
+    """Looks up one settled reading by bisection.
 
-    `felt`: whether the closing jaws stopped at an object, not at the end of their way.
+    Args:
+        decided: the map of the node.
+        width_um: the true width.
+        felt: whether the closing jaws stopped at an object, not at the end of their way.
+
+    Returns:
+        An index into the node's branches, or `REJECT`.
     """
     return decided.of(felt).at(width_um)
 
 
 def unread(decided: DecisionMap, calibration: Calibration, branches: int) -> list[int]:
-    """The branches that no reading of a gripper means."""
+    """Indices of a node's branches, `branches` in number, that no reading of a gripper selects."""
     read = {
         branch
         for segments in decided
@@ -178,8 +184,8 @@ def unread(decided: DecisionMap, calibration: Calibration, branches: int) -> lis
 def misfits(table: Table, calibration: Calibration) -> list[str]:
     """Reasons why a gripper cannot run a valid table: a sentence for each, with a remedy.
 
-    The jaws must open as far as the table requires; some reading must mean each branch; the reading nearest
-    to its expected width must mean no other.
+    The jaws must open as far as the table requires. Some reading must select each branch, and the reading
+    nearest to the branch's expected width must not select another.
     """
     problems, widest_um = [], calibration.widest_um
     for index, node in enumerate(table.nodes):

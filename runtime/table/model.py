@@ -34,10 +34,10 @@ PPM = 1_000_000
 
 MOST_BINS = 300  # of a histogram of readings
 HELD_UM = 2000
-"""Expected width above which the jaws hold a part, which the hand then drags to `Node.release`."""
+"""Least expected width at which the jaws hold a part; the hand then drags the part to `Node.release`."""
 
 REJECT = -1
-"""In place of the index of a branch: no branch."""
+"""Stands for the index of a branch where no branch has the reading."""
 
 KINDS = ("pose", "tolerances", "modes", "orientation", "identity")
 
@@ -50,7 +50,7 @@ class Place(NamedTuple):
 
 
 class Area(NamedTuple):
-    """A rectangle in the world along its axes, um."""
+    """A rectangle along the axes of the world, um."""
 
     x_min: Annotated[int, Field("of hand's centre and located parts", -FAR)]
     y_min: Annotated[int, Field("the same", -FAR)]
@@ -66,7 +66,7 @@ class Area(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """The largest deviations of a pose that a goal allows; 0 where its kind does not ask."""
+    """The largest deviations of a pose that a goal allows; 0 if the goal's kind does not use them."""
 
     x_um: Annotated[int, Field("bound of abs(dx)")]
     y_um: Annotated[int, Field("bound of abs(dy)")]
@@ -132,12 +132,12 @@ class Branch(NamedTuple):
 
     @property
     def grip(self) -> bool:
-        """Whether something is between the jaws: the branch excludes readings of closed jaws."""
+        """Whether the branch means that the jaws hold something, and so excludes width 0."""
         return self.low_um > 0 or self.expected_um >= HELD_UM
 
 
 class Node(NamedTuple):
-    """One decision: a squeeze and its outcomes, ordered by width; and the pushes before it."""
+    """One decision: the pushes before a squeeze, the squeeze, and its outcomes by rising width."""
 
     squeeze: Squeeze
     branches: tuple[Branch, ...]
@@ -148,19 +148,20 @@ class Node(NamedTuple):
 
     @property
     def let_go(self) -> Place:
-        """Where a held part is released."""
+        """The place of the hand where the jaws release a held part."""
         return self.release or self.squeeze.place
 
     def release_point(self, branch: int) -> Place | None:
-        """Where a part that took a branch is released; None: where the hand stands.
+        """The place to which the hand drags a part before the release, by the branch of the reading.
 
-        An unknown part, whose branch is `REJECT`, is not dragged.
+        Returns:
+            None where the part is not dragged: after `REJECT`, if it is not held, or without a release.
         """
         held = branch != REJECT and self.branches[branch].expected_um >= HELD_UM
         return self.release if held else None
 
     def branch_to(self, target: object) -> int | None:
-        """The branch with a target; None where there is none."""
+        """The index of the branch with a target (a node, or ~leaf); None where there is none."""
         return next((k for k, branch in enumerate(self.branches) if branch.target == target), None)
 
 
@@ -196,13 +197,13 @@ class Leaf(NamedTuple):
 
     @property
     def success(self) -> float | None:
-        """Share of its trials that met the goal; None without trials."""
+        """Share of the leaf's trials that met the goal; None without trials."""
         return self.success_ppm / PPM if self.trials else None
 
 
 @dataclass(frozen=True, slots=True)
 class GripperSpec:
-    """The gripper of a table: its model's profile, and the fingers."""
+    """The gripper that a table was planned for: the profile of its model, and its fingers."""
 
     model: Annotated[str, Field("name of the model", 1, LONGEST, LINE)]
     opening_um: Annotated[int, Field("widest opening", 1, WIDE)]
@@ -219,7 +220,7 @@ class GripperSpec:
 
     @classmethod
     def of(cls, profile: GripperProfile, finger_length_um: int, finger_width_um: int) -> Self:
-        """The gripper of a profile, with its fingers."""
+        """The gripper with a profile and with fingers of some length and width."""
         return cls(
             model=profile.model,
             opening_um=profile.stroke_um,
@@ -252,7 +253,11 @@ class GripperSpec:
 
     @property
     def profile(self) -> GripperProfile:
-        """The profile that the table was planned with, completed from the known model."""
+        """The profile that the table was planned with.
+
+        A table does not state arc, radius and counts: they are those of the known model of this name, the
+        counts only if they have as many steps.
+        """
         preset = known(self.model)
         counts = None if preset is None else preset.counts
         if counts is not None and counts[1] - counts[0] != self.steps:
@@ -344,16 +349,16 @@ class Table:
 
     @property
     def pushing(self) -> int | None:
-        """The first node with pushes before its squeeze; None if there are none."""
+        """The index of the first node with pushes before its squeeze; None without pushes."""
         return next((index for index, node in enumerate(self.nodes) if node.pushes), None)
 
     def goal_of(self, hypothesis: int) -> GoalSpec:
-        """The goal for a part, under its own symmetry."""
+        """The goal with rho and symmetry of a hypothesis."""
         if not self.hypotheses:
             return self.goal
         part = self.hypotheses[hypothesis]
         return replace(self.goal, rho_um=part.rho_um, symmetry=part.symmetry)
 
     def name_of(self, leaf: Leaf) -> str | None:
-        """The part that a leaf names; None for a single part."""
+        """The name of the part that a leaf predicts; None for a table of a single part."""
         return self.hypotheses[leaf.hypothesis].name if self.hypotheses else None

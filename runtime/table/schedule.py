@@ -12,7 +12,7 @@ from runtime.table.turning import may_turn, turned_pose
 
 
 class Stand(NamedTuple):
-    """Place of the hand above the table."""
+    """Place and angle of the hand above the table."""
 
     x_mm: float
     y_mm: float
@@ -30,7 +30,7 @@ class Stand(NamedTuple):
         return self._replace(x_mm=x_mm, y_mm=y_mm)
 
     def turn_from(self, place: "Stand") -> float:
-        """Angle by which to turn the world about its origin so that a hand at `place` need not turn."""
+        """Angle, rad, by which a plan is turned about the origin to give its stand `place` this angle."""
         return remainder(self.angle_rad - place.angle_rad, tau)
 
 
@@ -61,7 +61,7 @@ class Schedule:
         return cls(table.nodes, timing, may_turn(table, job))
 
     def part(self, squeezes: Sequence[Squeezed], start: Stand | None = None) -> list[Phases]:
-        """Phases of each squeeze of a part; the hand starts above `start` or above the part's first place."""
+        """Phases of each squeeze of a part; the hand starts above `start` or, if None, the first squeeze."""
         before, jaws_s, all_phases = start, 0.0, []
         for number, squeezed in enumerate(squeezes):
             after = squeezes[number + 1].node if number + 1 < len(squeezes) else None
@@ -142,5 +142,8 @@ class Schedule:
 
 
 def close_alike(table: Table) -> bool:
-    """Whether both fingers make half of the closing, so that a hand half a turn round is equivalent."""
+    """Whether the job says that each finger makes half of the closing.
+
+    Then a hand turned by half a turn squeezes alike.
+    """
     return section(job_of(table) or {}, "gripper").get("upper_finger_share") == 0.5

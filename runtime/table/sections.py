@@ -17,7 +17,7 @@ from runtime.table.fields import (
 
 
 class Section(NamedTuple):
-    """One record, or columns of records: one array for each field."""
+    """A section of a table's file: a single record, or several as columns, one array for each field."""
 
     name: str
     meaning: str
@@ -29,7 +29,7 @@ class Section(NamedTuple):
 
     @property
     def optional(self) -> bool:
-        """Whether the section may be absent, without records."""
+        """Whether a file leaves the section out if it has no records."""
         return self.name in OPTIONAL
 
     @property
@@ -78,7 +78,10 @@ FIELDS: dict[str, tuple[Field, ...]] = {
 
 
 def records_of(table: model.Table) -> dict[str, list[tuple[int, Any]]]:
-    """The records of each section, each with the index of its owner, or its own index without one."""
+    """The records of each section, by its name, as pairs of an index and the record.
+
+    The index is that of the node or leaf that owns the record, or else the record's own.
+    """
     nodes, leaves = list(enumerate(table.nodes)), list(enumerate(table.leaves))
     return {
         "tool": [(0, table)],

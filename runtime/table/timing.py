@@ -24,7 +24,7 @@ ABOVE_MM = 4.0
 """Height of the tips above the top of a part between two of its squeezes."""
 
 NEAR_MM = 30.0
-"""Distance within which a hand at the retreat height comes down on its way: beyond may be obstacles."""
+"""Greatest way on which a hand at the retreat height may descend as it travels; obstacles may be farther."""
 
 DEFAULTS: Mapping[str, float] = {
     "arm_acceleration_mm_s2": 2_000.0,
@@ -85,16 +85,16 @@ def time_of(value: object) -> float:
 
 
 class Visit(NamedTuple):
-    """The inputs of a squeeze's time."""
+    """What the time of one squeeze depends on."""
 
     way_mm: float  # of the hand, from its last place
     turn_rad: float  # of the hand, either way
-    opening_mm: float  # the jaws before it
-    # greatest width at which they may meet the part; None: it is not known
+    opening_mm: float  # of the jaws before the squeeze
+    # greatest width at which the jaws may meet the part; None: it is not known
     contact_mm: float | None
-    width_mm: float  # where they stop
-    speed_mm_s: float  # at which they close where they may meet the part
-    next_mm: float  # the next opening
+    width_mm: float  # of the jaws where they stop
+    speed_mm_s: float  # at which the jaws close where they may meet the part
+    next_mm: float  # opening of the jaws after the squeeze
     drag_mm: float = 0.0  # drag of a held part before its release
     from_retreat: bool = False  # whether the hand comes down from the retreat height
     to_retreat: bool = False  # whether it returns there
@@ -103,7 +103,7 @@ class Visit(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Speeds, heights and response times of a cell; all times come from `squeeze`."""
+    """Speeds, heights and response times of a cell, and the times of motions that follow from them."""
 
     arm_speed_mm_s: float
     arm_acceleration_mm_s2: float
@@ -180,7 +180,7 @@ class Timing:
         return CLEAR_MM / speed_mm_s + answer_s
 
     def opening_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
-        """Seconds of opening from clear of a part to the next opening, while the hand rises and travels."""
+        """Seconds of the jaws' way from clear of a part to the next opening; meanwhile the hand may move."""
         stroke_mm = abs(next_mm - width_mm - CLEAR_MM)
         return stroke_mm / (max(self.fastest_mm_s, speed_mm_s) if self.streams else speed_mm_s)
 
@@ -240,10 +240,10 @@ class Timing:
 
 
 def checked(limits: Limits, job: Mapping[str, Any] | None) -> tuple[dict[str, float], int]:
-    """The cell's times in the job, with defaults, and the regrasp height in um.
+    """The values of a job's cell for the keys of `DEFAULTS`, and the regrasp height in um.
 
     Raises:
-        TableError: the figures are impossible.
+        TableError: a value of the job is impossible.
     """
     cell = section(job or {}, "cell")
     stated = {key: _positive(cell, key, default) for key, default in DEFAULTS.items()}
@@ -253,10 +253,10 @@ def checked(limits: Limits, job: Mapping[str, Any] | None) -> tuple[dict[str, fl
 def _regrasp_height_um(limits: Limits, job: Mapping[str, Any] | None) -> int:
     """Height of the tips between two squeezes of one part: as the job states it, else just above the part.
 
-    The retreat height if the part's height is unknown.
+    It is the retreat height if neither this height nor that of every part is stated.
 
     Raises:
-        TableError: it is not above the part and below the retreat height.
+        TableError: the stated height is not above parts and squeeze height, or is above the retreat height.
     """
     heights_mm = [number(section(entry, "part"), "height_mm") for entry in parts_of(job or {})]
     known = [height for height in heights_mm if height is not None]

@@ -28,9 +28,9 @@ def may_turn(table: Table, job: Mapping[str, Any] | None, middle_mm: float = 0.0
     """Whether a table's plan may be turned by any angle: belief, goal and work area allow it.
 
     Args:
-        table: a table without pushes.
-        job: the one inside it, None where it was stripped.
-        middle_mm: distance from the hand's middle where the fingers meet.
+        table: the table; a plan with pushes may not be turned.
+        job: the job inside the table, None where it was stripped.
+        middle_mm: distance between the hand's middle and the point where the fingers meet.
     """
     if not same_from_every_side(job, table.goal.kind) or table.pushing is not None:
         return False
@@ -47,7 +47,7 @@ def same_from_every_side(job: Mapping[str, Any] | None, kind: str) -> bool:
 
 
 def turned(table: Table, turn_urad: int) -> Table:
-    """The table with its grasp poses and leaves turned about the origin; it must have no pushes."""
+    """The table with its grasp poses and leaves turned about the origin; the table must have no pushes."""
     if turn_urad == 0:
         return table
     nodes = tuple(_turned_node(node, turn_urad) for node in table.nodes)
@@ -56,7 +56,7 @@ def turned(table: Table, turn_urad: int) -> Table:
 
 
 def turned_leaf(leaf: Leaf, turn_urad: int) -> Leaf:
-    """The leaf with its poses, and the scatter about them, turned about the origin."""
+    """The leaf with its poses and their covariance turned about the origin."""
     if turn_urad == 0:
         return leaf
     return _turned_pose(leaf, turn_urad)._replace(

@@ -1,4 +1,4 @@
-"""The validation of a table: every reason not to execute it, at every write and every read."""
+"""Validation of a table, at every write and every read: all reasons not to execute it."""
 
 from collections import Counter
 from math import cos, sin
@@ -20,7 +20,7 @@ def validate(table: Table) -> None:
     """Checks that a table, with values of the right types, may be executed.
 
     Raises:
-        TableError: it may not; names the first wrong node, branch, leaf or field.
+        TableError: the table may not; the message names the first wrong node, branch, leaf or field.
     """
     records = records_of(table)
     for section in SECTIONS:
@@ -52,7 +52,7 @@ def _within(name: str, value: int, least: int, most: int = FAR) -> None:
 
 
 def _validate_numbers(section: Section, records: dict[str, list[tuple[int, Any]]]) -> None:
-    """Checks the number of records of a section, or for each of their owners."""
+    """Checks the number of records of a section, or of each node or leaf that owns records."""
     if section.owner is None:
         if section.row and not (section.optional and not records[section.name]):
             number = len(records[section.name])
@@ -68,7 +68,7 @@ def _validate_numbers(section: Section, records: dict[str, list[tuple[int, Any]]
 def _validate_field(
     table: Table, section: Section, field: Field, records: list[tuple[int, Any]]
 ) -> None:
-    """Checks the range of a field; searches for the wrong record only if there is one."""
+    """Checks the range of a field in all records of its section; the message names the first wrong record."""
     values = [*map(attrgetter(field.name), (record for _, record in records))]
     sizes = values if field.type in ("int", "flag") else [*map(len, values)]
     least, most = field.bounds(table)
@@ -108,7 +108,7 @@ def _validate_goal(goal: GoalSpec) -> None:
 
 
 def _validate_hypotheses(table: Table) -> None:
-    """Checks the parts that may lie there, and that leaves name them; a single part has no name."""
+    """Checks the hypotheses against the goal, and that leaves refer to existing ones."""
     goal, hypotheses = table.goal, table.hypotheses
     if not hypotheses and (goal.kind == "identity" or not goal.identify):
         raise TableError("goal asks which part it is, of which there is one; recompile it")
@@ -162,7 +162,7 @@ def _validate_motions(index: int, node: Node, limits: Limits) -> None:
 def _validate_branches(
     index: int, node: Node, gripper: GripperSpec, calibration: Calibration
 ) -> None:
-    """Checks that a node's branches are in order, add up, and are each meant by some reading."""
+    """Checks a node's branches: their order, the sum of probabilities, and that some reading selects each."""
     total, below = 0, -1
     for number, branch in enumerate(node.branches):
         at, least_um = f"node {index}, branch {number}", max(branch.low_um, below + 1)

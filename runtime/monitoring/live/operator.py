@@ -61,7 +61,13 @@ def state(seen: Mapping[str, Any]) -> str:
 
 
 def screen(loaded: Table, outlines: Outlines, seen: Mapping[str, Any]) -> str:
-    """Everything below the state: of a table, the outlines of its parts and a status."""
+    """The HTML below the state: figures, lost parts, widths, last parts and table.
+
+    Args:
+        loaded: the table.
+        outlines: outlines of the table's parts.
+        seen: the status (`Status.as_object`).
+    """
     return "\n".join(
         [
             *_signs(seen),
@@ -110,11 +116,14 @@ def _figures(seen: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
 
 
 def _pose(answer: Mapping[str, Any]) -> tuple[str, str]:
-    """Pose of a part, or of its drawing's datum if the job names one, with its name if any."""
+    """Position and angle, as texts, of a part or, if the job names one, of its drawing's datum.
+
+    The text of the angle begins with the name of the part if there are several.
+    """
     shown = answer["datum"] or answer
     which = f"{answer['hypothesis']}, " if "hypothesis" in answer else ""
     datum = " (datum)" if answer["datum"] else ""
-    # no shift is 0.00, not -0.00
+    # zero is shown as 0.00, not as -0.00
     x_mm, y_mm, angle = (round(shown[name], 2) + 0.0 for name in ("x_mm", "y_mm", "angle_deg"))
     return f"{x_mm:.2f}, {y_mm:.2f} mm", f"{which}{angle:.1f}°{datum}"
 

@@ -23,15 +23,21 @@ METRICS = "text/plain; version=0.0.4; charset=utf-8"
 
 
 class Parts(NamedTuple):
-    """The parts that may lie there, from the job within the table."""
+    """Names and outlines of the parts of a table, from the job inside it."""
 
-    name: str
+    name: str  # the names joined by "or", a general word if unknown
     outlines: list[list[list[float]]]  # of each (n, 2) [mm], empty if unknown
 
 
 def pages(table: Table, name: str, status: Status) -> Pages:
-    """The pages of a run's server, by path with media type; `name` is that of the table's file."""
-    # Once, before anything moves.
+    """The pages of a run's server, by path: each a media type, and a function that returns the content.
+
+    Args:
+        table: the table.
+        name: name of the table's file.
+        status: status of the run.
+    """
+    # Built once, before anything moves.
     html, outlines = page(table, name).encode(), parts(table).outlines
 
     def screen() -> bytes:
@@ -67,7 +73,7 @@ def page(table: Table, name: str) -> str:
 
 
 def tree(table: Table, outlines: list[list[list[float]]]) -> dict[str, Any]:
-    """Data of a table for the page, as columns in its units, and the outlines (n, 2) [mm] of its parts."""
+    """Data for the page's script: columns of a table in the table's units, and the parts' outlines [mm]."""
     branches = [
         {"node": index, **branch._asdict()}
         for index, node in enumerate(table.nodes)
@@ -97,7 +103,7 @@ def _columns(rows: list[dict[str, Any]], *names: str) -> dict[str, list[Any]]:
 
 
 def parts(table: Table) -> Parts:
-    """Names and outlines from the job within the table; a foreign job format has neither."""
+    """Names and outlines of a table's parts; unknown if the table has no job, or one of another format."""
     try:
         listed = [entry["part"] for entry in parts_of(job_of(table) or {})]
         outlines = [[[float(x), float(y)] for x, y in part["outline_mm"]] for part in listed]

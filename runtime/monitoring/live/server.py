@@ -102,12 +102,12 @@ def is_loopback(host: str) -> bool:
 
 
 class PageServer:
-    """Answers requests on a TCP port, in separate threads; leaving the context ends both.
+    """Answers requests on a TCP port, in separate threads; leaving the context closes port and connections.
 
-    It never waits for the control loop, nor the loop for it, and its cost is bounded: clients at a time (a
-    thread each), clients a second, bytes of a request, seconds for a request and its response. Only complete
-    requests are answered; a client that is idle for `PATIENCE_S` is disconnected. Its `address` has the
-    actual port in place of 0.
+    Server and control loop never wait for each other. The cost of the server is bounded by limits for clients
+    at a time (a thread each), clients a second, bytes of a request, and seconds for a request and its
+    response. Only complete requests are answered; a client that sends none within `PATIENCE_S` is
+    disconnected. The attribute `address` has the actual port in place of 0.
 
     Raises:
         UsageError: the address is not available.
@@ -191,7 +191,13 @@ class PageServer:
 
 
 def listening(address: Address, option: str, *, at_once: bool = True) -> socket.socket:
-    """A socket that listens at an address; without `at_once` it only holds it, and refuses connections.
+    """A socket that listens at an address.
+
+    Args:
+        address: the address.
+        option: the option that states it.
+        at_once: whether the socket listens now; otherwise it only reserves the address, at which connections
+            are refused.
 
     Raises:
         UsageError: the address is not available.
@@ -236,10 +242,13 @@ def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
 
 
 def answer(pages: Pages, asked: bytes, *, local: bool) -> bytes:
-    """The complete response to a request; the pages are by path, each with its media type.
+    """The complete response to a request.
 
-    With `local` only requests to this machine's own name are answered: a page elsewhere whose name resolves
-    to this machine (DNS rebinding) learns nothing.
+    Args:
+        pages: media type and content of each page, by path.
+        asked: the request's head.
+        local: whether a request that names a host other than this machine is refused. So a foreign page whose
+            host name resolves to this machine (DNS rebinding) can read nothing.
     """
     line, _, fields = asked.partition(b"\n")
     understood = REQUEST.match(line)

@@ -4,11 +4,12 @@ A part is good if it ended at a resolved leaf and its audit passed. A part that 
 faulted or judged wrong has failed. A part at a leaf without a judgement is unknown, and counts against
 either verdict. Parts that the operator stopped are left out.
 
-The verdict is a sequential test by a confidence sequence: for a share m, ((s / m)^S ((1 - s) / (1 -
-m))^(n-S) mixed over a beta distribution of s exceeds 1 / ERROR at any of the n with probability ERROR at
-most (Ville 1939; Howard, Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2). So the
-test may be checked after each part and the study ended as soon as it is decided: a wrong verdict still has
-probability ERROR at most.
+The verdict is a sequential test by a confidence sequence. Let m be the true share of failures, and S the
+number of failures among the first n parts. Then the likelihood ratio (s / m)^S ((1 - s) / (1 - m))^(n - S),
+mixed over a beta distribution of s, exceeds 1 / ERROR at any n with probability ERROR at most (Ville 1939;
+Howard, Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2). So the test may be checked
+after each part, and the study ended as soon as it is decided: a wrong verdict still has probability ERROR at
+most.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -57,17 +58,17 @@ class SequentialTest:
         return mixed - _times_log(failures, share) - (parts - failures) * log1p(-share)
 
     def accepts(self, failures: int, parts: int) -> bool:
-        """Whether `failures` show that their share is below the limit."""
+        """Whether `failures` among `parts` show that the share is below the limit."""
         below = failures < self.limit * parts
         return below and self.evidence(failures, parts, self.limit) >= -log(ERROR)
 
     def refuses(self, failures: int, parts: int) -> bool:
-        """Whether they show that it is above the limit."""
+        """Whether `failures` among `parts` show that the share is above the limit."""
         above = failures > self.limit * parts
         return above and self.evidence(failures, parts, self.limit) >= -log(ERROR)
 
     def bounds(self, least: int, most: int, parts: int) -> Bounds:
-        """Bounds of the share, where between `least` and `most` of the parts failed."""
+        """Bounds of the share of failures if between `least` and `most` of the parts failed."""
         if not parts:
             return Bounds(0.0, 0.0, 1.0)
         low = self._crossing(least, parts, 0.0, least / parts) if least else 0.0
@@ -87,7 +88,7 @@ class SequentialTest:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """State of a study so far."""
+    """State of a study after some parts."""
 
     limit: float
     parts: int = 0  # parts that count
@@ -117,7 +118,7 @@ class Acceptance:
 
 
 def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
-    """State of a study after each part that counts; a verdict is final."""
+    """Yields the state of a study after each part that counts; a verdict is final."""
     test, now = SequentialTest(limit), Acceptance(limit)
     for part in parts:
         if part.outcome in LEFT_OUT:
@@ -159,7 +160,15 @@ def planned(limit: float, expected: float | None) -> Planned:
 
 
 def parts_for(readings: int, share: float) -> int | None:
-    """Number of parts that contain, with probability `CONTAINED`, `readings` of a kind with this share."""
+    """Number of parts among which `readings` are of a kind, with probability `CONTAINED`.
+
+    Args:
+        readings: least number of parts of the kind.
+        share: share of the kind among all parts.
+
+    Returns:
+        None if more than `MOST_PARTS` are needed.
+    """
     return _first(lambda count: binomial_at_most(readings - 1, count, share) <= 1.0 - CONTAINED)
 
 

@@ -79,7 +79,7 @@ def _of_journals(options: argparse.Namespace) -> int:
     if options.crossed is not None:
         others = figures.crossed_of([read([path]) for path in options.journals], options.crossed)
     if others and options.output is None and not any(part.verdict for part in history.parts):
-        return _say_crossed(options, others)  # which asks for no audit
+        return _say_crossed(options, others)  # crossed studies need no audit
     study = figures.studied(history, _limit(options, history.table.goal.confidence_ppm), others)
     if options.output is not None:
         write(options.output, page(study, [path.name for path in options.journals]))

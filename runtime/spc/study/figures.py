@@ -34,7 +34,7 @@ class GaugeRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """Results of a run-off's journals."""
+    """Results of a study of a run-off's journals."""
 
     history: History
     acceptance: Acceptance
@@ -47,10 +47,10 @@ class Study:
 
     @property
     def bounds(self) -> Bounds:
-        """Bounds of the share of failures: those of all looks hold together, so the narrowest apply.
+        """Bounds of the share of failures.
 
-        If they contradict one another, the share has changed meanwhile, and those of the last look are
-        returned.
+        The bounds of all looks hold together, so the narrowest of `curve` apply. If they contradict one
+        another, the share has changed during the run-off, and the bounds of the last look are returned.
         """
         last, looks = self.acceptance.bounds, [now.bounds for now in self.curve]
         low, high = max(look.low for look in looks), min(look.high for look in looks)
@@ -74,15 +74,15 @@ class Study:
 
 
 def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> Study:
-    """The study of a history.
+    """Studies the history of a run-off.
 
     Args:
-        history: of the run-off.
+        history: the history.
         limit: largest acceptable share of failures.
         others: crossed studies to include.
 
     Raises:
-        UsageError: no part was audited, or too few were measured.
+        UsageError: no part was audited, too few were measured, or the operator stopped every part.
     """
     if not any(part.verdict for part in history.parts):
         raise UsageError(
@@ -115,7 +115,10 @@ def by_truth(history: History) -> History:
 
 
 def tolerances_of(goal: GoalSpec) -> dict[str, float]:
-    """Whole widths of the goal's tolerances by coordinate, mm and rad; a distance applies to each alone."""
+    """Whole widths of the goal's tolerances by coordinate, mm and rad.
+
+    The distance of a goal applies to each coordinate alone; coordinates without a tolerance are left out.
+    """
     if goal.kind in ("tolerances", "orientation"):
         tolerance, turn = goal.tolerance, {"theta_rad": goal.tolerance.theta_urad / 5e5}
         if goal.kind == "orientation":
@@ -129,7 +132,7 @@ def tolerances_of(goal: GoalSpec) -> dict[str, float]:
 
 
 def expected_failures(table: Table) -> float | None:
-    """Share of parts that the table's own evaluation did not locate; None without one."""
+    """Share of parts that the table's evaluation did not locate; None without an evaluation."""
     return 1.0 - table.predicted.success_ppm / PPM if table.predicted.trials else None
 
 
@@ -145,14 +148,14 @@ def parts_of_leaves(table: Table) -> int | None:
 
 
 def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
-    """Crossed studies of the squeeze as the gauge: journals are appraisers of the same parts in turn.
+    """Crossed studies, by quantity, of the squeeze as a gauge; each journal is an appraiser.
 
-    Quantities are the width of the first squeeze, whose hand is at the same place for every part, and the
-    pose of the leaf, if every part was located.
+    The quantities are the width of the first squeeze, where the hand is at the same place for every part, and
+    the coordinates of the leaf's pose, if every part was located.
 
     Args:
         runs: one for each journal, of one table.
-        parts: number of parts, presented repeatedly in the same order.
+        parts: number of parts, which each run measures again and again in the same order.
 
     Raises:
         UsageError: the journals do not hold such a study.
@@ -180,7 +183,7 @@ def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
 
 
 def _coordinate(table: Table, number: int) -> Callable[[Part], float]:
-    """Reads a coordinate of the pose that the leaf of a part predicts."""
+    """A function that returns a coordinate of the pose in the world that a part's leaf predicts."""
     return lambda part: turned_pose(predicted_pose(table.leaves[part.leaf or 0]), part.turn_rad)[
         number
     ]
@@ -189,7 +192,10 @@ def _coordinate(table: Table, number: int) -> Callable[[Part], float]:
 def _readings(
     name: str, runs: Sequence[History], parts: int, of: Callable[[Part], float]
 ) -> list[list[list[float]]]:
-    """Readings of a quantity by part, journal and trial; angles of a part are unwrapped."""
+    """Readings of a quantity by part, journal and trial.
+
+    Angles are shifted by whole periods of the part's symmetry to within half a period of the part's first.
+    """
     readings = [[[of(part) for part in run.parts[k::parts]] for run in runs] for k in range(parts)]
     if name != "theta_rad":
         return readings
@@ -219,5 +225,5 @@ def _judged(table: Table, part: Part) -> Part:
 
 
 def in_degrees(name: str, value: float) -> float:
-    """A coordinate in mm or degrees, for people."""
+    """A value for display: degrees for `theta_rad`, unchanged for other coordinates."""
     return degrees(value) if name == "theta_rad" else value

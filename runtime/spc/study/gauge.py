@@ -11,7 +11,7 @@ from statistics import fmean, stdev
 from typing import NamedTuple
 
 LEAST_READINGS = 25  # of a type-1 study
-CAPABLE = 1.33  # Cg and Cgk above which a gauge counts as capable
+CAPABLE = 1.33  # Cg and Cgk from which a gauge counts as capable
 GOOD, ACCEPTABLE = 10.0, 30.0  # %GRR up to which a gauge is good, and up to which it is acceptable
 POOLED_FROM = 0.05  # probability above which the interaction counts as repeatability
 CATEGORIES = 1.41
@@ -28,7 +28,7 @@ class TypeOne(NamedTuple):
     bias: float  # mean of gauge minus reference
     sigma: float | None  # standard deviation of the readings
     cg: float | None  # repeatability against the tolerance
-    cgk: float | None  # repeatability and bias against it
+    cgk: float | None  # repeatability and bias against the tolerance
     bias_p: float | None  # probability of such a bias by chance (Student's t)
 
     @property
@@ -42,10 +42,10 @@ class TypeOne(NamedTuple):
 
 
 def type_one(deviations: Sequence[float], tolerance: float) -> TypeOne:
-    """A type-1 study.
+    """Evaluates a type-1 study.
 
     Args:
-        deviations: gauge minus reference, at least one.
+        deviations: readings of the gauge minus the reference, at least one.
         tolerance: whole width of the tolerance, in the same unit.
     """
     count, bias = len(deviations), fmean(deviations)
@@ -76,7 +76,7 @@ class Spread(NamedTuple):
         return sqrt(self.gauge**2 + self.part**2)
 
     def percent(self, value: float) -> float | None:
-        """A standard deviation against the total; None where nothing varied."""
+        """A standard deviation in percent of the total; None where nothing varied."""
         return 100.0 * value / self.total if self.total else None
 
     @property
@@ -130,13 +130,13 @@ class Crossed:
 
 
 def crossed(readings: Readings) -> Crossed:
-    """A crossed study.
+    """Evaluates a crossed study.
 
     Args:
-        readings: of part, appraiser and trial, (p, o, r), each at least 2.
+        readings: by part, appraiser and trial, of shape (p, o, r).
 
     Raises:
-        ValueError: a dimension is smaller, or the study is not balanced.
+        ValueError: a dimension is less than 2, or the study is not balanced.
     """
     parts, appraisers = len(readings), len(readings[0]) if readings else 0
     trials = len(readings[0][0]) if appraisers else 0
@@ -151,7 +151,11 @@ def crossed(readings: Readings) -> Crossed:
 
 
 def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None, Spread]:
-    """Two-way analysis of variance with interaction, which is pooled where it is not significant."""
+    """Two-way analysis of variance; an interaction that is not significant is pooled with repeatability.
+
+    Returns:
+        The probability of the interaction by chance, None where nothing repeats, and the spread.
+    """
     cells = [[fmean(cell) for cell in row] for row in readings]
     rows, columns = [*map(fmean, cells)], [*map(fmean, zip(*cells, strict=True))]
     mean = fmean(rows)

@@ -95,7 +95,7 @@ def crossed_words(studies: Mapping[str, Crossed]) -> Iterator[str]:
 
 
 def judged(study: Crossed) -> str:
-    """Meaning of a %GRR by AIAG's limits."""
+    """Judgement of a study's %GRR by AIAG's limits."""
     if study.percent is None:
         return "not known: nothing varied"
     if study.percent <= GOOD:

@@ -46,7 +46,7 @@ function labelOf(target) {
   return `Node ${target}: squeeze at ${degrees(nodes[target].angle_urad)} degrees, ${nodes[target].branches.length} outcomes`;
 }
 
-// The tree, all of it or what lies beside the part's way; branches that few parts take are folded.
+// The tree: all of it, or a part's way with its side branches. Branches that few parts take are folded.
 const view = byId("plan"), near = byId("near"), follow = byId("follow"), details = byId("details");
 function withAncestors(targets) {
   const found = new Set(targets);
@@ -94,7 +94,7 @@ function show(key) {
   if (box.top < frame.top || box.bottom > frame.bottom) view.scrollTop += (box.top + box.bottom - frame.top - frame.bottom) / 2;
 }
 
-// What is known of the panel that is looked at.
+// The details of the chosen panel.
 let steps = [];
 const link = target => make("button", {type: "button", "data-to": keyOf(target)}, nameOf(target));
 function spanOf({branches}) {
@@ -144,7 +144,7 @@ document.addEventListener("click", event => {
   if (to) chosen = targetOf(to), draw(); // where only this part's way is drawn
 }, true);
 
-// The state, asked for again and again; whoever looks elsewhere asks for nothing.
+// Polls the state; a hidden page requests nothing.
 function take(state) {
   steps = state.steps;
   const last = steps.at(-1);
