@@ -33,11 +33,9 @@ class TypeOne(NamedTuple):
 
     @property
     def capable(self) -> bool | None:
-        """Whether Cg and Cgk reach `CAPABLE`; None with too few readings."""
-        if self.readings < LEAST_READINGS:
+        """Whether Cg and Cgk reach `CAPABLE`; None, unknown, with too few or only equal readings."""
+        if self.readings < LEAST_READINGS or self.cg is None or self.cgk is None:
             return None
-        if self.cg is None or self.cgk is None:  # all readings are equal
-            return self.cgk is not None
         return min(self.cg, self.cgk) >= CAPABLE
 
 

@@ -105,6 +105,7 @@ def test_type_one_never_has_cgk_above_cg(deviations):
     assert study.capable == (study.cgk >= 1.33)
 
 
-def test_type_one_says_nothing_of_too_few_readings():
-    assert type_one([0.1] * 24, 1.0).capable is None
+def test_type_one_says_nothing_of_too_few_or_only_equal_readings():
+    assert type_one([0.1, 0.2] * 12, 1.0).capable is None
+    assert type_one([0.1] * 25, 1.0).capable is None
     assert type_one([0.1], 1.0).sigma is None
