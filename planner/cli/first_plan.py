@@ -118,10 +118,12 @@ def check_thickness(imported: Imported) -> None:
 
 
 def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
-    """Plans within the time until an answer [s], less a reserve; if `patient`, plans again within `SLOW_S`.
+    """Plans within the time until an answer [s], less a reserve for what follows the plan.
+
+    If that time is too short and the caller `patient`, plans once more, within `SLOW_S`.
 
     Raises:
-        NoPlanError: the time does not suffice, also in the second attempt if `patient`, or no plan exists.
+        NoPlanError: the time does not suffice, or no plan exists.
     """
     limit = Limit(answer_s - min(REST_S, REST * answer_s))
     try:

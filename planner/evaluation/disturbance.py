@@ -34,7 +34,7 @@ class Disturbance:
         return np.array([*self.bias_mm, math.radians(self.bias_deg)])
 
     def placed(self, placements: Array, traits: Traits, rng: np.random.Generator) -> Array:
-        """True poses (n, 3) in the world of hands that the arm is sent to `placements` with [mm, mm, rad]."""
+        """True poses (n, 3) of the hand in the world, where the arm is sent to `placements` [mm, mm, rad]."""
         turn = math.radians(self.placement_deg)
         spread = np.array([self.placement_mm, self.placement_mm, turn])
         return true_placements(placements + self.bias, traits, rng, spread)

@@ -57,7 +57,7 @@ class Evaluation:
 
     @cached_property
     def seconds(self) -> Array:
-        """(n,) estimated time, computed on first use: that takes longer than the squeezes."""
+        """(n,) estimated times [s]; computed on first use, since that takes longer than the squeezes."""
         return seconds_of(self.table, self.path, self.reading, self.branch)
 
     @property
@@ -67,7 +67,7 @@ class Evaluation:
 
     @property
     def states(self) -> Array:
-        """States for the goal's metric: the final poses, with the hypothesis where it is not the first."""
+        """(n, 3) final poses; (n, 4) with the hypothesis, if any is not the first."""
         return with_hypothesis(self.poses, self.traits)
 
     @property
@@ -117,7 +117,7 @@ class Evaluation:
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """One evaluation of the trials of several of a table, in their order; at least one."""
+        """Joins evaluations of one table, at least one, to an evaluation of all their trials in order."""
         names = [field.name for field in fields(cls)[1:]]
         rows = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
         return cls(parts[0].table, *rows)

@@ -40,7 +40,7 @@ def written_for(name: str) -> dict[str, str]:
 
 
 def commands_of(name: str, drawing: str, arguments: Sequence[str]) -> list[list[str]]:
-    """The words after `squeezetree`, as typed by a person: the plan, its page, simulated parts."""
+    """The commands of a plan as words after `squeezetree`: plan, report, run of simulated parts."""
     files = {what: beginning(file) for what, file in written_for(name).items()}
     simulated = ["--port", "sim", "--time-scale", "max", "--count", str(PARTS)]
     return [
@@ -83,7 +83,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def try_others(files: Mapping[str, str]) -> None:
-    """Plans for other discs and goals and states the results, until the file `stop` exists."""
+    """Plans for larger discs and tighter goals and logs the results; ends when `files["stop"]` exists."""
     stop, summary = Path(files["stop"]), Path(files["trials"]) / "summary.json"
     for trial in trials_of(Path(files["job"])):
         for value in trial.values:
@@ -100,7 +100,10 @@ def try_others(files: Mapping[str, str]) -> None:
 
 
 def _ended(words: Sequence[str], stop: str, *, aside: bool = False) -> int:
-    """Runs a command and returns its exit code; the file `stop` interrupts it. `aside`: niced, silent."""
+    """Runs a command and returns its exit code; the file `stop` interrupts the command.
+
+    With `aside`, the command runs at low priority and its output is discarded.
+    """
     before, output = (["nice"], subprocess.DEVNULL) if aside else ([], None)
     child = subprocess.Popen(
         [*before, *COMMAND, *words], stdin=subprocess.DEVNULL, stdout=output, stderr=output

@@ -139,7 +139,7 @@ class Cluster:
             del running[future]
 
     def _fail(self, error: BaseException | None) -> NoReturn:
-        """Raises the error of a failed item: one about the cluster if it is the cause, else the function's."""
+        """Raises the error of an item: one about the cluster if that is the cause, else the function's."""
         from distributed import KilledWorker
 
         if isinstance(error, KilledWorker):
