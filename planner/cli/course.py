@@ -49,8 +49,8 @@ def shown(
 ) -> Iterator[Report]:
     """Shows progress on standard error; yields `report(stage, done, total, detail)`.
 
-    On a terminal that is one bar for the whole work, which never goes back; elsewhere a line every `LINES_S`
-    seconds, so that shorter work prints nothing. Both show the time left, if known.
+    A terminal shows one bar for the whole work, which never goes back. Elsewhere a line is printed every
+    `LINES_S` seconds, so that shorter work prints nothing. Both show the time left, if known.
 
     Args:
         quiet: show nothing.

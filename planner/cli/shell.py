@@ -233,7 +233,10 @@ def _on_interrupt(hear: Callable[[int, FrameType | None], None]) -> Iterator[Non
 
 @contextmanager
 def stopping(limit: Limit, name: str) -> Iterator[None]:
-    """Lets the first Ctrl-C end the work of a command with the result so far; the next one interrupts it."""
+    """Context in which the first Ctrl-C ends the work of a command with the result so far.
+
+    Ctrl-C interrupts the command if there is no result yet, or after an earlier Ctrl-C.
+    """
 
     def hear(number: int, frame: FrameType | None) -> None:
         if not limit.ask():

@@ -1,4 +1,4 @@
-"""Disturbances between table and world besides the mechanics: errors of the encoder's zero and of the arm."""
+"""Errors of the cell besides the mechanics: errors of the encoder's zero and of the arm."""
 
 import math
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """Expected readings of a healthy cell's encoder at each node of a table, and at other frictions.
 
-`grasp-audit report --expected` compares the readings in journals with these shares.
+`grasp-audit report --expected` compares the readings in journals with these counts.
 """
 
 from collections.abc import Iterator

@@ -49,7 +49,7 @@ class Reliability(NamedTuple):
 
 
 def reliability(table: Table, evaluation: Evaluation) -> Reliability:
-    """Compares the leaves' predictions with fresh trials; leaves below `LEAST_VISITS` are left out.
+    """Compares the leaves' predictions with fresh trials, for leaves with `LEAST_VISITS` or more.
 
     The table's figure is itself an estimate: k hits in n trials. Under Jeffreys' prior the number of hits
     among m further trials is then beta-binomial with Beta(k + 1/2, n - k + 1/2); the interval is its central
@@ -110,7 +110,7 @@ class Mistake(NamedTuple):
 
 
 class Identities(NamedTuple):
-    """Names given to parts, over all trials."""
+    """The names that leaves gave to parts, counted over all trials."""
 
     names: tuple[str, ...]  # of the hypotheses
     named: IntArray  # (h, h + 1) parts of each hypothesis by the name given; last column: none

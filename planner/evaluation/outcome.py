@@ -72,27 +72,27 @@ class Evaluation:
 
     @property
     def success(self) -> BoolArray:
-        """Trials that ended in a resolved leaf within the goal."""
+        """(n,) whether the trial ended in a resolved leaf within the goal."""
         return np.asarray(self.resolved & self.within)
 
     @property
     def wrong(self) -> BoolArray:
-        """Trials that ended in a resolved leaf, but not within the goal: confident and wrong."""
+        """(n,) whether the trial ended in a resolved leaf, but not within the goal: confident and wrong."""
         return np.asarray(self.resolved & ~self.within)
 
     @property
     def rejected(self) -> BoolArray:
-        """Trials in which a width fitted no branch."""
+        """(n,) whether the trial ended at a width that fitted no branch."""
         return np.asarray(self.leaf == REJECTED)
 
     @property
     def unresolved(self) -> BoolArray:
-        """Trials that ended in a leaf that does not claim to know the pose."""
+        """(n,) whether the trial ended in a leaf that does not claim to know the pose."""
         return np.asarray((self.leaf >= 0) & ~self.resolved)
 
     @property
     def crashes(self) -> int:
-        """How many trials ended with an open finger on the part."""
+        """Number of trials that ended with an open finger on the part."""
         return int(np.sum(self.leaf == CRASHED))
 
     def summary(self, takt_s: float | None = None) -> dict[str, Any]:

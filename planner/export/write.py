@@ -1,6 +1,6 @@
 """Writes an export: a table's data and executor in one language, with vectors that test them.
 
-Every language stores the branches of a node as runs of consecutive counts.
+Every language stores the branches of a node as runs, which are intervals of widths.
 """
 
 import json

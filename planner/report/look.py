@@ -49,7 +49,7 @@ class Step(NamedTuple):
 def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> list[Step]:
     """The path from the root to a leaf that most parts take.
 
-    Its length is one of `squeezes`, where some part takes such a path.
+    The length of the path is one of `squeezes`, if some part takes such a path.
     """
     results: list[tuple[int, list[Step]]] = []
     waiting: list[tuple[int, list[Step]]] = [(0, [])]

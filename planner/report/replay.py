@@ -20,7 +20,7 @@ from runtime.table import Table
 
 
 class Replay(NamedTuple):
-    """All parts, node by node."""
+    """The squeezes of all parts at each node, and their states at each node and leaf."""
 
     visits: tuple[Step, ...]  # one for each node of the table
     # For each node, the states of the parts on arrival, after its pushes, as `with_hypothesis`.

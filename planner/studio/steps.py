@@ -1,8 +1,8 @@
 """The steps of planning in the studio: commands in sequence, in a process that outlives the page.
 
 `python -m planner.studio.steps NAME DRAWING ARGUMENT ...` runs `squeezetree try`, `report` and `run` in the
-current folder, and then `planner.studio.what_if`; its output is the plan's log. The file `NAME.stop` acts
-as Ctrl-C.
+current folder, and then the trials of `planner.studio.what_if`; its output is the plan's log. The file
+`NAME.stop` acts as Ctrl-C.
 """
 
 import contextlib
@@ -64,7 +64,13 @@ def typed(words: Sequence[str]) -> str:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Runs the commands in turn, and stops after one that fails or leaves no table; returns its exit code."""
+    """Runs the commands in turn, and then trials of other discs and goals.
+
+    Stops after a command that fails or leaves no table.
+
+    Returns:
+        The exit code of the last command before the trials.
+    """
     name, drawing, *arguments = argv
     files = written_for(name)
     code = 0
