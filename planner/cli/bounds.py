@@ -10,7 +10,7 @@ from runtime.table import Table
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options that ask for a certificate; `bound_of` reads them."""
+    """Adds the options that ask for a certificate; `bound_of` reads them."""
     text = (
         "prove a lower bound on the squeezes of any plan that is as good, on a sample of so many parts "
         f"(default: {PARTS}); takes seconds to minutes; more parts tighten the bound"

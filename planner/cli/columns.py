@@ -19,15 +19,14 @@ from runtime.shell.files import writing
 def read(
     path: Path, names: Sequence[str], defaults: Mapping[str, float] | None = None
 ) -> dict[str, Array]:
-    """Reads the columns `names` and those of `defaults`, which may be missing; others are ignored.
+    """Reads the columns `names` and, with default values where they are missing, those of `defaults`.
 
     Returns:
         Columns (n,) by their names, in this order.
 
     Raises:
-        InputError: the file is missing or not text.
-        KeyNameError: a column is missing.
-        InputError: a value is not a finite number; names the line.
+        KeyNameError: a column of `names` is missing.
+        InputError: the file is missing or not CSV, or a value is not a finite number.
     """
     where, defaults = str(path), defaults or {}
     try:

@@ -79,7 +79,7 @@ def _compile(arguments: argparse.Namespace) -> int:
 
 
 def _single(arguments: argparse.Namespace) -> int:
-    """Compiles the job as it stands."""
+    """Compiles the one job of the file, without variations."""
     started = time.perf_counter()
     job = _job(arguments)
     read = job_file.files(arguments.job)
@@ -90,7 +90,7 @@ def _single(arguments: argparse.Namespace) -> int:
     bounded = math.isfinite(arguments.budget)
     whole = course.of_time(arguments.budget) if bounded else course.of_search
     for result in alike(job):
-        if not result.hopeless:  # that is refused
+        if not result.hopeless:  # a hopeless one is refused
             tell(NAME, f"warning: {result.line()}")
     limit, notes = Limit(arguments.budget), list[str]()
     with (

@@ -17,14 +17,14 @@ OBJECTS_S = 0.3  # seconds between two JSON objects of progress
 LINES_S = 5.0  # seconds between two lines of progress where no terminal shows a bar
 
 Whole = Callable[[float, int, int], float | None]
-"""The share of a command's whole work that is done, 0 to 1, or None if unknown.
+"""Returns the share of a command's whole work that is done, 0 to 1, or None if unknown.
 
-Arguments: the seconds so far, and how much of the current stage is done, of how much.
+Arguments: the seconds so far, and the done and the total amount of the current stage.
 """
 
 
 def unknown(_seconds: float, _done: int, _total: int) -> float | None:
-    """The share of work whose end nobody can tell."""
+    """The share of work whose duration is unknown: always None."""
     return None
 
 
@@ -39,7 +39,7 @@ def counted(_seconds: float, done: int, total: int) -> float | None:
 
 
 def of_time(expected_s: float) -> Whole:
-    """The share done of work that should end after a time [s]; unknown once it takes longer."""
+    """A function for work that should end after a time [s]; the share is unknown once it takes longer."""
     return lambda seconds, _done, _total: seconds / expected_s if seconds < expected_s else None
 
 
@@ -49,8 +49,8 @@ def shown(
 ) -> Iterator[Report]:
     """Shows progress on standard error; yields `report(stage, done, total, detail)`.
 
-    On a terminal that is one bar for the whole work, which never goes back; elsewhere a line every `LINES_S`
-    seconds, so that shorter work prints nothing. Both show the time left, if known.
+    A terminal shows one bar for the whole work, which never goes back. Elsewhere a line is printed every
+    `LINES_S` seconds, so that shorter work prints nothing. Both show the time left, if known.
 
     Args:
         quiet: show nothing.
@@ -106,7 +106,7 @@ class _Course:
 
 
 def objects(whole: Whole) -> Report:
-    """Writes progress to standard error as JSON, one object a line.
+    """A report that writes progress to standard error as JSON, one object a line.
 
     Keys: `stage`, `share` (0 to 1, or null), `seconds` so far, `left` and `detail`, for people.
     """
@@ -116,7 +116,10 @@ def objects(whole: Whole) -> Report:
 def _spaced(
     course: _Course, pause_s: float, last_s: float, line: Callable[[_Course, str, str], str]
 ) -> Report:
-    """Writes lines to standard error with a pause between two; `last_s` is the time of the last one."""
+    """A report that writes lines to standard error, at least `pause_s` apart.
+
+    `last_s` stands for the time of the line before the first; `line` formats a stage and its detail.
+    """
 
     def report(name: str, done: int, total: int, detail: str = "", /) -> None:
         nonlocal last_s

@@ -103,13 +103,13 @@ def _evaluate(arguments: argparse.Namespace) -> None:
 
 
 def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
-    """One world, looked at closely."""
+    """Evaluates the table in one world, and prints a detailed answer."""
     real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
     worlds, cell = _worlds_of(arguments), _disturbance(arguments)
     trials, seed = arguments.trials or DEFAULT_TRIALS, arguments.seed
     with shell.progress(arguments.json) as report:
         evaluation = evaluate(table, real, worlds(real), trials, seed, scheduler, cell, report)
-        # In each world that the job believes in, where the contact world represents them.
+        # Only the contact world can represent the worlds that the job believes possible.
         cases = believed_cases(job) if arguments.world == DEFAULT_WORLD else []
         fewer = min(trials, BELIEVED_TRIALS)
         believed = worst_of(sweep(table, job, cases, fewer, seed, scheduler))
@@ -260,7 +260,7 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None) -> list[
 
 
 def _named(identities: leaves.Identities) -> list[str]:
-    """How often the right part was named, and which was named for which."""
+    """States how often the right part was named, and which part was named for which."""
     figures = identities.figures()
     message = f"of the parts that were named ({figures['named_rate']:.2%})"
     lines = [f"{identities.right:7.2%}  right, {message}"]
@@ -272,7 +272,7 @@ def _named(identities: leaves.Identities) -> list[str]:
 
 
 def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
-    """Whether the leaves' probabilities hold, and the leaves where they do not."""
+    """States whether the leaves' probabilities hold, and lists the leaves where they do not."""
     held, total = sum(row.holds for row in outcome.rows), len(outcome.rows)
     if total == 0:
         few = f"no leaf of {len(table.leaves)} has {leaves.LEAST_VISITS} visits"
@@ -300,7 +300,7 @@ def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
 
 
 def _furthest(mistakes: list[leaves.Mistake]) -> list[str]:
-    """The paths of the worst errors."""
+    """Lists the worst errors, each with its path through the table."""
     lines: list[str] = []
     for row in mistakes:
         x, y, theta = row.initial
@@ -328,7 +328,7 @@ def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None) -> str:
 
 
 def _block(head: str, lines: list[str], rows: int = 0) -> list[str]:
-    """Lines under one head, cut after `MOST_ROWS`."""
+    """Lines under one head; of `rows` rows in total, those beyond `MOST_ROWS` are only counted."""
     more = [f"and {rows - MOST_ROWS} more; see --json"] if rows > MOST_ROWS else []
     return [f"{head if k == 0 else '':11s}{line}" for k, line in enumerate([*lines, *more])]
 

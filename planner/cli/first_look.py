@@ -35,18 +35,18 @@ from runtime.shell.errors import UsageError
 from runtime.shell.files import quoted, usable, write
 from runtime.table import dump
 
-ANSWER_S = 60.0  # from the start to the last line, once kernels are compiled
-LEAST_ANSWER_S = 12.0  # the same where kernels had to be compiled
+ANSWER_S = 60.0  # from the start to the last line, including the compilation of kernels
+LEAST_ANSWER_S = 12.0  # least time for the answer after the kernels are compiled
 PICTURE_S = 3.0
-LEAST_DRAWN = 300  # parts in the picture where squeezing them takes long
-DRAWN_SQUEEZES = range(1, 4)  # of the path in the picture
-WORTH_TELLING = 0.005  # accepted share of the parts for which the search was not finished
-LEAST_DONE = 0.9  # least share located among the finished parts, for that answer
-MOST_OPEN = 0.5  # share of unfinished parts above which there is no answer
+LEAST_DRAWN = 300  # least number of parts in the picture, if squeezing them takes long
+DRAWN_SQUEEZES = range(1, 4)  # lengths of the path in the picture
+WORTH_TELLING = 0.005  # share of unfinished parts from which the answer mentions them
+LEAST_DONE = 0.9  # least share located among the finished parts for the answer "cut"
+MOST_OPEN = 0.5  # share of unfinished parts above which the answer is "unknown"
 LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
 
 Spared = Callable[[str], AbstractContextManager[None]]
-"""Context of optional work, by name, that the answer can do without."""
+"""Returns a context for optional work, given its name: its failure does not prevent the answer."""
 
 
 def parser() -> Parser:
@@ -188,7 +188,7 @@ def _answered(
     spared: Spared,
     report: Report,
 ) -> Answer:
-    """Evaluates a plan in its own world and, with `trials` parts each, in others; adds what limits it."""
+    """The answer for a plan: its evaluation, those of `trials` parts in each other world, what limits it."""
     figures, lines, limits = plan.evaluation.summary(), list[Line](), list[str]()
     with spared("other worlds"):
         lines = tried(plan.table, job, plan.evaluation, trials, Threads(), report, limit)
@@ -207,7 +207,7 @@ def _answered(
 
 
 def _short(grade: Grade, success: float, open_share: float) -> str:
-    """The grade of a plan; for an unfinished search, the result so far."""
+    """The grade of a plan, but "cut" or "unknown" for a plan that is poor since its search is unfinished."""
     if grade != "poor" or not open_share:
         return grade
     if open_share > MOST_OPEN:
@@ -216,7 +216,12 @@ def _short(grade: Grade, success: float, open_share: float) -> str:
 
 
 def _files(arguments: argparse.Namespace, text: str) -> Files:
-    """The files to write: the job file asked for, or the first name that is free or says the same."""
+    """The files to write: the job file asked for, or the first name that is free or has the same text.
+
+    Raises:
+        UsageError: the job file asked for exists and has another text.
+        OutputError: a file cannot be written.
+    """
     stem, number = arguments.drawing.stem, 1
     job = arguments.output or Path(f"{stem}.toml")
     while arguments.output is None and job.exists() and not _says(job, text):
@@ -235,7 +240,7 @@ def _says(path: Path, text: str) -> bool:
 
 
 def _next(files: Files, picture: Path | None, plan: Plan, seconds: float) -> list[str]:
-    """The files that were written, and the next commands."""
+    """Lines that name the files written and the next commands."""
     longer = " (a full search)" if plan.cut else ""
     written = [files.job, files.table, *filter(None, (picture,))]
     job, table, report = map(quoted, (files.job, files.table, files.job.with_suffix(".html")))

@@ -19,8 +19,8 @@ from planner.work.limit import Limit
 from planner.work.progress import Report
 
 NAME = "plan-try"
-REST_S, REST = 15.0, 0.3  # most that other worlds, advice and picture take
-SLOW_S = 120.0  # budget where the first search was too slow
+REST_S, REST = 15.0, 0.3  # time kept for what follows the plan: at most, and as a share
+SLOW_S = 120.0  # budget of the second search, if the first was too slow
 QUICK = {"particles": 8000}  # overrides of [search]: a rough tree in the time available
 TRIALS = 5000  # parts, so that shares are whole hundredths of a percent
 LEAST_ROOM_MM = 4.0  # least gap between open fingers and the part at any angle, to choose a gripper
@@ -62,7 +62,7 @@ def imported_of(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
 def in_mm(
     read: Callable[[Path, Options], Read], path: Path, options: Options
 ) -> tuple[Read, list[str]]:
-    """Reads a drawing, in mm if it states no unit; also returns whether that was assumed."""
+    """Reads a drawing, in mm if it states no unit; also returns that assumption, if made, as a note."""
     try:
         return read(path, options), []
     except UnitsMissingError:
@@ -70,7 +70,7 @@ def in_mm(
 
 
 def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
-    """The answers that a job needs, with those that are defaults."""
+    """The answers that a job needs, from the arguments or by default, and what was assumed."""
     taken, restrictions = list[str](), list[str]()
     rooms = {name: room_mm(imported, name) for name in GRIPPERS}
     gripper, usual = arguments.gripper, next(iter(GRIPPERS))
@@ -118,7 +118,9 @@ def check_thickness(imported: Imported) -> None:
 
 
 def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
-    """Plans within the time until an answer [s]; if that is too short and `patient`, again in `SLOW_S`.
+    """Plans within the time until an answer [s], less a reserve for what follows the plan.
+
+    If that time is too short and the caller `patient`, plans once more, within `SLOW_S`.
 
     Raises:
         NoPlanError: the time does not suffice, or no plan exists.

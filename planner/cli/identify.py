@@ -21,7 +21,7 @@ from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
-MOST_SPLITS = 10  # of motions
+MOST_SPLITS = 10  # most splits that --motions is judged by
 KINDS: tuple[Kind, ...] = ("ellipsoid", "quartic")
 FORMATS = """\
 tables of pairs (.csv), one push a line, with a header:
@@ -183,7 +183,7 @@ def parser() -> Parser:
 
 
 def surface_text(result: Identified, data: Normalised, arguments: argparse.Namespace) -> str:
-    """The surface file of one result."""
+    """The text of the surface file of one result."""
     surface = result.fit.surface
     values: dict[str, Any] = {"rho_mm": surface.rho_mm}
     if isinstance(surface, LimitSurface):

@@ -22,7 +22,7 @@ from runtime.shell.errors import InputError
 PLACES = ("push_x_mm", "push_y_mm", "approach_x", "approach_y", "cor_x_mm", "cor_y_mm", "angle_deg")
 FINGERS = "fingers_mm"
 SHIFTS = {"shift_x_mm": 0.0, "shift_y_mm": 0.0}
-MOST = {"angle_deg": 360.0, FINGERS: 1e3}  # of entries; of the others `tips.MOST_MM`
+MOST = {"angle_deg": 360.0, FINGERS: 1e3}  # largest magnitudes; of other columns `tips.MOST_MM`
 BOUNDS = tuple(f"{name}_{end}" for name in tips.MOVED for end in ("low", "high"))
 SHARES = (0.05, 0.95)  # Quantiles of `BOUNDS`
 AT_ONCE = 100_000  # pushes whose mechanics are drawn together
@@ -39,7 +39,7 @@ class Drawn(NamedTuple):
 def read(path: Path, fingers_mm: float | None) -> dict[str, Array]:
     """Reads n pushes: the columns `PLACES`, `FINGERS`, and `SHIFTS`, which may be missing.
 
-    The distance is `fingers_mm` in a file that has no such column.
+    In a file without the column `FINGERS`, `fingers_mm` is the distance of the fingers.
 
     Raises:
         InputError: see `columns.read`; or no distance is stated, or an entry is out of range.
@@ -95,9 +95,10 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
 
 
 def exact(job: Job) -> Job:
-    """A job with the quartic of its load on rim or area, which predicts pushes better than the ellipsoid.
+    """The job with the quartic limit surface, if it presses on the rim or the area; else the job unchanged.
 
-    It takes ten times as long, too long for plans but not for a list of pushes.
+    The quartic predicts pushes better than the ellipsoid, but takes ten times as long: too long for plans,
+    not for a list of pushes.
     """
     spread = job.pressure.kind in ("boundary", "uniform")
     return job.replaced(pressure={"limit_surface": "quartic"}) if spread else job
@@ -111,7 +112,7 @@ def drawn(
     draws: int,
     rng: np.random.Generator,
 ) -> Drawn:
-    """Simulates the pushes `draws` times with `draw`."""
+    """Simulates each push `draws` times with `draw`; returns the quantiles `SHARES` of its displacement."""
     n, given_up = len(paths.angles), 0
     bounds, some = np.empty((n, 3, 2)), max(AT_ONCE // draws, 1)
     for start in range(0, n, some):

@@ -138,7 +138,7 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
 
 
 def _measured(path: Path, parts: Sequence[PartLog]) -> None:
-    """Adds the residuals of a table of audited parts to `parts`."""
+    """Adds the residuals from a CSV file of audited parts to `parts`."""
     rows = list(csv.DictReader(documents.read(path).splitlines()))
     try:
         for row in rows:
@@ -175,7 +175,7 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
 
 
 def timed(parts: Sequence[PartLog]) -> list[Timed]:
-    """The squeezes of parts whose seconds are in the journal, one entry a squeeze."""
+    """All squeezes of those parts for which the journal states the times of every squeeze."""
     return [
         Timed(node, width_um / 1e3, number + 1 == len(part.squeezes), phases)
         for part in parts
@@ -202,7 +202,10 @@ def _run(job: tuple[Cells, Any, int, int]) -> Evaluation:
 
 
 def edited(text: str, changed: Mapping[str, Mapping[str, Any]]) -> str:
-    """The text of a job file with other values; everything else, comments too, stays as written."""
+    """The text of a job file with other values; everything else, comments too, stays as written.
+
+    A section whose `kind` is stated anew loses its other keys, except `wishart_dof`.
+    """
     document = tomlkit.parse(text)
     for section, values in changed.items():
         if section not in document:

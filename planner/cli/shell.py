@@ -54,7 +54,7 @@ def check_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
 
 
 def checked_output(path: Path, what: str, suffix: str) -> Path:
-    """Checks the path of an output of one kind, which may also have no suffix or an unknown one.
+    """Checks and returns the path of an output; no suffix or an unknown one is allowed, too.
 
     Raises:
         UsageError: the suffix belongs to another kind.
@@ -66,7 +66,7 @@ def checked_output(path: Path, what: str, suffix: str) -> Path:
 
 
 def add_drawing(group: argparse._ArgumentGroup) -> None:
-    """The options that say how to read a drawing; `drawing_of` reads them."""
+    """Adds the options that say how to read a drawing; `drawing_of` reads them."""
     add = group.add_argument
     add("--units", choices=UNITS_MM, help="unit of the drawing (default: as the file says)")
     text = "size of one unit in mm, for a drawing in pixels"
@@ -100,7 +100,7 @@ def add_table(parser: argparse.ArgumentParser) -> None:
 
 
 def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
-    """The table of `add_table` and its job: the embedded copy, or a file with the same digest.
+    """Loads the table that `add_table` names, and its job: the embedded copy, or a file with the same digest.
 
     Raises:
         TableError: the table cannot be used.
@@ -149,13 +149,13 @@ def add_output(
 
 
 def add_seed(parser: argparse.ArgumentParser, what: str) -> None:
-    """Adds the seed of what a command draws, 0 by default."""
+    """Adds the option for the seed of a command's random draws, 0 by default."""
     text = f"{what} (default: %(default)s)"
     parser.add_argument("--seed", type=command.natural, default=0, help=text)
 
 
 def add_trials(parser: argparse.ArgumentParser, default: int, what: str) -> None:
-    """Adds the number of simulated parts."""
+    """Adds the option for the number of simulated parts."""
     text = f"{what} (default: %(default)s)"
     parser.add_argument("--trials", type=command.positive_int, default=default, help=text)
 
@@ -167,7 +167,7 @@ def add_distance(group: argparse._ArgumentGroup) -> None:
 
 
 def add_takt(parser: argparse.ArgumentParser) -> None:
-    """The option that states a takt, in seconds."""
+    """Adds the option that states a takt."""
     text = "also state how many parts are done within this time"
     parser.add_argument("--takt", type=command.seconds, metavar="6s", help=text)
 
@@ -203,7 +203,7 @@ def answer(as_json: bool, figures: Mapping[str, Any], *lines: str) -> None:
 
 @contextmanager
 def spared(what: str, notes: list[str], debug: bool = False) -> Iterator[None]:
-    """Context of optional work: its failure becomes a note.
+    """Context of optional work: a failure, or Ctrl-C, becomes a note.
 
     Args:
         what: the work, in the words of the note.
@@ -223,7 +223,7 @@ def spared(what: str, notes: list[str], debug: bool = False) -> Iterator[None]:
 
 @contextmanager
 def _on_interrupt(hear: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Handles Ctrl-C by a function."""
+    """Context in which the function `hear` handles Ctrl-C."""
     usual = signal.signal(signal.SIGINT, hear)
     try:
         yield
@@ -233,7 +233,10 @@ def _on_interrupt(hear: Callable[[int, FrameType | None], None]) -> Iterator[Non
 
 @contextmanager
 def stopping(limit: Limit, name: str) -> Iterator[None]:
-    """Lets the first Ctrl-C end the work of a command with the result so far; the next one interrupts it."""
+    """Context in which the first Ctrl-C ends the work of a command with the result so far.
+
+    Ctrl-C interrupts the command if there is no result yet, or after an earlier Ctrl-C.
+    """
 
     def hear(number: int, frame: FrameType | None) -> None:
         if not limit.ask():
@@ -248,7 +251,7 @@ def stopping(limit: Limit, name: str) -> Iterator[None]:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Context for work that may compile kernels: keeps Ctrl-C an interrupt, which numba would disguise."""
+    """Context for work that may compile kernels: Ctrl-C raises KeyboardInterrupt, even if numba hides it."""
     heard = False
 
     def hear(number: int, frame: FrameType | None) -> None:

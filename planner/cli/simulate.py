@@ -23,8 +23,8 @@ from runtime.shell.files import usable, words_of
 NAME = "plan-simulate"
 RADIANS, DEGREES = "theta_rad", "theta_deg"
 INPUTS = ("x_mm", "y_mm", RADIANS)
-PICTURES = {"figure": shell.PICTURES, "html": (".html",)}  # what they may end in
-IN_DEGREES = ("x_mm", "y_mm", DEGREES)  # the same poses
+PICTURES = {"figure": shell.PICTURES, "html": (".html",)}  # suffixes of each
+IN_DEGREES = ("x_mm", "y_mm", DEGREES)  # columns of poses with angles in degrees
 # Final pose and width, then the angles again, in degrees.
 RESULTS = (*(f"final_{name}" for name in INPUTS), "width_mm", "theta_deg", "final_theta_deg")
 MOST_RADIUS_MM, MOST_DRAWS = 1000.0, 100_000
@@ -35,11 +35,11 @@ SAME_DEG = 1e-5  # rounding error between an angle in degrees and the same in ra
 class Results(NamedTuple):
     """Results of n squeezes or pushes, ready to be written."""
 
-    what: tuple[str, str]  # what one of them is, and what several are
+    what: tuple[str, str]  # nouns for one of them, and for several
     table: columns.Table
     status: list[str]  # (n,) each one of `names`
     names: tuple[str, ...]
-    given_up: int  # number cut short
+    given_up: int  # number of those that were cut short
     drawn: tuple[Array, Parameters] | None = None  # poses (n, 3) and mechanics for pictures
 
 

@@ -49,7 +49,7 @@ class Settings(NamedTuple):
     trials: int  # parts squeezed to evaluate a table
     workers: int | None  # threads for a job; all cores if None
     strip: bool  # leave the jobs out of the tables
-    budget_s: float  # for each job; the tree is kept as it stands then
+    budget_s: float  # time for each job; the best tree at its end is kept
     takt_s: float | None  # time within which parts should be done
 
 
@@ -57,7 +57,7 @@ class Order(NamedTuple):
     """One job of a sweep."""
 
     overrides: Overrides  # the overrides: names and texts of values
-    text: str  # its canonical text; "" if it was refused
+    text: str  # canonical text of the job; "" if it was refused
     refusal: dict[str, Any] | None = None  # the error, as `_failure` returns it
 
     @property
@@ -69,7 +69,7 @@ class Order(NamedTuple):
 class Outcome(NamedTuple):
     """The result of one job."""
 
-    table: bytes | None  # of its decision table; None if there is none
+    table: bytes | None  # bytes of the decision table; None if there is none
     figures: dict[str, Any]  # from `figures_of` or, without a table, `_failure`
 
 
@@ -80,8 +80,7 @@ def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list
 
     Raises:
         UsageError: a text cannot be read, a name is swept twice, or there are too many combinations.
-        InputError: the job file cannot be read.
-        InputError: it is not TOML.
+        InputError: the job file cannot be read, or is not TOML.
     """
     axes = [split(text) for text in sweeps]
     names = [name for name, _ in axes]
@@ -123,7 +122,7 @@ def outcomes(
 
 
 def _of_job(number: int, jobs: int, report: Report) -> Report:
-    """Progress of one of several jobs; the jobs before it count as done."""
+    """A report for one of several jobs, which passes its stages on as progress of all jobs."""
 
     def report_stage(stage: str, _done: int, _total: int, detail: str = "", /) -> None:
         report(f"job {number} of {jobs}: {stage}", number - 1, jobs, detail)
@@ -173,9 +172,9 @@ def run(
     scheduler: Scheduler,
     as_json: bool,
 ) -> int:
-    """Compiles all orders, writes each table into a folder as soon as it is there, and the summary last.
+    """Compiles all orders; writes each table to a folder as soon as it is compiled, and at the end a summary.
 
-    `read` are the job file and what it names.
+    `read` are the job file and the files that it names, which must not be overwritten.
 
     Returns:
         0, or the exit code of the first job that has no table; 130 after Ctrl-C.
@@ -213,7 +212,7 @@ def run(
 
 
 def paths_of(orders: Sequence[Order], folder: Path) -> list[Path]:
-    """Where the tables go, each named after its values.
+    """The paths of the tables, each named after its values.
 
     Raises:
         UsageError: the folder is named like a table, or names coincide.
@@ -229,7 +228,7 @@ def paths_of(orders: Sequence[Order], folder: Path) -> list[Path]:
 
 
 def _fit(text: str) -> str:
-    """Shortens a text for a file name; a digest replaces the rest of a long one."""
+    """Converts a text to a file name; a digest replaces the rest of a long text."""
     name = _UNFIT.sub("_", text).strip("_")
     digest = hashlib.sha256(text.encode()).hexdigest()[:8]
     return name if len(name) <= LONGEST else f"{name[: LONGEST - 9]}-{digest}"

@@ -106,9 +106,12 @@ def scattered(
 
 
 def _way_out(points: Array, radius_mm: float, outline: Array) -> tuple[Array, IntArray]:
-    """Shifts (n, 2) for tips about points (n, K, 2), the deepest first, that clear them of the part.
+    """Shifts that clear pushers of round tips, about points (n, K, 2), of the part.
 
-    Also returns the rows that still overlap after `ROUNDS`.
+    Each round moves a pusher until its deepest tip is clear.
+
+    Returns:
+        Shifts (n, 2), and the rows of pushers that still overlap after `ROUNDS`.
     """
     edge = shapely.Polygon(outline).buffer(radius_mm, quad_segs=ARCS).boundary
     shift, rows = np.zeros((len(points), 2)), np.arange(len(points))

@@ -16,13 +16,13 @@ from planner.part.pressure import stances
 from runtime.shell.errors import InputError
 
 OFFSET = 2.0  # offsets of the encoder's zero, in its grains
-SLIGHTLY_UNEVEN = 0.02  # change of one finger's share of the closing: 1.3 mm where they close by 64
+SLIGHTLY_UNEVEN = 0.02  # change of the upper finger's share of the closing: 1.3 mm of 64 mm
 STEADY_DOF = 1_000_000  # degrees of freedom above which the limit surface no longer scatters
 FACTORS = (0.5, 0.7, 1.15, 1.3, 1.6)
-"""Factors of the friction between finger and part, for charts.
+"""Factors of the friction between finger and part, for control charts.
 
-The worlds share the false alarms, so that each additional one makes the others slower; the outermost
-detect a friction that lies farther away soon enough.
+The charts of all factors share one rate of false alarms, so that each additional factor delays the alarms of
+the others. The charts of the outermost factors also detect friction beyond them soon enough.
 """
 BEYOND = {min(FACTORS): " or less", max(FACTORS): " or more"}
 PLANNED = "as planned"
@@ -46,14 +46,14 @@ class Condition(NamedTuple):
         return f"{self.bound:.3g}{self.unit}"
 
     def stricter(self, other: "Condition") -> bool:
-        """Whether it is stricter than another condition on the same quantity and side."""
+        """Whether this condition is stricter than another one on the same quantity and side."""
         return self.bound < other.bound if self.side == "below" else self.bound > other.bound
 
 
 class Case(NamedTuple):
-    """One world."""
+    """A world that differs from the plan's assumptions."""
 
-    name: str  # the difference
+    name: str  # the difference, in words
     changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})  # in the form of `Job.replaced`
     disturbance: Disturbance = NONE  # errors of the cell
     broken: Condition | None = None  # the assumption that the world violates
@@ -67,7 +67,7 @@ class Case(NamedTuple):
         return planned.replaced(f"the world with {self.name}", **self.changes)
 
     def stated(self) -> dict[str, str]:
-        """The changes in the form of `--world-set`."""
+        """The changes as the option `--world-set` takes them: texts of values, by "section.key"."""
         return {
             f"{section}.{key}": str(value)
             for section, values in self.changes.items()
@@ -100,7 +100,7 @@ def standard_cases(job: Job) -> list[Case]:
 
 
 def believed_cases(job: Job) -> list[Case]:
-    """Cases for the first row of a report: each of the job's doubts at the ends of its interval."""
+    """Cases that the job believes possible: each of its doubts at the ends of the doubt's interval."""
     doubt, share, tolerance_mm = job.doubt, job.gripper.upper_finger_share, job.part.tolerance_mm
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     cases = list[Case]()
@@ -135,7 +135,7 @@ def believed_cases(job: Job) -> list[Case]:
 
 
 def _stands(case: Case, job: Job) -> bool:
-    """Whether the job of a case is valid: shares up to 1, an outline thick enough for its tolerance."""
+    """Whether the job of a case is valid; a share above 1 or an outline thinner than its tolerance is not."""
     try:
         case.job(job)
     except InputError:
@@ -144,13 +144,13 @@ def _stands(case: Case, job: Job) -> bool:
 
 
 def offset_cases(job: Job) -> list[Case]:
-    """Cases with the encoder's zero off to either side."""
+    """The two cases in which the encoder's zero is off by `OFFSET` grains, to either side."""
     offset = OFFSET * encoder_of(job).grain_mm
     return [Case(f"encoder {mm:+.2f} mm", {}, Disturbance(mm)) for mm in (-offset, offset)]
 
 
 def noise_cases(job: Job) -> list[Case]:
-    """Cases for advice: each of the job's sources of noise switched off; finally all together."""
+    """Cases for advice: each of the job's sources of noise switched off, and at the end all of them."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     sources = [Case("pressure", {"pressure": {"wishart_dof": STEADY_DOF}})]
     if high > low:
@@ -164,7 +164,7 @@ def noise_cases(job: Job) -> list[Case]:
 
 
 def friction_cases(job: Job) -> list[Case]:
-    """Cases for charts of readings: as planned, then the interval of friction times several factors."""
+    """Cases for control charts: as planned, then the interval of friction times each of `FACTORS`."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     cases = [Case(PLANNED)]
     for factor in FACTORS:
@@ -174,7 +174,7 @@ def friction_cases(job: Job) -> list[Case]:
 
 
 def assumption_cases(job: Job) -> list[Case]:
-    """Cases for a report, the unchanged one first: each breaks one assumption and names it."""
+    """Cases for a report: first the unchanged job, then cases that each break one assumption and name it."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     less, more = 0.5 * low, min(1.5 * high, MOST_FRICTION)
     noise, planned = 2.0 * job.gripper.noise_mm, job.gripper.upper_finger_share
@@ -218,22 +218,22 @@ def on_three_feet(job: Job) -> Case:
 
 
 def friction(low: float, high: float, broken: Condition | None = None) -> Case:
-    """The case of other bounds on the friction between finger and part, as far as a job may state them."""
+    """The case of other bounds on the friction between finger and part, capped at `MOST_FRICTION`."""
     low, high = min(low, MOST_FRICTION), min(high, MOST_FRICTION)
     return Case(f"friction {low:g} to {high:g}", _bounds(low, high), broken=broken)
 
 
 def _one_friction(name: str, side: str, mu: float) -> Case:
-    """The case of one friction value, which a condition on its side of the value excludes."""
+    """The case of a single friction `mu`, excluded if friction stays on one `side` of it."""
     return Case(name, _bounds(mu, mu), broken=Condition("friction", side, mu))
 
 
 def uneven(job: Job, share: float, centred: bool) -> Case:
     """The case of fingers that close unevenly: the upper one makes this share of the closing.
 
-    They then meet (planned share - share) (opening - width) beside the planned place; no width reveals that.
-    If `centred`, a calibration on the part's narrowest side has removed the shift, so that only the effect
-    of an uneven squeeze on the part remains.
+    The fingers meet (planned share - share) (opening - width) beside the planned place, which no width
+    reveals. If `centred`, a calibration on the part's narrowest side has removed the shift, so that only the
+    effect of an uneven squeeze on the part remains.
     """
     off = (job.gripper.upper_finger_share - share) * closing_mm(job)
     changes = {"gripper": {"upper_finger_share": share}}
@@ -248,18 +248,18 @@ def outline_off(job: Job, mm: float) -> Case:
 
 
 def _share(share: float, more: bool) -> Condition:
-    """The condition that the upper finger makes less, or more, than a share of the way."""
+    """The condition that the upper finger's share of the way stays below `share` if `more`, else above it."""
     side = "below" if more else "above"
     return Condition("the upper finger's share of the way", side, 100.0 * share, " %")
 
 
 def _beside(share: float, more: float) -> list[float]:
-    """The shares a little below and above one, where they are valid."""
+    """The shares `share - more` and `share + more`, without those outside 0 to 1."""
     return [round(other, 6) for other in (share - more, share + more) if 0.0 <= other <= 1.0]
 
 
 def _other_surface(job: Job) -> list[Case]:
-    """The case of the other limit surface, fitted to the same pressure, if the job's is fitted to any."""
+    """The case of the other form of limit surface, fitted to the same pressure; none if no form is fitted."""
     form = job.pressure.limit_surface
     if form is None:
         return []

@@ -1,4 +1,4 @@
-"""Disturbances between table and world besides the mechanics: errors of the encoder's zero and of the arm."""
+"""Errors of the cell besides the mechanics: errors of the encoder's zero and of the arm."""
 
 import math
 from dataclasses import dataclass
@@ -21,25 +21,34 @@ class Disturbance:
     placement_deg: float = 0.0  # standard deviation of its angle
     bias_mm: tuple[float, float] = (0.0, 0.0)  # constant error of the hand's x and y in the world
     bias_deg: float = 0.0  # constant error of its angle
-    across_mm: float = 0.0  # constant error of its place along the closing direction
-    believed: bool = False  # whether parts also have latent parameters by the job's doubts
+    across_mm: float = 0.0  # constant error of the hand's place along the closing direction
+    believed: bool = False  # whether latent parameters are drawn by the job's doubts, too
 
     @property
     def bias(self) -> Array:
         """Error (3,) of the arm's frame in the world [mm, mm, rad].
 
-        Every motion has this error: the table's poses are in the arm's frame, which the next motion uses.
+        All motions share this error, also the next one to a leaf's pose: the table's poses are in the arm's
+        frame.
         """
         return np.array([*self.bias_mm, math.radians(self.bias_deg)])
 
     def placed(self, placements: Array, traits: Traits, rng: np.random.Generator) -> Array:
-        """Where the arm puts a hand that is sent to (n, 3) [mm, mm, rad]."""
+        """True poses (n, 3) of the hand in the world, where the arm is sent to `placements` [mm, mm, rad]."""
         turn = math.radians(self.placement_deg)
         spread = np.array([self.placement_mm, self.placement_mm, turn])
         return true_placements(placements + self.bias, traits, rng, spread)
 
     def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:
-        """The traits of n parts in this cell; a foreign world has its own errors."""
+        """Draws the latent parameters of n parts in this cell.
+
+        Args:
+            job: the parts.
+            n: their number.
+            rng: draws hypotheses and doubts.
+            foreign: whether the world is no contact world, but has errors of its own: parts then get only
+                their hypotheses, unless the doubts are believed.
+        """
         if self.believed:
             traits = traits_of(job, n, rng)
         else:

@@ -39,7 +39,7 @@ def chunks_of(trials: int) -> list[Chunk]:
 def run_chunk(
     program: Program, job: Job, world: World | Worlds, seed: int, cell: Disturbance, chunk: Chunk
 ) -> Evaluation:
-    """Runs the trials of a chunk in its world, in any process."""
+    """Runs the trials of a chunk, in its own world if `world` is a supply; callable in any process."""
     rng = np.random.default_rng([seed, chunk.number, SEED_TRIALS])
     part_world = world.world(chunk.number) if isinstance(world, Worlds) else world
     return Cell(program, job, part_world, cell, rng).run(chunk.trials)
@@ -55,12 +55,19 @@ def evaluate(
     disturbance: Disturbance = NONE,
     report: Report = silent,
 ) -> Evaluation:
-    """Runs a table on at least one part, in chunks of 1000.
+    """Runs a table on parts, in chunks of 1000.
 
-    The job describes the true parts and gripper; it may differ from the one the table was compiled from. A
-    supply of worlds has one for each chunk, and workers share the chunks; in a single world chunks run one
-    after another. The seed determines initial poses, encoder noise and the arm's errors; the world has its
-    own. The result does not depend on the scheduler (all cores if None).
+    Args:
+        table: the table.
+        job: states the true parts and gripper; may differ from the job that the table was compiled from.
+        world: one world, in which chunks run one after another, or a supply of a world for each chunk, so
+            that workers share the chunks.
+        trials: number of parts, at least 1.
+        seed: determines initial poses, latent parameters, encoder noise and the arm's errors; the world has a
+            seed of its own.
+        scheduler: runs the chunks; threads on all cores if None. The result does not depend on it.
+        disturbance: errors of the cell.
+        report: receives the progress.
     """
     chunks = chunks_of(trials)
     run_all = (scheduler or Threads()).map if isinstance(world, Worlds) else map

@@ -1,6 +1,6 @@
 """Expected readings of a healthy cell's encoder at each node of a table, and at other frictions.
 
-`grasp-audit report --expected` compares the readings in journals with these shares.
+`grasp-audit report --expected` compares the readings in journals with these counts.
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ from runtime.table import Table
 def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
 ) -> Iterator[dict[str, Any]]:
-    """For each world its name and, for each node, the bins that parts read there and their counts."""
+    """Yields, for each of `friction_cases`, its name and, for each node, the readings counted by bin."""
     for case, result in sweep(table, job, friction_cases(job), trials, seed, scheduler, report):
         rows = readings(result, table)
         lines = [{str(number): int(row[number]) for number in np.flatnonzero(row)} for row in rows]
@@ -37,6 +37,6 @@ def readings(evaluation: Evaluation, table: Table) -> IntArray:
 
 
 def bins_of(table: Table, steps: IntArray) -> IntArray:
-    """The histogram bins of readings, which are steps of closing."""
+    """Indices of the histogram bins of readings, which count the steps that the jaws have closed."""
     gripper = table.gripper
     return np.asarray((gripper.steps - steps) // gripper.steps_a_bin)

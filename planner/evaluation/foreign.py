@@ -1,4 +1,4 @@
-"""Foreign parts, which do not belong on the table: how often the table answers them as one that does."""
+"""Foreign parts, which the job does not expect: how often a decision table takes them for the job's parts."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -18,22 +18,22 @@ from runtime.table import Table
 OFTEN = 0.05  # share of answered foreign parts above which the answers are explained
 MOST = 3
 DIRECTIONS = 360  # angles at which widths are compared, over half a turn
-SCALES, DISC_SIDES = (0.9, 1.1), 60  # friction and the like of generated foreign parts
+SCALES, DISC_SIDES = (0.9, 1.1), 60  # relative sizes of generated foreign parts, vertices of a disc
 
 
 class Answer(NamedTuple):
-    """A leaf that answers a foreign part, and the widths on the way there."""
+    """A leaf that answers a foreign part, and the widths read on the way to the leaf."""
 
     leaf: int
     part: str | None  # the name in the answer; None where only one part may come
     share: float  # of the foreign parts, those that end there
     widths_mm: tuple[float, ...]  # median width of the foreign parts at each squeeze
     ours_mm: tuple[float, ...]  # the same of the job's parts that end there; empty where none did
-    differ_mm: float  # largest difference of the two parts' widths, at the best turn
+    differ_mm: float  # as from `widths_differ_mm`, between the foreign part and the job's part
 
     @property
     def apart_mm(self) -> float | None:
-        """Largest difference of `widths_mm` and `ours_mm` at any squeeze [mm]; None without the latter."""
+        """Largest difference of `widths_mm` and `ours_mm` at any squeeze [mm]; None if `ours_mm` is empty."""
         pairs = zip(self.widths_mm, self.ours_mm, strict=True) if self.ours_mm else ()
         return max((round(abs(theirs - ours), 2) for theirs, ours in pairs), default=None)
 
@@ -51,7 +51,7 @@ class Tried(NamedTuple):
 
     name: str
     evaluation: Evaluation
-    answers: tuple[Answer, ...]  # the leaves that answer most of them, at most `MOST`
+    answers: tuple[Answer, ...]  # the leaves that answer most of its trials, at most `MOST`
 
     @property
     def answered(self) -> float:
@@ -87,7 +87,7 @@ class Tried(NamedTuple):
 
 
 def family(job: Job) -> tuple[Job, ...]:
-    """Generated foreign parts: each part a tenth smaller and larger, and others of similar width.
+    """Jobs of generated foreign parts: each part a tenth smaller and larger, and others of similar width.
 
     The others are a disc of the part's mean width, and a rectangle of its least and greatest width. All press
     evenly on the table. Parts that do not fit between the open fingers are left out.
@@ -116,7 +116,7 @@ def tried(
     parts: Sequence[Job],
     evaluated: Callable[[Job], Evaluation],
 ) -> Iterator[Tried]:
-    """Runs a table on foreign parts.
+    """Runs a table on foreign parts, and yields the answers to each of them.
 
     Args:
         table: the table.

@@ -1,4 +1,4 @@
-"""Whether a leaf is right about a part: the only place that knows the kinds of goals of tables."""
+"""Judges whether a leaf is right about a part, for all kinds of goals of a table."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ class Verdict(NamedTuple):
 
     # (n,) audit metric (paper eq. 9) to the nearest of the leaf's poses; infinite without a leaf
     error_mm: Array
-    within: BoolArray  # (n,) whether that is within the goal
+    within: BoolArray  # (n,) whether the part is within the goal of one of the leaf's poses
 
 
 def metric_of_table(table: Table) -> Metric:
@@ -37,21 +37,31 @@ def states_of(table: Table, leaf: Leaf) -> Array:
 
 
 def main_poses(poses: Array, metric: Metric) -> list[Mode]:
-    """The poses (n, 3 or 4), n >= 1, of parts in one leaf, the most frequent first, with their shares."""
+    """The most frequent poses of the parts in one leaf, with their shares, in descending order.
+
+    At most `MOST_POSES`, each with `LEAST_SHARE` of the parts or more.
+
+    Args:
+        poses: (n, 3 or 4) of the parts, n >= 1.
+        metric: the metric of the goal, which says what counts as one pose.
+    """
     modes = metric.main_modes(poses, MOST_POSES, LEAST_SHARE)
     return [mode for mode in modes if mode.ratio >= LEAST_SHARE]
 
 
 def claimed(table: Table, leaf: IntArray) -> BoolArray:
-    """Whether the leaves (n,) claim to know the pose; negative indices, which are no leaves, do not."""
+    """Mask (n,) of the indices (n,) of leaves that claim to know the pose; False for negative indices."""
     known = np.array([leaf.resolved for leaf in table.leaves])
     return np.asarray((leaf >= 0) & known[np.maximum(leaf, 0)])
 
 
 def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
-    """Compares true poses (n, 3) in the world with the answers of their leaves (n,), where >= 0.
+    """Compares true poses of parts with the answers of their leaves.
 
-    A fourth column is the hypothesis; without it, every part has the first.
+    Args:
+        table: the table.
+        leaf: (n,) index of the leaf where each part ended; negative for none.
+        poses: (n, 3) true poses in the world; a fourth column is the hypothesis, by default the first one.
     """
     metric = metric_of_table(table)
     # A goal of another kind may state no distance.

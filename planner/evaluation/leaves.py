@@ -31,7 +31,7 @@ class LeafRecord(NamedTuple):
 
 
 class Reliability(NamedTuple):
-    """The reliability table."""
+    """The reliability table: predicted and observed success of the leaves."""
 
     rows: tuple[LeafRecord, ...]  # leaves with enough visits, in the order of the table
     gap: float  # mean distance of observed from predicted probability, weighted by visits
@@ -49,7 +49,7 @@ class Reliability(NamedTuple):
 
 
 def reliability(table: Table, evaluation: Evaluation) -> Reliability:
-    """Compares the leaves' predictions with fresh trials; leaves below `LEAST_VISITS` are left out.
+    """Compares the leaves' predictions with fresh trials, for leaves with `LEAST_VISITS` or more.
 
     The table's figure is itself an estimate: k hits in n trials. Under Jeffreys' prior the number of hits
     among m further trials is then beta-binomial with Beta(k + 1/2, n - k + 1/2); the interval is its central
@@ -86,15 +86,15 @@ class Confusion(NamedTuple):
 
 
 class Mistake(NamedTuple):
-    """One trial that ended far from its leaf's pose."""
+    """One trial with a confident wrong answer."""
 
     initial: Array  # (3,) true pose before the first squeeze [mm, mm, rad]
     final: Array  # (3,) true pose in the end
     predicted: Array  # (3,) pose that the leaf states
-    error_mm: float  # audit metric between the two
+    error_mm: float  # audit metric of the final pose to the nearest of the leaf's poses
     leaf: int  # where it ended
     path: tuple[int, ...]  # the nodes passed
-    widths_mm: tuple[float, ...]  # readings of the encoder there
+    widths_mm: tuple[float, ...]  # widths that the encoder read at these nodes
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
@@ -110,7 +110,7 @@ class Mistake(NamedTuple):
 
 
 class Identities(NamedTuple):
-    """Names given to parts, over all trials."""
+    """The names that leaves gave to parts, counted over all trials."""
 
     names: tuple[str, ...]  # of the hypotheses
     named: IntArray  # (h, h + 1) parts of each hypothesis by the name given; last column: none
@@ -145,9 +145,9 @@ def identities(table: Table, evaluation: Evaluation) -> Identities:
 
 
 def nearest_leaf(table: Table, poses: Array) -> IntArray:
-    """The leaf whose pose is nearest to each true pose (n, 3) in the world, (n,).
+    """Index (n,) of the leaf whose pose is nearest to each true pose (n, 3 or 4) in the world.
 
-    `NO_LEAF` stands where none is within the goal.
+    `NO_LEAF` marks the poses that are within the goal of no leaf.
     """
     metric = metric_of_table(table)
     best, index = np.full(len(poses), np.inf), np.full(len(poses), NO_LEAF, np.int64)
@@ -159,7 +159,7 @@ def nearest_leaf(table: Table, poses: Array) -> IntArray:
 
 
 def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
-    """Confused pairs of leaves, the most frequent first; leaves that were right are left out."""
+    """Confused pairs of leaves, the most frequent first; trials whose leaf was right are left out."""
     failed = (evaluation.leaf >= 0) & ~evaluation.within
     ended = evaluation.leaf[failed].tolist()
     truth = nearest_leaf(table, evaluation.states[failed]).tolist()
@@ -172,7 +172,7 @@ def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
 
 
 def worst(table: Table, evaluation: Evaluation, most: int) -> list[Mistake]:
-    """The confident answers with the largest errors, the worst first; at most `most`."""
+    """At most `most` confident wrong answers: those with the largest errors, the worst first."""
     wrong = np.flatnonzero(evaluation.wrong)
     order = wrong[np.argsort(-evaluation.error_mm[wrong], kind="stable")][:most]
     encoder, mistakes = encoder_of_table(table), list[Mistake]()

@@ -1,6 +1,6 @@
 """Puts the figures of an evaluation into its table: probabilities are measured, not believed.
 
-Branches to leaves that no trial reached are never claimed: their widths become REJECT.
+Branches that lead only to leaves that no trial reached are removed: their widths become REJECT.
 """
 
 from collections.abc import Collection
@@ -17,7 +17,7 @@ from planner.job.model import Job
 from planner.lower import covariance_of, pose_of
 from runtime import table as tables
 
-LEAST_VISITS = 200  # least parts at a node that replace the planned shares of its branches
+LEAST_VISITS = 200  # least number of parts at a node for measured shares of its branches
 
 
 def with_figures(
@@ -25,13 +25,13 @@ def with_figures(
 ) -> tuple[tables.Table, Evaluation]:
     """Puts measured figures into the leaves and branches of a table.
 
-    A leaf whose trials refute it (an exact binomial test against the goal's confidence, at a level for all
-    leaves together) is marked unresolved; its alternatives are the further poses of parts there. A leaf
-    that no part reached keeps its figures. A leaf is also unresolved where the jaws could not hold a part
-    at its pose: its few trials are squeezes that the simulator gave up.
+    A leaf becomes unresolved if its trials refute it: a binomial test against the goal's confidence, at a
+    level for all leaves together. Its alternatives are then the other main poses of its parts. A leaf that no
+    part reached keeps its figures, which are tested, too. A leaf also becomes unresolved if the jaws could
+    not hold a part at the leaf's pose, since its few trials are squeezes that the simulator gave up.
 
     Returns:
-        The table and the evaluation, whose `resolved` follows the leaves.
+        The new table, and the evaluation with the new table, so that `resolved` agrees with its leaves.
     """
     metric, number = metric_of_table(table), len(table.leaves)
     numbered = enumerate(table.leaves)
@@ -44,7 +44,7 @@ def with_figures(
 
 
 def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
-    """Puts the figures of an evaluation into its table."""
+    """The table with the overall figures of its evaluation as its prediction."""
     figures = evaluation.summary()
     median_um, p95_um = _errors_um(evaluation.error_mm[evaluation.resolved])
     predicted = tables.Prediction(
@@ -59,7 +59,7 @@ def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
 
 
 def leading(table: tables.Table, reached: Collection[int]) -> list[list[int]]:
-    """The branches of each node that lead to one of the leaves that parts reached."""
+    """For each node, the indices of the branches that lead to a leaf in `reached`."""
     kept: list[list[int]] = [[] for _ in table.nodes]
     for index in reversed(range(len(table.nodes))):  # children come after their parents
         for number, (*_, target) in enumerate(table.nodes[index].branches):
@@ -69,9 +69,9 @@ def leading(table: tables.Table, reached: Collection[int]) -> list[list[int]]:
 
 
 def without_untried(table: tables.Table, kept: list[list[int]]) -> tables.Table:
-    """Removes all branches but those `kept` at each node, with their subtrees.
+    """The table with only the branches `kept` at each node; the subtrees of the others are removed, too.
 
-    Widths of removed branches are REJECT: neighbouring branches do not get them.
+    Widths of removed branches become REJECT; neighbouring branches do not take them over.
     """
     order, nodes, leaves = [0], [], []
     for index in order:  # grows while it is walked
@@ -92,7 +92,7 @@ def _leaf(
 ) -> tables.Leaf:
     here, confidence = evaluation.leaf == index, job.goal.confidence
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
-    if trials == 0:  # the trials behind its figures had more leaves
+    if trials == 0:  # tested again: its figures were tested at the level of more leaves
         refuted = tables.refuted(tables.successes_of(leaf), leaf.trials, confidence, leaves)
         return leaf._replace(resolved=leaf.resolved and not refuted)
     resolved = leaf.resolved and not tables.refuted(hits, trials, confidence, leaves)
@@ -107,13 +107,13 @@ def _leaf(
 
 
 def _errors_um(error_mm: Array) -> tuple[int, int]:
-    """Median and 95th percentile of errors; 0 if there are none."""
+    """Median and 95th percentile [um] of errors [mm]; 0 if there are none."""
     median, high = np.quantile(error_mm, ERROR_SHARES) if len(error_mm) else (0.0, 0.0)
     return round(1e3 * float(median)), round(1e3 * float(high))
 
 
 def _open(leaf: tables.Leaf, states: Array, metric: Metric) -> tables.Leaf:
-    """An unresolved leaf, with the main poses of its parts, besides its own, as alternatives."""
+    """The leaf with the main poses of its parts, other than its predicted one, as alternatives."""
     predicted = np.array([*tables.predicted_pose(leaf), leaf.hypothesis])
     alternatives = [
         tables.LeafPose(*pose_of(mode.pose), mode.hypothesis[0])

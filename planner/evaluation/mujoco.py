@@ -2,7 +2,7 @@
 
 The part is a prism that stands on feet, with mass; jaws of finite force and speed close on it. Nothing here
 is quasi-static: no limit surface, no LCP. Values that a job does not state are constants below; none was
-chosen for its outcome. Lengths in the model are metres.
+tuned to a result. Lengths in the model are metres.
 
 `plan-evaluate TREE.msgpack --world planner.evaluation.mujoco:make --trials 300`
 """
@@ -30,22 +30,22 @@ except ImportError as missing:
     raise ImportError(f"{missing}; install it with: pip install 'squeezetree[mujoco]'") from missing
 
 TABLE_FRICTION = 0.3  # between part and table
-ON_TABLE = [TABLE_FRICTION, 0.0, 0.0]  # the same for MuJoCo
+ON_TABLE = [TABLE_FRICTION, 0.0, 0.0]  # sliding, torsional and rolling friction of a geom
 DENSITY_KG_M3 = 2700.0  # of the part: aluminium
 JAW_KG = 0.2  # moving mass of a finger, with its share of the drive
 ARM_KG = 1e3  # of a hand that pushes: the arm behind it does not yield
 FEET = 24  # feet for a pressure along a line or over an area
 FOOT_M = 5e-4  # radius of a foot
 ROUND_M = 2e-5  # radius of the corners of part and fingers
-PLATE_M = 2e-4  # thickness of the faces, more than twice as deep as impacts drive a corner in
+PLATE_M = 2e-4  # thickness of the faces, over twice the depth to which impacts drive a corner in
 CLOSED_M = 5e-5  # jaws nearer than this have met: only the rounding of a sharp corner fits between
 TIMESTEP_S = 2.5e-4
 CONTACT_S = 5e-4  # time constant of contacts: they yield by less than 0.05 mm under 40 N
-LEAD_M = 5e-4  # least distance of the fingers from the first touch at the start
-SIMPLIFY_MM = 0.01  # tolerated error of a curve with fewer vertices
+LEAD_M = 5e-4  # least distance of the fingers from the part at the start of a squeeze
+SIMPLIFY_MM = 0.01  # tolerated error of an outline with fewer vertices
 BLOCK = 20  # steps between two checks of the jaws
 WINDOW_S = 0.04
-STALLED = 0.01  # share of their way over the window below which jaws stand still
+STALLED = 0.01  # share of the way of free jaws within `WINDOW_S` below which jaws stand still
 REST_S = 0.1  # time after which a pushed part lies still
 UNMOVED_MM = 0.01  # distance that a part may settle when it is set down
 SEED_MUJOCO = 0x4D554A4F
@@ -54,7 +54,7 @@ CORNER, PLATE, FINGER, POST, TABLE = 1, 2, 4, 8, 16  # collision bits of geoms
 
 
 class RigidWorld:
-    """Squeezes of one part by one gripper, with friction drawn for each within the job's bounds."""
+    """World of one part and one gripper; each squeeze or push draws its friction within the job's bounds."""
 
     def __init__(self, job: Job, seed: int, timestep_s: float = TIMESTEP_S) -> None:
         self._job = job
@@ -63,7 +63,7 @@ class RigidWorld:
         self.data = mujoco.MjData(self.model)
 
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
-        """Closes the fingers on the part at a pose in the hand frame, jaws open [mm, mm, rad].
+        """Closes the open jaws on the part, which lies at a pose in the hand frame [mm, mm, rad].
 
         Returns:
             The final pose in the hand frame, the width [mm] and the status.
@@ -111,7 +111,11 @@ class RigidWorld:
         return bool(np.any(shapely.area(shapely.intersection(fingers, part)) > 0.0))
 
     def close(self, pose_hand: Pose, mu: float) -> float:
-        """Closes the jaws until they stand still; returns the width [mm], 0 where they meet."""
+        """Closes the jaws on a part at a pose in the hand frame, with friction `mu`, until they stand still.
+
+        Returns:
+            The width [mm]; 0 if the jaws meet.
+        """
         model, data, gripper = self.model, self.data, self._job.gripper
         mujoco.mj_resetData(model, data)
         model.geom_friction[model.geom_priority > 0, 0] = mu
@@ -151,7 +155,7 @@ class RigidWorld:
         return widths[-1]
 
     def _blocked(self) -> bool:
-        """Whether the jaws would stay where they stand without friction, too."""
+        """Whether the jaws would stand still even without friction."""
         width = self._width()
         self.model.geom_friction[self.model.geom_priority > 0, 0] = 0.0
         mujoco.mj_step(self.model, self.data, round(WINDOW_S / self.model.opt.timestep))
@@ -162,10 +166,10 @@ make = RigidWorld  # the world factory: `make(job, seed)`
 
 
 def feet(job: Job) -> tuple[Array, Array]:
-    """Points (m, 2) where the part touches the table, and its centre of pressure (2,), in its frame [mm].
+    """Points (m, 2) where the part touches the table, and the centre of pressure (2,), in its frame [mm].
 
-    Feet are equally stiff: with the centre of mass above the centre of pressure, evenly spaced ones carry the
-    same load.
+    All feet are equally stiff: if the centre of mass is above the centre of pressure, evenly spaced feet
+    carry equal loads.
 
     Raises:
         ValueError: the job gives a limit surface in place of a pressure.
@@ -193,7 +197,7 @@ def _placed(outline: Outline, pose: Pose) -> Array:
 
 
 def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float], None]) -> Any:
-    """Table, part and fingers."""
+    """The MuJoCo model of table, part and fingers; `add_fingers` takes the height of the part [m]."""
     spec = mujoco.MjSpec()
     for kind in (spec.default.geom, spec.default.equality):
         kind.solref, kind.solimp = STIFF
@@ -226,9 +230,10 @@ def _add_part(spec: Any, job: Job, height: float) -> None:
 def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
     """Adds the side of the prism: corners that meet a finger's face, faces that meet a finger's corner.
 
-    Corners are pairs of tiny spheres at the ends of the fingers' reach, faces are thin plates: contacts of
-    spheres with boxes have closed forms. Contacts of convex meshes are searched for; a few degrees from
-    flush they get the normal of the wrong face, and a squeeze that should jam slips.
+    A corner is a pair of tiny spheres, at the lowest and the highest point that a finger can touch; a face is
+    a thin plate. Contacts of spheres with boxes have closed forms. For contacts of convex meshes, MuJoCo
+    searches: a few degrees from flush it returns the normal of the wrong face, and a squeeze that should jam
+    slips.
     """
     ahead = np.roll(outline, -1, axis=0) - outline
     angles = np.arctan2(ahead[:, 1], ahead[:, 0])
@@ -261,7 +266,7 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
 def _add_post(
     body: Any, x: float, y: float, ends: tuple[float, float], bits: tuple[int, int], **more: Any
 ) -> None:
-    """Adds a vertical edge, given by its ends."""
+    """Adds a vertical edge at (x, y): a tiny sphere at each of its ends, which are heights [m]."""
     for z in (ends[0] + ROUND_M, ends[1] - ROUND_M):
         _add_sphere(body, ROUND_M, [x, y, z], bits, **more)
 
@@ -269,15 +274,15 @@ def _add_post(
 def _add_sphere(
     body: Any, radius: float, at: list[float], bits: tuple[int, int], **more: Any
 ) -> None:
-    """Adds a sphere, given its collision bits and those of what it collides with."""
+    """Adds a sphere; `bits` are its own collision bit and that of the geoms it collides with."""
     size, shape, (kind, other) = [radius, 0.0, 0.0], mujoco.mjtGeom.mjGEOM_SPHERE, bits
     body.add_geom(type=shape, size=size, pos=at, contype=kind, conaffinity=other, **more)
 
 
 def _add_finger(body: Any, job: Job, height: float) -> None:
-    """Adds a box from the tips' height to above the part; the body's origin is in its middle."""
+    """Adds a finger to a body: a box from the height of the tips to above the part, centred at the origin."""
     tips, size = job.cell.squeeze_height_mm / 1e3, _finger_size(job, height)
-    # Its ends are the posts': a face as long as the finger would hold a corner that slid off it.
+    # The face ends at the posts: a face as long as the finger would hold a corner that has slid off.
     face, box = [size[0] - ROUND_M, *size[1:]], mujoco.mjtGeom.mjGEOM_BOX
     body.add_geom(type=box, size=face, mass=JAW_KG, contype=FINGER, conaffinity=CORNER, priority=1)
     for x, y in product((-1.0, 1.0), repeat=2):
@@ -287,13 +292,13 @@ def _add_finger(body: Any, job: Job, height: float) -> None:
 
 
 def _finger_size(job: Job, height: float) -> list[float]:
-    """Half length, half width, half height [m]."""
+    """Half the length, half the width and half the height of a finger [m]."""
     gripper, above = job.gripper, height - job.cell.squeeze_height_mm / 1e3
     return [gripper.finger_length_mm / 2e3, gripper.finger_width_mm / 2e3, 0.5 * above + FOOT_M]
 
 
 def _add_jaws(spec: Any, job: Job, height: float) -> None:
-    """Adds fingers on slides, which one drive closes in the job's shares."""
+    """Adds two fingers on slides; one drive closes them, each by its share of the closing in the job."""
     gripper, tips, size = job.gripper, job.cell.squeeze_height_mm / 1e3, _finger_size(job, height)
     drive = spec.add_tendon(name="drive")
     for name, side in (("upper", 1.0), ("lower", -1.0)):
@@ -302,8 +307,8 @@ def _add_jaws(spec: Any, job: Job, height: float) -> None:
         body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0.0, -side, 0.0])
         _add_finger(body, job, height)
         drive.wrap_joint(name, 1.0)
-    # Force falls linearly with speed, as that of a motor: from the job's force at rest to none at
-    # its speed.
+    # The force falls linearly with speed, like that of a motor: from the job's force at rest to 0 at
+    # the job's speed.
     slope = gripper.force_n / (gripper.speed_mm_s / 1e3)
     spec.add_actuator(
         target="drive",
@@ -320,7 +325,7 @@ def _add_jaws(spec: Any, job: Job, height: float) -> None:
 
 
 def _add_hand(spec: Any, job: Job, height: float) -> None:
-    """Adds the fingers of a hand that moves along x, heavy enough to keep its speed."""
+    """Adds both fingers on a hand that slides along x and is heavy enough to keep its speed."""
     tips, size = job.cell.squeeze_height_mm / 1e3, _finger_size(job, height)
     hand = spec.worldbody.add_body(name="hand", pos=[0.0, 0.0, tips + size[2]])
     hand.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])

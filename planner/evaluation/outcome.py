@@ -57,7 +57,7 @@ class Evaluation:
 
     @cached_property
     def seconds(self) -> Array:
-        """(n,) estimated time, computed on first use: that takes longer than the squeezes."""
+        """(n,) estimated times [s]; computed on first use, since that takes longer than the squeezes."""
         return seconds_of(self.table, self.path, self.reading, self.branch)
 
     @property
@@ -67,32 +67,32 @@ class Evaluation:
 
     @property
     def states(self) -> Array:
-        """States for the goal's metric: the final poses, with the hypothesis where it is not the first."""
+        """(n, 3) final poses; (n, 4) with the hypothesis, if any is not the first."""
         return with_hypothesis(self.poses, self.traits)
 
     @property
     def success(self) -> BoolArray:
-        """Trials that ended in a resolved leaf within the goal."""
+        """(n,) whether the trial ended in a resolved leaf within the goal."""
         return np.asarray(self.resolved & self.within)
 
     @property
     def wrong(self) -> BoolArray:
-        """Trials that ended in a resolved leaf, but not within the goal: confident and wrong."""
+        """(n,) whether the trial ended in a resolved leaf, but not within the goal: confident and wrong."""
         return np.asarray(self.resolved & ~self.within)
 
     @property
     def rejected(self) -> BoolArray:
-        """Trials in which a width fitted no branch."""
+        """(n,) whether the trial ended at a width that fitted no branch."""
         return np.asarray(self.leaf == REJECTED)
 
     @property
     def unresolved(self) -> BoolArray:
-        """Trials that ended in a leaf that does not claim to know the pose."""
+        """(n,) whether the trial ended in a leaf that does not claim to know the pose."""
         return np.asarray((self.leaf >= 0) & ~self.resolved)
 
     @property
     def crashes(self) -> int:
-        """How many trials ended with an open finger on the part."""
+        """Number of trials that ended with an open finger on the part."""
         return int(np.sum(self.leaf == CRASHED))
 
     def summary(self, takt_s: float | None = None) -> dict[str, Any]:
@@ -117,7 +117,7 @@ class Evaluation:
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """One evaluation of the trials of several of a table, in their order; at least one."""
+        """Joins evaluations of one table, at least one, to an evaluation of all their trials in order."""
         names = [field.name for field in fields(cls)[1:]]
         rows = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
         return cls(parts[0].table, *rows)

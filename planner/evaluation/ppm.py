@@ -1,12 +1,13 @@
 """Rates of rare wrong answers of a table in parts per million, with upper bounds, from millions of trials.
 
-The sums of a chunk of trials do not depend on who runs it, so a study resumes from the sums of earlier
-chunks. Importance splitting (Kahn and Harris 1951) follows a part that reaches a rare node as several
-copies of equal weight: each draws the mechanics of its further squeezes afresh, so sums of weights stay
-unbiased while a rare leaf is judged by many more outcomes. Factors are powers of two: sums are exact.
+The sums of a chunk of trials do not depend on the worker that runs it, so a study resumes from the sums of
+earlier chunks. Importance splitting (Kahn and Harris 1951) follows a part that reaches a rare node as several
+copies of equal weight. Each copy draws the mechanics of its further squeezes afresh: sums of weights stay
+unbiased, and many more outcomes judge a rare leaf. Numbers of copies are powers of two, so that sums of
+weights are exact.
 
-The weight of one part's wrong copies lies between 0 and 1 whatever the splitting, and parts are independent:
-the bounds require no more.
+The bounds require only that parts are independent, and that the weight of a part's wrong copies lies between
+0 and 1; both hold for any splitting.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ ERROR = 0.05
 PRIOR = 0.5, 1e4
 """Parameters of the beta mixture: bounds are tightest for rates about 50 ppm, which integrators ask for."""
 SPLIT_BELOW = 0.004
-"""Share of the parts below which a node is rare; its parts are split into more copies."""
+"""Share of all parts that reach a node, below which the node is rare and its parts are split into copies."""
 MOST_COPIES = 64
 BATCH = 20
 """Chunks between two yields of `continued`."""
@@ -54,14 +55,14 @@ MOST_ROWS = 8
 class Sums:
     """Sums over a number of parts. The weights of a part's copies add up to 1."""
 
-    parts: int  # how many.
+    parts: int  # number of parts.
     visits: Array  # (L,) weight that ended in each leaf.
     wrong: Array  # (L,) weight answered wrongly in each resolved leaf.
-    # (L + 1,) sum over parts of the square of that weight; last: all leaves together.
+    # (L + 1,) sum over parts of the square of a part's wrong weight; last: in all leaves together.
     squares: Array
-    rejected: float  # weight whose width fitted no branch.
+    rejected: float  # weight of parts whose width fitted no branch.
     crashed: float  # weight of parts that an open finger came down on, so that the arm stopped.
-    squeezes: float  # weighted number.
+    squeezes: float  # weighted number of squeezes.
 
     @classmethod
     def none(cls, leaves: int) -> Self:
@@ -80,7 +81,7 @@ class Sums:
         """Reads the output of `document`.
 
         Raises:
-            KeyError, TypeError, ValueError: it is invalid, or for another number of leaves.
+            KeyError, TypeError, ValueError: the document is invalid, or has another number of leaves.
         """
         empty = cls.none(leaves)
         row = {name: np.array(document[name], np.float64) for name in NAMES}
@@ -96,7 +97,7 @@ NAMES = tuple(field.name for field in fields(Sums))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """A study: what its chunks have in common. Called with the number of a chunk, in any process."""
+    """What the chunks of a study have in common; a call with a chunk's number runs it, in any process."""
 
     program: Program  # the table.
     job: Job  # the true parts and gripper.
@@ -117,7 +118,7 @@ class Study:
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
     def __call__(self, chunk: int) -> Sums:
-        """The sums of a chunk of `CHUNK` parts."""
+        """Runs a chunk of `CHUNK` parts, given its number, and returns its sums."""
         rng = np.random.default_rng([self.seed, chunk, SEED_PPM])
         poses, traits = initial(self.job, CHUNK, rng), self.disturbance.traits(self.job, CHUNK, rng)
         cell = Cell(self.program, self.job, self.worlds.world(chunk), self.disturbance, rng)
@@ -161,7 +162,7 @@ def _sum(group: IntArray, weight: Array, groups: int) -> Array:
 
 
 def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Array:
-    """Sums of squares of each part's weight, for each leaf and (last) for all of them."""
+    """(leaves + 1,) sum over parts of the squared weight of a part in a leaf; last: in all leaves."""
     key, inverse = np.unique(part * leaves + leaf, return_inverse=True)
     once = _sum(inverse, weight, len(key))
     whole = _sum(part, weight, 0)
@@ -169,7 +170,7 @@ def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Arra
 
 
 def copies_of(table: Table) -> IntArray:
-    """Number of copies of a part at each node, by the shares that the table predicts.
+    """Number of copies of a part at each node, from the share of all parts that the table predicts there.
 
     Args:
         table: N nodes, children after their parents.
@@ -188,7 +189,7 @@ def copies_of(table: Table) -> IntArray:
 
 
 class Bound(NamedTuple):
-    """A rate with bounds that hold together with probability 1 - `ERROR` [ppm]."""
+    """A rate with its lower and upper bound [ppm]; both bounds hold with probability 1 - `ERROR`."""
 
     low: float
     rate: float
@@ -196,7 +197,7 @@ class Bound(NamedTuple):
 
     @classmethod
     def of(cls, total: float, parts: int) -> Self:
-        """The confidence sequence for the mean of independent weights in [0, 1]: valid at all times.
+        """The confidence sequence for the mean of independent weights in [0, 1], after any number of parts.
 
         For a mean m and any p, (p / m)^S ((1 - p) / (1 - m))^(n - S) has expectation at most 1, so its
         mixture over `PRIOR` exceeds 1 / ERROR at any time with probability ERROR at most (Ville 1939; Howard
@@ -206,7 +207,7 @@ class Bound(NamedTuple):
             total: sum S of the weights.
             parts: their number n, at least 1.
         """
-        from scipy.optimize import brentq  # a quarter of the start-up time of a command
+        from scipy.optimize import brentq  # importing it takes a quarter of the start-up time
 
         a, b = PRIOR
         mixture = betaln(a + total, b + parts - total) - betaln(a, b) + math.log(ERROR)
@@ -215,7 +216,7 @@ class Bound(NamedTuple):
             return float(mixture - xlogy(total, mean) - xlog1py(parts - total, -mean))
 
         rate = total / parts
-        least, most = 1e-9 * rate, 1.0 - 1e-9  # which a small weight may not even exclude
+        least, most = 1e-9 * rate, 1.0 - 1e-9  # means that few parts may not exclude
         low = brentq(excess, least, rate, xtol=1e-15) if excess(least) > 0.0 else 0.0
         high = brentq(excess, rate, most, xtol=1e-15) if excess(most) > 0.0 else 1.0
         return cls(PPM * low, PPM * rate, PPM * high)
@@ -226,9 +227,9 @@ def continued(study: Study, sums: Sums, parts: int, scheduler: Scheduler) -> Ite
 
     Args:
         study: the study.
-        sums: sums of earlier chunks, all of them whole.
+        sums: sums of the chunks that were run earlier, none of them in part.
         parts: total number of parts at the end; rounded up to whole chunks.
-        scheduler: who runs them; the sums do not depend on it.
+        scheduler: runs the chunks; the sums do not depend on it.
 
     Yields:
         The sums after every `BATCH` chunks and at the end.
@@ -246,7 +247,7 @@ class Findings:
 
     sums: Sums  # the sums behind the results.
     wrong: Bound  # rate of confident wrong answers.
-    leaves: list[Bound]  # the same of each leaf.
+    leaves: list[Bound]  # rate of confident wrong answers of each leaf.
 
     @classmethod
     def of(cls, sums: Sums) -> Self:
@@ -255,14 +256,14 @@ class Findings:
         return cls(sums, wrong, [Bound.of(float(total), sums.parts) for total in sums.wrong])
 
     def standard_error(self, leaf: int | None = None) -> float:
-        """Standard error of the rate of a leaf, or of all of them [ppm]."""
+        """Standard error of the rate of wrong answers of a leaf; of all leaves together if None [ppm]."""
         parts, index = self.sums.parts, -1 if leaf is None else leaf
         rate = (self.wrong if leaf is None else self.leaves[leaf]).rate / PPM
         variance = float(self.sums.squares[index]) / parts - rate * rate
         return PPM * math.sqrt(max(variance, 0.0) / parts)
 
     def worst(self, most: int) -> list[int]:
-        """The leaves with wrong answers, those with the highest rate first."""
+        """Indices of at most `most` leaves with wrong answers, the highest rate first."""
         order = sorted(range(len(self.leaves)), key=lambda leaf: (-self.leaves[leaf].rate, leaf))
         return [leaf for leaf in order[:most] if self.leaves[leaf].rate > 0.0]
 
@@ -315,8 +316,8 @@ def resumed(path: Path, identity: str, leaves: int) -> Sums:
 
     Args:
         path: the file.
-        identity: of the study.
-        leaves: of its table.
+        identity: `Study.identity` of the study.
+        leaves: number of leaves of the study's table.
 
     Raises:
         InputError: the file cannot be read, or holds another study.

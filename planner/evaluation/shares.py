@@ -25,9 +25,9 @@ def shares_of(figures: dict[str, Any]) -> Shares:
 
 
 def rounded(shares: Sequence[float], decimals: int = DECIMALS) -> list[float]:
-    """Rounds shares in percent by the largest remainder, so that their sum is kept.
+    """Converts shares, 0 to 1, to rounded percent by the largest remainder, so that their sum is kept.
 
-    A share above 0 is not rounded to 0; only a share of all is therefore 100.
+    A share above 0 is not rounded to 0; therefore 100 stands only for all parts.
     """
     unit = 10**decimals
     exact = [100.0 * unit * share for share in shares]

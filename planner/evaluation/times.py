@@ -23,7 +23,7 @@ def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray
     squeezes = (path >= 0).sum(axis=1)
     last = rows, np.maximum(squeezes - 1, 0)
     states = np.stack([path, np.where(path >= 0, reading >> 1, -1), branch], axis=2)
-    # The part before, at its last squeeze; of parts that were never squeezed, the one before these.
+    # For each part, the latest part before it that was squeezed, at its last squeeze.
     came = np.maximum.accumulate(np.where(squeezes > 0, rows, -1))
     before = np.roll(states[last][came], 1, axis=0)
     before[:, 1] = 0  # how wide the jaws held it no longer matters: they are open by now
@@ -41,7 +41,10 @@ def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray
 
 
 def _seconds(schedule: Schedule, gripper: GripperSpec, key: list[int], *, first: bool) -> float:
-    """Seconds of a squeeze; the key is the squeeze before it, this one, and the node after it."""
+    """Seconds of a squeeze.
+
+    `key` is node, steps and branch of the squeeze before it, the same of this squeeze, and the node after it.
+    """
     came, current, after = _squeezed(gripper, key[:3]), _squeezed(gripper, key[3:6]), key[6]
     if came is None or current is None:
         return 0.0

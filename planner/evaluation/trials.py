@@ -1,6 +1,6 @@
-"""Trials of a table in a world: squeezes, reads and looks up as the runtime does.
+"""Trials of a table in a world: squeezes parts, reads widths and looks up branches as the runtime does.
 
-All trials of a chunk squeeze in one batch, whatever node each is at.
+All parts of a chunk are squeezed in one batch, each at its own node.
 """
 
 from collections.abc import Sequence
@@ -31,24 +31,24 @@ SPAN = 1 << 21  # um, wider than any gripper opens
 
 
 def placement_of(action: Squeeze | Push) -> Array:
-    """The hand frame in the world at a table's squeeze, or where its push starts, (3,) [mm, mm, rad]."""
+    """Pose (3,) of the hand frame in the world at a squeeze, or at the start of a push [mm, mm, rad]."""
     return np.array([action.x_um / 1e3, action.y_um / 1e3, action.angle_urad / 1e6])
 
 
 class Lookup(NamedTuple):
-    """Step functions as arrays, for vectorised lookup: the segments of all rows, concatenated."""
+    """Step functions, one a row, for vectorised lookup: their segments are concatenated to arrays."""
 
     start: IntArray  # (s,) ascending: first width of each segment [um], plus `SPAN` for each row before
     branch: IntArray  # (s,) the branch of widths from there on, or `REJECT`
 
     @classmethod
     def of(cls, rows: Sequence[Segments]) -> Self:
-        """The lookup of some step functions."""
+        """The lookup whose rows are the step functions `rows`."""
         starts = [SPAN * row + np.array(each.starts_um) for row, each in enumerate(rows)]
         return cls(np.concatenate(starts), np.concatenate([each.branches for each in rows]))
 
     def segment(self, row: IntArray, width_um: IntArray) -> IntArray:
-        """The segments (n,) of non-negative widths (n,) in rows (n,)."""
+        """Indices (n,) of the segments that contain non-negative widths (n,) [um] in rows (n,)."""
         return np.searchsorted(self.start, SPAN * row + width_um, side="right") - 1
 
 
@@ -59,11 +59,11 @@ class Program:
     table: Table  # the source
     placement: Array  # (N, 3) the hand frame in the world [mm, mm, rad]
     opening_mm: Array  # (N,) before the squeeze
-    # Meaning of widths, a branch or `REJECT` (`runtime.table.decision_map`); two rows a node:
+    # From widths to a branch or `REJECT` (`runtime.table.decision_map`); two rows for each node:
     # without and with an object felt.
     lookup: Lookup
     target: IntArray  # (s,) target of each segment: a node, ~leaf, or `DISMISSED`
-    carries: BoolArray  # (s,) whether the hand carries the part there
+    carries: BoolArray  # (s,) whether the hand then carries the part, since the jaws hold it
     drag: Array  # (N, 2) how far the hand carries a held part before the jaws open [mm]
     pushes: BoolArray  # (N,) whether parts are pushed before the squeeze
     encoder: Encoder  # of the table's gripper
@@ -94,7 +94,7 @@ class Program:
         )
 
     def segment(self, node: IntArray, reading: IntArray) -> IntArray:
-        """The segments (n,) of `lookup` for readings (n,), coded as in `Step.reading`, at nodes (n,)."""
+        """Indices (n,) of the segments of `lookup` for readings (n,), as in `Step.reading`, at nodes (n,)."""
         width_um = self.encoder.width_um(reading >> 1)
         return self.lookup.segment(2 * node + (reading & 1), width_um)
 
@@ -122,7 +122,7 @@ class Step(NamedTuple):
         return self.reading >> 1
 
     def through(self, branch: int) -> Array:
-        """Poses (m, 3) of the released parts that take one branch, or `REJECT`."""
+        """Poses (m, 3), after the release, of the parts that take a branch, which may be `REJECT`."""
         return np.asarray(self.released[self.branch == branch])
 
 
@@ -132,10 +132,10 @@ class Cell:
 
     Attributes:
         program: the table.
-        job: says what parts and gripper are like in truth.
+        job: states the true parts and gripper.
         world: squeezes and pushes the parts; it has randomness of its own.
         disturbance: errors of the cell.
-        rng: of the encoder's noise and the arm's errors.
+        rng: draws initial poses, latent parameters, encoder noise and errors of the arm.
     """
 
     program: Program
@@ -147,7 +147,7 @@ class Cell:
     def come_down(
         self, node: IntArray, poses: Array, traits: Traits
     ) -> tuple[Array, Array, BoolArray]:
-        """Pushes parts as their nodes say, and comes down to squeeze them.
+        """Pushes each part as its node states, and lowers the open hand to squeeze it.
 
         Args:
             node: (n,) the node that each part is at.
@@ -155,8 +155,8 @@ class Cell:
             traits: (n,) of the parts.
 
         Returns:
-            (n, 3) where the parts lie then, (n, 3) placements of the hands, and (n,) whether a finger came
-            down on the part and the arm stopped, where known.
+            Poses (n, 3) of the parts after the pushes, poses (n, 3) of the hand, and a mask (n,) of the parts
+            that a finger came down on, which stops the arm; False where the world cannot say.
         """
         program = self.program
         poses, pushed_on = self.pushed(node, poses, traits)
@@ -187,18 +187,18 @@ class Cell:
         return after, stopped
 
     def squeezed(self, node: IntArray, poses: Array, placement: Array, traits: Traits) -> Step:
-        """Squeezes parts once, reads, looks up and lets go.
+        """Squeezes each part once, reads the encoder, looks up the branch and releases the part.
 
         Args:
             node: (n,) the node that each part is at.
             poses: (n, 3) where the parts lie in the world [mm, mm, rad].
-            placement: (n, 3) where the hand stands; the node's placement, but for the arm's errors.
+            placement: (n, 3) poses of the hand: those of the nodes, with the arm's errors.
             traits: (n,) of the parts.
         """
         program = self.program
         final, width_mm, held = _squeeze_all(self.world, to_hand(poses, placement.T), traits)
         reading = encoder_of(self.job).read(read_as(width_mm, traits), self.rng)
-        reading = 2 * reading + (width_mm > 0.0)  # jaws that something keeps apart feel it
+        reading = 2 * reading + (width_mm > 0.0)  # a part is felt if it keeps the jaws apart
         segment = program.segment(node, reading)
         drag = np.where(program.carries[segment][:, None], program.drag[node], 0.0)
         after = to_world(final, placement.T)
@@ -244,7 +244,10 @@ class Cell:
         return result
 
     def _standing_on(self, hand: Array, opening_mm: Array, traits: Traits) -> BoolArray:
-        """Mask (n,) of the parts (n, 3) in the hand frame that a finger comes down on, if the world knows."""
+        """Mask (n,) of parts, at poses (n, 3) in the hand frame, that a finger comes down on.
+
+        It is False where the world cannot say.
+        """
         gripper, alone = self.job.gripper, self.job.alone
         stopped = np.zeros(len(hand), np.bool_)
         share = gripper.upper_finger_share + traits["share"]
@@ -263,7 +266,7 @@ class Cell:
 
 
 def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, traits: Traits) -> Array:
-    """Pushes parts at poses (n, 3) in the hand frame, in a batch where the world offers one."""
+    """Final poses of parts pushed from poses (n, 3) in the hand frame, as a batch if the world can."""
     final = np.empty_like(hand)
     for k, rows in by_hypothesis(traits):
         part_world, each = of_hypothesis(world, k), (hand[rows], opening_mm[rows], way_mm[rows])
@@ -283,10 +286,10 @@ def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, trait
 
 
 def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Array, BoolArray]:
-    """Squeezes parts at poses (n, 3) in the hand frame, in a batch where the world offers one.
+    """Squeezes parts at poses (n, 3) in the hand frame, as a batch if the world can.
 
     Returns:
-        (n, 3) final poses there, (n,) true openings [mm], and (n,) whether the part is held at the end.
+        Final poses (n, 3) in the hand frame, true openings (n,) [mm], and mask (n,) of parts held at the end.
     """
     if isinstance(world, Assorted):
         final, width, held = np.empty_like(hand), np.empty(len(hand)), np.empty(len(hand), np.bool_)

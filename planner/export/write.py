@@ -1,6 +1,6 @@
 """Writes an export: a table's data and executor in one language, with vectors that test them.
 
-Every language stores the branches of a node as runs of consecutive counts.
+Every language stores the branches of a node as runs, which are intervals of widths.
 """
 
 import json
@@ -62,14 +62,14 @@ def runs_of(decided: DecisionMap) -> list[Run]:
 
 
 def holds(node: Node, branch: int) -> bool:
-    """Whether the jaws hold the part after a branch; unknown after a REJECT."""
+    """Whether the jaws hold the part after a branch; False for REJECT, after which this is unknown."""
     return branch != REJECT and node.branches[branch].expected_um >= HELD_UM
 
 
 def vectors(table: Table) -> Iterator[tuple[int, ...]]:
-    """Rows of `VECTOR`: the outcome at each node and object flag.
+    """Yields test vectors, with the columns `VECTOR`: what follows a width at each node and object flag.
 
-    Widths are on both sides of each change, and between changes.
+    The widths are both ends and the middle of each segment of the step functions.
     """
     for index, (node, decided) in enumerate(zip(table.nodes, maps_of(table), strict=True)):
         for flag, segments in ((FELT, decided.felt), (NOT_FELT, decided.unfelt)):
@@ -80,7 +80,7 @@ def vectors(table: Table) -> Iterator[tuple[int, ...]]:
 
 
 def _compared(segments: Segments, opening_um: int) -> list[int]:
-    """Widths at which step functions are compared: both ends of each segment, and its middle."""
+    """Widths at which a step function is tested [um]: both ends and the middle of each segment."""
     widths = {-1, opening_um}
     for low, high in pairwise((*segments.starts_um, max(opening_um, segments.starts_um[-1]) + 1)):
         widths |= {low, (low + high - 1) // 2, high - 1}
@@ -88,7 +88,7 @@ def _compared(segments: Segments, opening_um: int) -> list[int]:
 
 
 def _next(table: Table, node: Node, branch: int) -> tuple[int, int]:
-    """Outcome and index after a branch."""
+    """The outcome after a branch, and the index of the next node or of the leaf; -1 for REJECT."""
     if branch == REJECT:
         return REJECTED, -1
     target = node.branches[branch].target
@@ -105,13 +105,13 @@ FORMS = {
 VECTORS = "vectors.csv"
 PREFIX = "squeezetree"
 PREFIXES = re.compile(r"(?=.{1,24}$)[a-z][a-z0-9]*(_[a-z0-9]+)*")
-"""Prefixes within the 63 characters of C99 and the single underscores of IEC 61131-3."""
+"""Valid prefixes: names stay within 63 characters (C99), and underscores are single (IEC 61131-3)."""
 JSON_VERSION = 2  # as in the schema
 WIDTH = 100  # of a line of numbers
-OF_SEVERAL = ("identify", "hypothesis")  # fields of goal and leaf
+OF_SEVERAL = ("identify", "hypothesis")  # fields of goal and leaf that are not exported
 Row = tuple[int, ...]
 UNKNOWN = -1  # success of a leaf without trials
-LONGEST_TEXT = 60  # texts of the table, in comments
+LONGEST_TEXT = 60  # of a text of the table in a comment
 
 
 def write(file: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[str, int]:

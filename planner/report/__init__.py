@@ -1,1 +1,1 @@
-"""Pictures of squeezes and of plans. Importing one of its modules loads matplotlib."""
+"""Pictures of squeezes and of plans. Importing most of its modules loads matplotlib."""

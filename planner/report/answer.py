@@ -12,7 +12,7 @@ QUESTION = "Can it be located by squeezing?"
 class Answer(NamedTuple):
     """Result of a first look at a part."""
 
-    short: str  # a grade; for an unfinished search "cut" or, for most parts, "unknown"
+    short: str  # a grade, or "cut" (search unfinished) or "unknown" (for most parts)
     verdict: Verdict  # on the plan
     figures: dict[str, Any]  # from `Evaluation.summary`
     most_squeezes: int

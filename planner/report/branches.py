@@ -33,7 +33,7 @@ class Place(NamedTuple):
 
     panel: Panel
     line: Line | None  # branch that leads to it; None for the root
-    came: str  # number of the journal's parts that came, if one is shown
+    came: str  # how many of the journal's parts came here; "" without a journal
     parent: str | None
     facts: dict[str, str]
     chart: str  # HTML: chart of the readings at a node

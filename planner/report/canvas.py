@@ -46,7 +46,7 @@ STYLE: dict[Any, Any] = {
 DPI = 200
 OUTLINES = 60  # most outlines of one belief on a page
 DARKNESS = 0.7  # of a place that all outlines of a belief cover
-# Metadata to omit from a file, by suffix, since they contain the date.
+# Metadata to omit from a file, by suffix: dates and versions, which differ between runs.
 UNSIGNED = {
     ".png": {"Software": None},
     ".svg": {"Creator": None, "Date": None},
@@ -79,7 +79,7 @@ def panels(figure: Figure, rows: int, columns: int, count: int) -> list[Axes]:
 
 
 def faint_grid(axes: Axes, axis: Literal["both", "x", "y"] = "both") -> None:
-    """Draws pale lines under everything else."""
+    """Draws a grid of pale lines under everything else."""
     axes.grid(axis=axis, color="#ececec", linewidth=0.5)
     axes.set_axisbelow(True)
 
@@ -99,7 +99,7 @@ def polygons(
     fill: float = 0.0,
     edge: float = 1.0,
 ) -> None:
-    """Draws closed polygons (n, N, 2) [mm]; the limits of the axes stay.
+    """Draws closed polygons (n, N, 2) [mm]; the limits of the axes do not change.
 
     `width` of the edges is in points, `fill` and `edge` are opacities, a higher `order` covers a lower one.
     """

@@ -14,7 +14,7 @@ LONGEST = 60  # characters shown of a job's value
 
 
 class Row(NamedTuple):
-    """One quantity of both."""
+    """One quantity of both plans, or of both runs, as text."""
 
     name: str
     this: str
@@ -22,7 +22,7 @@ class Row(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """All rows, under the names of the two."""
+    """All compared quantities, and the names of the two plans or runs."""
 
     this: str
     other: str
@@ -38,7 +38,10 @@ class Plan(NamedTuple):
 
 
 def of_plans(this: Plan, other: Plan, trials: int) -> Comparison:
-    """Compares two plans, each in the cell of its job, by as many trials as its table, or `trials`."""
+    """Compares two plans, each evaluated in the cell of its job.
+
+    The number of trials is that behind the figures of its table; `trials`, if it has no figures.
+    """
     columns = [dict(_plan_figures(plan, trials)) for plan in (this, other)]
     jobs = [_flat(json.loads(plan.job.canonical())) for plan in (this, other)]
     rows = [Row(name, value, columns[1][name]) for name, value in columns[0].items()]

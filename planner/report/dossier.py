@@ -74,10 +74,16 @@ def page(
     *,
     sheet: bool = False,
 ) -> str:
-    """The text of the page for a table and its job; beliefs and times come from `trials` parts.
+    """The text of the page for a table and its job.
 
-    `world`, "module:factory", evaluates the table in a second world. A `sheet` is a short version for a
-    customer, on two sheets of paper.
+    Args:
+        table: the table.
+        job: the job of the table.
+        source: further input.
+        trials: number of replayed parts, whose poses are drawn as beliefs; other worlds get no more parts.
+        seed: seed of the replay, of the foreign parts and of the second world.
+        world: "module:factory" of a second world in which the table is evaluated, if any.
+        sheet: whether the page is a short version for a customer, on two sheets of paper.
 
     Raises:
         UsageError: the world does not exist.
@@ -149,7 +155,7 @@ def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:
 
 
 def _row(name: str, figures: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """A world, its figures, and its shares of all parts in percent."""
+    """The name of a world and its figures, with the shares of all parts in percent as texts."""
     return name, {**figures, "shares": _shown(figures)}
 
 

@@ -1,7 +1,7 @@
 """Mean pose of the parts of each leaf in the stated cell, compared with the leaf's answer.
 
-A leaf's pose is within the goal of most parts over all cells that the job doubts. In the stated cell their
-mean may lie elsewhere, on purpose.
+A leaf's pose is within the goal of most parts over all cells that the job's doubts allow. In the stated cell,
+the mean of the parts may therefore lie elsewhere, on purpose.
 """
 
 import math
@@ -14,7 +14,7 @@ from planner.evaluation.outcome import Evaluation
 from planner.frames import wrap
 from runtime.table import Table, predicted_pose
 
-WORTH_TELLING_MM = 0.1  # distance of a mean pose from the answer above which it is not rounding
+WORTH_TELLING_MM = 0.1  # distance of a mean pose from the answer above which it is deliberate
 LEAST_PARTS = 20  # fewer parts have no useful mean
 
 
@@ -33,7 +33,10 @@ class Mean(NamedTuple):
 
 
 def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
-    """The mean for each leaf of a table, over parts within its first pose; None for too few."""
+    """For each leaf of a table, the mean over the parts that are within the goal of its first pose.
+
+    It is None for unresolved leaves, and for less than `LEAST_PARTS` parts.
+    """
     metric = metric_of_table(table)
     audit = metric._replace(kind="pose", distance_mm=metric.distance_mm or 1.0, identify=False)
     results: list[Mean | None] = []
@@ -43,7 +46,7 @@ def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
         pose = np.array(predicted_pose(leaf))
         off = evaluation.poses[here] - pose
         off[:, 2] = wrap(off[:, 2], order)
-        # The first pose only: parts at another one lie there.
+        # Parts at another pose of the leaf lie around that one.
         state = np.array([*pose, leaf.hypothesis])
         numbers = np.full(len(off), leaf.hypothesis)
         near = audit.reached(np.column_stack([evaluation.poses[here], numbers]), state)

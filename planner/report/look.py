@@ -26,9 +26,9 @@ class Scene(NamedTuple):
     angle_deg: float  # of the hand that has squeezed
     width_mm: float  # expected reading
     closed: Array  # (0 or 2, 4, 2) fingers, closed to the expected width [mm]
-    before: Array  # (3 or 4,) state of the one part
-    after: Array  # and after the squeeze
-    holding: Array  # (0 or 2, 4, 2) fingers, closed to its width [mm]
+    before: Array  # (3 or 4,) state of the one part before the squeeze
+    after: Array  # (3 or 4,) state of the one part after the squeeze
+    holding: Array  # (0 or 2, 4, 2) fingers, closed to the width of the one part [mm]
 
     @property
     def caption(self) -> str:
@@ -49,7 +49,7 @@ class Step(NamedTuple):
 def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> list[Step]:
     """The path from the root to a leaf that most parts take.
 
-    Its length is one of `squeezes`, where some part takes such a path.
+    The length of the path is one of `squeezes`, if some part takes such a path.
     """
     results: list[tuple[int, list[Step]]] = []
     waiting: list[tuple[int, list[Step]]] = [(0, [])]
@@ -69,7 +69,7 @@ def scenes(
 ) -> list[Scene]:
     """The moments before the first squeeze and after each, on the likeliest path."""
     whole = likeliest_path(table, beliefs, squeezes)
-    # For a table that dismisses all parts, up to there.
+    # The path ends before a squeeze at which no part takes its branch, such as where all are rejected.
     path = list(takewhile(lambda at: np.any(beliefs.visits[at.node].branch == at.branch), whole))
     parts = _one_part(beliefs, path)
     everything, first = beliefs.arrivals[0], parts[0] if parts else 0
@@ -95,7 +95,7 @@ def scenes(
 
 
 def _one_part(beliefs: Replay, path: list[Step]) -> list[int]:
-    """The number of one part among those at each node of a path that it took."""
+    """For each node of a path, the index of the same part among the parts at this node."""
     part, numbers = 0, list[int]()
     for step in reversed(path):
         part = int(np.flatnonzero(beliefs.visits[step.node].branch == step.branch)[part])

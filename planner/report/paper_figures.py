@@ -32,9 +32,10 @@ def sequence(
     squeezes: Collection[int] = (3,),
     holes: Sequence[Array] = (),
 ) -> Figure:
-    """Fig. 1: widths shrink the beliefs along a path of squeezes; one part is shown on it.
+    """Draws Fig. 1: the beliefs along a path of squeezes, which widths narrow, and one part on this path.
 
-    The part is drawn with its holes (n, 2) [mm] in the outline's frame.
+    `squeezes` are the lengths of the path that are allowed. The part is drawn with its holes (n, 2) [mm] in
+    the outline's frame.
     """
     outline, moments = job.part.outline_mm, scenes(table, job, beliefs, squeezes)
     reach = float(np.max(np.hypot(*outline.T)))
@@ -76,10 +77,10 @@ def subspaces(
     jaws: Jaws,
     titles: Sequence[str],
 ) -> Figure:
-    """Fig. 4: the subspaces of widths, each with a panel, a title and an SVG group.
+    """Draws Fig. 4: a panel with a title for each subspace of widths; in an SVG, a panel is a group.
 
-    Final poses (n, 3) in the hand frame [mm, mm, rad] are drawn by their labels (n,), as an outline (N, 2)
-    between the jaws.
+    A panel shows the outline (N, 2) between the jaws at those final poses (n, 3) in the hand frame
+    [mm, mm, rad] whose label (n,) is the number of the subspace.
     """
     columns = min(COLUMNS, len(solved))
     rows = ceil(len(solved) / columns)

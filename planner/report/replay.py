@@ -1,4 +1,4 @@
-"""Replay: parts run through a table with their poses kept, which gives the beliefs of its nodes.
+"""Replay: runs parts through a table and keeps their poses, which are the beliefs of its nodes.
 
 The parts are squeezed in the stochastic world, as in an evaluation, and take the branches of their encoder
 counts.
@@ -20,12 +20,12 @@ from runtime.table import Table
 
 
 class Replay(NamedTuple):
-    """All parts, node by node."""
+    """The squeezes of all parts at each node, and their states at each node and leaf."""
 
     visits: tuple[Step, ...]  # one for each node of the table
     # For each node, the states of the parts on arrival, after its pushes, as `with_hypothesis`.
     arrivals: tuple[Array, ...]
-    leaves: tuple[Array, ...]  # for each leaf, those of the parts that ended there
+    leaves: tuple[Array, ...]  # for each leaf, the states of the parts that ended there
 
 
 def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:

@@ -25,7 +25,7 @@ class Squeezed(NamedTuple):
 
     node: int
     width_um: int  # where the fingers came to rest
-    target: int | None  # its target; None where it is rejected
+    target: int | None  # of the reading: a node, or ~leaf; None where it is rejected
 
 
 @dataclass(slots=True)
@@ -52,14 +52,14 @@ class PartLog:
 class RunLog(NamedTuple):
     """All parts of the runs of one table, in order."""
 
-    parts: list[PartLog]  # parts
+    parts: list[PartLog]
     runs: int  # number of runs of this table
     others: int  # runs of other tables in the same file, which are ignored
     first: str  # date of the first record
     last: str  # and of the last
 
     def branch_counts(self) -> Counter[tuple[int, int | None]]:
-        """Counts of each node's targets; None for rejected readings."""
+        """Number of squeezes for each pair of node and target; the target is None for rejected readings."""
         return Counter((each.node, each.target) for part in self.parts for each in part.squeezes)
 
     def rejects(self) -> list[tuple[PartLog, Squeezed]]:
@@ -72,7 +72,7 @@ class RunLog(NamedTuple):
         return Counter(part.outcome for part in self.parts)
 
     def times(self, takt_s: float | None = None) -> dict[str, float]:
-        """Seconds of parts, as `runtime.table.takt.figures`, and their number; empty without any."""
+        """Figures of the parts' seconds, as from `takt_figures`, and the number of timed parts; or empty."""
         seconds = Counter(part.seconds for part in self.parts if part.seconds is not None)
         return {"parts": seconds.total(), **takt_figures(seconds, takt_s)} if seconds else {}
 

@@ -70,7 +70,7 @@ def trail(centres: Array) -> Array:
 
 
 def figure(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> Figure:
-    """Draws a panel for each of 1 to `MOST_PANELS` squeezes, a group `squeeze-1`, ... in an SVG.
+    """Draws a panel for each of 1 to `MOST_PANELS` squeezes; in an SVG, a panel is a group `squeeze-1`, ...
 
     `outline` (N, 2) is the part [mm].
     """
@@ -100,7 +100,7 @@ def extent(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> tuple[floa
 
 
 def frame(axes: Axes, half: tuple[float, float]) -> None:
-    """Equal axes in mm with a faint grid."""
+    """Sets equal axes in mm with a faint grid; `half` are half the width and the height."""
     axes.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]), aspect="equal")
     axes.set_xticks([-20, 0, 20])
     axes.set_yticks([-40, -20, 0, 20, 40])
@@ -149,5 +149,5 @@ def html(outline: Array, jaws: Jaws, traces: Sequence[Squeezed], title: str, pat
 
 
 def _named(state: Array) -> dict[str, float]:
-    """A state (4,) as an object."""
+    """A state (4,) as a JSON object."""
     return dict(zip(("x", "y", "turn", "width"), np.round(state, 4).tolist(), strict=True))

@@ -48,11 +48,11 @@ class Layout(NamedTuple):
 
 @dataclass(slots=True)
 class _Subtree:
-    """A target of the table with its children, placed relative to its middle."""
+    """A target of the table with its children; all places are relative to its middle."""
 
     target: int
-    contour: dict[int, tuple[float, float]]
-    children: list[tuple[float, "_Subtree"]] = field(default_factory=list)
+    contour: dict[int, tuple[float, float]]  # least and greatest place used in each slot
+    children: list[tuple[float, "_Subtree"]] = field(default_factory=list)  # with their places
 
 
 def tidy(table: Table, sizes: Sizes) -> Layout:
@@ -87,7 +87,7 @@ def _subtree(table: Table, target: int, depth: int, sizes: Sizes) -> _Subtree:
 def _row(
     subtrees: list[_Subtree], margin: float
 ) -> tuple[list[float], dict[int, tuple[float, float]]]:
-    """Places of subtrees beside each other, as close as possible, and their common contour."""
+    """Places of subtrees beside each other, as close together as possible, and their common contour."""
     xs: list[float] = []
     merged: dict[int, tuple[float, float]] = {}
     for subtree in subtrees:
@@ -140,7 +140,7 @@ class Panel(NamedTuple):
 
 
 class Line(NamedTuple):
-    """One branch: `key` is its target panel; `x`, `y` are the place of its interval [px]."""
+    """One branch: `key` is its target panel; `x`, `y` are the place of the text `interval` [px]."""
 
     key: str
     path: str

@@ -1,4 +1,4 @@
-"""The verdict on a plan in one sentence, and that on the cell that ran it."""
+"""Verdicts in one sentence: on a plan, and on the cell that ran it."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -47,7 +47,10 @@ class Verdict(NamedTuple):
 
 
 def weakest(lines: Sequence[Line]) -> Weakest | None:
-    """The worst of some worlds besides the first, the planned one: most wrong answers, then least success."""
+    """The world with the most wrong answers or, if equal, the least success.
+
+    The first world, which is the planned one, is left out; None if there is no other.
+    """
     if len(lines) < 2:
         return None
     line = max(lines[1:], key=_harm)
@@ -59,7 +62,7 @@ def verdict(job: Job, figures: dict[str, Any], lines: Sequence[Line] = ()) -> Ve
     """The verdict on a job's table.
 
     Args:
-        job: of the table.
+        job: the job of the table.
         figures: as `Evaluation.summary` returns them; of several parts, also those of `Identities`.
         lines: evaluations in worlds, the planned one first; empty if none was tried.
     """
@@ -180,14 +183,14 @@ USUAL = 0.9  # share of located parts below which a cell needs attention
 
 
 class CellResult(NamedTuple):
-    """The result of a cell."""
+    """The verdict on a cell."""
 
     grade: Grade
     sentence: str
 
 
 def cell_result(table: Table, log: RunLog) -> CellResult:
-    """The outcomes of a journal's parts, with the commonest reject."""
+    """The verdict on the cell of a journal: the outcomes of its parts, and the commonest reject."""
     total = len(log.parts)
     if not total:
         return CellResult("fair", "no part was begun")

@@ -37,10 +37,10 @@ def tried(
     report: Report = silent,
     limit: Limit | None = None,
 ) -> list[Line]:
-    """Evaluates a table in its own world, as `evaluation_of`, and in each with a broken assumption.
+    """The evaluation `planned` in the table's own world, followed by evaluations in further worlds.
 
-    The worlds break the assumptions of plans, and set the job's doubts to the ends of their intervals. The
-    last worlds are left out where the limit is over.
+    Each of these breaks one assumption of plans, or sets a doubt of the job to an end of its interval. The
+    last worlds are left out when the limit is over. `planned` is as from `evaluation_of`.
     """
     seed, (stated, *others) = job.seed + SEED_FIGURES, _cases(job)
     lines = [Line(stated, planned)]
@@ -52,19 +52,19 @@ def tried(
 
 
 def seconds_a_part(table: Table, job: Job, scheduler: Scheduler) -> float:
-    """Seconds for the evaluation of a part, by a short trial."""
+    """Seconds that the evaluation of one part takes, measured with `TIMED_TRIALS` parts."""
     began = time.monotonic()
     evaluate(table, job, ContactWorlds.of_job(job, job.seed), TIMED_TRIALS, job.seed, scheduler)
     return (time.monotonic() - began) / TIMED_TRIALS
 
 
 def affordable(job: Job, seconds: float, part_s: float) -> int:
-    """Trials for `tried` within a time: at most `TRIALS`, at least `LEAST_TRIALS`.
+    """Trials in each world so that `tried` ends within a time: at most `TRIALS`, at least `LEAST_TRIALS`.
 
     Args:
         job: determines the worlds.
-        seconds: the time.
-        part_s: from `seconds_a_part`.
+        seconds: the time for all worlds.
+        part_s: seconds for one part, from `seconds_a_part`.
     """
     return min(TRIALS, max(LEAST_TRIALS, int(seconds / (len(_cases(job)) * part_s))))
 
@@ -75,6 +75,6 @@ def untried(job: Job, lines: list[Line]) -> list[str]:
 
 
 def _cases(job: Job) -> list[Case]:
-    """The job's own world first."""
+    """The cases that `tried` evaluates, the job's own world first."""
     cases = (*assumption_cases(job), *believed_cases(job))
     return list({case.name: case for case in cases}.values())

@@ -47,7 +47,11 @@ class Item(NamedTuple):
 
 
 def judge(item: Item) -> Figures:
-    """Plans an outline and evaluates its table; reports every error in the figures but `UnreachableError`."""
+    """Plans an outline and evaluates its table; returns the figures, or those of an error.
+
+    Raises:
+        UnreachableError: the only error that is not reported in the figures.
+    """
     started = time.thread_time(), time.perf_counter()
     figures: Figures = {
         "name": item.name,

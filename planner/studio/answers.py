@@ -50,7 +50,7 @@ class Answer(NamedTuple):
 
 
 class Answers:
-    """The answers about one folder."""
+    """Answers requests about one folder."""
 
     def __init__(self, folder: Folder) -> None:
         self.folder, self.plans, self.reader = folder, Plans(folder), Reader(folder.path)
@@ -71,7 +71,7 @@ class Answers:
         return Answer(text.encode(), "text/html; charset=utf-8", PAGE)
 
     def static(self, name: str) -> Answer:
-        """A stylesheet or script of the studio; `elements.js` belongs to all pages."""
+        """A stylesheet or script of the studio, or `elements.js`, which other pages use, too."""
         kind = f"{KINDS[Path(name).suffix]}; charset=utf-8"
         if name == "elements.js":
             return Answer(asset(name).encode(), kind, PAGE)
@@ -81,7 +81,7 @@ class Answers:
         return Answer(text.encode(), kind, PAGE)
 
     def state(self) -> Answer:
-        """The content of the folder."""
+        """The drawings, plans and files of the folder."""
         files = self.folder.files()
         drawings = [
             file.name
@@ -93,7 +93,7 @@ class Answers:
         return _object({"drawings": drawings, "plans": plans, "files": listed})
 
     def file(self, name: str) -> Answer:
-        """A file of the folder: shown by the browser where it can, else saved."""
+        """A file of the folder: text, pages and SVG for the browser to show, others to save."""
         data, suffix = self.folder.read(name, MOST_FILE_BYTES), Path(name).suffix
         if suffix in TEXT[1]:
             return Answer(data, TEXT[0])
@@ -103,7 +103,7 @@ class Answers:
         )
 
     def film(self, query: dict[str, str]) -> Answer:
-        """The squeezes of a simulated part of a plan."""
+        """The squeezes of a simulated part; `query` names the plan and the number of the part."""
         named = query.get("plan", "")
         plan = next((plan for plan in self.plans.all() if plan.name == named), None)
         if plan is None or "table" not in plan.files:
@@ -112,18 +112,18 @@ class Answers:
         return _object(film(table, plan.log.parts, query.get("part", "")))
 
     def add(self, query: dict[str, str], body: bytes) -> Answer:
-        """Stores a drawing."""
+        """Stores a drawing under the name in `query`, or a numbered one."""
         return _object({"drawing": self.folder.add(query.get("name", ""), body)})
 
     def preview(self, query: dict[str, str], body: bytes) -> Answer:
-        """Preview of a drawing with some settings."""
+        """The preview of the drawing in `query` with the settings in `body`, and the command line."""
         drawing = query.get("drawing", "")
         arguments = self.plans.arguments(drawing, _settings(body))
         command = typed(["try", beginning(drawing), *arguments])
         return _object({**self.reader.ask([beginning(drawing), *arguments]), "command": command})
 
     def plan(self, query: dict[str, str], body: bytes) -> Answer:
-        """Starts a plan."""
+        """Starts planning the drawing in `query` with the settings in `body`, unless its preview fails."""
         drawing = query.get("drawing", "")
         arguments = self.plans.arguments(drawing, _settings(body))
         refused = self.reader.ask([beginning(drawing), *arguments])["error"]

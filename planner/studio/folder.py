@@ -1,4 +1,4 @@
-"""A project folder and its files, by names that cannot point elsewhere. There is no other state."""
+"""A project folder and its files, given by names that cannot point outside it: the studio's only state."""
 
 import contextlib
 import os
@@ -20,7 +20,7 @@ class File(NamedTuple):
 
 
 class Folder:
-    """A project folder; names from a page can only be those of its regular files."""
+    """A project folder; a name from a page can only refer to a regular file in it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.resolve()
@@ -39,8 +39,8 @@ class Folder:
         """A file's content.
 
         Raises:
-            UsageError: the folder has no file of this name.
-            OSError: it cannot be read.
+            UsageError: the name is not allowed, or is that of a symbolic link.
+            OSError: the file is missing or cannot be read.
         """
         path = self.path / checked(name)
         if path.is_symlink():
@@ -48,11 +48,11 @@ class Folder:
         return read_regular(path, most_bytes)[0]
 
     def add(self, name: str, data: bytes) -> str:
-        """Stores a drawing; returns its name, numbered if another drawing has it.
+        """Stores a drawing; returns its name, with a number if another drawing has the name already.
 
         Raises:
             UsageError: the name cannot be that of a drawing.
-            OSError: it cannot be written.
+            OSError: the drawing cannot be written.
         """
         suffix = Path(checked(name)).suffix
         if suffix.lower() not in SUFFIXES:
@@ -77,7 +77,7 @@ class Folder:
 
 
 def checked(name: str) -> str:
-    """Checks the name of a file in a folder.
+    """Checks and returns the name of a file in a folder.
 
     Raises:
         UsageError: it is empty, hidden, too long, no text, or has a slash or a control character in it.

@@ -17,10 +17,10 @@ class Log(NamedTuple):
     commands: list[str]
     step: str  # the current command, or the last one
     progress: dict[str, Any]  # last reported stage
-    answer: dict[str, Any] | None  # of `squeezetree try`, as texts
+    answer: dict[str, Any] | None  # that of `squeezetree try`, as texts
     parts: list[dict[str, Any]]  # simulated, as texts; `path` and `squeezes` are for `film`
     tried: list[dict[str, Any]]  # other discs and goals, as texts
-    lines: list[str]  # messages: why it failed
+    lines: list[str]  # latest messages; if a command failed, they say why
     exit: int | None  # of the last command; None while it runs, or where it was killed
 
 
@@ -33,7 +33,7 @@ def log_of(data: bytes) -> Log:
             if "squeezed" in record:
                 squeezed = dict(record["squeezed"])
                 if squeezes and squeezes[-1]["before"] == squeezed["before"]:
-                    squeezes.pop()  # jaws that close fast and then slowly close once
+                    squeezes.pop()  # a fast and then a slow closing are one squeeze
                 squeezes.append(squeezed)
             else:
                 log = _with(log, record, squeezes)
@@ -58,7 +58,7 @@ def _with(log: Log, record: dict[str, Any], squeezes: list[dict[str, Any]]) -> L
         return log._replace(answer=_answer(record))
     if "outcome" in record:
         path = list(record["path"])
-        # The cell squeezes once before the first part.
+        # The cell also squeezes once before the first part.
         latest = squeezes[len(squeezes) - len(path) :]
         log.parts.append({**_part(record), "path": path, "squeezes": latest})
         return log

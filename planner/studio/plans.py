@@ -47,7 +47,8 @@ class Plans:
         """Converts a page's settings to options of `squeezetree try`; empty ones keep its defaults.
 
         Raises:
-            UsageError: the drawing is not there, or a setting is unknown.
+            UsageError: the name of the drawing is not allowed, or a setting is unknown or not a text.
+            InputError: the folder has no such drawing.
         """
         if checked(drawing) not in (file.name for file in self.folder.files()):
             raise InputError("is no file of this folder any more; choose another", where=drawing)
@@ -72,7 +73,7 @@ class Plans:
             if under_way:
                 raise UsageError(f"{under_way[0]} is being planned; stop it, or wait for it")
             for plan in self.all():
-                if plan.trying:  # processes that wait for a plan have priority
+                if plan.trying:  # planning has priority over trials of other goals
                     self.stop(plan.name)
             name, log = self._begun(Path(drawing).stem)
             words = [name, drawing, *arguments]
@@ -92,7 +93,7 @@ class Plans:
         """Asks a plan to end with the result so far.
 
         Raises:
-            UsageError: it is not running.
+            UsageError: the plan neither runs nor tries other goals.
             OSError: the folder cannot be written to.
         """
         if checked(name) not in (plan.name for plan in self.all() if plan.running or plan.trying):
@@ -132,7 +133,7 @@ class Plans:
 
 
 def _is_locked(path: Path) -> bool:
-    """Whether a process that writes a log is alive."""
+    """Whether the process that writes a log, and holds a lock on it, is alive."""
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
         fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""Reads drawings in a separate process: a hostile one ends that process, not the page."""
+"""Reads drawings in a separate process: a hostile drawing ends that process, not the page."""
 
 import json
 import select
@@ -24,7 +24,7 @@ class Reader:
         self._lock = threading.Lock()
 
     def ask(self, arguments: Sequence[str]) -> dict[str, Any]:
-        """Preview for the arguments of `squeezetree try`; see `planner.cli.preview.preview`.
+        """The preview for arguments of `squeezetree try`; see `planner.cli.preview.preview`.
 
         Raises:
             InputError: the process died or took too long.
@@ -39,7 +39,7 @@ class Reader:
                 child.stdin.flush()
                 if select.select([child.stdout], [], [], PATIENCE_S)[0]:
                     line = child.stdout.readline()
-            except OSError:  # its end is handled below
+            except OSError:  # the process has ended, which is handled below
                 line = b""
             if not line.endswith(b"\n"):
                 self._end()

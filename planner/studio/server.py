@@ -43,13 +43,13 @@ class Studio(ThreadingTCPServer):
         self.answers.reader.close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Passes over a broken connection, as of a closed tab; the terminal is for other failures."""
+        """Ignores a broken connection, such as that of a closed tab; prints other errors on the terminal."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 
 
 class Handler(BaseHTTPRequestHandler):
-    """One request."""
+    """Answers one request."""
 
     server: Studio
     timeout = PATIENCE_S
@@ -123,7 +123,7 @@ class Handler(BaseHTTPRequestHandler):
         self.wfile.write(answer.body)
 
     def log_message(self, *_: object) -> None:
-        """Logs nothing: the terminal shows the address, and later errors are on the page."""
+        """Logs nothing: the terminal shows only the address, and the page shows errors."""
 
 
 def _first(query: str) -> dict[str, str]:

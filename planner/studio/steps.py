@@ -1,8 +1,8 @@
 """The steps of planning in the studio: commands in sequence, in a process that outlives the page.
 
 `python -m planner.studio.steps NAME DRAWING ARGUMENT ...` runs `squeezetree try`, `report` and `run` in the
-current folder, and then `planner.studio.what_if`; its output is the plan's log. The file `NAME.stop` acts
-as Ctrl-C.
+current folder, and then the trials of `planner.studio.what_if`; its output is the plan's log. The file
+`NAME.stop` acts as Ctrl-C.
 """
 
 import contextlib
@@ -40,7 +40,7 @@ def written_for(name: str) -> dict[str, str]:
 
 
 def commands_of(name: str, drawing: str, arguments: Sequence[str]) -> list[list[str]]:
-    """The words after `squeezetree`, as typed by a person: the plan, its page, simulated parts."""
+    """The commands of a plan as words after `squeezetree`: plan, report, run of simulated parts."""
     files = {what: beginning(file) for what, file in written_for(name).items()}
     simulated = ["--port", "sim", "--time-scale", "max", "--count", str(PARTS)]
     return [
@@ -64,7 +64,13 @@ def typed(words: Sequence[str]) -> str:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Runs the commands in turn, and stops after one that fails or leaves no table; returns its exit code."""
+    """Runs the commands in turn, and then trials of other discs and goals.
+
+    Stops after a command that fails or leaves no table.
+
+    Returns:
+        The exit code of the last command before the trials.
+    """
     name, drawing, *arguments = argv
     files = written_for(name)
     code = 0
@@ -83,7 +89,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def try_others(files: Mapping[str, str]) -> None:
-    """Plans for other discs and goals and states the results, until the file `stop` exists."""
+    """Plans for larger discs and tighter goals and logs the results; ends when `files["stop"]` exists."""
     stop, summary = Path(files["stop"]), Path(files["trials"]) / "summary.json"
     for trial in trials_of(Path(files["job"])):
         for value in trial.values:
@@ -100,7 +106,10 @@ def try_others(files: Mapping[str, str]) -> None:
 
 
 def _ended(words: Sequence[str], stop: str, *, aside: bool = False) -> int:
-    """Runs a command and returns its exit code; the file `stop` interrupts it. `aside`: niced, silent."""
+    """Runs a command and returns its exit code; the file `stop` interrupts the command.
+
+    With `aside`, the command runs at low priority and its output is discarded.
+    """
     before, output = (["nice"], subprocess.DEVNULL) if aside else ([], None)
     child = subprocess.Popen(
         [*before, *COMMAND, *words], stdin=subprocess.DEVNULL, stdout=output, stderr=output

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-FACTORS = (1.25, 1.6, 2.0, 2.5, 3.2)  # factors by which a disc grows and a goal shrinks
+FACTORS = (1.25, 1.6, 2.0, 2.5, 3.2)  # by which a radius is multiplied, or a distance divided
 EFFORT = ("--budget", "20s", "--trials", "3000")
 
 
@@ -22,7 +22,7 @@ class Trial(NamedTuple):
         return ["plan", job, "-o", folder, "--vary", f"{self.key}={value:g}", *EFFORT]
 
     def result(self, value: float, summary: Path) -> dict[str, Any]:
-        """The result for a value, from the command's summary, as stored in the log."""
+        """The result for a value, read from the summary of the command, in the form of the log."""
         (row,) = json.loads(summary.read_text("utf-8"))
         located = row.get("success_rate", 0.0)
         enough = located >= self.confidence
@@ -30,7 +30,7 @@ class Trial(NamedTuple):
 
 
 def trials_of(job: Path) -> Iterator[Trial]:
-    """Larger discs of uncertainty, then tighter goals; none where the job file states neither."""
+    """Larger discs of uncertainty, then tighter goals; none unless the job file states both."""
     stated = tomllib.loads(job.read_text("utf-8")) if job.exists() else {}
     uncertainty, goal = stated.get("uncertainty", {}), stated.get("goal", {})
     if "radius_mm" not in uncertainty or "distance_mm" not in goal:

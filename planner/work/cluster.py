@@ -1,6 +1,7 @@
 """Work on several machines: the workers of a Dask cluster (dask.distributed, the extra `cluster`).
 
-All need the same version of this package. The scheduler gives the work of a dead worker to the others.
+All machines need the same version of this package. The scheduler gives the work of a dead worker to the
+others.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Cluster:
         self._client: Client | None = None
 
     def __enter__(self) -> Self:
-        """Connects.
+        """Connects to the scheduler, and waits until it has a worker.
 
         Raises:
             UsageError: dask.distributed is not installed.
@@ -139,7 +140,7 @@ class Cluster:
             del running[future]
 
     def _fail(self, error: BaseException | None) -> NoReturn:
-        """Raises the error of an item: the function's, or one about the cluster."""
+        """Raises the error of an item: one about the cluster if that is the cause, else the function's."""
         from distributed import KilledWorker
 
         if isinstance(error, KilledWorker):

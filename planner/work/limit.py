@@ -11,9 +11,9 @@ class Limit:
     def __init__(
         self, budget_s: float = math.inf, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Starts counting; the clock returns seconds."""
+        """Starts counting the time; the clock returns seconds."""
         self.budget_s = budget_s
-        self.reserve_s = 0.0  # of the budget, kept for the work that follows
+        self.reserve_s = 0.0  # part of the budget that is kept for the work that follows
         self.asked = False  # whether to end at once
         self.standing = False  # whether there is a result to keep
         self._clock = clock
@@ -26,7 +26,7 @@ class Limit:
 
     @property
     def left_s(self) -> float:
-        """Seconds before the reserve; infinite without a budget."""
+        """Seconds of the budget that are left before the reserve; infinite without a budget."""
         return self.budget_s - self.reserve_s - self.spent_s
 
     @property
@@ -39,7 +39,11 @@ class Limit:
         self._start = self._clock()
 
     def ask(self) -> bool:
-        """Requests an early end; False if there is no result yet, or after an earlier request."""
+        """Requests an early end.
+
+        Returns:
+            Whether this is accepted: there is a result to keep, and it is the first request.
+        """
         heard = self.standing and not self.asked
         self.asked = self.asked or heard
         return heard

@@ -7,7 +7,7 @@ class Report(Protocol):
     """Callback for progress."""
 
     def __call__(self, stage: str, done: int, total: int, detail: str = "", /) -> None:
-        """Receives a stage's name, how much of it is done, of how much, and the result so far."""
+        """Receives the name of a stage, its done and its total amount, and the result so far as text."""
 
 
 def silent(_stage: str, _done: int, _total: int, _detail: str = "", /) -> None:

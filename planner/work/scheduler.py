@@ -23,7 +23,7 @@ WORKER = "squeezetree worker"  # prefix of names of threads whose work is not di
 
 
 def pool_of(workers: int) -> ThreadPoolExecutor:
-    """A pool of threads; work inside one is not divided further, since it could wait for itself."""
+    """A pool of threads; work on them is not divided further, since it could wait for its own thread."""
     return ThreadPoolExecutor(workers, WORKER)
 
 
@@ -67,11 +67,11 @@ Scheduler: TypeAlias = Threads | Cluster  # `workers` is the number of items tha
 
 @contextmanager
 def scheduler_of(address: str | None = None, workers: int | None = None) -> Iterator[Scheduler]:
-    """The cluster at an address such as "tcp://host:port", or `workers` threads (all cores if None).
+    """Context with the cluster at an address "tcp://host:port", or with `workers` threads (None: all cores).
 
     Raises:
         UsageError: the address is not one, or the cluster extra is not installed.
-        UnreachableError: nothing answers there, or it has no workers.
+        UnreachableError: nothing answers at the address, or the cluster has no workers.
     """
     if address is None:
         yield Threads() if workers is None else Threads(workers)
