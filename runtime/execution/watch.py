@@ -30,15 +30,20 @@ class Expected(NamedTuple):
 
     @property
     def total_s(self) -> float:
-        """Sum of both."""
+        """Time of arm and gripper."""
         return self.arm_s + self.gripper_s
 
 
 def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Expected:
-    """Cell seconds of the longest squeeze: across the work area, a turn, up, down; and three slow strokes.
+    """Duration, in seconds of the cell, of the longest squeeze at a node, and of the pushes before it.
 
-    Plus the same for each push, and its way. A stroke takes `slowest_um_s`, if given, or the gripper's
-    least speed.
+    The arm moves across the work area, turns once, and moves up and down; the jaws make three full strokes.
+    Each push takes the same, and the time of its path.
+
+    Args:
+        table: states the work area, the gripper and the arm's timing.
+        node: the node to squeeze at.
+        slowest_um_s: speed of a stroke, unless the squeeze is slower; None: the gripper's least speed.
     """
     timing = Schedule.of(table, job_of(table)).timing
     slowest_um_s = slowest_um_s or table.gripper.least_speed_um_s
@@ -56,10 +61,10 @@ def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Ex
 
 
 class Watch:
-    """Counts the seconds of each device; within `squeeze` each call has to begin in time.
+    """Sums up the seconds of each device; in the context `squeeze` a call after the deadline raises.
 
-    The time from one call to the next counts for the device that was called. Where stop requests are
-    handled, the deadline ends a call under way like a stop request.
+    The time from one call to the next counts for the device that was called first. Where stop requests are
+    handled, the deadline also ends a call under way, as a stop request does.
     """
 
     def __init__(self, clock: SystemClock) -> None:
@@ -94,7 +99,7 @@ class Watch:
             self._deadline = inf
 
     def call(self, name: str) -> None:
-        """Registers a call of a device; raises if it is too late."""
+        """Registers a call of a device; raises if the call comes after the deadline."""
         self._count()
         self._called = name
         if name != MACHINE:
@@ -105,7 +110,7 @@ class Watch:
             raise self._late()
 
     def _count(self) -> float:
-        """Counts the time since the last call; returns the time."""
+        """Adds the time since the last call to the device called then; returns the clock's time."""
         now = self._clock.now()
         self._spent[self._called] += now - self._since
         self._since = now
