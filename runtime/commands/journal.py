@@ -156,7 +156,7 @@ def _entries(path: Path) -> Iterator[dict[str, object]]:
 
 
 def _numbered(entries: Iterator[dict[str, object]]) -> Iterator[tuple[tuple[int, str], Entry]]:
-    """Yields each record with the key of its part: the run's number, and the part's, which restarts in it."""
+    """Yields each record with the numbers of its run and its part, since parts count from 1 in every run."""
     run = 0
     for entry in entries:
         run += begins_run(entry)

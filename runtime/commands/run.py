@@ -76,7 +76,8 @@ class _Asked:
     def execute(self) -> int:
         """Runs the parts, or puts down what the fingers hold; returns the exit code.
 
-        Before the run begins in the journal, looks for a broken run, connects, and checks what may refuse it.
+        Before the run begins in the journal, looks for a broken run, connects, and makes all checks that may
+        refuse the run.
         """
         arguments, table = self.arguments, self.recipe.loaded.table
         clock = SystemClock(arguments.time_scale)

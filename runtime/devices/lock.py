@@ -20,7 +20,7 @@ from runtime.shell.host_names import addresses_of
 
 CREDENTIALS = struct.Struct("3i")  # process, user and group, as in SO_PEERCRED
 MANUAL = "manual"  # a person, whom a simulated arm may follow: manual+tcp://host:port
-GATEWAYS = frozenset({"tcp", "rtu+tcp"})  # schemes at one port of which several units may listen
+GATEWAYS = frozenset({"tcp", "rtu+tcp"})  # schemes by which several units may answer at one port
 USUAL_UNIT = 9
 LOOK_UP_S = 5.0  # wall time to look up a host's addresses
 # Port of a device whose address names none.

@@ -18,7 +18,7 @@ NOISE_SIGMAS = 3.0
 
 
 def make(job: object, seed: int) -> "Rehearsal":
-    """Builds the rehearsal for a table; this is the factory that names a world as `module:factory`.
+    """Builds the rehearsal of a table; its name as a world is `runtime.devices.rehearsal:make`.
 
     Raises:
         UsageError: `job` is not a table, and so has no statistics.

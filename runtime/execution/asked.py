@@ -79,7 +79,7 @@ def check_asked(table: Table) -> None:
 
 
 class RefusedError(Exception):
-    """Refuses a line; `number` is that of the error in `ERRORS`."""
+    """A line is refused; `number` is that of the error in `ERRORS`."""
 
     def __init__(self, number: int) -> None:
         super().__init__(refused(number))
@@ -238,8 +238,8 @@ class AskedParts:
     def _state_of(self, reading_um: int, decided: DecisionMap) -> ObjectState:
         """Infers the object state from a width alone: the state for which the width has a branch.
 
-        If both states decide alike, a width of at least `HELD_UM` means a held part. If both have a branch,
-        and the branches differ, the state is that of no part.
+        If the decision is the same for both states, a width of at least `HELD_UM` means a held part. If each
+        state has a branch of its own, the state is that of no part.
         """
         width_um = self._calibration.width_um(reading_um)
         felt, unfelt = (decide(decided, width_um, felt) for felt in (True, False))

@@ -56,8 +56,9 @@ def look(
         The run to resume; None where the last run ended.
 
     Raises:
-        BrokenRunError: the policy is to give the run up, or it cannot be resumed: a field of `SAME` differs,
-            its records do not follow from its readings, the part was being pushed, or is too old.
+        BrokenRunError: the policy is to give the run up, or the run cannot be continued: a field of `SAME`
+            differs, its records do not follow from its readings, its last record is too old, or the policy
+            is to resume a part that was being pushed.
     """
     try:
         broken = broken_run(journal.path, journal.last_part)

@@ -39,7 +39,7 @@ class Sighting:
 
 @dataclass(slots=True)
 class Tally:
-    """Sums over a run's parts, which are not kept themselves."""
+    """Sums over a run's parts; keeps no single results."""
 
     takt_s: float | None = None  # the time within which parts should be done
     # whether the clock's seconds are those of the cell; False for a clock faster than real time
@@ -86,7 +86,7 @@ class Console:
     """Observer of run events, called in order. Implementations must not raise and may override any subset."""
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """Receives a change of phase; `node` where there is one."""
+        """Receives a change of phase; `node` is the index of the node, None where there is none."""
 
     def note(self, sentence: str) -> None:
         """Receives a message for people."""

@@ -96,7 +96,7 @@ class Executor:
 
         Returns:
             The result. After LEAF, REJECT and UNRESOLVED the hand is up with the jaws open; after FAULT and
-            STOPPED the cell is in the declared safe state; before ABORTED nothing was moved.
+            STOPPED the cell is in the declared safe state; ABORTED means that nothing was moved.
 
         Raises:
             Exception: any unexpected error, which is a bug, once the safe state is reached.

@@ -178,7 +178,7 @@ class Hand:
     def travel(
         self, x_mm: float, y_mm: float, angle_rad: float, *, to_squeeze: bool = False
     ) -> None:
-        """Travels to a place, with the hand turned by whole turns to the angle nearest to its own.
+        """Travels to a place; of the angles equal up to whole turns, the hand takes the nearest.
 
         The hand travels at the height of `rise` if it stands there already, else at the retreat height; with
         `to_squeeze` it may descend to the height of `rise` on the way to a near place.

@@ -20,8 +20,8 @@ from runtime.journal.lines import Entry
 from runtime.journal.replay import UNDECIDED
 from runtime.table import CLEAR_MM, Calibration, Table
 
-# Jaws within `OPEN_UM` of their widest are open: some settle up to 3.7 mm short. Jaws within `CLOSED_UM` of
-# closed hold nothing: it is less than the thinnest part.
+# Jaws within `OPEN_UM` of their widest are open: some settle up to 3.7 mm short. Jaws less than `CLOSED_UM`
+# apart hold nothing: every part is thicker.
 OPEN_UM, CLOSED_UM = 4_000, 1_000
 
 

@@ -1,4 +1,4 @@
-"""The deadline of one squeeze, checked during its device calls, and which device exceeded it."""
+"""Checks the deadline of a squeeze at each device call, and names the device that exceeded it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,7 +23,7 @@ Device = TypeVar("Device")
 
 
 class Expected(NamedTuple):
-    """Cell seconds of a squeeze at the commanded speeds, by device."""
+    """Duration of a squeeze at the commanded speeds, by device, in seconds of the cell."""
 
     arm_s: float
     gripper_s: float
@@ -37,8 +37,8 @@ class Expected(NamedTuple):
 def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Expected:
     """Duration, in seconds of the cell, of the longest squeeze at a node, and of the pushes before it.
 
-    The arm moves across the work area, turns once, and moves up and down; the jaws make three full strokes.
-    Each push takes the same, and the time of its path.
+    The arm moves across the work area, turns once, and makes three vertical moves; the jaws make three full
+    strokes. Each push adds the same again, and the time of its path.
 
     Args:
         table: states the work area, the gripper and the arm's timing.
@@ -76,7 +76,7 @@ class Watch:
         self._called = MACHINE
 
     def watched(self, device: Device, name: str) -> Device:
-        """Wraps a device so that its calls count; calls of `MACHINE`, the journal, are never too late."""
+        """Wraps a device so that its calls are registered; those of `MACHINE`, the journal, never raise."""
         return cast(Device, _Watched(device, name, self))
 
     @contextmanager
@@ -133,7 +133,7 @@ def _the(name: str) -> str:
 
 
 class _Watched:
-    """A device whose calls a watch counts."""
+    """A device whose calls are registered by a watch."""
 
     def __init__(self, device: object, name: str, watch: Watch) -> None:
         self._device, self._name, self._watch = device, name, watch

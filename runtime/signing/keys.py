@@ -201,7 +201,7 @@ def write_new(path: Path, data: bytes, mode: int) -> None:
     """Creates a file with this mode and content.
 
     Raises:
-        OutputError: the file exists or cannot be written; no part of it is left behind.
+        OutputError: the file exists or cannot be written; a file that was begun is removed.
     """
     try:
         file = os.open(

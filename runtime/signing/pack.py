@@ -137,7 +137,7 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
         trusted: the key that must have signed.
 
     Raises:
-        PackError: no pack covers it; the message says why, for each.
+        PackError: no pack covers it; the message says why each of them does not.
         UsageError: the extra is missing.
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}
