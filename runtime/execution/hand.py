@@ -332,10 +332,7 @@ class Hand:
         return reading
 
     def _level(self, advance_mm: float) -> None:
-        """Moves the arm to the height at which tips advanced by `advance_mm` are at the squeeze height.
-
-        Without an arc of the tips nothing moves.
-        """
+        """Moves the arm so that tips on an arc, `advance_mm` advanced, are at the squeeze height."""
         if self._handling.arc is None:
             return
         x_mm, y_mm, z_mm, angle_rad = self._place()

@@ -76,7 +76,7 @@ class Watch:
         self._called = MACHINE
 
     def watched(self, device: Device, name: str) -> Device:
-        """Wraps a device so that its calls are registered; those of `MACHINE`, the journal, never raise."""
+        """Wraps a device to register its calls; a call of `MACHINE`, the journal, is never too late."""
         return cast(Device, _Watched(device, name, self))
 
     @contextmanager
