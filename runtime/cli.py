@@ -1,6 +1,6 @@
 """The commands of the cell, wired to the drivers: `grasp-runtime`, `grasp-doctor` and `grasp-calibrate`.
 
-The one module of the runtime that imports drivers; each command loads only its modules.
+This is the only module of the runtime that imports drivers. Each command loads only the modules it needs.
 """
 
 import argparse
@@ -50,16 +50,20 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
 def guarded(
     built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]
 ) -> int:
-    """Runs a command of the cell, which stop requests end and slow readers do not delay."""
+    """Runs a command of the cell so that stop requests end it and slow readers do not delay it.
+
+    Returns:
+        The exit code.
+    """
     with StopRequests(last=argv is None), output.unblocked(SystemClock().now):
         return command.run(built, argv, lambda arguments: stopped(body, arguments))
 
 
 def stopped(body: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
-    """Runs a command's body.
+    """Runs a command's body, which a stop request may end; returns its exit code.
 
     Raises:
-        StoppedError: a stop request ended it.
+        StoppedError: a stop request ended the body.
     """
     try:
         with interrupts.stoppable():

@@ -11,7 +11,10 @@ class TableError(InputError):
 
 
 class JournalError(ExpectedError):
-    """The journal cannot be written, was moved or truncated, or its line (from 1) does not verify."""
+    """The journal cannot be written, was moved or truncated, or one of its lines does not verify.
+
+    `line` is the number of that line, from 1.
+    """
 
     exit_code = ExitCode.JOURNAL
 
@@ -22,7 +25,7 @@ class JournalError(ExpectedError):
 
 
 class TornError(JournalError):
-    """The last line of a journal is incomplete: a crash cut it short, and nothing was done because of it."""
+    """The last line of a journal is incomplete: a crash cut it short, before anything followed from it."""
 
 
 class BrokenRunError(ExpectedError):
@@ -36,7 +39,7 @@ class GripperStateError(DeviceError):
 
 
 class MotionRefusedError(DeviceError):
-    """A motion that the safety checks refused before it was sent."""
+    """A motion is refused before it is sent, or the arm was displaced or took too long."""
 
 
 class PackError(ExpectedError):

@@ -1,1 +1,1 @@
-"""The commands of the cell: their arguments, checks of these, and what the commands do."""
+"""The commands of the cell: their arguments, the checks of the arguments, and the commands' bodies."""

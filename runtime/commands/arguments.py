@@ -52,7 +52,7 @@ declared safe state; what came first gives the exit code:
 
 
 def address(text: str) -> str:
-    """The address of a device, for argparse: anything but a misspelt `sim` or `manual`."""
+    """Returns a device's address as it is, for argparse; refuses only a misspelt `sim` or `manual`."""
     words = (SIMULATED, MANUAL)
     if text in words or ":" in text or Path(text).exists():
         return text
@@ -68,7 +68,7 @@ class PrintedMap(argparse.Action):
     """Prints the registers of `--plc` and exits, as --help does."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        """Prints them."""
+        """Prints the registers and exits."""
         from runtime.plc import registers  # not loaded by a run without a PLC
 
         say(json.dumps(registers.as_json()))
@@ -215,7 +215,7 @@ def _add_views(group: argparse._ArgumentGroup) -> None:
 
 
 def hours(text: str) -> tuple[int, ...]:
-    """Hours of a day, separated by commas."""
+    """Parses hours of a day, separated by commas, for argparse."""
     words = text.split(",")
     if not all(word.isascii() and word.isdecimal() and int(word) < 24 for word in words):
         raise argparse.ArgumentTypeError(f"{text!r}: write hours from 0 to 23, such as 6,14,22")

@@ -82,7 +82,7 @@ def parser() -> Parser:
 
 
 def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
-    """Measures what the arguments name; returns 0. Errors are those of `run` and `calibrate_middle.run`."""
+    """Runs the subcommand `width` or `middle`; returns 0, and raises as `run` and `calibrate_middle.run`."""
     ask = partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
     if arguments.what == calibrate_middle.NAME:
         return calibrate_middle.run(arguments, drivers, ask)
@@ -130,7 +130,10 @@ def run(
 
 
 def report(measured: Measured) -> Iterator[str]:
-    """The measurement as a small table: readings, spread, and deviations of other maps."""
+    """Yields the lines of a table for people: each block's readings, their spread, and two deviations.
+
+    The first is that of a calibration without this block, the second that of the nominal widths.
+    """
     yield f"gripper {measured['gripper']}"
     yield "block mm  read mm               spread  without this block  nominal"
     for block in measured["blocks"]:
@@ -142,7 +145,7 @@ def report(measured: Measured) -> Iterator[str]:
 
 
 def figures(measured: GripperCalibration) -> Measured:
-    """The measurement in plain types, with the nominal widths."""
+    """The measurement in plain types, with the deviations that `report` shows."""
     left_out = [None, *calibration.residuals_mm(measured)]
     blocks = [
         {
@@ -168,7 +171,7 @@ def _ask_terminal(sentence: str, file: TextIO) -> None:
 def _checked(
     arguments: argparse.Namespace,
 ) -> tuple[list[float], tuple[float, float] | None, tuple[int, int] | None]:
-    """Checks blocks (in ascending order), tips and current, before anybody holds a block."""
+    """Checks and returns blocks (ascending, mm), tips (mm) and current (mA), before anybody holds a block."""
     named = _blocks(arguments.model) if arguments.blocks is None else arguments.blocks
     widths_mm = sorted(_numbers("--blocks", named))
     if arguments.grips < 1 or widths_mm[0] < 0.0:
@@ -187,7 +190,7 @@ def _checked(
 
 
 def _blocks(model: str) -> str:
-    """The usual blocks that fit between the fingers."""
+    """Widths of the usual blocks that fit between a model's fingers, mm, as `--blocks` takes them."""
     stroke_um = profile_of(model).stroke_um
     return ",".join(str(width) for width in DEFAULT_BLOCKS if 1000 * width < stroke_um)
 

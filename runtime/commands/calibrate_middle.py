@@ -66,7 +66,7 @@ def add_to(subcommands: Any, codes: str) -> None:
 
 
 def add_shared(parser: Parser) -> None:
-    """The arguments of whatever moves the fingers to measure."""
+    """Adds the arguments that `grasp-calibrate width` and `middle` share."""
     add = parser.add_argument
     add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
     activate = "activate the gripper if need be: the fingers sweep fully"
@@ -76,7 +76,7 @@ def add_shared(parser: Parser) -> None:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
-    """Measures and writes a file by the arguments; returns 0.
+    """Measures where the fingers meet, and writes the calibration with the result to a file; returns 0.
 
     Args:
         arguments: parsed.
@@ -156,7 +156,7 @@ def _print(arguments: argparse.Namespace, known: Middle, table: Table) -> None:
 
 
 def _checked(arguments: argparse.Namespace) -> tuple[Pose2, GripperCalibration]:
-    """Checks the block's place and the gripper's calibration, before anything is opened."""
+    """Checks and returns the block's place and the gripper's calibration, before anything is opened."""
     if MANUAL in (arguments.port, arguments.arm) or SIMULATED in (arguments.port, arguments.arm):
         raise UsageError(
             "the middle is measured with a gripper on an arm; name both by their addresses "

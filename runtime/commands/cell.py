@@ -20,7 +20,7 @@ PLANNER_NEEDS = ("numpy", "scipy", "numba")
 
 
 class Devices(NamedTuple):
-    """Devices of a run; scene and camera address only for a simulated cell."""
+    """Devices of a run; only a simulated cell has a scene and the address of a camera."""
 
     gripper: Gripper
     arm: Arm
@@ -39,9 +39,16 @@ def connect(
 ) -> Devices:
     """Connects to the devices of a run, to simulated ones as to hardware; nothing moves.
 
-    The table states a simulated cell's part. `console` receives the name of the started cell, `report`
-    receives retries and failures on the gripper's link, and `stack` closes what was opened. A taken lock, a
-    cell that does not start, and the drivers raise an `ExpectedError`.
+    Args:
+        arguments: of `grasp-runtime`.
+        table: states the gripper's model, and the part of a simulated cell.
+        console: receives the name of the started cell.
+        drivers: opens the devices.
+        stack: closes what was opened.
+        report: receives retries and failures on the gripper's link.
+
+    Raises:
+        ExpectedError: a lock is taken, the simulated cell does not start, or a driver fails.
     """
     gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:

@@ -19,8 +19,8 @@ from runtime.devices.clock import SystemClock
 from runtime.table import Area, Calibration, Limits, Table, misfits
 
 READS = 200
-READING_S = 10.0  # least number of readings, where they are slow
-LEAST_READS = 3
+READING_S = 10.0  # time after which slow readings end early
+LEAST_READS = 3  # least number of readings, where they are slow
 SLOW_MS, JITTER_MS = 12.0, 25.0  # Robotiq's SDK polls at 100 Hz; 16 ms is an untuned FTDI adapter
 USUAL_UNIT, USUAL_BAUD = 9, 115200
 PSEUDO_TERMINALS = range(136, 144)  # major numbers (Linux, Documentation/admin-guide/devices.txt)
@@ -54,7 +54,7 @@ class System(NamedTuple):
 
 
 def check_port(port: str, system: System) -> Iterator[Finding]:
-    """Whether a tty exists, may be opened, and is not held by another process."""
+    """Checks whether a tty exists, may be opened, and is not held by another process."""
     path = Path(port)
     if not path.exists():
         others = ", ".join(sorted(str(tty) for tty in system.dev.glob("tty[UA][SC]*"))) or "none"
@@ -84,7 +84,7 @@ def check_port(port: str, system: System) -> Iterator[Finding]:
 
 
 def check_latency(port: str, system: System) -> Iterator[Finding]:
-    """The FTDI adapter's latency timer, where it has one."""
+    """Checks the latency timer of an FTDI adapter."""
     name = Path(port).resolve().name
     timer = system.sys / "bus" / "usb-serial" / "devices" / name / "latency_timer"
     try:
@@ -125,7 +125,7 @@ def check_silence(port: str, scan: Callable[[str], Iterator[Answered]]) -> Itera
 
 
 def check_gripper(gripper: Gripper) -> Iterator[Finding]:
-    """Whether the gripper is activated and free of faults."""
+    """Checks whether the gripper is activated and free of faults."""
     seen = gripper.state()
     if seen.fault:
         problem, _, remedy = seen.fault_text.partition("; ")
@@ -162,7 +162,7 @@ def _sentence(clause: str) -> str:
 
 
 def check_rate(gripper: Gripper, clock: SystemClock) -> Iterator[Finding]:
-    """How often the gripper can be read per second, and how evenly."""
+    """Measures how often the gripper can be read per second, and how evenly."""
     moments = [clock.now()]
     for _ in range(READS):
         gripper.state()
@@ -185,7 +185,7 @@ def check_rate(gripper: Gripper, clock: SystemClock) -> Iterator[Finding]:
 
 
 def check_arm(arm: Arm, table: Table | None) -> Iterator[Finding]:
-    """Whether the arm reports its position, and is near the work area."""
+    """Checks whether the arm reports its position, and is near the work area."""
     x_mm, y_mm, z_mm, _ = arm.pose()
     yield good(f"The arm answers; it stands at ({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm.")
     if table is not None and not _is_near(x_mm, y_mm, table.limits):
@@ -196,7 +196,7 @@ def check_arm(arm: Arm, table: Table | None) -> Iterator[Finding]:
 
 
 def check_table(table: Table, calibration: Calibration) -> Iterator[Finding]:
-    """Whether the table can be executed with what this gripper reads."""
+    """Checks whether the table can be executed with the readings of this gripper."""
     problems = misfits(table, calibration)
     if problems:
         message = f"The table does not fit this gripper: {problems[0]}."

@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
 
 @contextmanager
 def _devices(arguments: argparse.Namespace) -> Iterator[tuple[str, str | None]]:
-    """The addresses of gripper and arm; for `--port sim` those of a simulated cell started for the check."""
+    """Yields the addresses of gripper and arm; for `--port sim` it starts a simulated cell for the check."""
     if arguments.port != SIMULATED:
         yield arguments.port, arguments.arm
         return
@@ -98,7 +98,7 @@ def findings(
     drivers: Drivers,
     system: System,
 ) -> Iterator[Finding]:
-    """All checks, ordered by dependency."""
+    """Yields the findings of all checks; a check comes after those that it depends on."""
     if table is not None:
         of_table = table.gripper.profile
         yield from doctor.check_table(table, known.of(of_table) if known else Calibration(of_table))
@@ -115,7 +115,7 @@ def findings(
 
 
 def _profile(arguments: argparse.Namespace, table: Table | None) -> GripperProfile | None:
-    """Of the table's gripper, else of the model that is named; None: the driver takes its usual one."""
+    """The profile of the table's gripper, else of the named model; None: the driver takes its usual one."""
     if table is not None:
         return table.gripper.profile
     return None if arguments.gripper is None else profile_of(arguments.gripper)

@@ -69,7 +69,7 @@ def _add_subcommand(
     body: Callable[[argparse.Namespace], int],
     purpose: str,
 ) -> Callable[..., object]:
-    """Adds a subcommand; returns what adds an argument to it."""
+    """Adds a subcommand; returns its `add_argument`."""
     name = example.partition(" ")[0]
     subcommand = add_command(subcommands, name, purpose, f"{NAME} {example}", EXIT_CODES)
     subcommand.add_common()

@@ -32,7 +32,7 @@ examples:
 
 {EXIT_CODES}"""
 VERIFIED = ("records", "runs", "segments", "closed", "head")
-HIDDEN = RESERVED | UPTIME | {"table_base64", "calibration_um"}  # in a line of a record
+HIDDEN = RESERVED | UPTIME | {"table_base64", "calibration_um"}  # not shown in a record's line
 EXAMPLES = {"show": " --outcome reject", "export": " -o squeezes.csv"}
 
 
@@ -156,7 +156,7 @@ def _entries(path: Path) -> Iterator[dict[str, object]]:
 
 
 def _numbered(entries: Iterator[dict[str, object]]) -> Iterator[tuple[tuple[int, str], Entry]]:
-    """Each record with its run and its part: parts count from 1 in every run."""
+    """Yields each record with the numbers of its run and its part, since parts count from 1 in every run."""
     run = 0
     for entry in entries:
         run += begins_run(entry)

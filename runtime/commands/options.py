@@ -1,4 +1,4 @@
-"""Meaning of the arguments of `grasp-runtime` for a run, and contradictions between them."""
+"""Derives the options of a run from the arguments of `grasp-runtime`, and refuses contradictions in them."""
 
 import argparse
 from math import inf
@@ -89,7 +89,7 @@ def plc_options(arguments: argparse.Namespace) -> list[str]:
 
 
 def _check_virtual(arguments: argparse.Namespace) -> None:
-    """Refuses what cannot follow virtual time: a person, a camera, other programs."""
+    """Refuses what cannot be combined with virtual time: a dry run, a person, a camera."""
     if arguments.dry_run:
         raise UsageError(
             "--dry-run moves nothing, so that time has no scale; leave out --time-scale max"
@@ -128,7 +128,7 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     """Options of the run besides its table.
 
     Raises:
-        InputError: the calibration file is refused.
+        InputError: the calibration file, a delivery's file or the job's delivery is refused.
         UsageError: a policy, an arc or a delivery is not understood.
     """
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration)

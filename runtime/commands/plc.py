@@ -1,6 +1,6 @@
 """`grasp-runtime --plc`: a PLC is the master of the cell, and requests each part (`tools/docs/plc.md`).
 
-Parts run as without a PLC, except that its trigger starts the next one.
+Parts run as without a PLC, except that a trigger of the PLC starts each part.
 """
 
 import argparse
@@ -90,7 +90,7 @@ class ForPlc(Monitor):
         self._recipe, self._exchange = recipe, exchange
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """Handles the end of a part."""
+        """Receives the result of a part, and reports it to the PLC."""
         super().part(result, seen)
         if self._recipe.options.policy.ends_run(result.outcome):
             self._exchange.end()
@@ -102,7 +102,7 @@ class PlcRun:
 
     Args:
         recipes: the tables, by their numbers.
-        monitors: of each table.
+        monitors: one for each table; the first has the views.
         server: communicates with the PLC.
         url: address of the server.
         count: total number of parts, None for no end.
@@ -126,10 +126,13 @@ class PlcRun:
     def run(self, cell: Cell, scene: Scene | None, *, activate: bool) -> int:
         """Serves until the parts are done, one ends the run or a stop request comes; returns the exit code.
 
-        The journal has the header of the first table. A simulated scene brings parts for that table.
+        Args:
+            cell: devices and records; the journal must already have the header of the first table.
+            scene: brings the parts of a simulated cell, which are the first table's; None: a real cell.
+            activate: whether a gripper that is inactive or in fault may be activated.
 
         Raises:
-            Exception: any error other than an outcome of a part; the current part ends with its code.
+            Exception: any error that is not the outcome of a part; the PLC receives its exit code first.
         """
         with ExitStack() as stack:
             return self._run(cell, scene, stack, activate=activate)
@@ -169,7 +172,7 @@ class PlcRun:
         return tally.exit_code
 
     def _numbers(self, table: int, journal: Journal) -> Iterator[int]:
-        """Part numbers while the PLC selects this table."""
+        """Yields the number of each triggered part, until the PLC selects another table or the run ends."""
         while self._parts != self._count:
             order = self._exchange.glance.order
             if order is None:
@@ -212,7 +215,7 @@ class PlcRun:
             self._wait(self._left(until))
 
     def _left(self, until: float) -> float:
-        """Seconds left for a PLC; none once it has disconnected."""
+        """Seconds left for a PLC; 0 once it has disconnected."""
         return until - self._clock.now() if self._exchange.connected else 0.0
 
     def _wait(self, seconds: float = inf) -> None:
@@ -223,7 +226,7 @@ class PlcRun:
 
 
 def _note_trigger(journal: Journal, order: Order, part: int | None) -> None:
-    """Records an accepted trigger, and the number of its part, None where it was withdrawn before that."""
+    """Journals an accepted trigger with the number of its part; None: the enable was withdrawn before."""
     fields = {"part": part, "trigger_id": order.trigger_id, "table_number": order.table}
     journal.record("trigger", fields)
 
@@ -231,7 +234,9 @@ def _note_trigger(journal: Journal, order: Order, part: int | None) -> None:
 def opened(
     arguments: argparse.Namespace, recipes: Sequence[Recipe], views: Views, stack: ExitStack
 ) -> PlcRun:
-    """Holds the address of `--plc` until `stack` closes; connections are refused until the run begins.
+    """Prepares the run for a PLC; connections to the address of `--plc` are refused until it begins.
+
+    The address is held until `stack` closes.
 
     Raises:
         UsageError: the address is not available, or the tables are for different grippers.

@@ -100,7 +100,7 @@ def _installed(arguments: argparse.Namespace, tree: Path, loaded: TableFile) -> 
 
     Raises:
         InputError: the calibration's file is refused, or the key of `--require-signed` cannot be used.
-        PackError: no pack signed by it vouches for table and calibration.
+        PackError: no pack signed by that key vouches for table and calibration.
         UsageError: the extra for signatures is missing.
     """
     path = arguments.calibration

@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """Runs a table by the parsed arguments; returns the exit code of the parts.
 
     Args:
-        arguments: of `arguments.parser`.
+        arguments: parsed by `arguments.parser`.
         drivers: opens the devices.
 
     Raises:
@@ -74,7 +74,11 @@ class _Asked:
     stack: ExitStack
 
     def execute(self) -> int:
-        """Looks for a broken run, connects, and refuses early; then begins the journal and runs the parts."""
+        """Runs the parts, or puts down what the fingers hold; returns the exit code.
+
+        Before the run begins in the journal, looks for a broken run, connects, and makes all checks that may
+        refuse the run.
+        """
         arguments, table = self.arguments, self.recipe.loaded.table
         clock = SystemClock(arguments.time_scale)
         plc = None if arguments.plc is None else self._plc()
@@ -126,7 +130,7 @@ class _Asked:
         return plc.opened(arguments, (self.recipe, *others), views(arguments), self.stack)
 
     def serve(self) -> int:
-        """Answers a robot, part after part, with the same journal; moves no device."""
+        """Answers a robot, part after part, and journals this as a run; moves no device."""
         from runtime.commands import serve  # with a server, which no other run has to load
         from runtime.execution.asked import AskedParts, check_asked
         from runtime.monitoring.live.server import listening
@@ -200,7 +204,10 @@ class _Asked:
         clock: SystemClock,
         recipes: Sequence[Recipe],
     ) -> None:
-        """Begins the run in the logs, or goes on with a broken one; from then on it has a last record."""
+        """Records that the run begins, or that a broken one continues.
+
+        From then on stop requests raise only in stoppable code, so that the run gets its last record.
+        """
         self.stack.enter_context(interrupts.whole())
         monitor.ready()
         for recipe in recipes:
@@ -209,7 +216,7 @@ class _Asked:
         crash.begin(journal, begun, data, self.recipe.header, policy)
 
     def _look_back(self, clock: SystemClock) -> tuple[Journal | None, Replay | None]:
-        """Opens an existing journal, and looks for a run in it that broke off."""
+        """Opens the journal, and looks for a run in it that broke off; returns None for what is missing."""
         arguments = self.arguments
         if not files.exists(arguments.journal):
             return None, None
@@ -232,7 +239,7 @@ class _Asked:
         return self.stack.enter_context(Journal(self.arguments.journal, clock.stamp, clock.uptime))
 
     def _holds(self, devices: Devices, journal: Journal | None, *, activate: bool) -> Held | None:
-        """Checks what the fingers may hold before a run; raises unless they may be moved anyway."""
+        """Returns what the fingers may hold before a run; raises unless they may be moved anyway."""
         arguments = self.arguments
         state = devices.gripper.state()
         holds = held.look(state, self.recipe.options.handling.widths(self.recipe.loaded.table))
@@ -245,7 +252,7 @@ class _Asked:
         return holds
 
     def _auditor(self, devices: Devices) -> AuditProcess | None:
-        """Starts the auditor, and checks that it can judge."""
+        """Starts the auditor of `--audit`, if given, and checks that it can judge."""
         if self.arguments.audit is None:
             return None
         command = self.arguments.audit.replace(SIMULATED_CAMERA, devices.camera)

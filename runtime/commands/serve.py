@@ -1,7 +1,8 @@
-"""The server of `grasp-runtime --serve`: lines of one robot at a time, in the run's own thread.
+"""The server of `grasp-runtime --serve`: answers the lines of one robot at a time, in the run's thread.
 
-A second robot gets an error and is disconnected, as is a client that sends half a line, sends before the
-answer or reads no answer. Nothing blocks longer than `PATIENCE_S`, except waiting for the next line.
+A second robot gets an error and is disconnected. A client is disconnected, too, if it sends half a line,
+sends a line before the last answer, or does not read its answers. Nothing blocks longer than `PATIENCE_S`,
+except waiting for the next line.
 """
 
 import argparse
@@ -45,7 +46,7 @@ def check(arguments: argparse.Namespace) -> server.Address:
 
 
 class RobotServer:
-    """Answers clients of a socket, which it closes, until the parts are done or a stop request comes."""
+    """Answers the clients of a listening socket, which it closes after the last part or at a stop request."""
 
     def __init__(self, listener: socket.socket, parts: AskedParts, clock: SystemClock) -> None:
         self._listener, self._parts, self._clock = listener, parts, clock
@@ -78,7 +79,7 @@ class RobotServer:
             self._close()
 
     def _wait(self) -> list[socket.socket]:
-        """Waits for sockets to become readable; empty after a deadline, or to notify the service manager."""
+        """Waits until sockets are readable, and returns them; none at a deadline, or after `PATIENCE_S`."""
         sockets = [self._listener, *self._leaving]
         ends = list(self._leaving.values())
         if self._robot is not None:
@@ -159,7 +160,10 @@ class RobotServer:
         self._parts.give_up(Outcome.ABORTED, message)
 
     def _part_with(self, robot: socket.socket, number: int | None) -> None:
-        """Sends the reason, and waits for the other side to disconnect, lest the line be lost."""
+        """Sends the error of this number, if any, and leaves it to the client to disconnect.
+
+        The connection is closed once the client has done so, or is late, lest the line be lost.
+        """
         if len(self._leaving) >= MOST_LEAVING:
             self._dismiss(next(iter(self._leaving)), late=True)
         self._leaving[robot] = self._clock.now() + PATIENCE_S

@@ -24,7 +24,7 @@ def accepts(host: str, port: int) -> bool:
 
 
 def check_controllers(addresses: Iterator[str], listens: Accepts = accepts) -> Iterator[Finding]:
-    """Checks the controllers that ports and arms name, each once."""
+    """Checks each UR controller that the addresses of gripper and arm name, once."""
     seen = set()
     for address in addresses:
         try:

@@ -1,4 +1,4 @@
-"""The auditor as a separate process: one JSON line in, one out, within a deadline, or "unknown".
+"""Runs the auditor as a separate process, which answers a JSON line for each part with a JSON line.
 
 ```
 -> {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0}
@@ -8,8 +8,9 @@
 Before a run, `{"part": 0}` asks for a verdict only: a program that is missing, ends or answers otherwise is
 refused then. Every question holds `table_sha256`, the digest of the run's table; an auditor that judges by
 a table answers the first question with the digest of that table, and the run is refused where the two
-differ. A camera never stops the cell: if it fails, the verdict is "unknown" and the run continues. With
-several hypotheses, the question also holds the `hypothesis` that the leaf names.
+differ. During the run the auditor never stops the cell: if it fails, or does not answer within the deadline,
+the verdict is "unknown". With several hypotheses, the question also holds the `hypothesis` that the leaf
+names.
 """
 
 import json
@@ -32,10 +33,10 @@ MAX_TEXT = 500
 
 
 class AuditProcess(ChildProcess):
-    """An auditor started as a child.
+    """An auditor that was started as a child process.
 
     Args:
-        command: starts it.
+        command: the command line that starts the auditor.
         table_sha256: digest of the run's table; None: not compared.
 
     Raises:
@@ -53,7 +54,7 @@ class AuditProcess(ChildProcess):
             raise UsageError(f"--audit {command!r} cannot be started: {error}") from error
 
     def judge(self, part: int, pose: Pose2, hypothesis: str | None = None) -> dict[str, object]:
-        """The verdict on one part at a pose (mm, mm, rad); `hypothesis` is the name in its leaf, if any.
+        """Asks for the verdict on a part at a pose (mm, mm, rad); `hypothesis` is the leaf's, if any.
 
         Returns:
             `verdict`, "unknown" where the auditor fails or its answer is invalid, and the other fields of the

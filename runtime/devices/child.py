@@ -61,7 +61,11 @@ class ChildProcess:
         self.close()
 
     def _tell(self, line: bytes, until: float) -> None:
-        """Sends a line; on TimeoutError its rest is sent before the next one."""
+        """Sends a line, to which it adds the line end.
+
+        Raises:
+            TimeoutError: the child did not take all of it until then; the next call sends the rest first.
+        """
         pipe, self._unsent = self._input.fileno(), self._unsent + line + b"\n"
         while self._unsent:
             if not select.select([], [pipe], [], max(until - SystemClock().now(), 0.0))[1]:
@@ -70,7 +74,12 @@ class ChildProcess:
                 self._unsent = self._unsent[os.write(pipe, self._unsent) :]
 
     def _line(self, until: float) -> bytes:
-        """The next line; TimeoutError: none until then, EOFError: it has ended, or sends an endless line."""
+        """Waits for the child's next line, and returns it without the line end.
+
+        Raises:
+            TimeoutError: no line came until then.
+            EOFError: the child has ended, or sends an endless line.
+        """
         pipe = self._output.fileno()
         while b"\n" not in self._read:
             if not select.select([pipe], [], [], max(until - SystemClock().now(), 0.0))[0]:

@@ -24,7 +24,10 @@ def date(text: str) -> datetime:
 
 @dataclass(frozen=True, slots=True)
 class SystemClock:
-    """The machine's monotonic clock; deadlines and pauses are in cell seconds, `time_scale` a second."""
+    """The machine's monotonic clock, for deadlines and pauses in seconds of the cell.
+
+    A second of the machine is `time_scale` seconds of the cell.
+    """
 
     time_scale: float = 1.0
 
@@ -33,11 +36,14 @@ class SystemClock:
         return time.monotonic()
 
     def deadline(self, seconds: float) -> float:
-        """Time by which a motion of `seconds` is over; the link's margin is in real seconds."""
+        """Time, as of `now`, by which a motion of `seconds` of the cell is over.
+
+        It includes `LINK_MARGIN_S` for the device's link, in seconds of the machine.
+        """
         return time.monotonic() + seconds / self.time_scale + LINK_MARGIN_S
 
     def sleep(self, seconds: float) -> None:
-        """Sleeps for `seconds`."""
+        """Sleeps for `seconds` of the cell."""
         time.sleep(max(seconds, 0.0) / self.time_scale)
 
     def stamp(self) -> str:
@@ -59,7 +65,7 @@ class SystemClock:
         return f"{time.strftime('%Y-%m-%d', day)} {max(passed or changes):02}:00"
 
     def uptime(self) -> Mapping[str, object]:
-        """Time that nobody can set: `boot`, the first digits of the boot's id, and `up_s`, the seconds since.
+        """Time that nobody can set: `boot`, first digits of the boot's id, and `up_s`, seconds since boot.
 
         Includes the time that the machine was suspended. Empty where unavailable.
         """
@@ -99,10 +105,10 @@ class Lap:
 
     def __init__(self, clock: SystemClock) -> None:
         self._clock, self._since = clock, clock.now()
-        # only a clock of the machine's own time has one
+        # clocks of virtual time have no scale
         self._scale = getattr(clock, "time_scale", 1.0)
 
     def lap(self) -> float:
-        """Seconds since the last lap, or since its creation."""
+        """Seconds of the cell since the last lap, or since the stopwatch was created."""
         before, self._since = self._since, self._clock.now()
         return float((self._since - before) * self._scale)

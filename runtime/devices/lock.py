@@ -20,9 +20,9 @@ from runtime.shell.host_names import addresses_of
 
 CREDENTIALS = struct.Struct("3i")  # process, user and group, as in SO_PEERCRED
 MANUAL = "manual"  # a person, whom a simulated arm may follow: manual+tcp://host:port
-GATEWAYS = frozenset({"tcp", "rtu+tcp"})  # schemes at one port of which several units may listen
+GATEWAYS = frozenset({"tcp", "rtu+tcp"})  # schemes by which several units may answer at one port
 USUAL_UNIT = 9
-LOOK_UP_S = 5.0  # wall
+LOOK_UP_S = 5.0  # wall time to look up a host's addresses
 # Port of a device whose address names none.
 USUAL = {"ur": 30004, "urcap": 63352, "omnicore": 443, "tcp": 502}
 # Ports of a host that move the same device.
@@ -32,7 +32,7 @@ ONE_DEVICE = (
     frozenset({63352, 54321}),
     frozenset({443, 5000}),  # an ABB arm: Robot Web Services, and open_abb
 )
-SCRIPT_PORT_BELOW = 2  # below its RTDE port, a UR arm takes programs
+SCRIPT_PORT_BELOW = 2  # the port at which a UR arm takes programs is so far below its RTDE port
 
 
 class PortLock(ExitStack):
@@ -90,7 +90,7 @@ def _owner(address: str) -> str:
 
 
 def _devices(port: str) -> list[str]:
-    """Identities of the device: all addresses of a host, the numbers of a tty."""
+    """Identities of the device at a port: all addresses of a host, or the numbers of a tty."""
     port = port.removeprefix(f"{MANUAL}+")
     if port.partition(":")[0] == MANUAL:
         return []
@@ -109,7 +109,10 @@ def _devices(port: str) -> list[str]:
 
 
 def _addresses(url: str) -> list[str]:
-    """Hosts and ports of an address, each host as its IP addresses; this machine is one under all names."""
+    """Identities of a network device: each IP address of its host, with each port that moves the device.
+
+    This machine has the same identity under all its names and addresses.
+    """
     try:
         parts = urlsplit(url)
         host, number = (parts.hostname or "").rstrip("."), parts.port or USUAL.get(parts.scheme)

@@ -18,10 +18,10 @@ NOISE_SIGMAS = 3.0
 
 
 def make(job: object, seed: int) -> "Rehearsal":
-    """World factory for a table, `module:factory`; a job has no statistics.
+    """Builds the rehearsal of a table; its name as a world is `runtime.devices.rehearsal:make`.
 
     Raises:
-        UsageError: `job` is not a table.
+        UsageError: `job` is not a table, and so has no statistics.
     """
     if not isinstance(job, Table):
         raise UsageError(
@@ -69,7 +69,10 @@ class Rehearsal:
         return pose_hand, self._width_mm, self._status
 
     def _node_of(self, pose_hand: Pose2) -> int | None:
-        """The executed node: None for a repetition, its child if the part lies there, else the root."""
+        """Index of the node that is executed; None if the squeeze repeats the last one.
+
+        It is a child of the last node if the part lies where it lay, else the root, with a new part.
+        """
         for index in (*self._next, self._last):
             seen = self._poses(index, pose_hand)
             if any(_same(one, other) for one in seen for other in self._lies):
@@ -77,7 +80,7 @@ class Rehearsal:
         return 0
 
     def _poses(self, index: int, pose_hand: Pose2) -> list[Pose2]:
-        """Poses of the part for a hand at the node's place, or half a turn round."""
+        """Poses of the part in the world for a hand at the node's place, and for one turned half round."""
         x_mm, y_mm, angle_rad = placement(self._table.nodes[index].squeeze)
         return [compose((x_mm, y_mm, angle), pose_hand) for angle in (angle_rad, angle_rad + pi)]
 

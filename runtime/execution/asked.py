@@ -1,7 +1,7 @@
-"""Parts that a robot locates by asking `--serve`: one line each way; its program moves hand and jaws.
+"""Locates parts for a robot that asks `--serve` where to squeeze, and whose program moves hand and jaws.
 
-Drives a part's program (`traversal.program`), whose requests become lines. `tools/docs/serve.md` is the
-protocol. The robot may do anything between two lines.
+Each request of the robot and each answer is a line of the protocol in `tools/docs/serve.md`. The answers are
+the requests of the part's program (`traversal.program`). The robot may do anything between two lines.
 """
 
 import re
@@ -34,9 +34,9 @@ from runtime.traversal.program import (
 from runtime.traversal.results import Outcome, PartResult, Step
 
 VERSION = 1
-MAX_LINE = 80  # including its end: limit of a string in RAPID (RAPID reference)
-MAX_NAME = 20  # of a part, so that its line stays below that
-SLOWEST_UM_S = 20_000  # of the stroke of an unknown gripper
+MAX_LINE = 80  # including the line end: limit of a string in RAPID (RAPID reference)
+MAX_NAME = 20  # of a part's name, so that a line with it stays below `MAX_LINE`
+SLOWEST_UM_S = 20_000  # speed of a stroke assumed for an unknown gripper
 NUMBER = re.compile(r"[+-]?\d{1,4}(\.\d{0,9})?([eE][+-]?\d{1,2})?")
 FLAGS = {"OBJECT": ObjectState.CLOSING, "NONE": ObjectState.AT_TARGET}
 UNTRIED = -1.0  # replaces the success of a leaf where no trial ended
@@ -61,15 +61,15 @@ ERRORS = {
 
 
 def refused(number: int) -> str:
-    """The line of an error."""
+    """The line that answers with an error."""
     return f"ERROR {number} {ERRORS[number]}"
 
 
 def check_asked(table: Table) -> None:
-    """Checks that a robot can execute a table: it knows squeezes, but no pushes.
+    """Checks that a robot that asks can execute a table: the protocol has squeezes, but no pushes.
 
     Raises:
-        TableError: the first node before which parts are pushed.
+        TableError: the table pushes parts; the message names the first node before which it does.
     """
     if table.pushing is not None:
         raise TableError(
@@ -79,7 +79,7 @@ def check_asked(table: Table) -> None:
 
 
 class RefusedError(Exception):
-    """A line that is refused, by its number in `ERRORS`."""
+    """A line is refused; `number` is that of the error in `ERRORS`."""
 
     def __init__(self, number: int) -> None:
         super().__init__(refused(number))
@@ -91,7 +91,7 @@ class _Part:
 
     number: int
     requests: Requests
-    request: Request  # the current request: an `Approach`, or a `Release` by a drag
+    request: Request  # the current request: an `Approach`, or a `Release` that drags the part
     steps: tuple[Step, ...] = ()
     deadline: float = 0.0
 
@@ -108,7 +108,8 @@ class _Part:
 class AskedParts:
     """Answers the lines of one robot by a table, part after part.
 
-    `name` is the table's digest in `TABLE`; the journal already has its header.
+    The answer to `TABLE` has the first digits of `name`, the table's digest. The journal must already have
+    its header.
     """
 
     def __init__(
@@ -145,7 +146,7 @@ class AskedParts:
         return None if self._part is None else self._part.deadline
 
     def answer(self, line: str) -> str:
-        """The answer to a line, both without a line end.
+        """Answers a line of the robot; both are without a line end.
 
         Raises:
             JournalError: the journal cannot be written; the line then has no effect.
@@ -160,7 +161,7 @@ class AskedParts:
             return str(refusal)
 
     def give_up(self, outcome: Outcome, reason: str) -> bool:
-        """Ends the current part, whose pose is unknown; False: there is none."""
+        """Ends the current part without a pose; returns whether there was a part."""
         if self._part is None:
             return False
         self._end(PartResult.of(self._part.number, outcome, self._part.steps, reason))
@@ -235,7 +236,11 @@ class AskedParts:
         return self._part, seen
 
     def _state_of(self, reading_um: int, decided: DecisionMap) -> ObjectState:
-        """The object state for a width alone: the one that has a branch; where both have one, none felt."""
+        """Infers the object state from a width alone: the state for which the width has a branch.
+
+        If the decision is the same for both states, a width of at least `HELD_UM` means a held part. If each
+        state has a branch of its own, the state is that of no part.
+        """
         width_um = self._calibration.width_um(reading_um)
         felt, unfelt = (decide(decided, width_um, felt) for felt in (True, False))
         held = width_um >= HELD_UM if felt == unfelt else unfelt == REJECT
@@ -271,12 +276,12 @@ class AskedParts:
     # -- what follows ---------------------------------------------------------------------------------
 
     def _go_on(self, part: _Part) -> str:
-        """Continues after the part was released: the program's next request."""
+        """Takes the program's next request after the part was released; returns its line."""
         part.request = next(part.requests)
         return self._follow(part)
 
     def _follow(self, part: _Part) -> str:
-        """The line of the next squeeze, or of the part's end."""
+        """Starts the next squeeze, or ends the part; returns its line."""
         request = part.request
         if isinstance(request, Done):
             self._end(request.result)
@@ -318,7 +323,7 @@ class AskedParts:
 
 
 def _plain(name: str) -> str:
-    """A part's name as the end of a line: ASCII, and truncated where the line would become too long."""
+    """A part's name in ASCII, truncated to `MAX_NAME` characters."""
     return cleaned(name).encode("ascii", "replace").decode()[:MAX_NAME]
 
 

@@ -1,4 +1,4 @@
-"""True widths of one gripper, measured with gauge blocks; one JSON file a gripper."""
+"""Calibration of one gripper's widths with gauge blocks, stored in one JSON file per gripper."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -19,8 +19,8 @@ from runtime.table import PROFILES, Calibration
 
 FORMAT = 2
 LEAST_BLOCKS = 3
-LOOSE_UM = 9_400  # opening of the jaws between two grips
-# Number of points of a calibration from 0 to the stroke, and their extension beyond either end.
+LOOSE_UM = 9_400  # how far the jaws open beyond the block between two grips
+# Number of intervals of a calibration from 0 to the stroke, and of further ones beyond either end.
 POINTS, BEYOND = 64, 8
 
 
@@ -37,7 +37,7 @@ class Gauge(NamedTuple):
 
     @property
     def spread_um(self) -> int:
-        """Largest difference between two grips."""
+        """Largest difference between two readings, um."""
         return max(self.readings_um) - min(self.readings_um)
 
 
@@ -56,7 +56,7 @@ class GripperCalibration:
     middle: Middle | None = None  # where the fingers meet, if measured
 
     def of(self, profile: GripperProfile) -> Calibration:
-        """The map from nominal to true widths of a gripper of that profile."""
+        """The map from nominal to true widths, for a gripper of that profile."""
         return Calibration(profile, self.points_um)
 
 
@@ -100,7 +100,7 @@ def _open(gripper: Gripper) -> None:
 
 
 def _stroke(gripper: Gripper, width_um: int, *, fast: bool = False) -> Settled:
-    """A stroke with the least force, gentle or at the greatest speed of the gripper."""
+    """Moves the jaws with the least force, gently or (`fast`) at the greatest speed; returns the reading."""
     profile = gripper.profile
     speed_mm_s = profile.speed_mm_s[1] if fast else profile.gentle_mm_s
     settled = stroke(gripper, width_um, speed_mm_s, profile.force_n[0])
@@ -111,10 +111,10 @@ def _stroke(gripper: Gripper, width_um: int, *, fast: bool = False) -> Settled:
 def fit(
     gauges: Sequence[Gauge], profile: GripperProfile, gripper: str, date: str
 ) -> GripperCalibration:
-    """The calibration that passes through gauged widths, at least `LEAST_BLOCKS` of them.
+    """Fits the calibration that passes through the gauged widths, at least `LEAST_BLOCKS` of them.
 
     Raises:
-        InputError: too few blocks, or a wider one without a larger reading.
+        InputError: too few blocks, two blocks of one width, or a wider block without a larger reading.
     """
     ordered = sorted(gauges)
     if len({gauge.width_mm for gauge in ordered}) < max(LEAST_BLOCKS, len(ordered)):
@@ -137,7 +137,7 @@ def fit(
 
 
 def residuals_mm(calibration: GripperCalibration) -> list[float]:
-    """For each block but the outermost: width by the fit without it, minus its true width, mm."""
+    """For each block but the outermost, the width that a fit without it gives, minus its true width, mm."""
     gauges = calibration.gauges
     return [
         Curve([*gauges[:k], *gauges[k + 1 :]]).at(gauges[k].mean) - gauges[k].width_mm
@@ -146,10 +146,10 @@ def residuals_mm(calibration: GripperCalibration) -> list[float]:
 
 
 def save(calibration: GripperCalibration, path: Path) -> None:
-    """Writes the file.
+    """Writes a calibration to a file.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     gauges = [gauge._asdict() for gauge in calibration.gauges]
     middle = None if calibration.middle is None else calibration.middle._asdict()
@@ -160,7 +160,7 @@ def save(calibration: GripperCalibration, path: Path) -> None:
 
 
 def load(path: Path) -> GripperCalibration:
-    """Reads and checks a file.
+    """Reads a calibration from a file, and checks it.
 
     Raises:
         InputError: it cannot be read, was changed by hand, or is not monotone.
@@ -215,7 +215,7 @@ def _parsed(record: object) -> GripperCalibration:
 
 
 class Curve:
-    """The monotone cubic through gauged (reading in um, width in mm), straight beyond its ends.
+    """Monotone cubic through the gauged points (reading in um, width in mm), continued straight beyond them.
 
     Its slope is continuous, like that of the fingers' arc (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
     """

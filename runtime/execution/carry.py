@@ -1,7 +1,8 @@
-"""Delivery of a localised part: the last grasp and the path to the drop-off; choice, checks, execution.
+"""Chooses, checks and executes the delivery of a localised part: the last grasp, the path to the drop-off.
 
 Equivalent paths differ by the part's symmetry, and by half a turn of the hand where both fingers close
-alike. Of those within their areas, the reach and the wrist's range, the one of least turn is used.
+alike. Of the paths within the areas, the arm's reach and the wrist's range, the one that turns the hand least
+is used.
 """
 
 from collections.abc import Iterator
@@ -22,7 +23,7 @@ from runtime.traversal.geometry import compose, placement, same_turns, sent
 
 
 class Way(NamedTuple):
-    """The hand where it takes the part and where it puts it down; mm, mm, rad including whole turns."""
+    """Places of the hand to take the part and to put it down: mm, mm, rad including whole turns."""
 
     taken: Pose2
     put: Pose2
@@ -36,8 +37,14 @@ def check(
 ) -> None:
     """Checks, before anything moves, that the part can be delivered from every leaf that may state its pose.
 
-    Without a connected arm, which reports its reach and its wrist's range, only the areas are checked. The
-    fingers meet `middle_mm` off the hand's middle. MotionRefusedError names the first leaf without a way.
+    Args:
+        delivery: where parts are put down; None: nothing is checked.
+        table: the table whose leaves are checked.
+        arm: reports its reach and its wrist's range; without it only the areas are checked.
+        middle_mm: distance from the hand's middle at which the fingers meet.
+
+    Raises:
+        MotionRefusedError: a leaf has no path; the message names the first one.
     """
     if delivery is None:
         return
@@ -65,13 +72,21 @@ def choose(
     arm: Arm | None,
     middle_mm: float = 0.0,
 ) -> Way:
-    """Chooses the path that turns the hand least, among equivalent ones, for the part of a leaf.
+    """Chooses, among the equivalent paths for the part of a leaf, the one that turns the hand least.
 
-    The hand comes from `start`; without an arm, which reports reach and wrist, only the areas are checked.
-    Areas and reach are checked where the arm is sent, `middle_mm` beside the places where fingers meet.
+    Args:
+        delivery: where the part is grasped and put down.
+        table: the table of the leaf.
+        leaf: states the part's pose.
+        start: place of the hand before.
+        arm: reports its reach and its wrist's range; without it only the areas are checked.
+        middle_mm: distance from the hand's middle at which the fingers meet.
+
+    Returns:
+        The places to which the arm is sent, `middle_mm` beside those where the fingers meet.
 
     Raises:
-        MotionRefusedError: there is none; the message says why the simplest one is refused.
+        MotionRefusedError: there is no path; the message says why the simplest one is refused.
     """
     refusals: dict[tuple[float, ...], str] = {}  # the hand's angle does not matter for them
     results: list[tuple[float, Way]] = []
@@ -134,7 +149,7 @@ def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | N
 
 
 def _same(delivery: Delivery, table: Table, leaf: Leaf) -> Iterator[Way]:
-    """The equivalent paths; the one without a turn of the part's symmetry first."""
+    """Yields the equivalent paths, the one without any turn first."""
     halves = (0.0, pi) if close_alike(table) else (0.0,)
     x_mm, y_mm, theta_rad = delivery.drop
     symmetry = table.goal_of(leaf.hypothesis).symmetry
@@ -177,7 +192,7 @@ def _refusal(
 
 
 def _turns(place: Pose2, near_rad: float, arm: Arm | None) -> list[Pose2]:
-    """A place with every angle to which the wrist can turn the hand there."""
+    """The place with each angle, equal up to whole turns, to which the wrist can turn the hand there."""
     x_mm, y_mm, angle_rad = place
     low_rad, high_rad = (-inf, inf) if arm is None else arm.turn_range(x_mm, y_mm)
     return [(x_mm, y_mm, turn) for turn in same_turns(angle_rad, low_rad, high_rad, near_rad)]
@@ -188,7 +203,7 @@ def _carrying(delivery: Delivery, limits: Limits) -> Limits:
 
 
 def _grasp_node(table: Table) -> Node:
-    """The root's squeeze with the jaws wide, and one branch for any width."""
+    """A node with the root's squeeze from fully open jaws, and with one branch for any width."""
     squeeze = table.nodes[0].squeeze._replace(opening_um=table.gripper.opening_um)
     widest_um = max(branch.high_um for node in table.nodes for branch in node.branches)
     return of_any_width(table.nodes[0], squeeze, widest_um)

@@ -18,7 +18,7 @@ from runtime.traversal.results import Outcome, PartResult
 
 ABORT, RESUME, RESTART = "abort", "resume", "restart"
 GIVEN_UP = {"exit_code": ExitCode.JOURNAL, "reason": "given up after a crash"}
-# Fields of the header that a resumed run must share, and their names.
+# Fields of the header that must be the same in a resumed run, and what messages call them.
 SAME = {
     "table_sha256": "table",
     "calibration_um": "calibration",
@@ -39,20 +39,26 @@ def look(
     now: Entry,
     most_s: float,
 ) -> Replay | None:
-    """Looks for a run that broke off, and gives it up if that is the policy; writes nothing else.
+    """Looks for a run that broke off, and gives it up if that is the policy.
 
-    Returns the run that can be resumed, None where the last one ended. Raises BrokenRunError where the
-    policy is to give it up, or it cannot be resumed: another table, another calibration, a record of its
-    last part that its counts do not justify, or too old a part.
+    Only a run that is given up is written to the journal.
 
     Args:
-        journal: open; an incomplete last line is removed.
+        journal: the open journal, without an incomplete last line.
         table: the table's bytes.
         fields: the header of a new run.
         policy: `ABORT`, `RESUME` or `RESTART`.
         console: receives the result.
         now: `time`, `boot` and `up_s` as a record would hold them now.
         most_s: age of the last record above which a part is not continued, s.
+
+    Returns:
+        The run to resume; None where the last run ended.
+
+    Raises:
+        BrokenRunError: the policy is to give the run up, or the run cannot be continued: a field of `SAME`
+            differs, its records do not follow from its readings, its last record is too old, or the policy
+            is to resume a part that was being pushed.
     """
     try:
         broken = broken_run(journal.path, journal.last_part)
@@ -65,7 +71,7 @@ def look(
         return None
     message = f"the last run in {journal.path} broke off {_where(broken)}"
     if policy == ABORT:
-        interrupts.conclude()  # given up in the journal and on the console, or neither
+        interrupts.conclude()  # so that the run is given up in the journal and on the console, or in neither
         _give_up(journal, broken)
         raise BrokenRunError(
             f"{message}; it is given up and nothing was moved: "
@@ -86,7 +92,7 @@ def look(
         _check_recent(journal.last_part[-1], now, most_s)
     goes_on = "going on with it" if policy == RESUME else "starting that part over"
     console.note(f"{message}; {goes_on}")
-    if policy == RESTART:  # from the root; the hand keeps what it may hold
+    if policy == RESTART:  # from the root; the record of what the hand may hold is kept
         broken.traversal, broken.steps = TraversalState(), []
     return broken
 
@@ -110,11 +116,11 @@ def broken_run(path: Path, entries: Iterable[Entry]) -> Replay | None:
     """The run at the end of a journal, if it broke off; None where it ended.
 
     Args:
-        path: the journal, for errors.
-        entries: its records, or `Journal.last_part`.
+        path: path of the journal, for messages.
+        entries: all records of the journal, or `Journal.last_part`.
 
     Raises:
-        BrokenRunError: the run's own counts do not justify what it recorded.
+        BrokenRunError: the run's records do not follow from its readings.
     """
     replay = Replay()
     findings = list(replay.follow(entries))

@@ -1,6 +1,7 @@
 """Delivery of a localised part: where it is grasped for the last time, and where it is put down.
 
-Declared in a job's section `delivery`, in a TOML file of the same keys (OUTCOMES.md), or on the command line.
+It is declared in a job's section `delivery`, in a TOML file of the same keys (OUTCOMES.md), or on the command
+line.
 """
 
 import math
@@ -14,9 +15,11 @@ from runtime.shell.errors import InputError, UsageError
 from runtime.table import Area, Pose2, Table
 from runtime.traversal.answer import frames_in, frames_of
 
-NUMBERS = {"drop": 3, "width_mm": 0, "area_mm": 4}  # how many a key takes; 0: one, not in a list
+# how many numbers a key takes; 0: one, not in a list
+NUMBERS = {"drop": 3, "width_mm": 0, "area_mm": 4}
 KEYS = (*NUMBERS, "grasp")
-WIDTH_TOLERANCE_MM = 1.5  # tolerance of a stated width at the grasp: encoder and contour
+# tolerance of a stated width at the grasp, for errors of encoder and contour
+WIDTH_TOLERANCE_MM = 1.5
 LARGEST = 10_000.0  # mm or degrees; larger than any cell
 
 
@@ -32,7 +35,7 @@ class Delivery:
     area_um: Area | None = None
 
     def record(self) -> dict[str, object]:
-        """The delivery in a journal's header; an unlimited width is None."""
+        """The delivery as an entry of a journal's header, where None stands for an unlimited width."""
         low, high = self.width_mm
         return {
             "drop": list(self.drop),
@@ -46,7 +49,7 @@ class Delivery:
         return self
 
     def each(self) -> list[tuple[str, Self]]:
-        """Each delivery with its name for people."""
+        """The only delivery, with what messages call its part."""
         return [("the part", self)]
 
 
@@ -55,14 +58,14 @@ class Sorting:
     """Where each of several parts is put down; a part without an entry stays where it lies."""
 
     named: Mapping[str, Delivery]
-    numbers: Mapping[int, str]  # the names by hypothesis
+    numbers: Mapping[int, str]  # names of the parts, by hypothesis
 
     def record(self) -> dict[str, object]:
-        """The deliveries in a journal's header."""
+        """The deliveries, by the part's name, as an entry of a journal's header."""
         return {name: place.record() for name, place in self.named.items()}
 
     def of(self, hypothesis: int) -> Delivery | None:
-        """The delivery of a hypothesis."""
+        """The delivery of a hypothesis; None if its part stays where it lies."""
         return self.named.get(self.numbers[hypothesis])
 
     def each(self) -> list[tuple[str, Delivery]]:
@@ -71,15 +74,16 @@ class Sorting:
 
 
 def from_word(word: str, picks: Mapping[str, Pose2]) -> Delivery:
-    """The delivery of `x,y,angle`, see `from_text`, or of the name of a file, see `from_file`."""
+    """Parses the word of a delivery: `x,y,angle` (see `from_text`), or a file's name (see `from_file`)."""
     return from_text(word) if "," in word else from_file(Path(word), picks)
 
 
 def from_text(text: str) -> Delivery:
-    """The delivery of `x,y,angle`: mm, mm, degrees of the part where it is put down.
+    """Parses `x,y,angle`, the pose of the part where it is put down: mm, mm, degrees.
 
     Raises:
-        UsageError: it is not three numbers.
+        UsageError: the text is not three numbers.
+        InputError: a number is larger than any cell.
     """
     try:
         x_mm, y_mm, angle_deg = (float(word) for word in text.split(","))
@@ -91,11 +95,12 @@ def from_text(text: str) -> Delivery:
 
 
 def by_name(words: Sequence[str], table: Table) -> Sorting:
-    """The deliveries of words `NAME=x,y,angle` or `NAME=FILE`, for a table of several parts.
+    """Parses words `NAME=x,y,angle` or `NAME=FILE`, for a table of several parts.
 
     Raises:
         UsageError: a name is missing, unknown or repeated; a place is invalid; or leaves do not state both
             part and pose.
+        InputError: see `from_file`.
     """
     goal, numbers = table.goal, dict(enumerate(hypothesis.name for hypothesis in table.hypotheses))
     picks = {
@@ -151,11 +156,16 @@ def from_job(job: Mapping[str, object] | None) -> Delivery | None:
 
 
 def from_keys(keys: object, where: str, picks: Mapping[str, Pose2]) -> Delivery:
-    """The delivery of parsed keys, for a part with these picks.
+    """The delivery that the keys of a parsed section state.
+
+    Args:
+        keys: the parsed section.
+        where: what messages call the section.
+        picks: named grasps of the part, poses of the hand in its frame.
 
     Raises:
-        InputError: not a section of keys; a key is unknown, missing or has the wrong number of values; or the
-            grasp is none of the picks.
+        InputError: `keys` is no section; a key is unknown or missing; a value is wrong; or the grasp is none
+            of the picks.
     """
     if not isinstance(keys, Mapping):
         raise InputError(f"{where}: delivery is no section of keys and values")

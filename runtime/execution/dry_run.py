@@ -1,4 +1,4 @@
-"""Prints what a run would send, without sending it."""
+"""Describes what a run would send to the devices, without sending it."""
 
 from math import degrees
 
@@ -10,10 +10,12 @@ from runtime.traversal.geometry import end_of, placement, sent
 
 
 def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[str]:
-    """Reads both devices, over links that cannot write, and goes through every node of a table.
+    """Reads both devices, and lists what a run would send to them at every node of a table.
+
+    The devices must be connected over links that cannot write.
 
     Returns:
-        One sentence for each device, one for each node, and one for the delivery if there is one.
+        Sentences for people: the state of each device, each push and squeeze, and each delivery.
 
     Raises:
         MotionRefusedError: a placement, or the delivery from a leaf, would be refused.

@@ -1,4 +1,4 @@
-"""Events of a run for observers: phases, squeezes, parts, their sum."""
+"""Events of a run for observers: phases, squeezes, results of parts, and their sums."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ class Phase(Enum):
 
     IDLE = "idle"
     RESUME = "resume"  # freeing the hand after a run that broke off
-    PUSH = "push"  # retreat, set the jaws, travel, descend, go on
+    PUSH = "push"  # retreat, set the jaws, travel, descend, push
     PLACE = "place"  # retreat, open, travel, descend
     SQUEEZE = "squeeze"  # close and settle
     READ = "read"  # decide and journal
@@ -30,19 +30,19 @@ class Sighting:
     """True pose of a simulated part, and the error of the prediction."""
 
     true: Pose2 | None  # mm, mm, rad; None in a rehearsal, whose part has no pose
-    # by the goal's metric; None without a prediction, or where the goal has none
+    # of the prediction, by the goal's metric; None without a prediction, or where the metric is no distance
     error_mm: float | None
-    within: bool | None  # whether the prediction meets the goal, None without one
+    within: bool | None  # whether the prediction meets the goal; None without a prediction
     crashes: int  # times open fingers were placed onto this part
     hypothesis: str | None = None  # the true hypothesis, where the table leaves that open
 
 
 @dataclass(slots=True)
 class Tally:
-    """Sums over a run's parts, of constant size."""
+    """Sums over a run's parts; keeps no single results."""
 
     takt_s: float | None = None  # the time within which parts should be done
-    # whether its seconds are those of the cell, not of a clock faster than real time
+    # whether the clock's seconds are those of the cell; False for a clock faster than real time
     timed: bool = True
     parts: int = 0
     outcomes: Counter[Outcome] = field(default_factory=Counter)
@@ -51,7 +51,7 @@ class Tally:
     # parts whose leaf met the goal; None where the truth is unknown
     within: int | None = None
     crashes: int | None = None  # times open fingers were placed onto a part, None on a real cell
-    # of parts with an outcome, to hundredths
+    # number of parts with an outcome, by their time to hundredths of a second
     seconds: Counter[float] = field(default_factory=Counter)
 
     def add(self, result: PartResult, seen: Sighting | None) -> None:
@@ -69,15 +69,15 @@ class Tally:
             self.within = (self.within or 0) + (seen.within is True)
 
     def fields(self) -> dict[str, object]:
-        """The sum as a journal record holds it."""
+        """The sums, as fields of a journal record."""
         counts = {each.value: self.outcomes[each] for each in Outcome if self.outcomes[each]}
         times = {name: round(value, 4) for name, value in self.times().items()}
         return {"parts": self.parts, "outcomes": counts, **times}
 
     def times(self) -> dict[str, float]:
-        """Times of parts, see `runtime.table.takt`; empty before the first, and in accelerated time.
+        """Statistics of the parts' times, see `runtime.table.takt`; empty before the first part.
 
-        In a simulated cell faster than real time, the time of programs would be multiplied.
+        They are empty, too, in a simulated cell faster than real time, whose clock multiplies computing time.
         """
         return takt_figures(self.seconds, self.takt_s) if self.seconds and self.timed else {}
 
@@ -86,7 +86,7 @@ class Console:
     """Observer of run events, called in order. Implementations must not raise and may override any subset."""
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        """Receives a change of phase; `node` where there is one."""
+        """Receives a change of phase; `node` is the index of the node, None where there is none."""
 
     def note(self, sentence: str) -> None:
         """Receives a message for people."""

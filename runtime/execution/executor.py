@@ -58,12 +58,12 @@ class RunOptions:
     policy: Policy = field(default_factory=Policy)
     handling: Handling = field(default_factory=Handling)
     delivery: Delivery | Sorting | None = None
-    # how much longer than by arm and gripper a squeeze may take: for a person
+    # factor on the deadline of a squeeze, above 1 where a person takes part
     patience: float = 1.0
-    takt_s: float | None = None  # within which parts should be done; only told
-    # whether a part's plan may be turned to where the hand stands: not for a person
+    takt_s: float | None = None  # within which parts should be done; only reported
+    # whether a part's plan may be turned to the angle of the hand; False where a person takes part
     turns: bool = True
-    # whether the clock's seconds are the cell's, which runs no faster than its programs
+    # whether the clock's seconds are those of the cell; False for a clock faster than real time
     timed: bool = True
 
 
@@ -71,7 +71,7 @@ PLAIN = RunOptions()
 
 
 class Executor:
-    """Executes one valid table with one cell, connected and not yet moved.
+    """Executes one valid table in one cell, whose devices are connected and have not moved yet.
 
     Raises:
         TableError: the gripper cannot execute the table.
@@ -85,7 +85,7 @@ class Executor:
         self._options = options
         self._found: int | None = None  # the leaf of the part that is being delivered
         self._phases: list[Phases] = []  # of the part's squeezes so far
-        self._steps: tuple[Step, ...] = ()  # of the part, each one whose release is done
+        self._steps: tuple[Step, ...] = ()  # squeezes of the current part whose release is done
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
         self._cell = replace(cell, journal=self._hand.watch.watched(cell.journal, MACHINE))
         self._plan = Program(table, self._hand.calibration, options.policy)
@@ -95,11 +95,11 @@ class Executor:
         """Squeezes one part until its outcome is known, or continues it where a run broke off.
 
         Returns:
-            The outcome; LEAF, REJECT and UNRESOLVED leave the jaws open above the part, FAULT and STOPPED
-            leave the declared safe state.
+            The result. After LEAF, REJECT and UNRESOLVED the hand is up with the jaws open; after FAULT and
+            STOPPED the cell is in the declared safe state; ABORTED means that nothing was moved.
 
         Raises:
-            Exception: any error not from a device is a bug, and is raised once the safe state is reached.
+            Exception: any unexpected error, which is a bug, once the safe state is reached.
         """
         self._steps = () if broken is None else tuple(broken.steps)
         self._found, began = None, Lap(self._cell.clock)
@@ -133,9 +133,10 @@ class Executor:
         return result
 
     def _turned(self, part: int, broken: Replay | None) -> int:
-        """Turns the plan for a part to the hand's angle, or as in the broken run; returns the angle.
+        """Turns a part's plan to the hand's angle, or as in the broken run; returns the plan's turn, urad.
 
-        Not where parts are delivered: paths to the drop-off are checked for the leaves as planned.
+        The plan is not turned where parts are delivered, since the paths to the drop-off are checked for the
+        leaves as planned.
         """
         turn_urad = 0
         if broken is not None:
@@ -148,7 +149,7 @@ class Executor:
         return turn_urad
 
     def _descend(self, part: int, state: TraversalState) -> PartResult:
-        """Performs the part's program; each squeeze has its deadline."""
+        """Performs the part's program, each squeeze within its deadline; returns the part's result."""
         self._phases.clear()
         requests = self._program.part(part, state, self._steps)
         request = next(requests)
@@ -163,7 +164,7 @@ class Executor:
         return request.result
 
     def _squeeze(self, part: int, requests: Requests, approach: Approach) -> Release:
-        """One squeeze, from and to the hand above the part."""
+        """Performs one squeeze, which begins and ends with the hand above the part; returns its release."""
         index, node, lap = approach.index, approach.node, Lap(self._cell.clock)
         if not approach.again:
             self._push(part, approach)
@@ -231,7 +232,7 @@ class Executor:
         return angle_rad
 
     def _drag(self, point: Place | None) -> None:
-        """Drags the held part to the node's place of release."""
+        """Drags the held part to its place of release; None: it is released in place."""
         if point is not None:
             self._hand.drag(point.x_um / 1000, point.y_um / 1000)
 
@@ -252,7 +253,10 @@ class Executor:
         self._hand.retreat()
 
     def _finish(self, result: PartResult) -> PartResult:
-        """Asks the auditor and delivers, after a part that ended at a leaf; other results pass unchanged."""
+        """Has a part that ended at a leaf judged by the auditor, and delivers it; returns the new result.
+
+        Other results are returned unchanged.
+        """
         if result.outcome is not Outcome.LEAF or result.leaf is None:
             return result
         leaf = self._program.table.leaves[result.leaf]
@@ -289,7 +293,10 @@ class Executor:
         return self._ended(replace(result, leaf=self._found))
 
     def _ended(self, result: PartResult) -> PartResult:
-        """Records a fault's result; if the journal fails, too, the result adds that to the fault."""
+        """Journals and returns the result of a fault, a stop or an abort.
+
+        If the journal cannot be written, the returned result says so in `safe_state`.
+        """
         try:
             self._cell.journal.record("outcome", outcome_fields(self._program.table, result))
         except ExpectedError as error:

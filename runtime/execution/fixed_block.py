@@ -1,13 +1,15 @@
-"""Measures where the fingers meet, on a fixed block, by a hand that is turned half round in between.
+"""Measures where the fingers meet: grips a fixed block with the hand at two angles half a turn apart.
 
-On a block that cannot move the first finger that touches stops both. With h the hand's place and b the
-block's along the hand's y, W the block's width, m how far off the hand's middle the fingers meet on it, and s
-the upper finger's share of the closing, the jaws stop at a width w = W + v,
+The block cannot move, so that the first finger to touch it stops both. Along the hand's y let h be the place
+of the hand, b that of the block, and m the distance from the hand's middle at which the fingers meet on the
+block. Let W be the block's width, and s the upper finger's share of the closing. If the jaws stop at a width
+w = W + v, then
 
     h = b - m - s v          where the upper finger touches first,
-    h = b - m + (1 - s) v    where the lower one does:
+    h = b - m + (1 - s) v    where the lower finger does.
 
-one line for both sides, whose slope is s. A hand turned half round has -b for b and the same m.
+With v subtracted from the second h, both are one line in v, of slope -s. Half a turn of the hand changes the
+sign of b, but not m.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -25,11 +27,11 @@ from runtime.table import Node, Pose2, Table
 from runtime.traversal.geometry import compose
 
 ROOM_MM = 15.0  # clearance between a block in the middle and each open finger
-COARSE_MM = 6.0  # distance from its stated place at which the block is searched
-NEAR_MM = 4.0  # largest distance at which it may be
+COARSE_MM = 6.0  # distance of the first grips, which search the block, from its stated place
+NEAR_MM = 4.0  # largest distance of the block from its stated place
 # offsets of the final grips to either side of the block's place; several, so that rounding averages out
 FINE_MM = (1.5, 2.5, 3.7, 5.0, 6.4, 8.0)
-ROUGH_MM = 0.4  # how well the readings must fit a block held fast, standard deviation
+ROUGH_MM = 0.4  # largest standard deviation of the readings about those of a block held fast
 
 
 class Grip(NamedTuple):
@@ -40,7 +42,7 @@ class Grip(NamedTuple):
 
 
 def gripping(table: Table, block_mm: float) -> Node:
-    """A squeeze of the block: gentle, the jaws opened for it, and one branch for any width.
+    """A node that squeezes the block gently, with the jaws opened for it, and has one branch for any width.
 
     Raises:
         InputError: the block is too wide for the gripper.
@@ -59,7 +61,7 @@ def gripping(table: Table, block_mm: float) -> Node:
 
 
 def places(at: Pose2) -> Iterator[Pose2]:
-    """The outermost places of the hand about a block [mm, mm, rad]."""
+    """Yields the outermost places of the hand that `measure` may use about a block [mm, mm, rad]."""
     most = max(COARSE_MM, NEAR_MM + max(FINE_MM))
     for turn in (0.0, pi):
         for off in (-most, most):
@@ -73,14 +75,14 @@ def measure(
 
     Args:
         hand: retreated, with nothing between the fingers, and without a measured middle.
-        node: of `gripping`.
+        node: the result of `gripping`.
         block_mm: the block's width.
-        at: its centre, and the hand's angle at which the jaws close square on it [mm, mm, rad].
-        tell: receives a message for each half.
+        at: the block's centre, and the hand's angle at which the jaws close square on it [mm, mm, rad].
+        tell: receives a message for each angle of the hand.
 
     Raises:
         GripperStateError: the gripper is not ready, or closed without meeting the block.
-        InputError: the readings do not fit such a block there.
+        InputError: the readings do not fit a fixed block of that width there.
     """
     halves = []
     for turn in (0.0, pi):
@@ -94,7 +96,7 @@ def measure(
 
 
 def _look(hand: Hand, node: Node, block_mm: float, about: Pose2) -> float:
-    """Where the hand must stand for both fingers to touch at once, roughly [mm]."""
+    """Measures roughly how far from `about`, along the hand's y, both fingers touch at once [mm]."""
     below, above = (_grip(hand, node, about, off).width_mm for off in (-COARSE_MM, COARSE_MM))
     if below + above - 2.0 * block_mm < 2.0 * COARSE_MM:
         raise InputError(
@@ -127,7 +129,15 @@ def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
 
 
 def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Middle:
-    """The result of both halves, each with the place of the block and the grips; or InputError."""
+    """Fits where the fingers meet to the grips at both angles of the hand.
+
+    Args:
+        block_mm: the block's width.
+        halves: for each angle, the block's rough place along the hand's y [mm], and the grips.
+
+    Raises:
+        InputError: the readings do not fit the block, or the fingers meet too far off the hand's middle.
+    """
     lines = [_line(block_mm, result, grips) for result, grips in halves]
     rough = max(line.residual_mm for line in lines)
     if not rough <= ROUGH_MM:
@@ -147,7 +157,7 @@ def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Midd
 
 
 class _Line(NamedTuple):
-    """Hand places as a function of widths, for one angle of the hand."""
+    """Line fitted to the hand's places as a function of widths, for one angle of the hand."""
 
     both_mm: float  # place where both fingers touch at once
     slope: float  # minus the upper finger's share

@@ -1,11 +1,12 @@
 """The hand: arm and gripper moved together, one checked motion after the other.
 
-No motion is commanded before the gripper has reported that it is ready and the arm that it stands where its
-last motion left it. Between two squeezes the hand goes straight up, travels, and comes straight down; jaws
-that are clear of the part may continue to open meanwhile, and have arrived before it comes down.
+No motion is commanded before the gripper has reported that it is ready, and the arm has reported that it
+stands where its last motion left it. Between two squeezes the hand goes straight up, travels, and comes
+straight down; jaws that are clear of the part may continue to open meanwhile, and have arrived before it
+comes down.
 
-The arm is read before and after each of its motions and after each squeeze, and compared with where it was
-sent (`safety.check_placed`): what displaced it may have moved the part, too.
+The arm is read before and after each of its motions and after each squeeze, and its place is compared with
+where it was sent (`safety.check_placed`): what displaced the arm may have moved the part, too.
 """
 
 from collections.abc import Iterator
@@ -92,10 +93,10 @@ class Hand:
         self.jaws.ready()
 
     def where(self) -> PoseOfHand:
-        """Reads where the arm stands.
+        """Reads the arm; returns the place where the fingers meet.
 
         Raises:
-            MotionRefusedError: it does not stand where its last motion left it.
+            MotionRefusedError: the arm does not stand where its last motion left it.
         """
         self.arm_known = False  # until it answers
         sent_to = self._sent_to
@@ -105,9 +106,9 @@ class Hand:
         return _beside(pose, -self.middle_mm)
 
     def turn_of_plan(self, first: Squeeze) -> float:
-        """Angle by which to turn a part's plan about the origin so that the hand need not turn first.
+        """Angle, rad, by which to turn a part's plan about the origin so that the hand need not turn first.
 
-        0 where the table does not allow it, or the wrist has no room for turns either way.
+        It is 0 where the table does not allow a turn, or the wrist has no room for turns either way.
         """
         if not self._may_turn:
             return 0.0
@@ -132,19 +133,22 @@ class Hand:
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float, *, first: bool) -> float:
-        """The angle, whole turns counted, to which to turn the hand: the nearest that the wrist reaches.
+        """Chooses the angle to which to turn the hand, whole turns counted: the nearest in the wrist's range.
 
-        Where the table's fingers close evenly, the hand goes over to half a turn off for the rest of a part
-        if the wrist could reach the angle only the long way round, or, in the outer half of the wrist's
-        range, if that turns it back for little: the nearer the end, the less a turn back counts, since at
-        the end half a turn is left. In a cell whose fingers do not close evenly such a part ends elsewhere
-        than planned. The result is the angle itself where the wrist reaches neither.
+        Where the table's fingers close alike, an angle half a turn off the plan may be chosen instead: if the
+        wrist reaches the planned angle only the long way round, or if the hand stands in the outer half of
+        the wrist's range, and the turn leads back from the end with clearly less effort. The nearer the end,
+        the less a turn back counts. The choice holds for the rest of the part. In a cell whose fingers do not
+        close evenly, such a part ends elsewhere than planned.
 
         Args:
-            x_mm: place of the squeeze.
-            y_mm: the same.
-            angle_rad: of the plan.
+            x_mm: x of the squeeze.
+            y_mm: y of the squeeze.
+            angle_rad: the planned angle.
             first: whether it is the part's first squeeze.
+
+        Returns:
+            The chosen angle, rad; `angle_rad` itself where the wrist reaches neither.
         """
         self._off_rad = 0.0 if first else self._off_rad
         low_rad, high_rad = self._turn_range(x_mm, y_mm)
@@ -174,9 +178,10 @@ class Hand:
     def travel(
         self, x_mm: float, y_mm: float, angle_rad: float, *, to_squeeze: bool = False
     ) -> None:
-        """Travels to a place at the current height, by the wrist's nearest turn.
+        """Travels to a place; of the angles equal up to whole turns, the hand takes the nearest.
 
-        If it is to squeeze there and is near, it descends to the height of `rise` on the way.
+        The hand travels at the height of `rise` if it stands there already, else at the retreat height; with
+        `to_squeeze` it may descend to the height of `rise` on the way to a near place.
 
         Raises:
             MotionRefusedError: the place is outside the area, or the wrist cannot be turned so far.
@@ -193,7 +198,7 @@ class Hand:
     def travel_as_counted(
         self, x_mm: float, y_mm: float, angle_rad: float, *, to_squeeze: bool = False
     ) -> None:
-        """Travels to a place as `travel`, whole turns of the angle counted."""
+        """Travels to a place as `travel`, but to the angle as given, whole turns counted."""
         low_mm, high_mm = self.timing.regrasp_mm, self.limits.retreat_height_um / 1000
         from_x_mm, from_y_mm, from_z_mm, from_rad = self._place()
         risen = abs(from_z_mm - low_mm) <= LEVEL_MM
@@ -207,7 +212,7 @@ class Hand:
         self.lower(x_mm, y_mm, angle_rad, self.jaws.open_mm)
 
     def lower(self, x_mm: float, y_mm: float, angle_rad: float, width_mm: float) -> None:
-        """Moves straight down with a part of that width in the fingers."""
+        """Moves straight down until the tips of jaws `width_mm` apart are at the squeeze height."""
         arc = self._handling.arc
         advance_mm = 0.0 if arc is None else arc.advance_mm(width_mm)
         self._go((x_mm, y_mm, self._low_mm(advance_mm), angle_rad))
@@ -249,7 +254,8 @@ class Hand:
     def let_go(self, squeeze: Squeeze, following: Squeeze) -> None:
         """Opens the jaws until they are clear of the part, and further to the opening of the next squeeze.
 
-        The tips stay level until they are clear of the part's sides; `open` waits for the rest.
+        The tips stay level until they are clear of the part's sides. The jaws may still move on return;
+        `Jaws.open` waits for them.
         """
         self.where()  # a part that was displaced with the hand is not released
         held_mm = self.jaws.width_mm(self.jaws.ready().width_um)
@@ -271,7 +277,7 @@ class Hand:
         self.jaws.set_out(squeeze._replace(opening_um=following.opening_um), fast=True)
 
     def close(self, node: Node) -> Settled:
-        """Closes the jaws at a node, and holds what they met with its force.
+        """Closes the jaws at a node, and holds what they met with the node's force.
 
         Returns and raises as `meet`.
         """
@@ -281,7 +287,7 @@ class Hand:
         """Closes the jaws at a node; with the least force if regulated.
 
         Returns:
-            The last stroke's reading, of jaws that closed where the arm was sent.
+            The reading of the last stroke, after which the arm still stood where it was sent.
 
         Raises:
             GripperStateError: the reading is not fresh, or contradicts itself.
@@ -326,7 +332,7 @@ class Hand:
         return reading
 
     def _level(self, advance_mm: float) -> None:
-        """Moves the arm to the height at which tips that advance so far are at the squeeze height."""
+        """Moves the arm so that tips on an arc, `advance_mm` advanced, are at the squeeze height."""
         if self._handling.arc is None:
             return
         x_mm, y_mm, z_mm, angle_rad = self._place()
@@ -341,9 +347,9 @@ class Hand:
         self._go_as_counted((*target[:3], now_rad + turn_rad), speed_um_s)
 
     def _go_as_counted(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
-        """Moves straight to a place, in several motions where the hand turns by about half a turn or more.
+        """Moves straight to a place, in several motions if the hand turns by more than `MOST_TURN_RAD`.
 
-        At the arm's speed, unless another is given.
+        The speed is that of the arm's limits, unless another is given.
         """
         safety.check_target(_beside(target, self.middle_mm), self.limits)
         start = self._place()
@@ -358,7 +364,7 @@ class Hand:
         self._move_arm(target, speed_um_s)
 
     def _place(self) -> PoseOfHand:
-        """Where the arm was sent, else where it stands."""
+        """The place where the fingers meet, by where the arm was sent; if that is unknown, by its reading."""
         return self.where() if self._sent_to is None else _beside(self._sent_to, -self.middle_mm)
 
     def _move_arm(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:

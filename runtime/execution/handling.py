@@ -22,7 +22,7 @@ class Handling:
     grip_current_ma: int | None = None
     # least and greatest motor currents a gripper at rest may report
     current_ma: tuple[int, int] = CURRENT_MA
-    # distance from the hand's middle, along its y, where the fingers meet
+    # distance from the hand's middle, along its y, at which the fingers meet
     middle_mm: float = 0.0
 
     def widths(self, table: Table) -> Calibration:
@@ -30,7 +30,10 @@ class Handling:
         return self.calibration or Calibration(table.gripper.profile)
 
     def lifted(self, timing: Timing, calibration: Calibration) -> Timing:
-        """The timing with the arm raised between two squeezes by as much as tips on an arc may hang lower."""
+        """A copy of the timing in which the arm rises higher between two squeezes if the tips move on an arc.
+
+        The height is raised by as much as the tips may hang lower than when the tool frame was taught.
+        """
         if self.arc is None:
             return timing
         lower_mm = max(self.arc.most_mm(0.0, calibration.widest_um / 1000), 0.0)

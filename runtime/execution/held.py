@@ -20,8 +20,8 @@ from runtime.journal.lines import Entry
 from runtime.journal.replay import UNDECIDED
 from runtime.table import CLEAR_MM, Calibration, Table
 
-# Jaws within this of their widest are open: some settle up to 3.7 mm short; less than the thinnest
-# part.
+# Jaws within `OPEN_UM` of their widest are open: some settle up to 3.7 mm short. Jaws less than `CLOSED_UM`
+# apart hold nothing: every part is thicker.
 OPEN_UM, CLOSED_UM = 4_000, 1_000
 
 
@@ -34,7 +34,7 @@ class Held(NamedTuple):
     active: bool  # the gripper is activated and reports no fault
 
     def sentence(self) -> str:
-        """States what is known of it, and what is not."""
+        """States at which width the fingers stand, whether they hold something, and how that is known."""
         if self.certain:
             known = "they met it while closing"
         elif self.active:
@@ -45,7 +45,7 @@ class Held(NamedTuple):
         return f"{stands}{'hold' if self.certain else 'may hold'} something: {known}"
 
     def refusal(self, arm_mm: float, journal: Journal | None) -> GripperStateError:
-        """States why a run does not begin, where the arm stands, how the last run ended, and what to do."""
+        """The error that refuses a run: what is held, the arm's height, the last run's end, the remedy."""
         before = "" if journal is None else _last_end(journal.path, journal.last_part)
         remedy = "start with --put-down: straight down where the arm stands, open, retreat"
         if not self.active:
@@ -73,11 +73,13 @@ def put_down(
 ) -> Mapping[str, object]:
     """Lowers what the fingers hold straight down where the arm stands, releases it and retreats.
 
-    Works within the work area, or else within the area of the delivery. The place and the width are
-    journalled before and after, and returned.
+    Where the arm stands outside the work area, the area of the delivery applies, if there is one.
+
+    Returns:
+        The place and the width, which are also journalled before and after.
 
     Raises:
-        MotionRefusedError: the arm stands outside the work area, and the area in which parts are carried.
+        MotionRefusedError: the arm stands outside the work area and the area in which parts are carried.
         GripperStateError: the gripper is not ready, or the jaws do not open.
     """
     pose, reading_um = hand.where(), hand.gripper.state().width_um

@@ -18,13 +18,15 @@ GLANCE_S, LATE_S = 0.005, 0.3
 
 
 class Jaws:
-    """The jaws; `may_hold`: whether they may hold something, since they have not opened since they closed.
+    """The jaws of one gripper.
+
+    `may_hold` is whether they may hold something: they have not opened since they last closed.
 
     Args:
         gripper: the gripper.
         clock: of the cell.
         calibration: nominal to true widths.
-        timing: their speed where they touch nothing.
+        timing: has the speed of jaws that touch nothing.
     """
 
     def __init__(
@@ -32,14 +34,14 @@ class Jaws:
     ) -> None:
         self.gripper, self.calibration, self.profile = gripper, calibration, calibration.profile
         self.may_hold = True
-        self.open_mm = 0.0  # where they stood open last
+        self.open_mm = 0.0  # width at which they last stood open
         # target of moving jaws; None: they do not move
         self.asked: int | None = None
         self._clock, self._timing = clock, timing
 
     @property
     def holds(self) -> bool:
-        """Whether they may hold something, and are not about to release it."""
+        """Whether the jaws may hold something, and are not moving to release it."""
         return self.may_hold and self.asked is None
 
     def ready(self) -> GripperState:
@@ -49,7 +51,7 @@ class Jaws:
     def open(self, squeeze: Squeeze) -> None:
         """Makes sure that the jaws are open as wide as the squeeze requires; collision checks rely on it.
 
-        They do not move if they are there already, or on their way.
+        Jaws that are as wide already, or on their way, get no request.
         """
         self.set_out(squeeze)
         self.wait()
@@ -104,7 +106,13 @@ class Jaws:
         self.wait()
 
     def set_free(self, squeeze: Squeeze, following: Squeeze, free_mm: float) -> None:
-        """Opens at the squeeze's speed until clear of the part, then starts to open fast, and returns."""
+        """Opens at the squeeze's speed until clear of the part, then starts to open fast, and returns.
+
+        Args:
+            squeeze: the squeeze that ends, whose speed and force apply.
+            following: the next squeeze, whose opening is requested.
+            free_mm: width at which the jaws are clear of the part.
+        """
         request = self.calibration.opening_um(following.opening_um)
         self._ask(request, _slow(squeeze), squeeze)
         free = self.calibration.opening_um(round(1000 * free_mm))
@@ -117,7 +125,10 @@ class Jaws:
             self._ask(request, self._timing.fastest_mm_s, squeeze)
 
     def _on_the_way(self, there: Callable[[int], bool], seconds: float) -> int | None:
-        """Polls moving jaws until `there` holds; returns the width then, None if they are late."""
+        """Polls moving jaws until `there` holds for their reading, um; returns that reading.
+
+        Returns None if that takes more than `LATE_S` longer than `seconds`.
+        """
         watch, left_s = Lap(self._clock), seconds + LATE_S
         while True:
             left_s -= watch.lap()
@@ -129,11 +140,11 @@ class Jaws:
             self._clock.sleep(GLANCE_S)
 
     def arrives(self, stroke: Stroke) -> bool:
-        """Closes to an intermediate width and stops; returns whether the jaws got there, or met something."""
+        """Closes to an intermediate width and stops; returns False if the jaws met something before."""
         return check_passed(self.stroke(stroke), stroke.request_um, self.calibration)
 
     def passes(self, stroke: Stroke) -> bool:
-        """Closes towards an intermediate width, as `arrives`, but returns just before the jaws stop."""
+        """Closes to an intermediate width as `arrives`, but returns just before the jaws get there."""
         self.ready()
         self.may_hold, self.asked = True, stroke.request_um
         self.gripper.move(stroke.request_um, stroke.speed_mm_s, stroke.force_n)
@@ -146,12 +157,12 @@ class Jaws:
         return check_passed(self.gripper.wait(), stroke.request_um, self.calibration)
 
     def stroke(self, stroke: Stroke) -> Settled:
-        """Closes, and waits until the jaws have settled."""
+        """Performs a stroke, and waits until the jaws have settled; returns their reading."""
         asked, self.may_hold, self.asked = self.asked, True, None
         return safety.stroke(self.gripper, *stroke[:3], asked)
 
     def width_mm(self, reading_um: int) -> float:
-        """The opening at a reading."""
+        """The true width at a reading, mm."""
         return self.calibration.width_um(reading_um) / 1000
 
 

@@ -1,4 +1,4 @@
-"""The place where the fingers meet, as measured on a gauge block, and how far a table is off by it."""
+"""The place where the fingers meet, as measured on a gauge block, and the error of a table that it causes."""
 
 from math import hypot
 from typing import NamedTuple, Self
@@ -7,24 +7,24 @@ from runtime.table import HELD_UM, Table, job_of
 
 MOST_MM = 10.0  # fingers that meet farther off are a fault of the tool frame
 EVEN = 0.5
-SURE = 2.0  # standard deviations that remain as a doubt
+SURE = 2.0  # half width of a remaining doubt, in standard deviations
 
 
 class Middle(NamedTuple):
     """Measured place where the fingers meet; errors are standard deviations."""
 
     block_mm: float  # width of the block
-    across_mm: float  # distance from the hand's middle there, along the hand's y
+    across_mm: float  # distance from the hand's middle at that width, along the hand's y
     across_error_mm: float
     share: float  # share of the closing of the finger at +y
     share_error: float
 
     @classmethod
     def parsed(cls, record: object) -> Self | None:
-        """Parses the entry of a file; None where it was not measured.
+        """Parses the entry of a calibration file; None where the middle was not measured.
 
         Raises:
-            TypeError, ValueError: it is invalid.
+            TypeError, ValueError: the entry is invalid.
         """
         if record is None:
             return None
@@ -36,14 +36,14 @@ class Middle(NamedTuple):
         return result
 
     def at(self, width_mm: float) -> tuple[float, float]:
-        """Distance from the middle at another width, and its error [mm]."""
+        """Distance from the hand's middle at which the fingers meet at a width, and its error [mm]."""
         further = width_mm - self.block_mm
         across = self.across_mm + (self.share - EVEN) * further
         return across, hypot(self.across_error_mm, self.share_error * further)
 
 
 def off_mm(measured: Middle | None, table: Table) -> float:
-    """Distance between the places of a table and where the fingers meet on the part's narrowest side.
+    """Distance, mm, between the places of a table and where the fingers meet on the part's narrowest side.
 
     An uneven share stated in the job is part of the plan and no error.
     """

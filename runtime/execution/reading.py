@@ -8,7 +8,7 @@ from runtime.table import Calibration
 
 CLOSED_UM = -1  # request on which the jaws close as far as they go
 STANDS_UM = 750  # tolerated distance of the jaws from their request
-STANDS_STEPS = 2  # the same in steps of their reading
+STANDS_STEPS = 2  # the same distance in steps of the gripper's resolution
 SET_UM = 1_000  # tolerated error of jaws that push
 
 
@@ -18,7 +18,7 @@ CURRENT_MA = (0, 1_000)
 
 
 def room_um(profile: GripperProfile) -> int:
-    """Tolerated distance of a gripper from its request."""
+    """Tolerated distance of the jaws from their request, um."""
     return max(STANDS_UM, ceil(STANDS_STEPS * profile.resolution_um))
 
 
@@ -42,8 +42,8 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
     """Checks that a settled closing motion's flag and current agree with its width.
 
     Raises:
-        GripperStateError: the flag reports nothing although the fingers are apart, or an opening motion; or
-            the current is impossible for a gripper at rest on a part.
+        GripperStateError: the flag reports that nothing was met although the fingers are apart, or reports an
+            opening motion; or the current is impossible for a gripper at rest.
     """
     width_um = calibration.width_um(settled.width_um)
     if settled.object is ObjectState.OPENING:
@@ -67,7 +67,7 @@ def check_opened(settled: Settled, requested_um: int, calibration: Calibration) 
     """Checks that the jaws are open as requested; collision checks of the descent rely on it.
 
     Raises:
-        GripperStateError: the reading is stale, the jaws are blocked, or met something while closing to a
+        GripperStateError: the reading is stale; or the jaws are blocked, or met something while closing to a
             smaller opening.
     """
     check_fresh(settled, requested_um)
@@ -105,7 +105,7 @@ def check_set(reading_um: int, requested_um: int, calibration: Calibration) -> N
 
 
 def check_passed(settled: Settled, requested_um: int, calibration: Calibration) -> bool:
-    """Checks a closing motion to an intermediate width; returns whether it got there, or met something.
+    """Checks a closing motion to an intermediate width; returns False if the jaws met something before.
 
     Raises:
         GripperStateError: the reading is stale, or object state and width contradict one another.

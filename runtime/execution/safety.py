@@ -43,10 +43,10 @@ def needs_activation(state: GripperState) -> bool:
 def ready_gripper(gripper: Gripper, asked_um: int | None = None) -> GripperState:
     """Reads the gripper and checks that it, or the arm, may be moved.
 
-    It may be moving to `asked_um`, the last request of this run.
+    A gripper that still moves to `asked_um`, the last request of this run, is ready, too.
 
     Raises:
-        GripperStateError: not activated, in fault, or moving without a request.
+        GripperStateError: the gripper is not activated, in fault, or moves without a request.
     """
     state = gripper.state()
     if state.fault:
@@ -71,10 +71,10 @@ def stroke(
 ) -> Settled:
     """Moves the jaws of a gripper that is ready, and waits until they have settled.
 
-    They may be moving to `asked_um`, see `ready_gripper`.
+    The jaws may still move to `asked_um`, see `ready_gripper`.
 
     Raises:
-        GripperStateError: it is not ready.
+        GripperStateError: the gripper is not ready.
     """
     ready_gripper(gripper, asked_um)
     gripper.move(width_um, speed_mm_s, force_n)
@@ -85,7 +85,8 @@ def check_target(pose: PoseOfHand, limits: Limits) -> None:
     """Checks a target of the arm.
 
     Raises:
-        MotionRefusedError: not a number, outside the work area, or at a height outside the planned range.
+        MotionRefusedError: the target is not a number, lies outside the work area or the planned heights, or
+            has an angle of too many turns.
     """
     x_mm, y_mm, z_mm, angle_rad = pose
     area = limits.work_area_um
@@ -110,7 +111,7 @@ def check_places(table: Table, middle_mm: float) -> None:
     """Checks that the arm may be sent to all places of a table, shifted to where the fingers meet.
 
     Raises:
-        MotionRefusedError: one of them lies outside the work area then.
+        MotionRefusedError: a shifted place lies outside the work area.
     """
     limits = table.limits
     for node in table.nodes:
@@ -129,7 +130,7 @@ def check_placed(arm: Arm, target: PoseOfHand) -> PoseOfHand:
         Where it stands.
 
     Raises:
-        MotionRefusedError: it does not, so nothing may be moved next.
+        MotionRefusedError: the arm stands elsewhere, so that nothing may be moved next.
     """
     pose = x_mm, y_mm, z_mm, angle_rad = arm.pose()
     off_mm = hypot(x_mm - target[0], y_mm - target[1], z_mm - target[2])

@@ -1,4 +1,4 @@
-"""A run of many parts: feed, execute, compare with the truth if known, sum up."""
+"""Runs many parts: feeds and executes each, compares it with the truth if known, and sums up."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -47,11 +47,22 @@ def run_journalled(
     options: RunOptions = PLAIN,
     broken: Replay | None = None,
 ) -> Tally:
-    """Prepares the gripper, runs the parts until one ends the run, and writes its last record in any case.
+    """Prepares the gripper, runs parts until one ends the run, and writes the run's last record in any case.
 
-    The journal has its header. `count` includes the parts before a crash; the part at which the run broke
-    off is finished whatever the count. An inactive or faulty gripper is activated only with `activate`.
-    Raises JournalError where the last record cannot be written, and any other error once it is recorded.
+    Args:
+        table: the table to execute.
+        cell: devices and records; the journal must already have its header.
+        scene: states the truth about simulated parts; None: unknown.
+        console: receives the events.
+        count: number of parts, including those before a crash; the part at which the run broke off is
+            finished whatever the count.
+        activate: whether a gripper that is inactive or in fault may be activated.
+        options: options of the run.
+        broken: a run that broke off, to continue.
+
+    Raises:
+        JournalError: the last record cannot be written.
+        Exception: any other error, once it is recorded.
     """
     with ending(cell.journal) as tally:
         first = 1 if broken is None else broken.parts + 1
@@ -68,10 +79,10 @@ def run_journalled(
 class Batch(NamedTuple):
     """Parts to run in sequence."""
 
-    # of the parts; the next one is asked for once the one before has its outcome
+    # of the parts; each number is requested once the part before has its outcome
     numbers: Iterable[int]
     activate: bool  # whether a gripper that is inactive or in fault may be activated
-    broken: Replay | None = None  # a run that broke off and is gone on with
+    broken: Replay | None = None  # a run that broke off, to continue
 
 
 def run_batch(
@@ -90,7 +101,7 @@ def run_batch(
     """
     tally.takt_s, tally.timed = options.takt_s, options.timed
     broken = batch.broken
-    # The executor handles fingers that may hold a part; they never sweep.
+    # Fingers that may still hold the part of a broken run are left to the executor and never sweep.
     if broken is None or broken.part is None:
         with interrupts.stoppable():
             prepare_gripper(cell.gripper, console, activate=batch.activate)
@@ -136,7 +147,7 @@ def put_down(
 
 @contextmanager
 def ending(journal: Journal) -> Iterator[Tally]:
-    """Context of a run, with its sum; writes its last record in any case.
+    """Context of a run, which yields its sums, and writes the run's last record in any case.
 
     Raises:
         JournalError: the last record cannot be written.
@@ -154,7 +165,7 @@ def ending(journal: Journal) -> Iterator[Tally]:
 
 
 def end_run(journal: Journal, tally: Tally) -> None:
-    """Writes the last record of a run when another begins in the same call."""
+    """Writes the last record of a run that ended without an error."""
     journal.record("end", _end_fields(tally, tally.exit_code, None))
 
 

@@ -23,11 +23,11 @@ class Stroke(NamedTuple):
     request_um: int  # target, `CLOSED_UM` for as far as they go
     speed_mm_s: float
     force_n: float
-    advance_mm: float  # height of the arm above the tips' height for the whole stroke
+    advance_mm: float  # most that the tips advance during the stroke: the arm is raised by it
 
 
 def is_regulated(squeeze: Squeeze, profile: GripperProfile, *, wanted: bool) -> bool:
-    """Whether a squeeze first closes gently: not where its force is the least one already."""
+    """Whether a squeeze first closes with the least force; False where that is its force."""
     return wanted and squeeze.force_mn > round(1000 * profile.force_n[0])
 
 
@@ -42,7 +42,7 @@ def closing(
 ) -> list[Stroke]:
     """The strokes, at least one, that close jaws standing `open_mm` apart; the last goes as far as they can.
 
-    A `regulated` squeeze has the least force until contact; `raising` gives the forces after it.
+    A `regulated` squeeze closes with the least force until contact; `raising` gives the forces after contact.
     """
     squeeze = node.squeeze
     force = calibration.profile.force_n[0] if regulated else squeeze.force_mn / 1000
@@ -72,7 +72,7 @@ def of_any_width(node: Node, squeeze: Squeeze, widest_um: int) -> Node:
 
 
 def raising(squeeze: Squeeze, profile: GripperProfile) -> list[float]:
-    """The forces [N] a regulated squeeze goes through after contact, the node's own last."""
+    """The rising forces [N] that a regulated squeeze requests after contact, the squeeze's force last."""
     (least, most), last = profile.force_n, squeeze.force_mn / 1000
     step = RAISE_SHARE * (most - least)
     return [*(least + step * k for k in range(1, ceil((last - least) / step))), last]

@@ -22,18 +22,18 @@ class TipArc:
         return self._reach(width_mm) - self._reach(self.taught_mm)
 
     def most_mm(self, least_mm: float, widest_mm: float) -> float:
-        """The largest `advance_mm` between two openings; the arc's top lies at twice the offset."""
+        """The largest `advance_mm` between two openings; the tips advance most at twice the offset."""
         return self.advance_mm(min(max(2.0 * self.offset_mm, least_mm), widest_mm))
 
     def stages(self, widest_mm: float, least_mm: float) -> list[float]:
         """Openings between which the tips advance by no more than `level_mm`, in descending order.
 
-        They exclude the current opening and include the last.
+        The list excludes `widest_mm` and ends with `least_mm`.
         """
         top_mm = max(2.0 * self.offset_mm, least_mm)
         widths: list[float] = []
         reach = self._reach(widest_mm) + self.level_mm
-        # Below the arc's top the tips only draw back, by a negligible amount.
+        # At openings below twice the offset the tips only draw back, by a negligible amount.
         while widest_mm > top_mm and reach < self._reach(top_mm):
             widths.append(2.0 * (self.offset_mm + sqrt(self.link_mm**2 - reach**2)))
             reach += self.level_mm

@@ -1,4 +1,4 @@
-"""The deadline of one squeeze, checked during its device calls, and which device exceeded it."""
+"""Checks the deadline of a squeeze at each device call, and names the device that exceeded it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,22 +23,27 @@ Device = TypeVar("Device")
 
 
 class Expected(NamedTuple):
-    """Cell seconds of a squeeze at the commanded speeds, by device."""
+    """Duration of a squeeze at the commanded speeds, by device, in seconds of the cell."""
 
     arm_s: float
     gripper_s: float
 
     @property
     def total_s(self) -> float:
-        """Sum of both."""
+        """Time of arm and gripper."""
         return self.arm_s + self.gripper_s
 
 
 def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Expected:
-    """Cell seconds of the longest squeeze: across the work area, a turn, up, down; and three slow strokes.
+    """Duration, in seconds of the cell, of the longest squeeze at a node, and of the pushes before it.
 
-    Plus the same for each push, and its way. A stroke takes `slowest_um_s`, if given, or the gripper's
-    least speed.
+    The arm moves across the work area, turns once, and makes three vertical moves; the jaws make three full
+    strokes. Each push adds the same again, and the time of its path.
+
+    Args:
+        table: states the work area, the gripper and the arm's timing.
+        node: the node to squeeze at.
+        slowest_um_s: speed of a stroke, unless the squeeze is slower; None: the gripper's least speed.
     """
     timing = Schedule.of(table, job_of(table)).timing
     slowest_um_s = slowest_um_s or table.gripper.least_speed_um_s
@@ -56,10 +61,10 @@ def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Ex
 
 
 class Watch:
-    """Counts the seconds of each device; within `squeeze` each call has to begin in time.
+    """Sums up the seconds of each device; in the context `squeeze` a call after the deadline raises.
 
-    The time from one call to the next counts for the device that was called. Where stop requests are
-    handled, the deadline ends a call under way like a stop request.
+    The time from one call to the next counts for the device that was called first. Where stop requests are
+    handled, the deadline also ends a call under way, as a stop request does.
     """
 
     def __init__(self, clock: SystemClock) -> None:
@@ -71,7 +76,7 @@ class Watch:
         self._called = MACHINE
 
     def watched(self, device: Device, name: str) -> Device:
-        """Wraps a device so that its calls count; calls of `MACHINE`, the journal, are never too late."""
+        """Wraps a device to register its calls; a call of `MACHINE`, the journal, is never too late."""
         return cast(Device, _Watched(device, name, self))
 
     @contextmanager
@@ -94,7 +99,7 @@ class Watch:
             self._deadline = inf
 
     def call(self, name: str) -> None:
-        """Registers a call of a device; raises if it is too late."""
+        """Registers a call of a device; raises if the call comes after the deadline."""
         self._count()
         self._called = name
         if name != MACHINE:
@@ -105,7 +110,7 @@ class Watch:
             raise self._late()
 
     def _count(self) -> float:
-        """Counts the time since the last call; returns the time."""
+        """Adds the time since the last call to the device called then; returns the clock's time."""
         now = self._clock.now()
         self._spent[self._called] += now - self._since
         self._since = now
@@ -128,7 +133,7 @@ def _the(name: str) -> str:
 
 
 class _Watched:
-    """A device whose calls a watch counts."""
+    """A device whose calls are registered by a watch."""
 
     def __init__(self, device: object, name: str, watch: Watch) -> None:
         self._device, self._name, self._watch = device, name, watch

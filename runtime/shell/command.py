@@ -162,7 +162,7 @@ def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None)
 
 
 def say(line: str, file: TextIO | None = None) -> None:
-    """Prints a line at once, `cleaned`; a missing reader or a full disk must not stop a cell.
+    """Prints a line at once, `cleaned`; an OSError is not raised, since it must not stop a cell.
 
     `run` reports at the command's end what standard output has lost.
     """
@@ -184,13 +184,13 @@ def say_lines(text: str, file: TextIO | None = None) -> None:
 
 
 def say_result(as_json: bool, fields: Mapping[str, object], lines: Iterable[str]) -> None:
-    """Print what a command came to: as one JSON object, or as lines for people."""
+    """Prints a command's result, as one JSON object or as lines for people."""
     for line in [json.dumps(fields)] if as_json else lines:
         say(line)
 
 
 def tell(name: str, words: object) -> None:
-    """Prints an error as one line on standard error, if there is one."""
+    """Prints an error as one line on standard error, after the command's name."""
     say(f"{name}: {one_line(words)}", sys.stderr)
 
 
@@ -295,7 +295,7 @@ def _end_of(error: BaseException) -> tuple[int, str]:
 
 
 def _flushed(name: str, code: int) -> int:
-    """The exit code, once standard output is written or known to be lost."""
+    """Flushes standard output; returns the exit code, which is USAGE if output of a success is lost."""
     outlet = output.outlet_of(sys.stdout)
     try:
         sys.stdout.flush()
@@ -314,7 +314,7 @@ def _unwritten(error: OSError) -> str:
 
 
 def _give_up(file: TextIO, error: OSError) -> None:
-    """Discards all further output to a stream; remembers errors of standard output but a closed pipe."""
+    """Discards all further output to a stream; remembers errors of standard output except a closed pipe."""
     if file is sys.stdout and not isinstance(error, BrokenPipeError):
         _lost.append(error)
     _discard(file)
@@ -331,7 +331,7 @@ def _discard(file: TextIO) -> None:
 def _open_streams() -> bool:
     """Opens closed standard streams onto /dev/null; returns whether standard output was closed.
 
-    Otherwise the next opened file would take its number, and receive what others print.
+    Otherwise the next opened file would take the number of a closed stream, and receive what others print.
     """
     closed = []
     for descriptor in range(3):

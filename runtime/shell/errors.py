@@ -32,7 +32,10 @@ class UsageError(ExpectedError):
 
 
 class InputError(ExpectedError):
-    """An input file is missing, unreadable or refused: file, section ("": top level), key and problem."""
+    """An input file is missing, unreadable or refused; states the file, section, key and problem.
+
+    An empty section is the top level of the file.
+    """
 
     exit_code = ExitCode.INPUT
 

@@ -9,7 +9,7 @@ class ExitCode(IntEnum):
     sentence: str
 
     def __new__(cls, value: int, sentence: str) -> "ExitCode":
-        """A code and its sentence."""
+        """Creates a code with its sentence."""
         code = int.__new__(cls, value)
         code._value_ = value
         code.sentence = sentence
@@ -32,7 +32,7 @@ class ExitCode(IntEnum):
 
 
 def epilog(*codes: ExitCode) -> str:
-    """The section of --help with the command's exit codes: 0 to 2, these, and that of Ctrl-C."""
+    """The section of --help with a command's exit codes: 0 to 2, `codes`, and that of Ctrl-C."""
     end = set() if ExitCode.STOPPED in codes else {ExitCode.INTERRUPTED}
     listed = sorted({ExitCode.DONE, ExitCode.INTERNAL, ExitCode.USAGE, *codes} | end)
     return "\n".join(["exit codes:", *(f"  {code:>3}  {code.sentence}" for code in listed), ""])

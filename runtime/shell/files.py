@@ -33,7 +33,7 @@ def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
         stdout: whether standard output is allowed.
 
     Raises:
-        OutputError: it is a link, a folder, a device or one of the others, or may not be written.
+        OutputError: the path is a link, a folder, a device or one of the others, or may not be written.
     """
     if stdout and path in STDOUT:
         return path
@@ -177,10 +177,12 @@ def same(one: Path, other: Path) -> bool:
 
 
 def read_regular(path: Path, most_bytes: int) -> tuple[bytes, int]:
-    """The bytes of a regular file, `most_bytes` at most, and its `st_mode`.
+    """Returns the bytes of a regular file, `most_bytes` at most, and its `st_mode`.
+
+    Never blocks on a pipe without a writer.
 
     Raises:
-        OSError: it cannot be read, or is not a regular file; never blocks on a pipe without a writer.
+        OSError: the file cannot be read, or is not regular.
     """
     file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     try:

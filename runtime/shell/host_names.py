@@ -9,12 +9,13 @@ from typing import Any
 
 
 def addresses_of(host: str, port: int | None, seconds: float) -> list[Any]:
-    """A host's addresses as from `socket.getaddrinfo`, looked up within `seconds` of wall time.
+    """Looks up a host's addresses within `seconds` of wall time; returns them as `socket.getaddrinfo` does.
 
-    A silent name server is left to a separate thread.
+    If the name server does not answer in time, a thread that waits for it is left behind.
 
     Raises:
-        OSError: the name is unknown, or there is no answer in time. UnicodeError: an invalid name.
+        OSError: the name is unknown, or there is no answer in time.
+        UnicodeError: the name is invalid.
     """
     with contextlib.suppress(socket.gaierror):
         return socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_NUMERICHOST)

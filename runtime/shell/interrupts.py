@@ -44,7 +44,7 @@ class _Request:
             # A driver may be about to retry, so that the exception is no fault at all.
             signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
             return
-        # Once raised, it leaves the stoppable code.
+        # Raises the error again if Python drops it; otherwise it has left the stoppable code by then.
         signal.setitimer(signal.ITIMER_REAL, LOST_S)
         raise KeyboardInterrupt if stop or self.late is None else self.late()
 
@@ -147,7 +147,7 @@ class StopRequests:
 
 
 def _acknowledge() -> None:
-    """Reports an earlier request on standard error; never waits for a reader."""
+    """Prints on standard error that the command is stopping already; never waits for a reader."""
     with contextlib.suppress(OSError, ValueError):
         if select.select([], [STDERR], [], 0.0)[1]:
             os.write(STDERR, b"stopping already\n")

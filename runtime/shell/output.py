@@ -52,7 +52,7 @@ class Outlet:
         return self.lost
 
     def close(self) -> None:
-        """Stops writing."""
+        """Closes the outlet; the standard stream stays open."""
         self._file.close()
 
     def _push(self) -> None:

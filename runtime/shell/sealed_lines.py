@@ -14,13 +14,17 @@ _LENGTH = len(_MARK) + len(GENESIS) + len(_END)
 
 
 def sealed(body: bytes) -> tuple[bytes, str]:
-    """An object as a line of JSON, and its digest."""
+    """Adds the digest to a JSON object; returns the line and the digest.
+
+    Args:
+        body: the object as JSON text on one line, without a line end.
+    """
     digest = hashlib.sha256(body).hexdigest()
     return body[:-1] + _MARK + digest.encode("ascii") + _END, digest
 
 
 def is_intact(line: bytes) -> bool | None:
-    """Whether a line has the digest at its end; None where there is none."""
+    """Whether the digest at the end of a line is that of the line; None where there is no digest."""
     if not line[-_LENGTH:].startswith(_MARK):
         return None
     return line == sealed(line[:-_LENGTH] + b"}")[0]

@@ -66,7 +66,7 @@ def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST
 
 
 def digest(document: Mapping[str, Any]) -> str:
-    """SHA-256 of the canonical text: sorted keys, no spaces."""
+    """SHA-256, in hexadecimal, of a document's canonical JSON text: keys sorted, no spaces."""
     text = json.dumps(document, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 

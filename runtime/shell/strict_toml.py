@@ -1,7 +1,7 @@
 """A strict parser for TOML of unknown origin: limited size and nesting.
 
-`tomllib` takes time and memory quadratic in a key's depth, and stack linear in a value's: both are bounded
-before parsing.
+`tomllib` takes time and memory quadratic in the depth of a key, and stack linear in the depth of a value.
+Both depths are bounded before parsing.
 """
 
 import re

@@ -16,7 +16,7 @@ class WorldError(Exception):
 
 
 def find_factory(name: str) -> Factory:
-    """The factory of that name; modules in the current folder are found, too.
+    """Imports the factory of that name, also from a module in the current folder.
 
     Raises:
         WorldError: the name is invalid, or the module or factory does not exist.
@@ -41,7 +41,7 @@ def make_world(factory: Factory, subject: object, seed: int) -> Any:
     """Calls a factory with a subject (the job, or the table for a rehearsal) and a seed.
 
     Raises:
-        WorldError: it fails, or its result cannot squeeze.
+        WorldError: the factory fails, or its result cannot squeeze.
     """
     try:
         world = factory(subject, seed)

@@ -14,7 +14,7 @@ from runtime.errors import PackError
 
 SIGNATURE_BYTES = 64
 _LOCAL, _CENTRAL, _END = b"PK\x03\x04", b"PK\x01\x02", b"PK\x05\x06"
-# version 2.0, no compression, the first day that zip can tell
+# version 2.0, no compression, the first day that zip can state
 _NEEDED, _STORED, _DATE = 20, 0, 0x21
 _MADE_BY, _MODE = 3 << 8 | _NEEDED, 0o100644 << 16  # on Unix
 _LOCAL_BYTES = 30
@@ -40,7 +40,7 @@ def members_of(data: bytes, names: Collection[str]) -> dict[str, bytes]:
         names: allowed names of members.
 
     Raises:
-        PackError: the archive was changed; names the member or the part.
+        PackError: the archive was changed; the message names the member or the place.
     """
     if not data.startswith(_LOCAL):
         raise PackError("is no zip archive that squeezetree pack wrote")
@@ -64,9 +64,9 @@ def members_of(data: bytes, names: Collection[str]) -> dict[str, bytes]:
 
 
 def _name_at(data: bytes, at: int, names: Collection[str]) -> str | None:
-    """The name of the member whose header begins there; None where none does."""
+    """The name of the member whose header begins at byte `at`; None where no header begins."""
     start = at + _LOCAL_BYTES
-    # of a member whose first bytes were changed the name still tells
+    # a member whose first bytes were changed is still recognised by its name
     if not data.startswith(_LOCAL, at):
         return next((name for name in names if data.startswith(name.encode("ascii"), start)), None)
     length = int.from_bytes(data[start - 4 : start - 2], "little")

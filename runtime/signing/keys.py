@@ -29,7 +29,7 @@ OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 @dataclass(frozen=True, slots=True)
 class PublicKey:
-    """A public key; equal ones are the same key."""
+    """A public key; equal objects are the same key."""
 
     raw: bytes  # 32 bytes
 
@@ -78,7 +78,7 @@ def default_path() -> Path:
 
 
 def public_of(path: Path) -> Path:
-    """The file of the public key beside a private one's."""
+    """Path of the public key, beside the private key's file."""
     return path.with_name(f"{path.name}.pub")
 
 
@@ -166,7 +166,11 @@ def parse_public(data: bytes) -> PublicKey:
 
 
 def _ed25519() -> Any:
-    """The module of the library with the classes of keys."""
+    """The library's module with the classes of keys.
+
+    Raises:
+        UsageError: the extra for signatures is missing.
+    """
     try:
         from cryptography.hazmat.primitives.asymmetric import ed25519
     except ModuleNotFoundError:
@@ -194,7 +198,11 @@ def _kind(key: object) -> str:
 
 
 def write_new(path: Path, data: bytes, mode: int) -> None:
-    """Writes a new file, created with this mode."""
+    """Creates a file with this mode and content.
+
+    Raises:
+        OutputError: the file exists or cannot be written; a file that was begun is removed.
+    """
     try:
         file = os.open(
             path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode

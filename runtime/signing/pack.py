@@ -42,7 +42,7 @@ class Pack:
     digest: str  # SHA-256 of the file
 
     def fields(self) -> dict[str, object]:
-        """The pack in the form of JSON."""
+        """The manifest, the key's fingerprint and the file's digest, as fields of a JSON object."""
         stated = {
             name: value for name, value in self.manifest.items() if name not in ("kind", "version")
         }
@@ -52,7 +52,7 @@ class Pack:
 def signed(
     table: TableFile, calibration: bytes | None, key: SigningKey, facts: Mapping[str, object]
 ) -> bytes:
-    """The bytes of a pack.
+    """Builds and signs a pack; returns the bytes of its file.
 
     Args:
         table: the table; its job is included, unless it was stripped.
@@ -94,15 +94,15 @@ def read(path: Path) -> bytes:
 
 
 def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:
-    """Checks every byte of a pack.
+    """Checks every byte of a pack, and parses it.
 
     Args:
-        data: of the file.
-        trusted: the key that must have signed it; None takes the pack's own, which proves that nothing was
-            changed, but not who signed it.
+        data: the bytes of its file.
+        trusted: the key that must have signed the pack; None takes the key in the pack, which proves that
+            nothing was changed, but not who signed it.
 
     Raises:
-        PackError: it was changed, or signed by another key; the message says which.
+        PackError: the pack was changed, or signed by another key; the message says which.
         UsageError: the extra is missing.
     """
     members = members_of(data, MEMBERS)
@@ -128,7 +128,7 @@ def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:
 
 
 def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: PublicKey) -> Pack:
-    """The pack beside a table's file that covers the software of a run.
+    """Finds the pack beside a table's file that covers the software of a run.
 
     Args:
         tree: the table's file; packs are looked for in its folder, as `*.zip`.
@@ -137,12 +137,12 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
         trusted: the key that must have signed.
 
     Raises:
-        PackError: there is none.
+        PackError: no pack covers it; the message says why each of them does not.
         UsageError: the extra is missing.
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}
     reasons = []
-    # of a link, and of what it leads to
+    # the folder of a link, and that of the file to which it leads
     folders = sorted({tree.parent.resolve(), tree.resolve().parent})
     for path in (path for folder in folders for path in sorted(folder.glob("*.zip"))):
         try:

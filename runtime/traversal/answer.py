@@ -1,4 +1,4 @@
-"""The answer for a located part: its name, its pose, also of the drawing's datum, and where to take it."""
+"""The answer for a located part: its name, its pose, and the poses of the drawing's datum and the picks."""
 
 from math import degrees, radians
 from typing import NamedTuple
@@ -77,7 +77,7 @@ def outcome_fields(table: Table, result: PartResult) -> dict[str, object]:
 
 
 def as_degrees(pose: Pose2) -> dict[str, float]:
-    """A pose with its units in the names."""
+    """A pose (mm, mm, rad) as fields in mm and degrees, with the units in their names."""
     x_mm, y_mm, angle_rad = pose
     return {
         "x_mm": round(x_mm, 3),

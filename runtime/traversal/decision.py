@@ -41,10 +41,16 @@ class Decision(NamedTuple):
 
 
 def decide(node: Node, decided: DecisionMap, width_um: int, seen: ObjectState) -> Decision:
-    """Meaning of a settled reading, true width and object state, at a node by its `decision_map`.
+    """Decides what a settled reading means at a node.
+
+    Args:
+        node: the node.
+        decided: the node's `decision_map`.
+        width_um: the true width.
+        seen: the object state.
 
     Raises:
-        GripperStateError: the state contradicts a closing motion.
+        GripperStateError: the object state contradicts a closing motion.
     """
     if seen not in (ObjectState.CLOSING, ObjectState.AT_TARGET):
         raise GripperStateError(
@@ -67,7 +73,7 @@ ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """The recovery actions in order: each is tried once a part, and the last one is final."""
+    """The recovery actions, in order: each is tried once per part, and the last one ends the part."""
 
     # after a squeeze that no branch explains
     on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
@@ -76,11 +82,13 @@ class Policy:
 
     @classmethod
     def of(cls, on_reject: str, on_unresolved: str) -> Self:
-        """The policy of two lists of names, as the command line and the journal hold them.
+        """Parses two lists of names, as the command line and the journal hold them.
+
+        A list that ends with neither `next` nor `stop` gets `next` as its last action.
 
         Raises:
-            UsageError: a name is unknown or repeated, a re-squeeze is requested at a leaf, or a list has no
-                final action.
+            UsageError: a name is unknown or repeated, a re-squeeze is requested at a leaf, or `next` or
+                `stop` is not the last action.
         """
         rejected = _actions("--on-reject", on_reject)
         unresolved = _actions("--on-unresolved", on_unresolved)
@@ -113,7 +121,7 @@ class TraversalState(NamedTuple):
     leaf: int | None = None  # index of the leaf reached, or None
     rejects: int = 0  # rejected squeezes so far
     unresolved: int = 0  # unresolved leaves so far
-    again: bool = False  # whether the squeeze is repeated: without pushes before it
+    again: bool = False  # whether the squeeze is repeated, and so has no pushes before it
 
 
 def advance(

@@ -8,13 +8,16 @@ MOST_TURNS = 3  # more than any wrist turns
 
 
 def placement(action: Squeeze | Push, released: Place | None = None) -> Pose2:
-    """The hand frame in the world, mm, mm, rad: where it comes down, or where it releases if elsewhere."""
+    """Pose of the hand in the world, mm, mm, rad, where it comes down for an action.
+
+    With `released`, the pose where it releases the part.
+    """
     place = released or action
     return place.x_um / 1000, place.y_um / 1000, action.angle_urad / 1e6
 
 
 def end_of(push: Push) -> Pose2:
-    """The hand frame in the world, mm, mm, rad, at the end of a push."""
+    """Pose of the hand in the world, mm, mm, rad, at the end of a push."""
     return compose(placement(push), (push.length_um / 1000, 0.0, 0.0))
 
 
@@ -26,7 +29,10 @@ def compose(frame: Pose2, pose: Pose2) -> Pose2:
 
 
 def sent(hand: Pose2, middle_mm: float) -> Pose2:
-    """Where the arm is sent for the fingers to meet at `hand`, `middle_mm` off its middle, along y."""
+    """Pose to which the arm is sent so that the fingers meet at `hand`.
+
+    They meet `middle_mm` off the hand's middle, along its y.
+    """
     return compose(hand, (0.0, -middle_mm, 0.0))
 
 

@@ -1,7 +1,7 @@
 """The program of a part: the requests that it makes of a cell, in order, until its outcome is known.
 
-Executor, decision server and replay drive it: each performs the requests in its way, and answers a squeeze
-with its reading. The module is independent of devices, files and time.
+Executor, decision server and replay drive the program: each performs the requests in its way, and answers a
+squeeze with its reading. The module is independent of devices, files and time.
 """
 
 from collections.abc import Generator, Sequence
@@ -16,7 +16,7 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 
 class Reading(NamedTuple):
-    """The settled reading that answers `Squeeze` and `Tighten`."""
+    """The settled reading with which a cell answers `Squeeze` and `Tighten`."""
 
     width_um: int  # width as the gripper reads it
     object: ObjectState
@@ -24,33 +24,33 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """Push the part as the node requires, unless it is squeezed `again`; then go to the squeeze's place."""
+    """Request to push the part as the node requires, unless `again`, and to go to the squeeze's place."""
 
     index: int  # of the node
     node: Node
     number: int  # of the squeeze, from 1, within the part
-    again: bool
+    again: bool  # whether the squeeze is repeated
 
 
 @dataclass(frozen=True, slots=True)
 class Squeeze:
-    """Close the jaws at the node until they meet something."""
+    """Request to close the jaws at the node until they meet something."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tighten:
-    """Raise the force to the node's: the reading decides nothing yet, or the part is dragged."""
+    """Request to raise the force to the node's: no branch has the reading, or the part is to be dragged."""
 
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """Record the decided step, take the part to `point`, and release it."""
+    """Request to record the decided step, take the part to `point`, and release it."""
 
     index: int
     node: Node
     steps: tuple[Step, ...]  # of the part so far, including the decided one
-    point: Place | None  # None: at its place
-    after: TraversalState
+    point: Place | None  # None: the part is released where it is
+    after: TraversalState  # state of the part after the step
     following: Node  # next node; the root where the part is done
 
     @property
@@ -61,7 +61,7 @@ class Release:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """The outcome is known; the last request."""
+    """The last request: states the part's result."""
 
     result: PartResult
 
@@ -72,7 +72,7 @@ Requests = Generator[Request, Reading | None, None]
 
 
 class Program:
-    """Generator of the requests for each part that is located by a table."""
+    """Generates the requests for each part that is located by a table."""
 
     def __init__(self, table: Table, calibration: Calibration, policy: Policy) -> None:
         self.maps = [decision_map(node, table.gripper) for node in table.nodes]
@@ -125,7 +125,7 @@ class Program:
 
 
 def released(requests: Requests, request: Request, reading: Reading) -> Release:
-    """The release that follows a request whose last reading is known, skipping requests in between."""
+    """Answers a request, and all that follow before the release, with one reading; returns the release."""
     while not isinstance(request, Release):
         request = requests.send(None if isinstance(request, Approach) else reading)
     return request

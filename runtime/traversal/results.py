@@ -73,7 +73,7 @@ class PartResult:
     delivery: str | None = None  # "done" or "missed", None without a delivery
     # from the part's first motion to its outcome; None where none was reached
     seconds: float | None = None
-    # of each squeeze; of those after a crash where the part was resumed
+    # of each squeeze; where the part was resumed after a crash, only of those since
     phases: tuple[Phases, ...] = ()
     turn_urad: int = 0  # by which its plan was turned about the origin
 
@@ -88,7 +88,10 @@ class PartResult:
         exit_code: int | None = None,
         safe_state: tuple[str, ...] = (),
     ) -> Self:
-        """The result of a part's steps, which name the leaf; only a fault has an exit code of its own."""
+        """The result of a part, whose last step states the leaf.
+
+        `exit_code` is for faults; every other outcome has its exit code in `EXIT_CODES`.
+        """
         leaf = None
         if outcome in (Outcome.LEAF, Outcome.UNRESOLVED) and steps and steps[-1].target is not None:
             leaf = ~steps[-1].target
