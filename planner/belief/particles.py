@@ -25,7 +25,7 @@ class Belief:
 
     poses: Array  # (n, 3) in the world [mm, mm, rad]
     traits: Traits  # (n,)
-    # (n,) counts of the last squeeze; before the first `UNREAD`, once pushed `PUSHED`
+    # (n,) of the last squeeze; before the first squeeze `UNREAD`, or `PUSHED` after a push
     reading: IntArray
 
     @classmethod

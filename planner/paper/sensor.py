@@ -1,7 +1,7 @@
 """The sensor model and the collision detector (paper V.B): decision trees over poses.
 
-The trees use x, y and the angle as (cos n theta, sin n theta), n the part's rotational order, which has no
-seam.
+The trees use x, y and the angle as (cos n theta, sin n theta), with n the part's rotational order, so that
+equivalent angles have equal features.
 """
 
 from collections.abc import Callable
