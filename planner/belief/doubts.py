@@ -43,8 +43,8 @@ def stated_of(job: Job, n: int, rng: Generator) -> Traits:
 def pushed_of(job: Job, n: int, rng: Generator) -> Traits:
     """Draws the traits (n,) for listed pushes of parts about which nothing was measured.
 
-    The pressure distribution and the friction of the pusher are drawn independently. Friction with the table
-    scatters up to the job's doubt. Jaws and encoder play no part.
+    The pressure distribution and the friction of the pusher are drawn independently. The limit surface
+    scatters as much as the job's doubt allows. Jaws and encoder play no part.
     """
     traits, shares = as_planned(n), shares_of(job)
     traits["surface"] = rng.choice(len(shares), n, p=shares)
@@ -82,7 +82,7 @@ def _traits_of(job: Job, n: int, rng: Generator) -> Traits:
 
 
 def _intervals(job: Job) -> dict[str, Interval]:
-    """The doubts that are intervals, by trait."""
+    """The doubts that are intervals, by the trait that they concern."""
     doubt = job.doubt
     return {
         "share": doubt.finger_share,

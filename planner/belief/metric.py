@@ -165,7 +165,10 @@ def metric_of(job: Job) -> Metric:
 
 @inlined_kernel
 def off(columns: Array, i: int, centre: Array, weights: Array) -> tuple[float, float]:
-    """Distance of state i from `centre` in goals, infinite for another part; and the turn to it [rad]."""
+    """Distance of state i from `centre`, in units of the goal, and the turn from `centre` to the state [rad].
+
+    The distance is infinite for a state of another hypothesis, unless the goal does not ask for it.
+    """
     which = 0
     if columns.shape[0] > 3:
         if weights[0, 5] > 0.0 and columns[3, i] != centre[3]:

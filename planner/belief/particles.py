@@ -75,7 +75,7 @@ def initial(job: Job, n: int, rng: np.random.Generator) -> Array:
 
 
 def evenly(job: Job, n: int, rng: np.random.Generator) -> Array:
-    """Poses (n, 3) as `initial` draws, by a randomly shifted lattice: plans vary less between seeds.
+    """Draws n poses as `initial` does, but on a randomly shifted lattice: plans vary less between seeds.
 
     Multiples of the inverse powers of `RATIO`, reduced to their fractions, fill a cube evenly (Roberts
     2018).

@@ -234,8 +234,8 @@ def tally(
     """Numbers of particles for an interval of counts i to j - 1; arguments as of `least_cost`.
 
     Returns:
-        Those within the goal of its best candidates; all of its particles; those that may stray into it; and
-        of these, those outside the goal.
+        Particles within the goal of the best candidates; all particles of the interval; particles of others
+        that may stray into it; and of these, particles outside the goal.
     """
     hits, size, low, high = counted.hits, counted.size, reach.low, reach.high
     best, chosen = _best(hits, i, j, modes, apart)

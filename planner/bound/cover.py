@@ -21,7 +21,7 @@ from planner.work.scheduler import Threads
 
 LEAST_SHARE = 0.75
 """Share of a group, above 0.5, below which the bound is not made tighter."""
-INFLATION = 0.01  # radius of a cell that is not bisected further, by which the goal is too wide
+INFLATION = 0.01  # radius at which a cell is no longer bisected; it widens the goal by as much
 TOGETHER = 4096  # approximate number of poses that a thread covers at once
 MOST_CELLS = 20000  # most cells visited; the bound holds wherever the search ends
 
@@ -129,7 +129,7 @@ def _enclosed(
         local: (n, 3) poses as `_localise` leaves them.
         column: (n,) work space.
         weights: (6,) of the metric, for the part.
-        turn: the period of the angles, in goals.
+        turn: the period of the angles, in units of the goal.
         least: poses that a prediction must locate to matter.
         cell: (7,) receives middle and half sides, and n.
     """
@@ -155,7 +155,7 @@ def _search(local: Array, added: bool, turn: float, best: int, stack: Array) -> 
     Args:
         local: (n, 3) poses as `_localise` leaves them.
         added: whether the metric adds the angle to the distance.
-        turn: the period of the angles, in goals.
+        turn: the period of the angles, in units of the goal.
         best: number of poses to beat, at least what some prediction locates.
         stack: (m, 7) work space: middle and half sides of a cell, and the poses that may be located from it;
             the first row holds the first cell.

@@ -40,10 +40,10 @@ def clearance(points: Array, finger: int, face: float, h: float) -> float:
     """Distance that a finger can close before it touches the part [mm]: exact, by rays along y.
 
     Args:
-        points: (2, N) outline of the part in the hand frame.
+        points: (2, N) outline of the part in the hand frame [mm].
         finger: 1 for the upper finger, which looks down; -1 for the lower.
-        face: y of its inner face.
-        h: half its length.
+        face: y of its inner face [mm].
+        h: half its length [mm].
 
     Returns:
         The distance; infinite where the part lies beside or behind the finger.
@@ -114,9 +114,9 @@ def free_closing(
 
     Args:
         points: (2, N) outline of the part in the hand frame.
-        top: y of the upper finger's inner face.
-        bottom: y of the lower finger's inner face.
-        h: half the length of a finger.
+        top: y of the upper finger's inner face [mm].
+        bottom: y of the lower finger's inner face [mm].
+        h: half the length of a finger [mm].
         top_share: motion of the upper finger for each millimetre of the fingers' mean motion.
         bottom_share: the same for the lower finger.
     """

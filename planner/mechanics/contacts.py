@@ -285,7 +285,7 @@ def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
 def _add_pairs(
     contacts: Contacts, count: int, points: Array, i: int, finger: Finger, margin: float
 ) -> int:
-    """Adds the contacts of a finger with vertex i and with the edge from i on; returns the new number."""
+    """Adds the contacts of a finger with vertex i and the edge that begins there; returns the new count."""
     n, side, h, thickness = points.shape[1], finger.side, finger.h, finger.thickness
     j, face = i + 1 if i + 1 < n else 0, side * finger.face
     y, after = side * points[1, i], side * points[1, j]

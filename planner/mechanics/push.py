@@ -83,7 +83,7 @@ def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
 
 
 def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm: float) -> Pushers:
-    """Hands that push with the ends of their fingers, which stand side by side along x.
+    """Pushers that are the ends of the two fingers of a hand, side by side along x.
 
     Fingers that touch one another (`opening_mm` (n,) is 0) count as one.
     """

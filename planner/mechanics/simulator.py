@@ -217,6 +217,7 @@ class Simulator:
         """Pushes the part once along each of n paths, given in the part's frame at the start.
 
         The pusher's points are the centres of round tips of `radius_mm`, which start clear of the part.
+        Of the parameters only the limit surfaces and the friction matter.
 
         A part is "stuck" if it has moved and ends within `STUCK_MM` and `STUCK_DEG` of where a rigid motion
         with the pusher would take it; else "lost" if the pusher does not touch it at the end; else it "slid".
