@@ -1,7 +1,7 @@
 """Cost of actions in units of a typical squeeze: by seconds, or one for each squeeze.
 
 The seconds are those of the table's model of time (`runtime.table.timing`), from where the hand stands after
-the squeeze before to the end of this one. A typical squeeze is the unit, so that the leaf heuristic, which
+the previous squeeze to the end of this one. A typical squeeze is the unit, so that the leaf heuristic, which
 counts squeezes, and the price of a part that is not located hold for both objectives.
 """
 
@@ -22,7 +22,7 @@ PUSH_SQUEEZES = 0.1
 TYPICAL_TURN = math.pi / 4.0
 """Turn of the hand before a typical squeeze."""
 TYPICAL_WIDTH = 0.5
-"""Where its jaws stop, as a share of their opening."""
+"""Width at which the jaws stop in a typical squeeze, as a share of their opening."""
 
 
 class Hand(NamedTuple):
@@ -41,7 +41,7 @@ class Closing(NamedTuple):
 
 
 class Costs:
-    """The prices that a job states.
+    """Costs of squeezes, pushes and ways of the hand, by the objective of a job.
 
     Attributes:
         timing: of the cell; None where squeezes are counted.
@@ -139,7 +139,7 @@ class Costs:
         return math.hypot(x, y), math.remainder(turn, math.tau)
 
     def _opening_s(self, width_mm: float, opening_mm: float) -> float:
-        """Seconds that the jaws still open after the hand has risen from its last squeeze."""
+        """Seconds for which the jaws still have to open after the hand has risen from its last squeeze."""
         assert self.timing is not None  # seconds are counted
         rise_s = self.timing.move_s(self.timing.regrasp_mm - self.timing.squeeze_mm)
         return max(self.timing.opening_s(width_mm, opening_mm, self._speed_mm_s) - rise_s, 0.0)

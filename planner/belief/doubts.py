@@ -1,4 +1,4 @@
-"""Latent parameters by the job's doubts: drawn once for each part and kept in all its squeezes."""
+"""Draws latent parameters by the job's doubts, once for each part; they stay the same in all its squeezes."""
 
 from collections.abc import Callable
 from functools import partial
@@ -15,7 +15,7 @@ from planner.mechanics.traits import FRESH, SHAPES, Traits, as_planned, by_hypot
 from planner.part.outline import min_width
 
 SLIPPERY, ROUGH = 1.0 / 3.0, 1.5
-"""How far doubted friction lies outside the job's bounds, as a factor of them."""
+"""Least and greatest doubted friction, as factors of the job's lower and upper bound."""
 WAVY = 0.5  # standard deviation of a contour's waves, all together, in units of the tolerance
 
 
@@ -43,8 +43,8 @@ def stated_of(job: Job, n: int, rng: Generator) -> Traits:
 def pushed_of(job: Job, n: int, rng: Generator) -> Traits:
     """Draws the traits (n,) for listed pushes of parts about which nothing was measured.
 
-    The pressure distribution and the friction of the pusher are drawn independently. Friction with the table
-    scatters up to the job's doubt. Jaws and encoder play no part.
+    The pressure distribution and the friction of the pusher are drawn independently. The limit surface
+    scatters as much as the job's doubt allows. Jaws and encoder play no part.
     """
     traits, shares = as_planned(n), shares_of(job)
     traits["surface"] = rng.choice(len(shares), n, p=shares)
@@ -62,7 +62,7 @@ def hypotheses_of(job: Job, n: int, rng: Generator) -> Traits:
 
 
 def _of_each(job: Job, traits: Traits, traits_of_part: Callable[[Job, int], Traits]) -> Traits:
-    """Fills in `traits` (n,) by hypothesis, with draws of `traits_of_part` for each part's job."""
+    """Replaces the `traits` (n,) of each hypothesis by those that `traits_of_part` draws for its job."""
     for k, rows in by_hypothesis(traits):
         traits[rows] = traits_of_part(job.alone[k], len(traits[rows]))
         traits["hypothesis"][rows] = k
@@ -75,14 +75,14 @@ def _traits_of(job: Job, n: int, rng: Generator) -> Traits:
     for number, (name, draw) in enumerate(draws):
         rows = np.flatnonzero(fault == number)
         traits[name][rows] = draw(len(rows))
-    # The hand is calibrated where the fingers meet on the part's narrowest side, but for `middle_mm`.
+    # The calibrated middle of the hand is where its fingers meet on the narrowest side, up to `middle_mm`.
     traits["across_mm"] += closing_mm(job) * traits["share"]
     traits["friction"] = _friction(job, n, rng)
     return traits
 
 
 def _intervals(job: Job) -> dict[str, Interval]:
-    """The doubts that are intervals, by trait."""
+    """The doubts that are intervals, by the trait that they concern."""
     doubt = job.doubt
     return {
         "share": doubt.finger_share,
@@ -93,7 +93,7 @@ def _intervals(job: Job) -> dict[str, Interval]:
 
 
 def _middles(job: Job, n: int) -> Traits:
-    """Traits (n,) at the middle of each doubt's interval, of a hand that is not calibrated."""
+    """Traits (n,) at the middle of each doubt's interval, before the hand is calibrated."""
     traits = as_planned(n)
     for name, interval in _intervals(job).items():
         traits[name] = 0.5 * sum(interval)
@@ -134,14 +134,14 @@ def _friction(job: Job, n: int, rng: Generator) -> Array:
 
 
 def _within(interval: Interval, n: int, rng: Generator) -> Array:
-    """Values (n,) by the arcsine law: faults that matter lie near the ends of their interval."""
+    """Draws values (n,) by the arcsine law, since faults that matter lie near the ends of their interval."""
     low, high = interval
     aside = np.sin(np.pi * (rng.random(n) - 0.5))
     return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * aside)
 
 
 def _deviations(tolerance_mm: float, n: int, rng: Generator) -> Array:
-    """Deviations of outlines (n, SHAPES) [mm]: for half of them offset and scale, for the others waves."""
+    """Draws deviations (n, SHAPES) of outlines [mm]: offset and scale each for a half, waves for all."""
     shapes = np.empty((n, SHAPES))
     for k in range(2):
         shapes[:, k] = _within((-tolerance_mm, tolerance_mm), n, rng) * (rng.random(n) < 0.5)

@@ -63,7 +63,7 @@ class Metric(NamedTuple):
         return self.distance_mm if self.kind in ("pose", "modes") else 1.0
 
     def weights(self) -> Array:
-        """(h, 6) for the kernels, one row for each hypothesis.
+        """Weights (h, 6) for the kernels, one row for each hypothesis.
 
         Columns: 1 to add deviations up or 0 to take the largest; 1 / goal of x, y and theta; the period of
         theta; 1 where a state of another hypothesis is never within the goal.
@@ -96,12 +96,12 @@ class Metric(NamedTuple):
         return np.asarray(self.between(states, reference) < self.goal)
 
     def explained(self, states: Array, mode: Mode) -> BoolArray:
-        """Which of states (n, 3 or 4) are within the goal of a mode, or of one of its further poses."""
+        """Mask (n,) of the states (n, 3 or 4) within the goal of a mode, or of one of its further poses."""
         said = np.column_stack([np.vstack([mode.pose, mode.others]), mode.hypothesis])
         return np.asarray(self.reached(states[:, None], said).any(axis=1))
 
     def shares(self, beliefs: Sequence[Array], most: int) -> Array:
-        """The shares (k, most) of `main_modes` of k beliefs (n, 3 or 4), n >= 1 each, much faster."""
+        """Shares (k, most) of the heaviest modes of k beliefs (n, 3 or 4): as `main_modes`, but faster."""
         shares, sizes = np.zeros((len(beliefs), most)), [len(states) for states in beliefs]
         stops = np.cumsum(sizes, dtype=np.int64)
         columns = np.zeros((4 if self.further else 3, int(stops[-1]) if beliefs else 0))
@@ -127,7 +127,7 @@ class Metric(NamedTuple):
         Args:
             states: (n, 3 or 4) particles, n >= 1 [mm, mm, rad, hypothesis].
             most: how many at most.
-            least_share: lighter ones are not sought, except for the first.
+            least_share: share below which a mode is left out, unless it is the first.
 
         Returns:
             Single modes, each with its share of all the particles.
@@ -165,7 +165,10 @@ def metric_of(job: Job) -> Metric:
 
 @inlined_kernel
 def off(columns: Array, i: int, centre: Array, weights: Array) -> tuple[float, float]:
-    """Distance of state i from `centre` in units of the goal, infinite for another part; and their angle."""
+    """Distance of state i from `centre`, in units of the goal, and the turn from `centre` to the state [rad].
+
+    The distance is infinite for a state of another hypothesis, unless the goal does not ask for it.
+    """
     which = 0
     if columns.shape[0] > 3:
         if weights[0, 5] > 0.0 and columns[3, i] != centre[3]:
@@ -249,7 +252,7 @@ def largest_mode(columns: Array, n: int, weights: Array, state: Array) -> float:
         columns: (m, N) the states [mm, mm, rad, and maybe hypothesis], as of `within`.
         n: how many of them count, at least 1.
         weights: (h, 6) of the metric.
-        state: (m,) receives the best; modified in place.
+        state: (m,) receives the best pose.
 
     Returns:
         The share, 0 to 1.

@@ -12,7 +12,7 @@ from planner.job.model import Job
 
 SIGMAS = 6.0
 """Least distance of two widths that are distinguished, in standard deviations; 0.3 % are mistaken."""
-COARSE_MM = 0.4  # widths that the search may take for one where there are very many
+COARSE_MM = 0.4  # widths that the search may merge where there are very many
 MARGIN_MM = 1.0
 """Distance beyond the widths seen that a branch reaches, at most half a gap."""
 
@@ -22,7 +22,7 @@ class Encoder:
     """A linear encoder with noise. A reading is a number of steps of closing: 0 open, `steps` closed."""
 
     opening_mm: float  # width at reading 0
-    steps: int  # of its resolution, from open to closed
+    steps: int  # number of steps from open to closed
     noise_mm: float  # standard deviation of a measured width before its rounding
 
     @property
@@ -42,7 +42,7 @@ class Encoder:
         return np.asarray(np.clip(readings, 0, self.steps), dtype=np.int64)
 
     def with_flag(self, readings: IntArray, width_mm: Array) -> IntArray:
-        """Readings (n,) with the object flag added, which distinguishes thin grips from an empty hand."""
+        """Corrects readings (n,) by the object flag: a held part, however thin, never reads as empty."""
         held = np.minimum(readings, resolution_of(self).free - 1)
         return np.where(width_mm > 0.0, held, readings)
 
@@ -83,7 +83,7 @@ class Partition(NamedTuple):
 
     @classmethod
     def of(cls, readings: Sequence[IntArray]) -> Self:
-        """The clusters of n >= 1 readings, given the cluster of each."""
+        """The clusters with these readings: one array, not empty, for each cluster."""
         return cls(
             mean=np.array([each.mean() for each in readings]),
             low=np.array([each.min() for each in readings]),
@@ -92,7 +92,7 @@ class Partition(NamedTuple):
         )
 
     def of_clusters(self, numbers: Sequence[int]) -> Self:
-        """A subset of the clusters, renumbered."""
+        """The clusters with these numbers, renumbered in this order."""
         rows = np.array(numbers, np.int64)
         return type(self)(self.mean[rows], self.low[rows], self.high[rows], self.size[rows])
 

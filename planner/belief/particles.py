@@ -25,7 +25,7 @@ class Belief:
 
     poses: Array  # (n, 3) in the world [mm, mm, rad]
     traits: Traits  # (n,)
-    # (n,) counts of the last squeeze; before the first `UNREAD`, once pushed `PUSHED`
+    # (n,) of the last squeeze; before the first squeeze `UNREAD`, or `PUSHED` after a push
     reading: IntArray
 
     @classmethod
@@ -75,7 +75,7 @@ def initial(job: Job, n: int, rng: np.random.Generator) -> Array:
 
 
 def evenly(job: Job, n: int, rng: np.random.Generator) -> Array:
-    """Poses (n, 3) as `initial` draws, by a randomly shifted lattice: plans vary less between seeds.
+    """Draws n poses as `initial` does, but on a randomly shifted lattice: plans vary less between seeds.
 
     Multiples of the inverse powers of `RATIO`, reduced to their fractions, fill a cube evenly (Roberts
     2018).

@@ -5,14 +5,14 @@ cuts costs
 
     sum over intervals z of  P(z) J(b_z)  +  doubt * sum over cuts of P(a reading within `reach` of the cut)
 
-where J(b) is the cost-to-go of the particles read in the interval. It is lower the fewer poses they lie at,
-so that widths of one grasp are cut off from rarer ones beside them.
-The second sum keeps cuts away from readings that occur: an encoder a little off would take such parts into
-the wrong branch. Dynamic programming finds the cuts of least cost.
+where J(b) is the cost-to-go of the particles read in the interval. J is lower the fewer poses the particles
+lie at, so cuts separate the widths of one final pose from rarer widths beside them. The second sum
+keeps cuts away from readings that occur: an encoder a little off would take such parts into the wrong branch.
+Dynamic programming finds the cuts of least cost.
 
-For all intervals at once, the share of one pose is found from a list of candidate poses: how many particles
-each has within the goal at every count is summed over cells once. Readings of an empty hand (the part
-slipped out or was never touched) are always an interval of their own.
+The share of an interval's particles that lie at one pose is found from a list of candidate poses. The numbers
+of particles within the goal of each candidate are summed over the cells once, for all intervals. Readings of
+an empty hand (the part slipped out or was never touched) are always an interval of their own.
 
 A cell is one step of the encoder, or several where a belief spreads over more than `MOST_CELLS` steps: the
 resolution does not increase the arrays, nor the time, which is quadratic in their size.
@@ -30,7 +30,7 @@ from planner.belief.observation import Resolution
 from planner.belief.stopping import StoppingRule, missed
 from planner.kernel import kernel
 
-MOST_CELLS = 128  # of a belief, unless cells would be needlessly coarse
+MOST_CELLS = 128  # of a belief, unless a cell would be coarser than the rule allows
 CANDIDATES = 48  # candidate poses of a belief, besides one for each cell
 CLIMBS = 2  # mean-shift steps of each candidate
 
@@ -89,10 +89,10 @@ class Sums(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """The counts near a cut among m ascending ones; an encoder a little off may read them across it."""
+    """The counts near each cut of m ascending ones, which an encoder a little off may read across the cut."""
 
-    low: IntArray  # (m + 1,) the first count within reach of the i-th
-    high: IntArray  # (m + 1,) the first count beyond reach of the one before the j-th
+    low: IntArray  # (m + 1,) index of the first count within reach of count i
+    high: IntArray  # (m + 1,) index of the first count beyond reach of count j - 1
 
 
 def partition(poses: Array, readings: IntArray, rule: Rule) -> IntArray:
@@ -100,7 +100,7 @@ def partition(poses: Array, readings: IntArray, rule: Rule) -> IntArray:
 
     Args:
         poses: (n, 3 or 4) states after the squeeze, n >= 1 [mm, mm, rad, hypothesis].
-        readings: (n,).
+        readings: (n,) readings of the encoder.
         rule: how they are cut.
 
     Returns:
@@ -120,10 +120,13 @@ def interval_of_each(states: Array, readings: IntArray, costs: Costs) -> IntArra
 
 @kernel
 def into_cells(readings: IntArray, free: int, coarsest: int) -> tuple[IntArray, int, int]:
-    """The cells (n,) of readings (n,), the number of cells of held parts, and the steps of each.
+    """Groups readings (n,) into cells of several steps of the encoder.
 
-    Readings of held parts, below `free`, take at most `MOST_CELLS`, unless a cell would exceed `coarsest`
-    steps; readings of an empty hand are the cell after these.
+    Readings of held parts, which are below `free`, take at most `MOST_CELLS` cells, unless a cell would
+    exceed `coarsest` steps. Readings of an empty hand are in one more cell after these.
+
+    Returns:
+        The cell (n,) of each reading, the number of cells of held parts, and the steps of such a cell.
     """
     lowest = min(free, readings.min())
     steps = min(max(-(-(free - lowest) // MOST_CELLS), 1), coarsest)
@@ -149,7 +152,14 @@ def by_group(states: Array, group: IntArray, groups: int) -> tuple[Array, IntArr
 
 @kernel
 def candidates(columns: Array, first: IntArray, counts: IntArray, weights: Array) -> Array:
-    """Poses (c, .) that explain many particles about a count."""
+    """Candidate poses (c, m) that have many particles of about one count within the goal, by mean shift.
+
+    Args:
+        columns: (m, n) states, sorted by count.
+        first: (k + 1,) index of the first state of each count, then n.
+        counts: (k,) that occur, rising.
+        weights: of the metric.
+    """
     n, m, width, c = first[-1], counts.shape[0], columns.shape[0], 0
     poses = np.empty((m + CANDIDATES, width))
     mean, centre, inside = np.empty(width), np.empty(width), np.empty(n, np.bool_)
@@ -188,7 +198,8 @@ def explained(
         reach: distance within which counts are near a cut.
 
     Returns:
-        The counts that occur, the sums over them, which are near a cut, and which candidates are apart.
+        The counts that occur, the sums over them, which counts are near each cut, and which candidates are
+        mutually apart.
     """
     counts, first = occupied(weight)
     poses, inside = candidates(columns, first, counts, costs.weights), np.empty(first[-1], np.bool_)
@@ -202,9 +213,9 @@ def explained(
 
 @kernel
 def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple[int, int]:
-    """Number of particles of counts i to j - 1 within the goal of the best candidates, and which is the best.
+    """Number of particles of counts i to j - 1 within the goal of the best candidates, and the best one.
 
-    The latter is -1 where the goal allows several modes.
+    The best one is -1 where the goal allows several modes.
     """
     if modes > 1:
         return _best_modes(hits, i, j, modes, apart), -1
@@ -223,8 +234,8 @@ def tally(
     """Numbers of particles for an interval of counts i to j - 1; arguments as of `least_cost`.
 
     Returns:
-        Those within the goal of its best candidates; all of its particles; those that may stray into it; and
-        of these, those outside the goal.
+        Particles within the goal of the best candidates; all particles of the interval; particles of others
+        that may stray into it; and of these, particles outside the goal.
     """
     hits, size, low, high = counted.hits, counted.size, reach.low, reach.high
     best, chosen = _best(hits, i, j, modes, apart)
@@ -245,7 +256,7 @@ def least_cost(
 
     Args:
         counted: the particles.
-        misread: the particles that are read here only if the encoder is off.
+        misread: further particles that have these readings only if the encoder is off.
         reach: which counts are near a cut.
         apart: (c, c) pairs of candidates that no particle can be near at once; empty for one mode.
         costs: of branches and leaves.
@@ -294,7 +305,7 @@ def occupied(weight: IntArray) -> tuple[IntArray, IntArray]:
 
 @kernel
 def intervals(columns: Array, weight: IntArray, costs: Costs, reach: float) -> IntArray:
-    """The bounds (k + 1,) of the intervals, descending: interval j has cells bounds[j + 1] up to bounds[j].
+    """The bounds (k + 1,) of the intervals, descending: interval j has cells bounds[j + 1] to bounds[j] - 1.
 
     Args:
         columns: (m, n) states, sorted by cell.
@@ -332,7 +343,7 @@ def mutually_apart(poses: Array, costs: Costs) -> BoolArray:
 
 @kernel
 def _best_modes(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> int:
-    """Particles of counts i to j - 1 within the goal of the best candidates, all of them apart."""
+    """Number of particles of counts i to j - 1 within the goal of the best `modes` candidates, all apart."""
     c, total = hits.shape[1], 0
     chosen = np.empty(modes, np.int64)
     for mode in range(modes):

@@ -1,4 +1,4 @@
-"""Splits of a branch that the next squeeze shows to be worth it (paper V.A, by value)."""
+"""Splits of a branch that the next squeeze shows to be worthwhile (paper V.A, by value)."""
 
 import numpy as np
 
@@ -27,11 +27,11 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
     """The cuts that the readings before a squeeze should have had, given its outcome.
 
     A rare width beside a common one may look no different until the next squeeze. A piece that meets the goal
-    before this squeeze is not squeezed again: it costs at least as much as a leaf.
+    before this squeeze is not squeezed again, so it costs at least as much as a leaf.
 
     Args:
         old: n particles, their readings all of one interval.
-        new: the same after the squeeze.
+        new: the same particles after the squeeze.
         rule: how readings are cut.
 
     Returns:
@@ -63,7 +63,7 @@ def _recut(
     n, m, rows, inside = len(order), len(counts), len(old_counts), np.empty(len(order), np.bool_)
     row = np.searchsorted(old_counts, old_cells[order]) + 1
     count = np.searchsorted(first, np.arange(n), side="right")
-    # Cumulative over readings before and counts after: rows r.. and counts a.. hold all below both.
+    # Cumulative: entry (r, a) has the particles of the first r readings before and a counts after.
     hits = np.zeros((rows + 1, m + 1, len(poses)), np.int64)
     size = np.zeros((rows + 1, m + 1), np.int64)
     for i in range(n):

@@ -13,7 +13,7 @@ FAILURE = 100.0
 LEAST_EVIDENCE = 300
 """Particles below which a belief is too small for its mode ratio to be trusted."""
 LEAST_TRIALS = 100
-"""Fresh trials of a leaf from which their success rate itself is compared with the goal.
+"""Number of fresh trials of a leaf from which their success rate itself is compared with the goal.
 
 The exact test alone keeps leaves just below the goal, which later trials refute.
 """
@@ -58,7 +58,7 @@ class StoppingRule(NamedTuple):
 
 @inner_kernel
 def missed(hits: float, size: float, rule: StoppingRule) -> tuple[float, float]:
-    """Probability that a belief misses the goal, and the expected share outside its modes."""
+    """Probability that a belief misses the goal, and the expected share of parts outside its modes."""
     total = size + rule.inside + rule.outside
     share = (hits + rule.inside) / total
     deviation = math.sqrt(share * (1.0 - share) / total)

@@ -149,5 +149,5 @@ class Simulation:
 
 
 def finger_speed_mm_s(speed_mm_s: float) -> float:
-    """Speed of one finger while the jaws close at that rate; pushes are made at the same speed."""
+    """Speed of one finger while the jaws close at `speed_mm_s`; a push moves the hand at the same speed."""
     return 0.5 * speed_mm_s

@@ -1,6 +1,7 @@
 """Certificate of a plan: a lower bound on the squeezes of any plan that is as good.
 
-It covers the placements of job and plan and those along stable sides, but not scattered ones.
+The bound covers plans that use the placements of the job, those of the plan and those along stable sides, but
+no scattered ones.
 """
 
 import math
@@ -36,7 +37,7 @@ PARTS = 50_000
 MOST_PARTS = 1_000_000
 TRIED = 2  # squeezes for which all placements are tried
 DEPTH = 3  # squeezes for which only the placements of the cheapest plans are tried
-ROUNDS = 8  # rounds of the latter
+ROUNDS = 8  # rounds of extending histories to `DEPTH` squeezes
 LEAST_PARTS = 20  # least parts of a history that is continued
 CERTAINTY = 0.95
 SEED_BOUND = 0x424F554E
@@ -82,7 +83,7 @@ class Covered:
         return np.concatenate([self._actions.within(np.concatenate(options)), self._more, *planned])
 
     def _after(self, history: History) -> Belief:
-        """The separate sample's parts that have a history; there may be none."""
+        """The parts of the separate sample that have this history; there may be none."""
         if not history:
             return self._all
         *before, option, reading = history
@@ -116,7 +117,7 @@ class Certificate:
     overall: Term  # bound for plans that locate the share `success` of all parts
     confidence: float  # the job's, for a leaf
     success: float  # lower limit of the table's success rate in its trials, with 97.5 % confidence
-    mean: float  # squeezes a part of the table
+    mean: float  # mean squeezes a part in the trials of the table
     parts: int  # size of the sample
     first: int  # inequivalent placements of the first squeeze
     second: float  # placements of the second squeeze, averaged over the readings
@@ -169,7 +170,7 @@ class Certificate:
 
 
 def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
-    """Squeezes in the world of the evaluation, where the job's doubts may be off."""
+    """The function that squeezes parts in the world of the evaluation, each with its own traits."""
     simulator, encoder = Simulator.of_job(job, workers), encoder_of(job)
 
     def squeeze(

@@ -20,8 +20,8 @@ from planner.kernel import kernel
 from planner.work.scheduler import Threads
 
 LEAST_SHARE = 0.75
-"""Share of a group, above 0.5; where no prediction locates it, the bound says no more than that."""
-INFLATION = 0.01  # radius of a cell that is not bisected further, by which the goal is too wide
+"""Share of a group, above 0.5, below which the bound is not made tighter."""
+INFLATION = 0.01  # radius at which a cell is no longer bisected; it widens the goal by as much
 TOGETHER = 4096  # approximate number of poses that a thread covers at once
 MOST_CELLS = 20000  # most cells visited; the bound holds wherever the search ends
 
@@ -57,7 +57,7 @@ def most_located(
 def _most_located(
     poses: Array, start: IntArray, weights: Array, order: int, located: IntArray
 ) -> None:
-    """`most_located`, with `located` (k,) in place."""
+    """`most_located` of one thread; writes the bounds into `located` (k,)."""
     largest, weights_of_part = 1, weights[0]
     for k in range(located.shape[0]):
         largest = max(largest, start[k + 1] - start[k])
@@ -86,7 +86,7 @@ def _most_located(
 def _localise(
     poses: Array, weights: Array, period: float, least: int, local: Array, column: Array
 ) -> bool:
-    """Poses in units of the goal, with angles about the middle of the fullest window of two goals.
+    """Converts poses to units of the goal, with angles about the middle of the fullest window of two goals.
 
     Args:
         poses: (n, 3).
@@ -129,7 +129,7 @@ def _enclosed(
         local: (n, 3) poses as `_localise` leaves them.
         column: (n,) work space.
         weights: (6,) of the metric, for the part.
-        turn: the period of their angles.
+        turn: the period of the angles, in units of the goal.
         least: poses that a prediction must locate to matter.
         cell: (7,) receives middle and half sides, and n.
     """
@@ -155,10 +155,10 @@ def _search(local: Array, added: bool, turn: float, best: int, stack: Array) -> 
     Args:
         local: (n, 3) poses as `_localise` leaves them.
         added: whether the metric adds the angle to the distance.
-        turn: the period of their angles.
+        turn: the period of the angles, in units of the goal.
         best: number of poses to beat, at least what some prediction locates.
         stack: (m, 7) work space: middle and half sides of a cell, and the poses that may be located from it;
-    the first row is given.
+            the first row holds the first cell.
 
     Returns:
         An upper bound on the poses that any prediction locates, or `best`.

@@ -2,7 +2,7 @@
 
 A part is squeezed at every placement that a plan might choose, and again at every placement after each of
 these. Parts with the same placements and readings so far share a history; a plan is a choice of one
-placement, or of a pose to claim, for each.
+placement, or of a pose to claim, for each history.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from planner.bound.cover import most_located
 from planner.work.progress import Report, silent
 
 READINGS = 1 << 22
-"""More than there are; a reading is twice the encoder's, plus 1 if the object flag is set."""
+"""More than there are readings; a reading is twice the encoder's, plus 1 if the object flag is set."""
 
 Squeeze: TypeAlias = Callable[[Belief, Array, np.random.Generator], tuple[Array, IntArray]]
 """Squeezes n parts once: a belief, placements (n, 3) of the hand and a random generator give
@@ -35,7 +35,7 @@ class Level(NamedTuple):
 
     size: IntArray  # (h,) parts of each
     located: IntArray  # (h,) upper bound on the parts that one prediction locates
-    option: IntArray  # (h,) the squeeze of the level below that led to it
+    option: IntArray  # (h,) the squeeze that led to it: an index into `owner` and `placement`
     reading: IntArray  # (h,) the reading of that squeeze
     owner: IntArray  # (o,) the history of the level before, for each squeeze
     placement: IntArray  # (o,) the placement of that history at which the squeeze is made
@@ -54,7 +54,7 @@ class Lying(NamedTuple):
     start: IntArray  # (h + 1,) start of each history, then n
 
     def of(self, histories: IntArray) -> tuple[IntArray, IntArray]:
-        """The rows (m,) of the parts of some histories, and the history of each."""
+        """The rows (m,) of the parts of some histories, and for each row the index into `histories`."""
         size = np.diff(self.start)[histories]
         rows = np.arange(size.sum()) + np.repeat(
             self.start[histories] - np.cumsum(size) + size, size
@@ -65,8 +65,8 @@ class Lying(NamedTuple):
 class Depths(NamedTuple):
     """Lengths of histories, in squeezes."""
 
-    tried: int  # up to which all placements are tried
-    most: int  # that any history has
+    tried: int  # length up to which all placements are tried
+    most: int  # greatest length of any history
 
 
 class Histories:
@@ -83,7 +83,7 @@ class Histories:
         workers: int | None = 1,
         report: Report = silent,
     ) -> None:
-        """Tries placements on parts (n,) from the start, to the depths given."""
+        """Tries all placements on parts (n,), in histories of up to `depths.tried` squeezes."""
         self._squeeze, self._placements = squeeze, placements
         self._parts, self._metric = parts, metric
         self._deepest, self._rng, self._workers, self._report = depths.most, rng, workers, report
@@ -138,7 +138,7 @@ class Histories:
             self._lying[level + 1] = _together([self._lying[level + 1], *moved])
 
     def _located(self, poses: Array, start: IntArray) -> IntArray:
-        """Upper bound on the parts of each group that a claim locates, with as many poses as it has modes."""
+        """Upper bound on the parts of each group that a claim of `modes` poses, as of the metric, locates."""
         metric = self._metric
         most = most_located(poses, start, metric.weights(), metric.order, self._workers)
         return np.minimum(metric.modes * most, np.diff(start))

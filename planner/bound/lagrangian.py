@@ -1,9 +1,10 @@
 """A lower bound from histories, by Lagrangian relaxation, and its confidence.
 
-On a sample, a plan of the class below costs at least L: the least cost of any plan that pays a price for
-every part that it claims and does not locate. The price is the multiplier of the class's constraint; the
-best unconstrained plan is found history by history. A plan is fixed before the sample is drawn, so Chernoff's
-inequality for a mean of independent numbers in [0, 1] (Hoeffding 1963, Theorem 1),
+On a sample, a plan of a class (`leaves_term`, `overall_term`) costs at least L: the least cost of any plan
+that pays a price for every part that it claims and does not locate. The price is the multiplier
+of the class's constraint; the best unconstrained plan is found history by history. A plan is fixed before the
+sample is drawn, so Chernoff's inequality for a mean of independent numbers in [0, 1] (Hoeffding 1963,
+Theorem 1),
 
     P(mean - mu >= x) <= exp(-n KL(mu + x || mu)),
 
@@ -46,7 +47,7 @@ def leaves_term(levels: list[Level], confidence: float, success: float, certaint
 
 
 def overall_term(levels: list[Level], success: float, certainty: float) -> Term:
-    """The bound for plans that locate at least the share `success` of all parts; as `leaves_term`."""
+    """The bound for plans that locate at least a share `success` of all parts; see `leaves_term`."""
     error = (1.0 - certainty) / EVENTS
     costs = np.array([least_cost(levels, price, 1.0) for price in PRICES])
     failing = upper_tail(1.0 - success, int(levels[0].size.sum()), error)
@@ -101,7 +102,7 @@ def _values(
 def _best(
     estimates: Array, sampled: Array, levels: list[Level], error: float, unclaimed: float
 ) -> Term:
-    """The greatest bound over all prices, for a cost between 1 and depth + 1; less `unclaimed`."""
+    """The term of the greatest bound over all prices, with costs from 1 to depth + 1, less `unclaimed`."""
     k, depth, n = int(np.argmax(sampled)), len(levels) - 1, int(levels[0].size.sum())
     share = min(max((float(sampled[k]) - 1.0) / depth, 0.0), 1.0)
     bound = 1.0 + depth * least_mean(share, n, error) - unclaimed
@@ -117,7 +118,7 @@ def divergence(x: float, mean: float) -> float:
 
 
 def upper_tail(mean: float, n: int, error: float) -> float:
-    """Sample mean of n numbers in [0, 1] that, given their mean, is exceeded with probability <= error."""
+    """Value that the sample mean of n numbers in [0, 1] of this `mean` exceeds with probability <= error."""
     return _crossing(lambda x: n * divergence(x, mean), mean, 1.0, error)
 
 

@@ -45,11 +45,11 @@ class Kcde(NamedTuple):
     source: IntArray  # (M,) original index of each roll-out
     outline: Array  # (N, 2) the part [mm]
     jaws: Jaws
-    rho_mm: float  # what one radian weighs
+    rho_mm: float  # millimetres that count like one radian
 
     @classmethod
     def fit(cls, rolled: RollOuts, outline: Array, jaws: Jaws, rho_mm: float, order: int) -> Self:
-        """The estimate from n roll-outs; only those whose fingers touch the part are used.
+        """Fits the density to those of n roll-outs whose fingers touch the part.
 
         The part has an outline (N, 2) [mm] of rotational order `order`; a radian counts as `rho_mm`.
 

@@ -141,7 +141,7 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
 def nearest_within(
     grid: Grid, q: Array, start: float, spread: float, place: IntArray, squares: Array
 ) -> int:
-    """Finds the nearest point, and all whose squared distance exceeds its by at most `spread` [mm^2].
+    """Finds the points whose squared distance exceeds that of the nearest by at most `spread` [mm^2].
 
     Searches within `start` [mm] first: a good guess saves a second search. Returns their number, at least
     1; `place` and `squares` (N + 1,) receive their indices in the grid and the excess of each squared
@@ -168,7 +168,7 @@ def nearest_within(
 
 @kernel
 def keep_nearest(place: IntArray, squares: Array, count: int, most: int) -> None:
-    """Moves the `most` nearest points to the front, in order; of ties the first."""
+    """Moves the `most` nearest points to the front, in their former order; of ties the first are taken."""
     farthest = np.partition(squares[:count], most - 1)[most - 1]
     ties = most - np.sum(squares[:count] < farthest)
     kept = 0

@@ -2,7 +2,8 @@
 
 They start from a disc of part centres about the hand, at any angle, each with its own limit surface and
 friction. The disc consists of rings of equal density, rolled out in blocks of `BLOCK` starts. A block depends
-only on the squeeze and its place, which seed its random stream: a larger region or more roll-outs add blocks.
+only on the simulator and on its place among the blocks, which seed its random stream: a larger region or more
+roll-outs add blocks.
 Uncertainty, actions, goal and seed of a job have no effect.
 """
 
@@ -42,7 +43,7 @@ class RollOuts(NamedTuple):
 
 
 class Block(NamedTuple):
-    """The first starts, at most `BLOCK`, of those with number `BLOCK * number` and on in a ring."""
+    """Starts in a ring, from that with number `BLOCK * number` on: at most `BLOCK`, and at most `starts`."""
 
     ring: int
     number: int
@@ -124,7 +125,7 @@ def farthest(outline: Array, jaws: Jaws) -> float:
 
 
 def within_reach(outline: Array, jaws: Jaws, poses: Array) -> BoolArray:
-    """Where the circle about a part (N, 2) at `poses` (n, 3) meets the box swept by the fingers: (n,).
+    """Mask (n,) of `poses` (n, 3) at which the circle about a part (N, 2) meets the box of the fingers.
 
     Elsewhere a squeeze leaves the part exactly where it is.
     """
@@ -153,5 +154,5 @@ def starts(ring: int, n: int, rng: np.random.Generator) -> Array:
 
 
 def _swept(jaws: Jaws) -> tuple[float, float]:
-    """Half the extents of the box that contains the fingers at all times."""
+    """Half the extents of the box that contains the fingers during all of a squeeze [mm]."""
     return 0.5 * jaws.length_mm, 0.5 * jaws.opening_mm + jaws.thickness_mm

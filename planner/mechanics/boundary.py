@@ -42,8 +42,8 @@ where it looks down beside it. apart: x of their middles is -apart and apart [mm
 finger's length, and its thickness [mm]. points, pusher: number and coordinates of the points [mm]. radius:
 of the round tips about them [mm]. mu_top: friction at fingers that look down and at points; mu_bottom: at a
 finger that looks up. top_share, bottom_share: how far fingers that look down, and up, come for each
-millimetre of a step. x, y, turn, centre: for each millimetre the frame turns [rad] about the centre [mm],
-which moves along a straight line [mm]. step: the nominal one [mm].
+millimetre of a step. x, y, turn, centre: for each millimetre the frame turns by `turn` [rad] about the centre
+[mm], which moves straight by x and y [mm]. step: the nominal one [mm].
 
 One record is passed as one pointer (decision 0005).
 """
@@ -62,7 +62,7 @@ class Drive(NamedTuple):
 
 @inlined_kernel
 def drive_of(boundary: Boundary, size: float, done: float, q: Array) -> Drive:
-    """A step of `size` [mm] after `done` [mm], to first order, for a part at q (3,)."""
+    """The boundary's motion in a step of `size` [mm] after `done` [mm], to first order, for a part at q."""
     turn = size * boundary.turn
     c, s = 1.0, 0.0
     if boundary.turn != 0.0:
@@ -82,7 +82,7 @@ def hand_of(boundary: Boundary, faces: Array) -> Hand:
 
 @inlined_kernel
 def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None:
-    """Moments and pusher displacements of all contacts (the Jacobian of eq. 2), in place."""
+    """Fills in the moments (the Jacobian of eq. 2) and the boundary's displacements at all contacts."""
     for k in range(count):
         contact = contacts[k]
         nx, ny, rx, ry = contact.nx, contact.ny, contact.x, contact.y
@@ -94,7 +94,7 @@ def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None
 
 @inlined_kernel
 def subtract_carriage(contacts: Contacts, count: int, rho: float, drive: Drive, V: Array) -> None:
-    """Converts displacements over the table, of the part (V) and at the contacts, to those in the frame."""
+    """Converts displacements of the part (V) and at the contacts from the table to the boundary's frame."""
     turn = rho * drive.turn
     V[0], V[1], V[2] = V[0] - drive.x, V[1] - drive.y, V[2] - turn
     for k in range(count):
@@ -116,8 +116,8 @@ def turn(
     """Moves the contacts from pose q to pose `half`, gaps unchanged, for the midpoint rule.
 
     The part turns on the way by an angle whose cosine and sine are `turned`, and the fingers close by half of
-    `drive`. An edge takes its normal along; of a vertex the normal is the finger's, and that of a round tip
-    (of `radius`) points from its centre to the vertex.
+    `drive`. The normal of an edge turns with the part. The normal at a vertex is that of the finger; at
+    a round tip (of `radius`) it points from the tip's centre to the vertex.
     """
     c, s = turned
     for k in range(count):

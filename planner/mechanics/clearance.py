@@ -37,10 +37,16 @@ def jaws_of(gripper: Gripper) -> Jaws:
 
 @inner_kernel
 def clearance(points: Array, finger: int, face: float, h: float) -> float:
-    """Distance that a finger (+1 or -1) can close before it touches the part [mm]: exact, by rays along y.
+    """Distance that a finger can close before it touches the part [mm]: exact, by rays along y.
 
-    For an outline (2, N) in the hand frame; the inner face lies at y = face, h is half the finger's length.
-    Infinite where the part lies beside or behind the finger.
+    Args:
+        points: (2, N) outline of the part in the hand frame [mm].
+        finger: 1 for the upper finger, which looks down; -1 for the lower.
+        face: y of its inner face [mm].
+        h: half its length [mm].
+
+    Returns:
+        The distance; infinite where the part lies beside or behind the finger.
     """
     n = points.shape[1]
     nearest = np.inf
@@ -75,7 +81,7 @@ def crosses(x0: float, y0: float, x1: float, y1: float, half_x: float, half_y: f
 
 @inner_kernel
 def blocked(points: Array, finger: int, face: float, h: float, thickness: float) -> bool:
-    """Whether part and finger box overlap: the finger cannot be set down there.
+    """Whether the part overlaps the box of a finger, so that the finger cannot be set down.
 
     Arguments as for `clearance`, and the finger's thickness [mm].
     """
@@ -96,7 +102,7 @@ def blocked(points: Array, finger: int, face: float, h: float, thickness: float)
 
 @inner_kernel
 def stand(points: Array, top: float, bottom: float, h: float, thickness: float) -> bool:
-    """`blocked` for either finger, with the inner faces at y = top and y = bottom [mm]."""
+    """Whether either finger is `blocked`, with the inner faces at y = top and y = bottom [mm]."""
     return blocked(points, 1, top, h, thickness) or blocked(points, -1, bottom, h, thickness)
 
 
@@ -106,8 +112,13 @@ def free_closing(
 ) -> float:
     """Distance that the fingers close before either touches the part [mm]; infinite where neither does.
 
-    For an outline (2, N) in the hand frame and inner faces at y = top and bottom; h is half the finger's
-    length; the shares are the motion of each finger for a millimetre of their mean.
+    Args:
+        points: (2, N) outline of the part in the hand frame.
+        top: y of the upper finger's inner face [mm].
+        bottom: y of the lower finger's inner face [mm].
+        h: half the length of a finger [mm].
+        top_share: motion of the upper finger for each millimetre of the fingers' mean motion.
+        bottom_share: the same for the lower finger.
     """
     free = np.inf
     if top_share > 0.0:
@@ -142,10 +153,11 @@ def _classify(outline: Array, poses: Array, jaws: Jaws, verdict: IntArray) -> No
 
 
 def classify_contact(outline: Array, jaws: Jaws, poses: Array) -> IntArray:
-    """First contact of closing fingers with a part (N, 2) at `poses` (n, 3) in the hand frame.
+    """Classifies the first contact of closing fingers with a part (N, 2) at `poses` (n, 3) in the hand frame.
 
-    (n,) `TOUCHES`; `MISSES` where the fingers meet each other first; `STANDS_ON` where an open finger would
-    come down on the part.
+    Returns:
+        (n,) `TOUCHES`; `MISSES` where the fingers meet each other first; `STANDS_ON` where an open finger
+        would come down on the part.
     """
     verdict = np.zeros(len(poses), np.int64)
     _classify(np.ascontiguousarray(outline.T), np.ascontiguousarray(poses), jaws, verdict)
@@ -175,7 +187,7 @@ def _free(
     spared: int,
     free: BoolArray,
 ) -> None:
-    """`free[a]`: whether the fingers at placement a keep `least` from all but `spared` poses."""
+    """Writes into `free` (k,) which placements keep `least` [mm] from the part at all but `spared` poses."""
     h, points, pose = 0.5 * jaws.length_mm + SIDE_MARGIN_MM, np.empty(outline.shape), np.empty(3)
     reach = np.sqrt((outline[0] ** 2 + outline[1] ** 2).max())
     for a in range(placements.shape[0]):
@@ -203,9 +215,11 @@ def least_clearance(
 ) -> float:
     """Distance along the closing direction between open fingers and the nearest part of a belief [mm].
 
-    For an outline (N, 2) with believed poses (n, 3) in the world and the hand placed at (3,); the fingers
-    count as `margin_mm` longer at both ends. At most half the opening; -1 where a finger would stand on the
-    part.
+    The part has an outline (N, 2) and believed poses (n, 3) in the world; the hand is placed at (3,). The
+    fingers count as `margin_mm` longer at both ends.
+
+    Returns:
+        The distance, at most half the opening; -1 where a finger would stand on the part.
     """
     hand = np.ascontiguousarray(to_hand(poses, placement))
     columns, h = np.ascontiguousarray(outline.T), 0.5 * jaws.length_mm + margin_mm
@@ -230,8 +244,9 @@ def first_contact_mm(
 ) -> float:
     """The greatest width at which closing jaws may meet any part of a belief [mm]; 0 for none.
 
-    For an outline (N, 2) with believed poses (n, 3) in the world and the hand placed at (3,); the fingers
-    count as `SIDE_MARGIN_MM` longer at both ends, the upper one's share of the closing lies within `shares`.
+    The part has an outline (N, 2) and believed poses (n, 3) in the world; the hand is placed at (3,). The
+    fingers count as `SIDE_MARGIN_MM` longer at both ends. The upper finger makes a share of the closing that
+    lies within the bounds `shares`.
     """
     hand, (least, most) = np.ascontiguousarray(to_hand(poses, placement)), shares
     h = 0.5 * jaws.length_mm + SIDE_MARGIN_MM
@@ -249,10 +264,10 @@ def free_placements(
     least_mm: float,
     share: float = 0.0,
 ) -> BoolArray:
-    """Which placements (k, 3) keep `least_mm` from all but a share of the believed poses (n, 3): (k,).
+    """Mask (k,) of placements at which open fingers clear the part by `least_mm`, but for a share of poses.
 
-    With a share of 0 the same as `least_clearance(...) >= least_mm` (at most half the opening), but faster.
-    Poses and placements are in the world.
+    Placements (k, 3) and believed poses (n, 3) are in the world. With a share of 0 the mask equals
+    `least_clearance(...) >= least_mm` (which is at most half the opening), but is found faster.
     """
     free = np.empty(len(placements), np.bool_)
     belief, placements = np.ascontiguousarray(belief), np.ascontiguousarray(placements)

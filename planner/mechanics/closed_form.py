@@ -3,7 +3,7 @@
 A contact in a mode has wrench directions d (unknown magnitudes) and as many conditions c on the motion:
 slide s = +-1: d = N + s mu T, c = N; stick: d = N and T, c = N and T. With G = [N T]^T A [N T] every mode
 is a linear system of order one to three, a solution of eqs 3-5 where its forces and slips have the right
-signs. Two contacts that both stick have one condition too many and are covered by their neighbours. Where
+signs. Two contacts that both stick have one condition too many; neighbouring modes cover them. Where
 three slide, their normals determine the motion, the motion determines the senses, and these the forces.
 """
 
@@ -21,7 +21,7 @@ LARGEST_FORCE = 1e3
 
 @inlined_kernel
 def form(A: Array, f0: float, f1: float, f2: float, g0: float, g1: float, g2: float) -> float:
-    """F . A g for two wrenches given by their components."""
+    """The product f . A g of two wrenches f and g, given by their components."""
     return float(
         f0 * (A[0, 0] * g0 + A[0, 1] * g1 + A[0, 2] * g2)
         + f1 * (A[1, 0] * g0 + A[1, 1] * g1 + A[1, 2] * g2)
@@ -57,7 +57,7 @@ def one_contact(A: Array, contact: Contact, mu: float) -> int:
 
 @inlined_kernel
 def _gram(A: Array, i: Contact, j: Contact, G: Array) -> None:
-    """G = W^T A W for W = [N_i, T_i, N_j, T_j]; `G` (4, 4) is modified in place."""
+    """Writes W^T A W for W = [N_i, T_i, N_j, T_j] into `G` (4, 4)."""
     for p in range(4):
         one, tangent = (i if p < 2 else j), p % 2 == 1
         f0, f1 = (-one.ny, one.nx) if tangent else (one.nx, one.ny)
@@ -74,7 +74,11 @@ def _gram(A: Array, i: Contact, j: Contact, G: Array) -> None:
 def _both_slide(
     i: Contact, j: Contact, mu_i: float, mu_j: float, si: float, sj: float, G: Array
 ) -> bool:
-    """Contacts i and j slide with the senses si and sj."""
+    """Tries the mode in which contacts i and j slide with the senses si and sj.
+
+    Returns:
+        Whether the mode is consistent; the contacts have received their forces then.
+    """
     a, b = G[0, 0] + si * mu_i * G[0, 1], G[0, 2] + sj * mu_j * G[0, 3]
     c, d = G[2, 0] + si * mu_i * G[2, 1], G[2, 2] + sj * mu_j * G[2, 3]
     p, r = i.un - i.gap, j.un - j.gap
@@ -97,7 +101,10 @@ def _both_slide(
 def _one_sticks(
     i: Contact, j: Contact, o: int, mu_i: float, mu_j: float, sj: float, G: Array
 ) -> bool:
-    """Contact i sticks while j slides with sense sj; `o` is 0 where i is first in G, else 2."""
+    """Tries the mode in which contact i sticks while j slides with sense sj; returns as `_both_slide`.
+
+    `o` is 0 where i comes first in G, else 2.
+    """
     v = 2 - o
     a00, a01, a02 = G[o, o], G[o, o + 1], G[o, v] + sj * mu_j * G[o, v + 1]
     a10, a11, a12 = G[o + 1, o], G[o + 1, o + 1], G[o + 1, v] + sj * mu_j * G[o + 1, v + 1]
@@ -159,7 +166,10 @@ def _linear(G: Array, b0: float, b1: float, b2: float) -> tuple[float, float, fl
 def three_contacts(
     A: Array, contacts: Contacts, active: IntArray, mu_top: float, mu_bottom: float, G: Array
 ) -> int:
-    """Solves eqs 1-5 for the three active contacts, all pressed and sliding; see `two_contacts`."""
+    """Solves eqs 1-5 for the three active contacts, all pressed and sliding; G is a (4, 4) workspace.
+
+    Returns `SOLVED`, or `RAY` where this mode is inconsistent, or too near to holding the part.
+    """
     for a in range(3):
         contact = contacts[active[a]]
         G[a, 0], G[a, 1], G[a, 2] = contact.nx, contact.ny, contact.n2

@@ -1,7 +1,7 @@
 """Contacts between a polygonal part and the two fingers, with their gaps.
 
-Fingers are boxes with their sides along the axes; the faces of two that close look at each other, those of
-two that push side by side look one way. Four pairs of features can touch:
+Fingers are boxes with their sides along the axes. The inner faces of fingers that close look at each other;
+those of fingers that push side by side look in the same direction. Four pairs of features can touch:
 
 - FACE:   a vertex of the part on the inner face of a finger, normal along y;
 - CORNER: an inner corner of a finger on an edge of the part, normal across the edge;
@@ -40,23 +40,25 @@ CONTACT = np.dtype(
 )
 """A contact of the part with a finger.
 
-x, y: its place from the part's origin [mm]. nx, ny: unit normal into the part. gap [mm]. low, high: the slips
-along the tangent (-ny, nx) after which the pair of features ends [mm]. n2, t2: moments of normal and tangent
-over rho. un, ut: displacement of the finger along normal and tangent [mm]. fn, ft: forces. finger: 1 looks
-down, -1 up. kind: one of those above. side: of the finger, the sign of x. vertex: of the part.
+x, y: place relative to the part's origin [mm]. nx, ny: unit normal into the part. gap [mm]. low, high: the
+slips along the tangent (-ny, nx) after which the pair of features ends [mm]. n2, t2: moments of normal and
+tangent over rho. un, ut: displacement of the finger along normal and tangent [mm]. fn, ft: forces. finger: 1
+looks down, -1 up. kind: `FACE` to `TIP`. side: end of the finger by the sign of x, 0 for `FACE`; of a pusher,
+the number of the tip. vertex: of the part; where an edge touches, its first vertex; for `TIP`, the vertex
+before the one that touches.
 """
 Contact: TypeAlias = Any  # a record of `CONTACT`
 Contacts: TypeAlias = Any  # (n,) of them
 NEARLY_PARALLEL = 0.08  # Sine of the angle of an edge that counts as parallel to a finger's face
 LEAST_ARM_MM = 0.5
-"""For a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
+"""Distance of a finger's corner from the vertex of a flush edge below which only the vertex counts."""
 EDGE_SLACK_MM = 1e-9
 OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the part
 VERTEX_MM = 2e-4  # A point this near a vertex touches both edges; steps pass an end by less
 DRIFT_MM = 0.02  # A pusher's point inside two edges by less than this touches both
 PENETRATION_MM = 0.01  # Overlap at which a step is refused
 FAR = 7  # Bits of `mark` for a vertex far from the fingers
-END_DEPTH_MM = 0.01  # Least depth behind the inner face of a vertex beside the finger
+END_DEPTH_MM = 0.01  # Least depth behind the inner face of a vertex that touches a finger's end
 
 
 class Finger(NamedTuple):
@@ -77,7 +79,7 @@ class Tips(NamedTuple):
 
 
 class _Pair(NamedTuple):
-    """The features of a contact, as `CONTACT` has them."""
+    """The features of a contact: fields of `CONTACT`."""
 
     finger: int
     kind: int
@@ -86,7 +88,7 @@ class _Pair(NamedTuple):
 
 
 class _Geometry(NamedTuple):
-    """The geometry of a contact, as `CONTACT` has it, but its place in the hand frame."""
+    """The geometry of a contact: fields of `CONTACT`, but with x and y in the hand frame."""
 
     gap: float
     x: float
@@ -107,7 +109,7 @@ class Hand(NamedTuple):
 
 @inlined_kernel
 def place(outline: Array, q: Array, points: Array) -> None:
-    """Places an outline (2, N) at pose q = (x, y, theta) into `points`."""
+    """Writes an outline (2, N), placed at pose q = (x, y, theta), into `points` (2, N)."""
     place_turned(outline, q, np.cos(q[2]), np.sin(q[2]), points)
 
 
@@ -121,7 +123,10 @@ def place_turned(outline: Array, q: Array, c: float, s: float, points: Array) ->
 
 @inlined_kernel
 def _slot(contacts: Contacts, count: int, gap: float) -> int:
-    """Row for a new contact: the next free one, or the one with the widest gap if wider; -1 for none."""
+    """Row for a new contact with this gap: the next free row if there is one.
+
+    Else the row of the contact with the widest gap, if that is wider than `gap`; else -1.
+    """
     if count < MAX_CONTACTS:
         return count
     widest = 0
@@ -142,7 +147,7 @@ def _write(contact: Contact, pair: _Pair, geometry: _Geometry) -> None:
 
 @inlined_kernel
 def _slack_mm(points: Array, i: int) -> float:
-    """How far beyond its end at vertex i an edge can be touched; in a notch, as deep as overlaps may be."""
+    """Distance past vertex i at which an edge that ends there can be touched; larger in a notch [mm]."""
     n = points.shape[1]
     b, j = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
     ax, ay = points[0, i] - points[0, b], points[1, i] - points[1, b]
@@ -174,7 +179,11 @@ def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> 
 def _add_face(
     contacts: Contacts, count: int, points: Array, i: int, finger: Finger, margin: float
 ) -> int:
-    """Adds vertex i on the inner face, where it is below the face, near it and not yet added."""
+    """Adds the contact of vertex i with the inner face, if the vertex is near the face and not yet added.
+
+    Returns:
+        The new number of contacts.
+    """
     side, h, x = finger.side, finger.h, points[0, i] - finger.centre
     gap = side * (finger.face - points[1, i])
     inside = h - abs(x)
@@ -204,9 +213,13 @@ def _add_corners(
     kind: int,
     margin: float,
 ) -> int:
-    """Adds the edge from vertex i to the next at the two inner (CORNER) or outer (OUTER) corners of a finger.
+    """Adds contacts of the edge from vertex i to the next with the corners of a finger.
 
-    The outer corners face the other way.
+    The corners are the two inner (CORNER) or the two outer (OUTER) ones, which face the other way. Of an edge
+    that is nearly parallel to the inner face, the vertices on the face are added, too.
+
+    Returns:
+        The new number of contacts.
     """
     j, h = i + 1 if i + 1 < points.shape[1] else 0, finger.h
     outward = finger.side if kind == CORNER else -finger.side
@@ -253,7 +266,7 @@ def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
     """Writes the outcode of each vertex into `out` (N,): where it lies relative to the fingers.
 
     As in Cohen and Sutherland's line clipping: an edge whose ends share one of the `FAR` bits is farther than
-    `margin` from all fingers, one whose ends share any bit runs no deeper than `PENETRATION_MM` in one.
+    `margin` from all fingers; an edge whose ends share any bit runs no deeper than `PENETRATION_MM` into one.
     """
     first, second = hand.first, hand.second
     high, low = first.face, second.face if hand.fingers == 2 and second.side < 0 else -np.inf
@@ -272,7 +285,7 @@ def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
 def _add_pairs(
     contacts: Contacts, count: int, points: Array, i: int, finger: Finger, margin: float
 ) -> int:
-    """Adds the pairs of a finger with vertex i, and with the edge from there to the next vertex."""
+    """Adds the contacts of a finger with vertex i and the edge that begins there; returns the new count."""
     n, side, h, thickness = points.shape[1], finger.side, finger.h, finger.thickness
     j, face = i + 1 if i + 1 < n else 0, side * finger.face
     y, after = side * points[1, i], side * points[1, j]
@@ -311,9 +324,9 @@ def find(
 ) -> int:
     """Finds all pairs of features within `margin` [mm] of touching; returns their number.
 
-    On the inner face only local minima of the gap count, and the lower neighbour of each. `contacts` and
-    `out` (N,), see `mark`, are modified in place. The outline (2, N) is counter-clockwise in the hand frame
-    [mm], the part's pose there q (3,).
+    On the inner face only vertices at local minima of the gap count, and the nearer neighbour of each.
+    `contacts` and `out` (N,), see `mark`, are modified in place. `points` (2, N) is the outline in the hand
+    frame, counter-clockwise [mm], of the part at pose q (3,).
     """
     n, count = points.shape[1], 0
     mark(points, out, hand, margin)
@@ -335,8 +348,8 @@ def find_points(contacts: Contacts, points: Array, q: Array, pusher: Tips, margi
 
     A tip may touch an edge that it lies beside, unless a neighbouring edge lies between, and a convex vertex
     in whose normal cone it lies. In a notch it may touch both edges, even where it overlaps them. A round
-    tip touches when its centre is one radius away. `contacts` is modified in place; the outline (2, N) is
-    placed at the pose q (3,), counter-clockwise [mm].
+    tip touches when its centre is one radius away. `contacts` is modified in place. `points` (2, N) is
+    the outline, counter-clockwise [mm], of the part at pose q (3,).
     """
     n, radius = points.shape[1], pusher.radius
     count = 0

@@ -13,7 +13,7 @@ SOLVED = 0
 RAY = 1
 PIVOT_LIMIT = 2
 
-PIVOT_TOLERANCE = 1e-8  # A smaller pivot is rounding: its forces would have no finite cause
+PIVOT_TOLERANCE = 1e-8  # A smaller pivot is a rounding error, which would cause huge forces
 TIE = 1e-9  # Ratios nearer than this are equal; the lexicographic order decides
 PIVOTS_PER_ROW = 50
 
@@ -117,7 +117,7 @@ def lemke(M: Array, q: Array, n: int, tableau: Array, basis: IntArray, z: Array)
 
 @inner_kernel
 def residual(M: Array, q: Array, z: Array, n: int) -> float:
-    """Largest violation of w >= 0, z >= 0 and z . w = 0 (the last divided by the larger of z and w, or 1)."""
+    """Largest violation of w >= 0, z >= 0 and z . w = 0, the last as the smaller of |z_i| and |w_i|."""
     worst = 0.0
     for i in range(n):
         w = q[i]

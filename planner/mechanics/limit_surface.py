@@ -18,7 +18,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 
-DIRECTIONS = 400  # Twists that friction is integrated over for a fit
+DIRECTIONS = 400  # Number of twists for which a fit integrates the friction
 
 STILL = 1e-12
 """Speed, as a fraction of the twist, below which a support point is at rest and has no friction."""
@@ -50,11 +50,11 @@ def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
 
 
 def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, Array, Array]:
-    """Wrenches (K, 3) and twists (K, 3) about the centre of pressure, and S (3, 3) that transforms to it.
+    """Wrenches (K, 3) and twists (K, 3) about the centre of pressure, and S (3, 3), which shifts wrenches.
 
-    A surface fitted to these, H(F), is H(S F) about the origin: so the result does not depend on where the
-    frame lies, and a force through the centre of pressure turns the part as little as it should. The pressure
-    has support points (M, 2) in the part's frame [mm] and weights (M,) of sum 1.
+    A surface H(F) that is fitted to these is H(S F) about the origin. So the result does not depend on where
+    the frame lies, and a force through the centre of pressure turns the part as little as it should. The
+    pressure has support points (M, 2) in the part's frame [mm] and weights (M,) of sum 1.
     """
     centre = np.array([math.fsum(weights * column) for column in points.T])
     twists = twist_directions()
@@ -152,7 +152,7 @@ def cholesky(A: Array) -> Array:
 
 @kernel
 def _square(factor: Array, drawn: Array) -> None:
-    """(L B) (L B)^T of lower triangular L (D, D) and n of B (n, D, D), in their place."""
+    """Replaces each B of `drawn` (n, D, D) by (L B) (L B)^T, with L = `factor`; both are lower triangular."""
     n, size = drawn.shape[0], drawn.shape[1]
     product = np.empty((size, size))
     for k in range(n):

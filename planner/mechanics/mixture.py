@@ -14,7 +14,7 @@ from planner.mechanics.traits import Traits, by_hypothesis
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mixture:
-    """Squeezes of several possible parts, or a single one, by one gripper."""
+    """Simulates squeezes and pushes of several possible parts, or of a single one, by one gripper."""
 
     simulators: tuple[Simulator, ...]  # one for each hypothesis
 
@@ -54,7 +54,7 @@ class Mixture:
         rng: np.random.Generator,
         traits: Traits,
     ) -> Array:
-        """See `Simulator.push_by_hand`."""
+        """Pushes each part by the simulator of its hypothesis; see `Simulator.push_by_hand`."""
         final = np.empty((len(poses), 3))
         for k, rows in by_hypothesis(traits):
             part_world, each = self.simulators[k], (opening_mm[rows], way_mm[rows])

@@ -1,9 +1,9 @@
 """A push: a rigid pusher follows a commanded path, and the part yields.
 
-The pusher is a set of points, or the fingers of a hand that goes straight on. It is a carried boundary: the
-steps are those of a squeeze (`stepping.try_step`), in the pusher's frame. The part never jams, since it can
-move along with the pusher. It does so where friction wedges it between two places of the pusher and the LCP
-has no solution.
+The pusher is a set of points, or the fingers of a hand that moves straight ahead. It is a boundary whose
+frame is carried along: the steps are those of a squeeze (`stepping.try_step`), in the pusher's frame. The
+part never jams, since it can move along with the pusher; it does so where friction wedges it between two
+places of the pusher, so that the LCP has no solution.
 """
 
 from typing import NamedTuple
@@ -41,10 +41,10 @@ class Paths(NamedTuple):
 
 
 class Pushers(NamedTuple):
-    """Data of each of n pushes: points, or fingers that look down at y = 0, and their way."""
+    """The pushers of n pushes, each a set of points, or of fingers that look down at y = 0."""
 
     paths: Paths
-    way: Array  # (n,) how far the pusher's farthest point goes [mm]
+    way: Array  # (n,) upper bound on the way of the pusher's farthest point [mm]
     fingers: IntArray  # (n,) number of fingers; 0: the points push
     apart: Array  # (n,) x of the two fingers' middles, -apart and apart [mm]
     h: Array  # (n,) half a finger's length [mm]
@@ -56,7 +56,7 @@ class Mechanics(NamedTuple):
     """Mechanics of n sliding parts."""
 
     surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6) quartics
-    mu: Array  # (n, 2) friction, as of two fingers
+    mu: Array  # (n, 2) friction; the first column is that of the pusher
 
 
 class PushEnds(NamedTuple):
@@ -64,14 +64,14 @@ class PushEnds(NamedTuple):
 
     poses: Array  # (n, 3) of the parts, in the pusher's frame at the start [mm, mm, rad]
     touching: IntArray  # (n,) 1 where the pusher touches the part
-    given_up: IntArray  # (n,) 1 where the stepping failed: from there the part moved along
+    given_up: IntArray  # (n,) 1 where the stepping failed: the part then moves with the pusher
 
 
 def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
-    """Pushers that are points, `MAX_POINTS` at most, or round tips about them.
+    """Pushers of at most `MAX_POINTS` points, or of round tips about the points.
 
     Raises:
-        ValueError: there are more.
+        ValueError: there are more points.
     """
     if paths.points.shape[1] > MAX_POINTS:
         raise ValueError(f"a pusher of {paths.points.shape[1]} points; give {MAX_POINTS} at most")
@@ -83,7 +83,7 @@ def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
 
 
 def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm: float) -> Pushers:
-    """Hands that push with the ends of their fingers, which stand side by side along x.
+    """Pushers that are the ends of the two fingers of a hand, side by side along x.
 
     Fingers that touch one another (`opening_mm` (n,) is 0) count as one.
     """
@@ -99,9 +99,9 @@ def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm:
 
 @merged_kernel
 def _push(body: Body, way: float, q: Array, scratch: Scratch) -> tuple[bool, bool]:
-    """Pushes one part at q (3,) on a way [mm]; q is modified into the final pose [mm, mm, rad].
+    """Pushes one part at q (3,) over a way [mm]; q is modified into the final pose [mm, mm, rad].
 
-    Both are in the pusher's frame at the start.
+    Both poses are in the pusher's frame at the start.
 
     Returns:
         Whether the pusher touches the part at the end, and whether the stepping failed, so that the part
@@ -141,7 +141,7 @@ def _push(body: Body, way: float, q: Array, scratch: Scratch) -> tuple[bool, boo
 
 @inner_kernel
 def _carry(boundary: Boundary, way: float, q: Array) -> None:
-    """Converts a pose (3,) of the pusher's frame after its way to the frame at the start."""
+    """Converts a pose q (3,) from the pusher's frame at the end of its way to that at the start, in place."""
     angle, centre = way * boundary.turn, boundary.centre
     c, s = np.cos(angle), np.sin(angle)
     dx, dy = q[0] - centre[0], q[1] - centre[1]

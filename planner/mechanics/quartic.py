@@ -38,7 +38,7 @@ class QuarticSurface:
     """A convex quartic limit surface."""
 
     coefficients: Array  # (15,) of the monomials `EXPONENTS`; read-only
-    certificate: Array  # (9, 9) symmetric positive definite Q of the convexity; read-only
+    certificate: Array  # (9, 9) symmetric positive definite Q that shows convexity; read-only
     rho_mm: float  # the length that torques are divided and angular velocities multiplied by
 
     def value(self, F: Array) -> Array:
@@ -50,7 +50,7 @@ class QuarticSurface:
         return np.asarray(gradient_rows(F) @ self.coefficients)
 
     def hessian_table(self) -> Array:
-        """(6, 6) for kernels: xx, xy, xz, yy, yz, zz of hess H = this table @ the six products of F."""
+        """Table (6, 6) for kernels: table @ (six products of F) is xx, xy, xz, yy, yz, zz of hess H."""
         table = (FORM @ gram(self.coefficients).reshape(81)).reshape(6, 6)
         return np.asarray(np.where(PAIRS[:, :1] == PAIRS[:, 1:], table, 0.5 * table))
 
@@ -92,9 +92,9 @@ def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
 def sample(surface: QuarticSurface, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
     """Draws n random quartics around a nominal one: tables (n, 6, 6) as `hessian_table`.
 
-    Each is the nominal one in other coordinates, which take the nearest ellipsoid into a Wishart draw with
-    that mean and `dof`. So quartics scatter like ellipsoids (a squared ellipsoid in exactly the same way)
-    and stay convex.
+    Each is the nominal one in other coordinates, which take its nearest ellipsoid into a Wishart draw with
+    that ellipsoid as mean and with `dof`. So quartics scatter like ellipsoids (a squared
+    ellipsoid in exactly the same way) and stay convex.
     """
     factor, white = _factor(surface), limit_surface.wishart(np.eye(3), dof, rng, n)
     root = np.linalg.cholesky(white + ROUNDING * np.eye(3))
@@ -112,14 +112,14 @@ def _factor(surface: QuarticSurface) -> Array:
 
 
 def lifted(S: Array) -> Array:
-    """How S (n, 3, 3) maps the six products of two coordinates (`PAIRS`), as matrices (n, 6, 6)."""
+    """Matrices (n, 6, 6) by which S (n, 3, 3) maps the six products of two coordinates (`PAIRS`)."""
     (i, j), (k, m) = PAIRS.T[:, :, None], PAIRS.T[:, None, :]
     other = np.where(k == m, 0.0, 1.0)
     return np.asarray(S[:, i, k] * S[:, j, m] + other * S[:, i, m] * S[:, j, k])
 
 
 def _centred(Q: Array) -> Array:
-    """The same quartic's certificate of largest determinant, by Newton steps on -log det."""
+    """The certificate of largest determinant for the quartic of Q (9, 9), by Newton steps on -log det."""
     for _ in range(100):
         factor = np.linalg.inv(np.linalg.cholesky(Q))
         white = factor @ gauge() @ factor.T  # (9, 9, 9)

@@ -1,9 +1,10 @@
 """Fits a convex quartic limit surface to pairs of wrench and twist, as a conic program (arXiv 1602.06056).
 
 The residuals of a pair are H(F) - 1 (the wrench lies on the surface) and the part of grad H(F) / 4 across the
-unit twist (eq. 1), linear in the coefficients, and those in the certificate Q: least squares over positive
-semidefinite Q that belong to a quartic. Wrench coordinates in which the fitted ellipsoid is the unit sphere
-keep the numbers of one size. CVXPY takes a second to import, so it is imported where the program is built.
+unit twist (eq. 1). They are linear in the coefficients, which are linear in the certificate Q: the fit is a
+least squares problem over positive semidefinite Q that belong to a quartic. Wrench coordinates in which the
+fitted ellipsoid is the unit sphere keep all numbers of similar size. CVXPY takes a second to import, so it is
+imported where the program is built.
 """
 
 import warnings
@@ -20,7 +21,7 @@ from planner.part import quartic_form
 from runtime.shell.errors import ExpectedError
 
 MARGIN = 1e-3
-"""Share of the sphere's certificate in every fitted one: strictly convex, so it can be checked."""
+"""Share of the sphere's certificate in every fitted one: it makes the surface strictly convex."""
 
 REWEIGHTS = 2  # Rounds of a robust fit after the first
 
@@ -52,12 +53,17 @@ def fit(
 ) -> QuarticSurface:
     """Fits a convex quartic to pairs of normalised wrenches (K, 3) and twists (K, 3) of any magnitude but 0.
 
-    `rho_mm` normalises both; `weights` (K,) are those of the pairs' squared residuals. `ridge` pulls
-    towards the ellipsoid fitted to the same pairs, as a number of pairs. `robust` fits the absolute angle
-    of the twist instead of its square, for measured pairs with outliers.
+    Args:
+        F: wrenches.
+        V: their twists.
+        rho_mm: the length that normalises both.
+        weights: (K,) of the squared residuals of the pairs; None: all 1.
+        ridge: weight of a pull towards the ellipsoid fitted to the same pairs, as a number of pairs.
+        robust: whether large angles between twists count linearly, not squared, since measured pairs may
+            have outliers.
 
     Raises:
-        QuarticFitError: the solver fails.
+        QuarticFitError: the solver finds no certified quartic.
     """
     weights = np.ones(len(F)) if weights is None else np.asarray(weights, dtype=np.float64)
     unit = V / np.linalg.norm(V, axis=1, keepdims=True)
@@ -78,7 +84,10 @@ def fit(
 
 
 def emphasis(gradient: Array, unit: Array) -> Array:
-    """Weights (K,) that turn squared residuals across the twist into angles; large ones count linearly."""
+    """Weights (K,) of squared residuals across the twist, by which large angles count linearly.
+
+    The residuals are those of `gradient` (K, 3) across the unit twists `unit` (K, 3).
+    """
     size = np.linalg.norm(gradient, axis=1)
     angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))
     return np.asarray(1.0 / (size**2 * np.hypot(angle, TYPICAL_ERROR_RAD)))

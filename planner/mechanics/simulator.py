@@ -1,4 +1,4 @@
-"""Simulator of squeezes and pushes in batches on all cores, whose number does not change the results."""
+"""Simulates squeezes and pushes in batches on all cores; their number does not change the results."""
 
 import math
 import os
@@ -45,11 +45,11 @@ from planner.work.scheduler import Threads
 DEFAULT_STEP_MM, LEAST_STEP_MM = 0.4, 1e-3
 MOST_JAWS_MM = 1e4
 SIMPLIFY_MM = 0.005
-"""Distance within which densely sampled curves lose vertices: less than the step resolves."""
+"""Tolerance within which densely sampled outlines are simplified: finer than a step resolves."""
 CHUNK = 512
 TRACE_ROWS = 2000
 STUCK_MM, STUCK_DEG = 10.0, 5.0
-"""Tolerated distance of a part that sticks to its pusher from where the pusher takes it."""
+"""Tolerated deviation of a part that sticks to its pusher from the motion of the pusher."""
 
 
 class Parameters(NamedTuple):
@@ -59,21 +59,21 @@ class Parameters(NamedTuple):
     mu: Array  # (n, 2) friction at the upper and the lower finger
     release: Array  # (n, 3) motion of a held part on opening [mm, mm, rad]
     share: Array  # (n,) upper finger's share of the closing
-    deviation: Array  # (n, m) deviations of the outline, by the simulator's shapes
-    ellipsoid: BoolArray | None = None  # (n,) where a (6, 6) surface is an ellipsoid; None: nowhere
+    deviation: Array  # (n, m) deviations of the outline, one for each shape of the simulator [mm]
+    ellipsoid: BoolArray | None = None  # (n,) which (6, 6) surfaces are ellipsoids; None: all alike
 
 
 class Pushed(NamedTuple):
     """Results of n pushes."""
 
-    moved: Array  # (n, 3) of the part's frame, along its axes at the start [mm, mm, rad]
+    moved: Array  # (n, 3) displacement of the part in its frame at the start [mm, mm, rad]
     status: IntArray  # (n,) index into `planner.mechanics.push.PUSH_NAMES`
     given_up: IntArray  # (n,) 1 where the stepping failed and cut the push short
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Simulator:
-    """The squeeze of one part by one gripper."""
+    """Simulates squeezes and pushes of one part by one gripper."""
 
     outline: Array  # (N, 2) the part, counter-clockwise, curves simplified to `SIMPLIFY_MM` [mm]
     surface: Surface  # the nominal limit surface
@@ -136,9 +136,10 @@ class Simulator:
         )
 
     def sample(self, n: int, rng: np.random.Generator, traits: Traits | None = None) -> Parameters:
-        """Random parameters of n roll-outs: Wishart limit surface, uniform friction, normal release.
+        """Draws parameters of n roll-outs: Wishart limit surface, uniform friction, normal release.
 
-        Values in the `traits` (n,) of the parts are not drawn.
+        The `traits` (n,) of the parts choose the nominal surface and its degrees of freedom, and fix all
+        other values that they state; None: parts as planned.
         """
         parts_traits = as_planned(arguments.count(n, "n", 0)) if traits is None else traits
         arguments.same_length(poses=range(n), traits=parts_traits)
@@ -157,14 +158,20 @@ class Simulator:
     def squeeze(
         self, poses: Array, rng: np.random.Generator, traits: Traits | None = None
     ) -> RollOut:
-        """Squeezes poses (n, 3) in the hand frame, each with random mechanics, of parts with traits (n,)."""
+        """Squeezes parts with traits (n,) at poses (n, 3) in the hand frame, each with random mechanics."""
         poses = arguments.rows(poses, "poses", 3)
         return self.roll_out(poses, self.sample(len(poses), rng, traits))
 
     def trace(self, pose: Array, surface: Array, mu: float) -> tuple[Array, int]:
-        """Traces one squeeze of a pose (3,), jaws open, step by step; `surface` is (3, 3) or (6, 6).
+        """Squeezes a part at a pose (3,) in the hand frame, from open jaws, and records every step.
 
-        Returns x, y, theta, width (k, 4) [mm, mm, rad, mm] along the path, and the status.
+        Args:
+            pose: of the part [mm, mm, rad].
+            surface: (3, 3) ellipsoid or (6, 6) quartic, as from `surface.nominal`.
+            mu: friction at both fingers.
+
+        Returns:
+            x, y, theta, width (k, 4) [mm, mm, rad, mm] along the path, and the status.
         """
         q = arguments.row(pose, "pose", 3)
         surfaces, rows = checked_surfaces(np.asarray(surface)[None]), np.zeros((TRACE_ROWS, 4))
@@ -175,7 +182,7 @@ class Simulator:
         return np.concatenate([rows[:count], end]), int(result.status[0])
 
     def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
-        """Squeezes each pose (n, 3) in the hand frame once, jaws open [mm, mm, rad].
+        """Squeezes a part at each pose (n, 3) in the hand frame once, from open jaws [mm, mm, rad].
 
         Raises:
             ValueError: a shape does not fit, or a number is not finite.
@@ -199,7 +206,7 @@ class Simulator:
         return result
 
     def _squeeze(self, each: Each, result: RollOut, trace: Array) -> int:
-        """Squeezes the parts of `result`, filled in place; returns the rows written to `trace` (rows, 4)."""
+        """Squeezes the parts of `result`, filled in place; returns the number of rows written to `trace`."""
         columns = np.ascontiguousarray(self.outline.T)
         deviations = np.ascontiguousarray(self.shapes.transpose(0, 2, 1))
         part = Part(columns, deviations, self.surface.rho_mm)
@@ -210,9 +217,10 @@ class Simulator:
         """Pushes the part once along each of n paths, given in the part's frame at the start.
 
         The pusher's points are the centres of round tips of `radius_mm`, which start clear of the part.
+        Of the parameters only the limit surfaces and the friction matter.
 
-        A part is "stuck" if it ends within `STUCK_MM` and `STUCK_DEG` of where the pusher would have taken
-        it, "lost" if the pusher has left it or never met it, else it "slid".
+        A part is "stuck" if it has moved and ends within `STUCK_MM` and `STUCK_DEG` of where a rigid motion
+        with the pusher would take it; else "lost" if the pusher does not touch it at the end; else it "slid".
         """
         checked = Paths(
             arguments.rows(paths.points, "points", *np.shape(paths.points)[1:2], 2),
@@ -245,18 +253,18 @@ class Simulator:
     ) -> Array:
         """Pushes parts (n, 3) with the ends of the fingers, each with random mechanics.
 
-        Fingers that close unevenly are off the middle by then. Deviations of outlines, tenths of a
-        millimetre, are ignored.
+        Fingers that close unevenly have left the middle of the hand when they push. Deviations of outlines
+        are ignored, since they are tenths of a millimetre.
 
         Args:
             poses: in the hand's frame at the start, clear of the fingers [mm, mm, rad].
-            opening_mm: (n,) of the jaws; 0: the fingers touch one another.
+            opening_mm: (n,) opening of the jaws; 0: the fingers touch one another.
             way_mm: (n,) how far the hand goes along its x axis.
-            rng: of the mechanics.
+            rng: source of the random mechanics.
             traits: (n,) of the parts; as planned if None.
 
         Returns:
-            (n, 3) where they end, in the same frame.
+            (n, 3) poses of the parts after the push, in the same frame.
 
         Raises:
             ValueError: a shape does not fit, or a number is not finite or out of range.
@@ -270,14 +278,14 @@ class Simulator:
         pushers = of_fingers(
             opening_mm, np.asarray(way_mm, np.float64), self.jaws.length_mm, self.jaws.thickness_mm
         )
-        # Turned by a quarter, the hand's x axis points down, as pushing fingers look.
+        # The kernel's fingers look down, at y = 0: a quarter turn makes the hand's x axis point down.
         x, y, theta = start.T
         turned = np.column_stack([y - beside, 0.5 * self.jaws.length_mm - x, theta - 0.5 * math.pi])
         across, back, angle = (self._pushed(turned, pushers, parameters).poses - turned).T
         return np.asarray(start + np.column_stack([-back, across, angle]))
 
     def _pushed(self, poses: Array, pushers: Pushers, parameters: Parameters) -> PushEnds:
-        """Ends of pushes of parts at poses (n, 3)."""
+        """Pushes parts at poses (n, 3) in the frame of the pusher; returns how each push ends."""
         n, final = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
         result = PushEnds(final, np.zeros(n, np.int64), np.zeros(n, np.int64))
         columns, farthest = np.ascontiguousarray(self.outline.T), reach(self.outline)
@@ -304,7 +312,7 @@ def _each(parameters: Parameters) -> Each:
 
 
 def _at_the_start(poses: Array) -> RollOut:
-    """Empty results for squeezes of poses (n, 3)."""
+    """Results of squeezes before they begin: parts at poses (n, 3), and all else zero."""
     n, start = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
     return RollOut(start, np.zeros(n), np.zeros(n, np.int64), np.zeros(n, np.int64))
 
@@ -325,7 +333,7 @@ def check(parameters: Parameters, n: int, shapes: int) -> None:
 
 
 def checked_traits(traits: Traits, surfaces: int) -> None:
-    """Checks traits (n,) of parts, each on one of `surfaces` limit surfaces.
+    """Checks traits (n,) of parts for a simulator that has `surfaces` limit surfaces.
 
     Raises:
         ValueError: not an array of traits, or a number is not finite or out of range.
@@ -339,7 +347,7 @@ def checked_traits(traits: Traits, surfaces: int) -> None:
 
 
 def checked_surfaces(surfaces: Array) -> Array:
-    """Checks limit surfaces (n, 3, 3) or (n, 6, 6).
+    """Checks limit surfaces (n, 3, 3) or (n, 6, 6), and returns them.
 
     Raises:
         ValueError: wrong shape, or not finite.
@@ -351,12 +359,19 @@ def checked_surfaces(surfaces: Array) -> Array:
 
 
 def beside_mm(share: Array, closed_mm: Array) -> Array:
-    """Offset (n,) of unevenly closing fingers from the hand's middle along y, once closed by (n,) [mm]."""
+    """Offset (n,) along y of the fingers' middle from the hand's, after the jaws have closed by (n,) [mm].
+
+    The offset is 0 where the upper finger's `share` (n,) of the closing is a half.
+    """
     return np.asarray((0.5 - share) * closed_mm)
 
 
 def by_form(parameters: Parameters) -> Iterator[tuple[IntArray, Parameters]]:
-    """The parameters split by ellipsoids and quartics, with their rows: kernels handle one form at a time."""
+    """Splits parameters into ellipsoids and quartics, since kernels handle one form at a time.
+
+    Yields:
+        The rows of each form, and their parameters.
+    """
     ellipsoid = parameters.ellipsoid
     if ellipsoid is None:
         yield np.arange(len(parameters.surfaces)), parameters
@@ -368,7 +383,7 @@ def by_form(parameters: Parameters) -> Iterator[tuple[IntArray, Parameters]]:
 
 
 def in_order(pieces: Sequence[tuple[slice | IntArray, RollOut]], n: int) -> RollOut:
-    """Merges the roll-outs of several sets of rows into one of n parts."""
+    """Merges the roll-outs of several sets of rows into one roll-out of n parts, in the order of the rows."""
     first = pieces[0][1]
     whole = RollOut(*(np.empty((n, *column.shape[1:]), column.dtype) for column in first))
     for rows, piece in pieces:
@@ -378,7 +393,10 @@ def in_order(pieces: Sequence[tuple[slice | IntArray, RollOut]], n: int) -> Roll
 
 
 def commanded(paths: Paths) -> Array:
-    """Poses (n, 3) to which each pusher takes a part that moves along with it [mm, mm, rad]."""
+    """Poses (n, 3) after each path of a part that moves rigidly with the pusher [mm, mm, rad].
+
+    The poses are in the part's frame at the start, as are the paths.
+    """
     c, s = np.cos(paths.angles) - 1.0, np.sin(paths.angles)
     x, y = paths.centres[:, 0], paths.centres[:, 1]
     dx, dy = paths.shifts[:, 0] - c * x + s * y, paths.shifts[:, 1] - s * x - c * y

@@ -33,11 +33,11 @@ JAMMED = 3
 STATUS_NAMES = ("untouched", "slipped", "grasped", "jammed")
 MAX_STEPS = 20_000
 HELD_GAP = 0.001
-"""Distance, as a share of the part's reach, within which contacts hold: rounding and drift of the steps."""
+"""Gap, as a share of the part's reach, up to which contacts hold a part, despite rounding and drift."""
 HELD_PROBE = 0.005
 """Trial distance of further closing, as a share of the reach."""
 LARGEST_ESCAPE = 1e4
-"""Motion of the part, in units of the fingers', above which a frictionless part counts as blocked."""
+"""Motion of a frictionless part, in units of the fingers' motion, above which it counts as blocked."""
 
 
 class Part(NamedTuple):
@@ -68,7 +68,10 @@ class RollOut(NamedTuple):
 
 @inner_kernel
 def _close_freely(scratch: Scratch) -> float:
-    """Closes the fingers up to the first touch of the placed outline; returns the distance, or infinity."""
+    """Closes the fingers until one touches the part; returns the distance [mm].
+
+    If the fingers meet each other first, they do not move and the distance is infinite.
+    """
     work, boundary = scratch.work, scratch.work.boundary
     top_share, bottom_share = boundary.top_share, boundary.bottom_share
     top, bottom = work.fingers[0], work.fingers[1]
@@ -83,10 +86,11 @@ def _close_freely(scratch: Scratch) -> float:
 
 @inner_kernel
 def _held_as(body: Body, q: Array, scratch: Scratch) -> int:
-    """GRASPED where the part is blocked without friction too, else JAMMED; independent of the part's size.
+    """Returns `GRASPED` if the part would be blocked even without friction, else `JAMMED`.
 
     Without friction only the contact normals decide, so any limit surface will do. A motion much larger
-    than the fingers' counts as none: exactly opposed contacts must not depend on rounding.
+    than the fingers' counts as none: exactly opposed contacts must not depend on rounding. All lengths are
+    relative to the part's reach, so that the result does not depend on its size.
     """
     find_contacts(q, HELD_GAP * body.reach, scratch)
     count, work = scratch.work.count, scratch.work.step
@@ -105,7 +109,7 @@ def _held_as(body: Body, q: Array, scratch: Scratch) -> int:
 
 @inner_kernel
 def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
-    """Writes pose and width into the trace, the last row again where it is full; returns the next row."""
+    """Writes pose and width into a row of the trace, or into its last row if it is full; returns the next."""
     if trace.shape[0] == 0:
         return 0
     row = min(row, trace.shape[0] - 1)
@@ -118,7 +122,7 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
 def _close_by(
     boundary: Boundary, jaws: Jaws, share: float, mu_top: float, mu_bottom: float, step: float
 ) -> None:
-    """Sets the boundary to closing fingers: their jaws, share of the upper one, friction, step [mm]."""
+    """Sets the boundary to closing fingers; `share` is that of the upper one, `step` the nominal one [mm]."""
     boundary.fingers, boundary.facing, boundary.apart = 2, -1, 0.0
     boundary.h, boundary.thickness = 0.5 * jaws.length_mm, jaws.thickness_mm
     boundary.mu_top, boundary.mu_bottom, boundary.step = mu_top, mu_bottom, step
@@ -132,8 +136,8 @@ def _squeeze(
 ) -> tuple[float, int, int, int]:
     """Closes the fingers on one part at q (3,) in the hand frame [mm, mm, rad], modified into the final pose.
 
-    They start `opening` [mm] apart, otherwise as set by `_close_by`. `trace` (rows, 4) receives poses and
-    widths along the path; it may have no rows.
+    The fingers start `opening` [mm] apart; `_close_by` has set all else of the boundary. `trace` (rows,
+    4) receives poses and widths along the path; it may have no rows.
 
     Returns:
         Final width [mm], status, 1 where the squeeze was given up (else 0), rows of the trace.
@@ -192,7 +196,7 @@ def squeeze_many(
     squeeze; it may have no rows.
 
     Returns:
-        Rows of the trace.
+        Number of rows of the trace that were written.
     """
     rows = 0
     for i in range(result.poses.shape[0]):

@@ -24,7 +24,7 @@ from planner.mechanics.contacts import CONTACT, MAX_CONTACTS, Contact, Contacts
 from planner.mechanics.lcp import PIVOT_LIMIT, RAY, SOLVED, lemke, residual
 
 TOUCHING_MM = 1e-3  # Gap below which contacts enter the step; the others are awaited as events
-PAST_END_MM = 1e-4  # Distance of a contact past the end of its feature: the next one takes over
+PAST_END_MM = 1e-4  # Distance past the end of its feature at which a contact ends
 UNBOUNDED = 1e7
 """Force, where 1 moves the part by about 1 mm, above which a solution is a ray with rounding errors."""
 RESIDUAL = 5e-5  # Largest complementarity residual of an accepted solution [mm]
@@ -56,9 +56,10 @@ STEP_WORK = np.dtype(
 )
 """Workspace of `solve`.
 
-A: the ellipsoid, or the quartic's local one, in the hand frame; local: in the part's.
+A: matrix of the ellipsoid, or the quartic's local one, in the hand frame. local: the latter in the part's
+frame.
 F: unit wrench of the last step, in the part's frame. V: the displacement. M, q, tableau, basis, z: the LCP.
-active: the rows of its contacts. G: the closed forms' matrix.
+active: the rows of the contacts in the LCP. G: matrix of the closed forms.
 
 One record is passed as one pointer, without reference counting (decision 0005).
 """
@@ -67,7 +68,10 @@ StepWork: TypeAlias = Any
 
 @inlined_kernel
 def rotate_surface(A: Array, c: float, s: float, out: Array) -> None:
-    """Writes A in the hand frame into `out` (3, 3), for a part turned by an angle of cosine c and sine s."""
+    """Rotates A from the part's frame, which is turned by an angle of cosine c and sine s, to the hand frame.
+
+    The result is written into `out` (3, 3).
+    """
     a, b, d = A[0, 0], A[0, 1], A[1, 1]
     out[0, 0] = c * c * a - 2.0 * c * s * b + s * s * d
     out[1, 1] = s * s * a + 2.0 * c * s * b + c * c * d
@@ -80,9 +84,9 @@ def rotate_surface(A: Array, c: float, s: float, out: Array) -> None:
 
 @inner_kernel
 def _assemble(mu_top: float, mu_bottom: float, work: StepWork, m: int) -> int:
-    """The LCP of the m active contacts, and its order; unknowns f_n (m), f_t+ (m), f_t- (m), lambda (m).
+    """Writes the LCP of the m active contacts into `work`; returns its order.
 
-    Without friction the only unknowns are f_n.
+    The unknowns are f_n (m), f_t+ (m), f_t- (m) and lambda (m); without friction only f_n.
     """
     A, M, q, contacts, active = work.A, work.M, work.q, work.contacts, work.active
     order = 4 * m if mu_top > 0.0 or mu_bottom > 0.0 else m
@@ -115,7 +119,7 @@ def _assemble(mu_top: float, mu_bottom: float, work: StepWork, m: int) -> int:
 
 @inner_kernel
 def _judge(work: StepWork, m: int, order: int) -> int:
-    """Classifies Lemke's answer: SOLVED, a ray (despite rounding), or nothing (PIVOT_LIMIT)."""
+    """Checks Lemke's solution: `SOLVED`, `RAY` if a force is unbounded, `PIVOT_LIMIT` if it is inaccurate."""
     for a in range(m):
         if work.z[a] > UNBOUNDED:
             return RAY
@@ -160,9 +164,10 @@ def _opposed(contacts: Contacts, active: IntArray, m: int) -> bool:
 
 @inner_kernel
 def _all_touching(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
-    """Solves for all touching contacts: held or all sliding in closed form, else by Lemke's method.
+    """Solves the step for all touching contacts: `SOLVED`, `RAY` or `PIVOT_LIMIT`.
 
-    The modes of one and two contacts were tried before.
+    Opposed contacts and three sliding ones have closed forms; else Lemke's method decides. Up to two contacts
+    give `RAY`, since `_tried` has tried all their modes.
     """
     A, V, contacts = work.A, work.V, work.contacts
     m = 0
@@ -204,7 +209,7 @@ def _slack(contact: Contact, V: Array) -> float:
 
 @inlined_kernel
 def _most_violated(contacts: Contacts, count: int, V: Array) -> int:
-    """The touching contact that overlaps most after V; -1 where none does."""
+    """Index of the touching contact that overlaps most after the displacement V; -1 if none overlaps."""
     worst, result = -OVERLAP_MM, -1
     for k in range(count):
         if contacts[k].gap <= TOUCHING_MM:
@@ -272,8 +277,8 @@ def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
     A part can always move along with a single finger, but eq. 3 also requires it to leave an overlap, which
     is impossible where that finger is wedged in a notch: such overlaps remain.
 
-    `work` has A and `count` contacts, completed by `directions`; it receives their forces, and the
-    displacement V (dx, dy, rho dtheta) [mm].
+    `work` holds A and `count` contacts, with the values that `boundary.directions` fills in; it receives the
+    forces of the contacts and the displacement V (dx, dy, rho dtheta) [mm].
     """
     status = _tried(mu_top, mu_bottom, count, work)
     if status == RAY and _one_finger(work.contacts, count):
@@ -295,7 +300,7 @@ def along(first: Array, V: Array, f: float, i: int) -> float:
 
 @inlined_kernel
 def _reached(gap: float, rate: float, bend: float) -> float:
-    """The least f > 0 at which gap + rate f + bend f^2 is zero, where it is below zero at 1."""
+    """The least f > 0 at which gap + rate f + bend f^2 is zero, given that it is negative at f = 1."""
     root = np.sqrt(max(rate * rate - 4.0 * bend * gap, 0.0))
     return float(2.0 * gap / (root - rate)) if root > rate else 1.0
 

@@ -1,8 +1,8 @@
-"""One step of a squeeze or a push, accepted, retried or refused: midpoint rule, error control and events.
+"""One step of a squeeze or a push: midpoint rule, error control and events.
 
-The difference between the midpoint and the explicit Euler step controls the length of a step; it ends where
-an awaited contact touches or a pressed one leaves its feature, by the rule's dense output, and is refused
-where the part would overlap a finger.
+The difference between the midpoint and the explicit Euler step controls the length of a step. A step ends
+where an awaited contact touches or a pressed one leaves its feature; the dense output of the rule says where.
+A step is refused where the part would overlap a finger.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -28,11 +28,11 @@ from planner.mechanics.step import STEP_WORK, TOUCHING_MM, along, event_fraction
 from planner.mechanics.surface_step import solve_surface
 
 LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
-EULER_ERROR = 0.02  # Most difference of Euler and midpoint step, as a share of the nominal one
+EULER_ERROR = 0.02  # Largest difference of Euler and midpoint step, as a share of the nominal one
 SMALLEST_STEP = 2.0**-18
-"""Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns much faster."""
-LEAST_FACING = 0.1  # Sine of the least angle to the closing direction of a face that stops a finger
-FURTHEST = 2.0  # How much nearer part and fingers may come in one step, in margins
+"""Shortest step, as a share of the nominal one: near an unstable equilibrium a part turns very fast."""
+LEAST_FACING = 0.1  # Sine of the least angle from closing direction to a face that stops a finger
+FURTHEST = 2.0  # Largest approach of part and fingers in one step, in margins
 
 
 SQUEEZE_WORK = np.dtype(
@@ -53,8 +53,8 @@ SQUEEZE_WORK = np.dtype(
 )
 """Workspace of one squeeze.
 
-boundary: moves against the part. before: places and normals of the contacts before the midpoint's turn.
-step: the contacts, and the solution.
+boundary: the one that moves against the part. before: places and normals of the contacts before the
+midpoint's turn. step: the contacts, and the solution.
 count: number of contacts. heading: cosine and sine of the part's angle. trial, half: pose after
 the step and in its middle. euler: the displacement V of the explicit Euler step. fingers: y of the inner
 faces. done: how far the boundary has come [mm]. moved: 1 once the part has moved on the table.
@@ -62,7 +62,7 @@ faces. done: how far the boundary has come [mm]. moved: 1 once the part has move
 SqueezeWork: TypeAlias = Any
 
 ACCEPTED, RETRY, HELD, GIVEN_UP = range(4)
-"""Result of a step: taken; to be retried, shorter; no solution; neither."""
+"""Result of a step: taken; to be retried, shorter; no solution (the part is held); numerical failure."""
 
 
 class Body(NamedTuple):
@@ -79,7 +79,7 @@ class Scratch(NamedTuple):
 
     outline: Array  # (2, N) of the part, in its own frame
     points: Array  # (2, N) the placed outline
-    out: IntArray  # (N,) which vertices are far from the fingers, as `contacts.mark` says
+    out: IntArray  # (N,) outcodes of the vertices, see `contacts.mark`
     work: SqueezeWork  # a record of `SQUEEZE_WORK`
 
 
@@ -106,7 +106,7 @@ def _turn_back(work: SqueezeWork) -> None:
 
 @merged_kernel
 def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWork) -> int:
-    """Solves the step for the contacts; leaves the displacement in the boundary's frame in `step.V`."""
+    """Solves the step; returns the status. `step.V` receives the displacement in the boundary's frame."""
     contacts, V, count, boundary = work.step.contacts, work.step.V, work.count, work.boundary
     directions(contacts, count, body.rho, drive)
     status = solve_surface(
@@ -120,9 +120,13 @@ def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWor
 
 @merged_kernel
 def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int, float]:
-    """One midpoint step from pose q, with its contacts given, into `work.euler` and `work.step.V`.
+    """Computes a step of `size` [mm] from pose q (3,), whose contacts `work` holds, by the midpoint rule.
 
-    Returns the status and the difference between the Euler and the midpoint step [mm], or -1.
+    `work.euler` and `work.step.V` receive the displacements of the Euler and of the midpoint step.
+
+    Returns:
+        The status, and the difference between the two displacements [mm]. Without a solution this is -1 for
+        the Euler step, and 0 for the midpoint step.
     """
     contacts, V, first, count = work.step.contacts, work.step.V, work.euler, work.count
     for k in range(count):
@@ -148,7 +152,7 @@ def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int
 
 @inner_kernel
 def find_contacts(q: Array, margin: float, scratch: Scratch) -> None:
-    """Finds the contacts of a part placed at pose q (3,), gaps of at most `margin` [mm]."""
+    """Finds the contacts, with gaps of at most `margin` [mm], of the part placed at pose q (3,)."""
     work = scratch.work
     contacts, points, boundary = work.step.contacts, scratch.points, work.boundary
     if boundary.fingers > 0:
@@ -171,7 +175,7 @@ def touching(work: SqueezeWork) -> bool:
 
 @inlined_kernel
 def _runs_into(finger: contact.Finger, points: Array, i: int, j: int) -> bool:
-    """Whether the edge from vertex i to j runs deeper than `PENETRATION_MM` in the finger."""
+    """Whether the edge from vertex i to j runs deeper than `PENETRATION_MM` into the finger."""
     half_x, half_y = finger.h - PENETRATION_MM, 0.5 * finger.thickness - PENETRATION_MM
     x0, x1 = points[0, i] - finger.centre, points[0, j] - finger.centre
     if (x0 > half_x and x1 > half_x) or (x0 < -half_x and x1 < -half_x):
@@ -205,7 +209,7 @@ def _overlaps(scratch: Scratch) -> bool:
 
 @inlined_kernel
 def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: float) -> float:
-    """Distance [mm] by which any vertex may have approached a finger along x or y, from q to `trial`."""
+    """Upper bound on how much nearer any vertex comes to a finger along x or y, from q to `trial` [mm]."""
     dx, dy = trial[0] - q[0], trial[1] - q[1]
     return float(max(abs(dx), step_top + dy, step_bottom - dy) + abs(trial[2] - q[2]) * body.reach)
 

@@ -1,4 +1,4 @@
-"""Limit surfaces of both kinds, ellipsoid or convex quartic, in the form for kernels."""
+"""Limit surfaces of a job, ellipsoids or convex quartics, and random draws of them for kernels."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,8 +18,8 @@ from planner.part.pressure import Kind, Support, even, stances, support
 Surface: TypeAlias = LimitSurface | QuarticSurface
 Fit: TypeAlias = Callable[[Array, Array, float], Surface]
 
-MIDDLE = 0.6  # size of the area under a part with a bulge, as a share of its outline's
-FEET = 8  # most sets of three feet that represent all possible ones
+MIDDLE = 0.6  # scale of the supported area under a part with a bulge, relative to its outline
+FEET = 8  # number of sets of three feet, drawn from all possible ones
 
 
 def of_job(job: Job) -> Surface:
@@ -43,12 +43,12 @@ def _fitted(fit: Fit, held: Support, rho_mm: float) -> Surface:
 
 @lru_cache(maxsize=256)
 def _kept(fit: Fit, points: bytes, weights: bytes, rho_mm: float) -> Surface:
-    """Caches fits: all worlds that a plan is tried in fit the same few pressures again."""
+    """Fits with a cache, since all worlds in which a plan is tried fit the same few pressures."""
     return fit(np.frombuffer(points).reshape(-1, 2), np.frombuffer(weights), rho_mm)
 
 
 def _forms_of(job: Job) -> list[Fit]:
-    """Functions that fit a surface to points, weights and rho: for the job's form, then any doubted one."""
+    """Functions that fit a surface to points, weights and rho: of the job's form, then of any doubted one."""
     forms: list[Fit] = [limit_surface.fit_ellipsoid, quartic_fit.fit_pressure]
     if job.pressure.limit_surface == "quartic":
         forms.reverse()
@@ -62,7 +62,7 @@ def others_of(job: Job) -> tuple[Surface, ...]:
 
 
 def shares_of(job: Job) -> Array:
-    """Shares of the nominal surface and of `others_of`; every kind of pressure is equally likely.
+    """Probabilities of the nominal surface and of `others_of`; every kind of pressure is equally likely.
 
     All sets of three feet together are one kind.
     """
@@ -74,7 +74,7 @@ def shares_of(job: Job) -> Array:
 
 
 def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
-    """Fits of `others_of` with their inputs: other pressures, other forms of the surface, or both."""
+    """Fitting function and support of each of `others_of`: another pressure, another form, or both."""
     doubt = job.doubt
     if job.pressure.limit_surface is None or (
         doubt.pressure == "stated" and doubt.limit_surface != "any"
@@ -86,7 +86,7 @@ def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
 
 
 def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
-    """Other supports that a job allows: distributed over rim, area or its middle; and sets of three feet."""
+    """Other supports that a job allows: those spread over rim, area or its middle, and sets of three feet."""
     pressure, outline, rng = job.pressure, job.part.outline_mm, np.random.default_rng(FEET)
     if job.doubt.pressure == "stated":
         return [], []
@@ -114,7 +114,7 @@ def sample(surface: Surface, dof: int | IntArray, rng: np.random.Generator, n: i
 def sample_each(
     surfaces: Sequence[Surface], which: IntArray, dof: IntArray, rng: np.random.Generator
 ) -> tuple[Array, BoolArray | None]:
-    """`sample` for each of n parts, about the surface that `which` (n,) numbers, with dof (n,).
+    """Draws a random surface for each of n parts, about `surfaces[which]`, with `which` and dof (n,).
 
     Returns:
         (n, 3, 3) ellipsoids or (n, 6, 6) quartics, and None. If both forms occur: (n, 6, 6), where an

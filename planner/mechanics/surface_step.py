@@ -21,7 +21,7 @@ DAMPED_FROM = 8
 
 @inner_kernel
 def local_matrix(table: Array, F: Array, out: Array) -> None:
-    """A(F) = hess H(F) / 3 of a quartic into `out` (3, 3), for the wrench F (3,) in the part's frame.
+    """Writes A(F) = hess H(F) / 3 of a quartic into `out` (3, 3), for the wrench F (3,) in the part's frame.
 
     `table` (6, 6) is xx, xy, xz, yy, yz, zz of hess H as forms in the six products of F.
     """
@@ -61,8 +61,8 @@ def solve_surface(
     """Solves the step for a part turned by an angle of cosine c and sine s; see `step.solve`.
 
     The surface is (3, 3) the ellipsoid's matrix, or (6, 6) the quartic's table, in the part's frame; `work.A`
-    receives the matrix of the last LCP. A quartic starts from the wrench `work.F`, which receives the last
-    one. `PIVOT_LIMIT` also where the sequence did not converge.
+    receives the matrix of the last LCP. For a quartic the sequence starts from the wrench in `work.F`, which
+    receives the last one; the status is `PIVOT_LIMIT` also where the sequence does not converge.
     """
     A, F = work.A, work.F
     if surface.shape[0] == 3:

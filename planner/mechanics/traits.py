@@ -19,7 +19,7 @@ SHAPES = 2 + 2 * WAVES
 
 TRAITS = np.dtype(
     [
-        ("hypothesis", np.int64),  # hypothesis
+        ("hypothesis", np.int64),  # number of the hypothesis that the part is of
         ("friction", np.float64),  # between fingers and part; `FRESH`: drawn anew for every squeeze
         ("share", np.float64),  # added to the upper finger's share of the closing
         ("surface", np.int64),  # number of the limit surface in the simulator
@@ -27,14 +27,14 @@ TRAITS = np.dtype(
         ("deviation", np.float64, SHAPES),  # of the outline, for each of `shapes` [mm]
         ("encoder_mm", np.float64),  # added to every width before it is read
         ("gain", np.float64),  # error of the encoder in proportion to the width
-        ("across_mm", np.float64),  # of the hand from its place, along the closing direction
+        ("across_mm", np.float64),  # offset of the hand along the closing direction
     ]
 )
 Traits: TypeAlias = NDArray[np.void]
 
 
 def as_planned(n: int) -> Traits:
-    """Traits (n,) of a world without anything off."""
+    """Traits (n,) of parts in a cell where everything is as planned."""
     traits = np.zeros(n, TRAITS)
     traits["friction"] = FRESH
     return traits
@@ -50,7 +50,7 @@ def joined(pieces: Iterable[Traits]) -> Traits:
 
 
 def ordinary(traits: Traits) -> BoolArray:
-    """Mask (n,) of the parts whose mechanics are as planned."""
+    """Mask (n,) of the parts of the first hypothesis whose mechanics are as planned."""
     moved = (
         (traits["hypothesis"] != 0)
         | (traits["share"] != 0.0)
@@ -62,7 +62,7 @@ def ordinary(traits: Traits) -> BoolArray:
 
 
 def by_hypothesis(traits: Traits) -> Iterator[tuple[int, slice | IntArray]]:
-    """The hypotheses that occur, with their rows; one slice if there is only the first."""
+    """Yields each hypothesis that occurs, with its rows; a slice of all if only the first occurs."""
     which = traits["hypothesis"]
     if not which.any():
         yield 0, slice(None)
@@ -80,7 +80,8 @@ def with_hypothesis(poses: Array, traits: Traits) -> Array:
 def shapes(outline: Array) -> Array:
     """Motion (SHAPES, N, 2) of vertices (N, 2) for 1 mm of each deviation.
 
-    All edges outwards; scaling, 1 mm at the farthest vertex; waves along the contour, two of each length.
+    The deviations are an offset of all edges outwards; a scaling, measured at the farthest vertex; and waves
+    along the contour, two of each wavelength.
     """
     outwards = offsets(outline)
     lengths = np.hypot(*(np.roll(outline, -1, axis=0) - outline).T)

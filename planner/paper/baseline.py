@@ -96,7 +96,7 @@ modulo {period:.0f} deg; about {real.seconds:.1f} s a part"""
 
 
 def _squeezed(job: Job, worlds: ContactWorlds, angles: Array, chunk: Chunk) -> tuple[Array, Array]:
-    """The plan with a chunk of the parts: final poses (n, 3) in the world, and widths (n, squeezes)."""
+    """Runs the plan on a chunk of the parts: final poses (n, 3) in the world, and widths (n, squeezes)."""
     rng = np.random.default_rng([job.seed, chunk.number, SEED_BASELINE])
     world = ContactWorld.of_simulator(worlds.simulators[0], [worlds.seed, chunk.number])
     poses, widths = initial(job, chunk.trials, rng), np.empty((chunk.trials, len(angles)))
@@ -109,7 +109,7 @@ def _squeezed(job: Job, worlds: ContactWorlds, angles: Array, chunk: Chunk) -> t
 
 
 def seconds_of(job: Job, angles: Array, widths: Array) -> float:
-    """Mean seconds of parts whose squeezes end at widths (n, squeezes), one part after the other."""
+    """Mean seconds a part, by the table's model of time, if squeezes end at widths (n, squeezes) [mm]."""
     opening_um, speed_um_s = (
         round(1e3 * value) for value in (job.gripper.opening_mm, job.gripper.speed_mm_s)
     )

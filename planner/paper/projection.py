@@ -28,7 +28,7 @@ class Projection:
     """The subspaces of one part, as final poses in the hand frame."""
 
     stored: dict[int, tuple[Array, cKDTree]]  # by subspace: its poses (n_k, 3) and their k-d tree
-    rho_mm: float  # what one radian weighs
+    rho_mm: float  # millimetres that count like one radian
     order: int  # rotational order of the part
 
     @classmethod

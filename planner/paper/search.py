@@ -122,7 +122,7 @@ class PaperPlanner:
         return root
 
     def _expanded(self, node: Node, rng: np.random.Generator) -> list[Node]:
-        """Gives a node an action; returns the new nodes for further expansion."""
+        """Gives a node an action, or a chain of actions if sensorless; returns the nodes to expand next."""
         actions = self._search(self.max_depth - node.depth).search(node.belief.poses, rng).actions
         if self.method == "sensorless":
             for action in actions:

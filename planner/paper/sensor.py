@@ -1,7 +1,7 @@
 """The sensor model and the collision detector (paper V.B): decision trees over poses.
 
-The trees use x, y and the angle as (cos n theta, sin n theta), n the part's rotational order, which has no
-seam.
+The trees use x, y and the angle as (cos n theta, sin n theta), with n the part's rotational order, so that
+equivalent angles have equal features.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ The default planner uses `mechanics.clearance`.
 
 
 def sensor_model(final: Array, width_mm: Array, order: int) -> Widths:
-    """Learns from final poses (n, 3) in the hand frame and the widths (n,) there [mm].
+    """Fits the sensor model to final poses (n, 3) in the hand frame and the widths (n,) there [mm].
 
     Raises:
         ValueError: fewer than `LEAST_ROLLOUTS` roll-outs.
@@ -38,7 +38,7 @@ def sensor_model(final: Array, width_mm: Array, order: int) -> Widths:
 
 
 def collision_detector(initial: Array, stands: BoolArray, order: int) -> Collides:
-    """Learns from initial poses (n, 3) and whether an open finger stands on the part (n,)."""
+    """Fits the detector to initial poses (n, 3) and whether (n,) an open finger stands on the part there."""
     from sklearn.tree import DecisionTreeClassifier
 
     return _fitted(DecisionTreeClassifier(random_state=0), initial, stands, order)

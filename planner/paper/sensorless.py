@@ -33,10 +33,10 @@ class WidthFunction:
     knots: Array  # (m,) the normals of the hull's edges, reduced to [0, pi), rising
     chords: Array  # (m, 2) from each knot to the next, the vector between the two vertices that touch [mm]
     minima: Array  # (k,) directions of the local minima, in [0, pi), rising
-    maxima: Array  # (k,) and of the local maxima; between two of them lies one minimum
+    maxima: Array  # (k,) directions of the local maxima; between two lies one minimum
 
     def __call__(self, direction: Array) -> Array:
-        """Widths in some directions [rad] -> [mm]."""
+        """Widths [mm] of the part in some directions [rad], in an array of the same shape."""
         reduced = np.mod(direction, math.pi)
         # -1 is the last arc, which begins before pi.
         arc = np.searchsorted(self.knots, reduced, side="right") - 1

@@ -1,8 +1,8 @@
 """Subspaces of final poses by width (paper V.A, Fig. 4), from all roll-outs of a part.
 
 k-means on the widths, as in the paper. k is the smallest number of clusters that explains nearly all of the
-variance of the held widths; for the paper's rectangle that is its k of 4. Clusters that the encoder cannot
-tell apart are merged. Free space, where the jaws close on nothing, is always the first.
+variance of the held widths; for the paper's rectangle k is 4, as in the paper. Clusters that the
+encoder cannot tell apart are merged. Free space, where the jaws close on nothing, is always the first.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Subspaces:
         return len(self.mean_mm)
 
     def label(self, width_mm: Array) -> IntArray:
-        """Subspace of each width: (n,) to (n,); 0 is free space."""
+        """Number of the subspace of each width (n,) [mm]; 0 is free space."""
         return np.asarray(np.searchsorted(self.edges_mm, width_mm, side="right"), dtype=np.int64)
 
 

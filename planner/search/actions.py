@@ -53,7 +53,7 @@ class ActionSet:
     first: Array | None = None
 
     def followed(self, poses: Array) -> Array:
-        """The fixed placements, then one at the middle of parts (n, 3) for each of their angles: (k, 3)."""
+        """The fixed placements, then one at the middle of parts (n, 3) for each fixed angle: (k, 3)."""
         angles = np.unique(self.placements[:, 2])
         about = np.column_stack([np.tile(poses[:, :2].mean(axis=0), (len(angles), 1)), angles])
         return np.concatenate([self.placements, about])
@@ -77,7 +77,8 @@ class ActionSet:
 def middle_of(states: Array, mode: Mode) -> Array:
     """A mode's pose (3,), moved to the middle of the states (n, 3 or 4) that lie at its angle or opposite.
 
-    The pose itself where none does: a mode may lie between states, or be the symmetric pose of all.
+    Returns the pose itself where no state does: a mode may lie between states, or be the symmetric pose of
+    all of them.
     """
     angle = mode.pose[2]
     along = states[np.abs(wrap(states[:, 2] - angle, 2)) < ALONG, :2]
@@ -87,7 +88,7 @@ def middle_of(states: Array, mode: Mode) -> Array:
 
 
 def actions_of(job: Job) -> ActionSet:
-    """Every angle at every centre of the job, in order, and the job's proposals."""
+    """The actions of a job: every angle at every centre, in order, and its proposals."""
     angles = np.radians(np.array(job.actions.angles_deg))
     centers = job.actions.centers_mm
     grid = np.array([(x, y, angle) for x, y in centers for angle in angles], dtype=np.float64)
@@ -103,7 +104,7 @@ def turnable(job: Job) -> bool:
 def _first(job: Job, actions: ActionSet) -> Array:
     """Placements of the first squeeze, no two of them equivalent: the fixed ones, and shifted ones.
 
-    Shifted along the fingers are those at a single centre, if the job proposes placements.
+    The fixed ones are also shifted along the fingers if the job has one centre and proposes placements.
     """
     shifts = (0.0, *ASIDE) if actions.proposals and len(job.actions.centers_mm) == 1 else (0.0,)
     beside = [along(actions.placements, share * job.gripper.finger_length_mm) for share in shifts]
@@ -111,7 +112,7 @@ def _first(job: Job, actions: ActionSet) -> Array:
 
 
 def inequivalent(placements: Array, common: Array, job: Job) -> Array:
-    """The first placements (k, 3) that no turn about the origin maps to an earlier one.
+    """The placements (k, 3) without those that a turn about the origin maps to an earlier one.
 
     Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. The
     turn must map the placements (m, 3) common to all squeezes onto themselves; those about modes turn with

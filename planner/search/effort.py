@@ -12,13 +12,13 @@ class Pass(NamedTuple):
     least: float  # leaves of smaller probability are not expanded
     finer: float  # least probability of nodes that also try a finer partition of the readings
     work: float  # share of the time of all passes, for progress
-    frugal: bool = False  # whether all nodes are expanded as cursorily as improbable ones
+    frugal: bool = False  # whether all nodes are expanded with the low effort of improbable ones
     # Whether it continues the tree of the pass before at all first squeezes that may be better.
     explores: bool = False
 
 
 class Effort(NamedTuple):
-    """Effort of expanding a node of at least some probability."""
+    """Effort of expanding a node whose probability is at least `least`."""
 
     least: float  # probability of the node
     actions: int  # number of actions tried

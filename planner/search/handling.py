@@ -33,7 +33,7 @@ SHARE_DECIMALS = 2
 """Rounding of shares of the closing, so that parts with similar ones are processed together."""
 HERE = np.zeros(3)
 SPARE_MM = 2.0
-"""Least excess of an opening, smaller than the full one, over the first contact."""
+"""Excess of an opening, unless it is the full one, over the width of the first contact."""
 LEAST_PARTICLES = 400
 """Number of particles below which the first contact is too uncertain for any but the full opening."""
 HELD_MM = HELD_UM / 1e3
@@ -55,14 +55,14 @@ class Handling:
         self._outlines = [alone.part.outline_mm for alone in job.alone]
         self._jaws, self._encoder = jaws_of(job.gripper), encoder_of(job)
         self._area = np.array(job.cell.work_area_mm)
-        # The opening decides which of fingers that do not move alike touches first.
+        # If the fingers do not move alike, the opening decides which of them touches first.
         self._alike = job.gripper.upper_finger_share == 0.5
 
     def opening(self, belief: Belief, placement: Array, *, pushed: bool = False) -> Opening:
-        """The least opening `SPARE_MM` wider than the first contact.
+        """The jaws before a squeeze: open `SPARE_MM` wider than at the first contact, if possible.
 
-        The full opening for fingers that do not move alike, for parts that were `pushed` before, and for few
-        particles: their pose is less certain.
+        The opening is the full one for fingers that do not move alike, and for parts that were `pushed`
+        before and beliefs of few particles, whose poses are less certain.
         """
         contact_mm, opening_mm = self.contact_mm(belief, placement), self._jaws.opening_mm
         if self._alike and not pushed and len(belief) >= LEAST_PARTICLES:
@@ -89,7 +89,7 @@ class Handling:
         return max(widths) + CONTACT_MARGIN_MM
 
     def clear(self, belief: Belief, placement: Array) -> Belief:
-        """The particles clear of both open fingers; on the others the arm stops."""
+        """The particles clear of both open fingers; on the others a finger would come down."""
         verdict, poses = np.empty(len(belief), np.int64), to_hand(belief.poses, placement)
         for k, rows in by_hypothesis(belief.traits):
             verdict[rows] = classify_contact(self._outlines[k], self._jaws, poses[rows])

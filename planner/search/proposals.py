@@ -3,8 +3,8 @@
 Centred squeezes leave a part without half-turn symmetry in two poses that no further centred squeeze can
 tell apart. Near a tip of the part, or over one of its arms, the jaws close to another width than over the
 opposite end. Placements are therefore computed from a node's belief, too: the hand parallel to the part's
-stable sides, shifted along the fingers so that they cover all of it or only one end; scattered hands about
-the part; and variants of the best of them.
+stable sides, shifted along the fingers so that they cover all of it or only one end; grasp poses scattered
+about the part; and variants of the best of them.
 """
 
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ APART_DEG = 12.0
 COVERED = (0.15, 0.35)
 """Shares of the part's length, from either end, that an off-centre finger covers."""
 SCATTERED = 1024
-"""Number of scattered hands about a part; the search uses a prefix of them."""
+"""Number of grasp poses scattered about a part; the search uses a prefix of them."""
 ALONG, ACROSS = 0.8, 0.3
-"""Range of scattered hands about the part's origin, in its reaches: beyond half a finger, and across."""
+"""Range of scattered grasp poses about the part, in its reaches: along, beyond half a finger; across."""
 VARIED = ((3.0, np.radians(8.0)), (1.0, np.radians(3.0)))
 """Standard deviations of variants about a good placement, in each round [mm, rad]."""
 
@@ -64,7 +64,7 @@ def _of_part(job: Job) -> Proposals:
 
 
 def hands_about(reach_mm: float, half_mm: float, n: int) -> Array:
-    """Scattered hands about a part, in every direction and as far aside as the fingers still touch it.
+    """Grasp poses scattered about a part, in every direction and as far aside as the fingers still touch it.
 
     Args:
         reach_mm: of the part about its origin.
@@ -97,14 +97,14 @@ def varied(placements: Array, n: int, spread: tuple[float, float], rng: Generato
 
 
 def placed(relative: Array, pose: Array) -> Array:
-    """Transforms hands (m, 3) from a part's frame to the world, for the part at a pose (3,)."""
+    """Transforms grasp poses (m, 3) from a part's frame to the world, for the part at a pose (3,)."""
     hands = to_world(relative, pose)
     hands[:, 2] = wrap(hands[:, 2])
     return hands
 
 
 def along(placements: Array, shift_mm: float) -> Array:
-    """Placements (k, 3) of the hand, each shifted along its fingers."""
+    """Placements (k, 3) of the hand, each shifted along its fingers by `shift_mm`."""
     x, y, angle = placements.T
     return np.stack([x + shift_mm * np.cos(angle), y + shift_mm * np.sin(angle), angle], axis=-1)
 
@@ -113,7 +113,7 @@ def stable_angles(outline: Array) -> Array:
     """Hand angles in the part's frame at which a frictionless squeeze comes to rest [rad].
 
     The width of the outline between parallel jaws is least there (Goldberg 1993); the narrowest come first.
-    Where there is only one, the direction across it is added.
+    The direction across the one of least angle comes last, unless there are enough or it is near another.
 
     Args:
         outline: (N, 2) vertices [mm].

@@ -36,7 +36,7 @@ KEPT = 3  # best single pushes, and pairs of them, that are continued
 FINALISTS = 2  # of these, those that are judged as thoroughly as a squeeze without pushes
 LEAST_SHARE = 0.02  # probability of a node from which pushes are tried
 ROUND_MM = 0.01  # margin to the area's edge, since tables hold whole micrometres
-SPREAD = 1e3  # cost in place of J where no hand clears a belief, for each millimetre of its spread
+SPREAD = 1e3  # cost in place of J where no grasp pose clears a belief, per millimetre of its spread
 
 Pushes: TypeAlias = tuple[Push, ...]
 
@@ -103,7 +103,7 @@ class Pusher:
         return finalists
 
     def pushed(self, belief: Belief, pushes: Pushes, rng: Generator) -> Belief:
-        """Simulates pushes of a belief, each particle twice: open fingers must clear the scatter, too."""
+        """Simulates pushes of a belief, twice for each particle: open fingers must also clear the scatter."""
         belief = Belief.joined([belief, belief])
         for push in pushes:
             belief = self.model.push(belief, push, rng)
@@ -112,7 +112,7 @@ class Pusher:
     def _costs(
         self, tried: list[Pushed], hand: Hand | None, ranking: Ranking, rng: Generator
     ) -> Array:
-        """Cost-to-go (k,) after one squeeze of each pushed belief, with the price of its pushes.
+        """Cost-to-go (k,) of each pushed belief at its best grasp pose, with the price of its pushes.
 
         Where no grasp pose clears a belief, the cost grows with its spread.
         """
@@ -124,7 +124,7 @@ class Pusher:
         return costs
 
     def _from_beside_all(self, belief: Belief, pushes: Pushes, rng: Generator) -> Pushed | None:
-        """Pushes moved back to start clear of a whole belief, with their result; None outside the area."""
+        """Pushes moved back to start clear of a whole belief, with their result; None if outside the area."""
         beside = list[Push]()
         for push in pushes:
             beside.append(self._from_beside(push, belief))
@@ -156,7 +156,7 @@ class Pusher:
         return [angle + quarter * 0.5 * np.pi for quarter in (-2, -1, 0, 1)]
 
     def _begins(self, belief: Belief, along: Array) -> Array:
-        """Near edges (n,) of parts along a direction (2,) [mm]."""
+        """Coordinate (n,) of the near edge of each part along a direction (2,) [mm]."""
         begins = np.empty(len(belief))
         for k, rows in by_hypothesis(belief.traits):
             x, y, theta = belief.poses[rows].T

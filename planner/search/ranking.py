@@ -55,25 +55,25 @@ class _Contest:
     """The options of one belief during sequential halving."""
 
     def __init__(self, belief: Belief, placements: Array) -> None:
-        """Begins the first round: the more options, the fewer particles, spread evenly in the belief."""
+        """Begins the first round, by few particles, spread evenly in the belief, if options are many."""
         self.belief, self.placements = belief, placements
         self.stop, k = len(belief), len(placements)  # particles after this round
         if k > FINALISTS:
             self.stop = min(self.stop, max(FIRST_PARTICLES, round(FIRST_SHARE * self.stop)))
             spread = np.arange(len(belief)) * GOLDEN % 1.0
             self.belief = belief[np.argsort(spread, kind="stable")]
-        # By all particles so far, for each option: poses (k, n, 3) and readings (k, n).
+        # Outcomes of all particles so far, for each option: poses (k, n, 3) and readings (k, n).
         self.poses, self.reading = np.zeros((k, 0, 3)), np.zeros((k, 0), np.int64)
         self.squeezes = np.zeros(k)  # latest estimates
 
     @property
     def start(self) -> int:
-        """Number of particles that have squeezed."""
+        """Number of particles that have been squeezed."""
         return int(self.reading.shape[1])
 
     @property
     def waiting(self) -> bool:
-        """Whether particles are left to squeeze."""
+        """Whether particles are left to be squeezed."""
         return self.start < len(self.belief)
 
     def add(self, squeezed: list[Squeezed]) -> None:
@@ -84,7 +84,7 @@ class _Contest:
         self.reading = np.concatenate([self.reading, reading], axis=1)
 
     def states(self, hypotheses: bool) -> Array:
-        """Final states (k, n, m) of all particles so far, with their hypothesis if asked."""
+        """Final states (k, n, m) of all particles so far; the hypothesis is a column if `hypotheses`."""
         if not hypotheses:
             return self.poses
         hypothesis = self.belief.traits["hypothesis"][: self.start].astype(np.float64)
@@ -123,10 +123,11 @@ class Ranking:
         return self.free(belief, np.concatenate(options))
 
     def rank(self, asked: list[tuple[Belief, Array]], rng: Generator) -> list[Options]:
-        """The best of every belief's grasp poses (k, 3), each judged by all its particles.
+        """Ranks the grasp poses (k, 3) of every belief; those that remain are judged by all its particles.
 
-        Squeezes count, whatever the job minimises: seconds differ less between grasp poses than the estimate
-        errs, and favour those that tell little. The search values the best ones in the job's unit.
+        The ranking counts squeezes, whatever the job minimises: seconds differ less between grasp poses than
+        the estimate errs, and favour grasp poses that reveal little. The search values the best ones in the
+        job's unit.
 
         All grasp poses are judged by few particles first, the better half by twice as many, and so on,
         until few are left (sequential halving: Karnin, Koren and Somekh, ICML 2013).
@@ -170,7 +171,10 @@ class Ranking:
         return np.asarray(placements[unlike(placements, most, 0.0 if fixed else 1.0)])
 
     def free(self, belief: Belief, placements: Array) -> Array:
-        """The grasp poses (k, 3) in the area at which open fingers clear a belief, but for `crash_share`."""
+        """The grasp poses (k, 3) in the area at which open fingers clear a belief.
+
+        If there are none, those at which the fingers clear all of the belief but the job's `crash_share`.
+        """
         placements = self.actions.within(placements)
         free = self._clear(belief, placements, LEAST_CLEARANCE_MM)
         crash_share = self.problem.job.goal.crash_share

@@ -41,14 +41,14 @@ from runtime.table import MAX_BRANCHES
 PROBABLE = 0.01  # nodes of smaller probability try only one action of the previous pass
 MARGIN = 0.4  # excess over the best, in squeezes, of actions that are retried
 FURTHER = 0.2  # assumed cost of an open leaf beyond the leaf heuristic, in squeezes
-REMEMBERED = 24  # recent winners elsewhere, relative to the part, that every node also tries
+REMEMBERED = 24  # recent best grasp poses of other nodes, relative to the part, that a node tries
 SPREAD = 2.0, np.radians(5.0)  # standard deviation of variants of the best old grasp poses
 VARIANTS = 8
 LEAST_PARTICLES = 400  # size up to which a belief is repeated before its next squeeze
 RANKING_SHARE = 0.1  # largest share of a job's particles that rank grasp poses
 LEAST_GAIN = 0.001  # gain in mode ratio below which a squeeze is without effect
 SELECTION_BIAS = 0.5  # selection bias of a branch's mode, in standard deviations of its ratio
-AT_ONCE = 4  # leaves expanded at once; no number of cores, so that plans do not depend on it
+AT_ONCE = 4  # leaves expanded at once; not the number of cores, which must not change plans
 MOST_STALLED = 3  # allowed squeezes in a row without gain: separating two poses may take three
 LEAST_OVERLAP = 0.2  # of two histograms of readings, for nodes of two passes to be counterparts
 MOST_COARSER = 6  # doublings of the price of a branch, to stay below a table's limit
@@ -135,7 +135,7 @@ class Search:
         return bool(finished) or not node.actions
 
     def reopen(self, root: Node) -> None:
-        """Opens the leaves again at which no squeeze gained anything: a later pass tries harder."""
+        """Reopens leaves below the goal at which no squeeze gained anything: a later pass tries harder."""
         for leaf in leaves(root):
             if leaf.actions is not None and not self.problem.stopping.reached(leaf.mode.ratio):
                 leaf.actions, leaf.previous = None, None
@@ -155,7 +155,7 @@ class Search:
         return short and node.actions is None and node.depth < self.problem.job.search.max_depth
 
     def leaf_value(self, node: Node) -> float:
-        """The estimate of a leaf's value."""
+        """Estimate of the value of a leaf: its cost-to-go [typical squeezes]."""
         stopping, ratio = self.problem.stopping, node.mode.ratio
         back = self.problem.costs.back(node.hand, node.home)
         if not self.is_open(node) and (node.refuted or not stopping.reached(ratio)):
@@ -230,7 +230,7 @@ class Search:
     def _reach(self, node: Node, strays: Belief) -> None:
         """Extends the branches of a node to the readings of parts that fitted none.
 
-        Several readings far from all branches become new ones.
+        Several readings that are far from all branches become new branches.
         """
         assert node.best is not None
         free, most = self.problem.rule.resolution.free, 2 * self.problem.rule.resolution.margin
@@ -421,9 +421,13 @@ class Search:
         return Action(squeeze, children, origin=origin)
 
     def _cut(self, squeezed: Squeezed, rule: Rule) -> tuple[Rule, Outcomes]:
-        """Partitions readings into at most as many branches as a table holds; returns the prices used, too.
+        """Partitions readings into at most as many branches as a table holds.
 
-        No leaf takes a width far from all readings, which a foreign part may have, or one out of tolerance.
+        No leaf takes a width far from all its readings: a foreign part, or one out of tolerance, may have
+        such a width.
+
+        Returns:
+            The rule used, in which branches may cost more than in `rule`, and the branches.
         """
         metric = self.problem.metric
         for _ in range(MOST_COARSER + 1):
@@ -439,7 +443,7 @@ class Search:
     def _split(self, node: Node) -> None:
         """Splits a node where its best action shows that its readings should be several intervals.
 
-        The partition of the parent action did not consider this one.
+        The partition of the parent action could not consider this action.
         """
         above, action = node.parent, node.best
         if above is None or above.best is None or node not in above.best.children:
@@ -496,7 +500,7 @@ def most_similar(belief: Belief, nodes: list[Node], steps: int) -> Node | None:
 
 
 def _partition(action: Action, children: list[Node]) -> None:
-    """Gives an action these children, in order of ascending width, and the partition of their readings."""
+    """Sets the children of an action, in order of ascending width, and the partition of their readings."""
     clusters = Partition.of([child.belief.reading for child in children])
     shares = np.array([child.share for child in children])
     size = np.maximum(1, np.rint(action.squeeze.clusters.size.sum() * shares / shares.sum()))

@@ -86,12 +86,12 @@ class Node:
         mode: the pose that explains most of the belief.
         depth: squeezes made so far.
         stalled: consecutive squeezes before this node that gained nothing.
-        actions: the best first; None: not expanded yet, none: nothing gains.
+        actions: the best first; None if not expanded yet, empty if no action gains anything.
         value: expected cost from here on.
         hand: where the hand stands; None before the first squeeze.
         home: (3,) grasp pose of the first squeeze, where the hand goes for the next part; None at the root.
-        fresh: number of particles, the first ones, from trials after the plan.
-        refuted: whether those show that a leaf at the mode misses the goal.
+        fresh: number of particles from trials after the plan, which are the first ones.
+        refuted: whether these trials show that a leaf at the mode misses the goal.
         parent: the node above; None at the root.
         previous: the corresponding node of the previous pass.
     """
@@ -150,7 +150,10 @@ def leaves(root: Node) -> list[Node]:
 
 
 def pruned(root: Node, kept: Sequence[Sequence[int]]) -> Node:
-    """The plan without alternatives, reduced to the children that `kept` names, in the table's order."""
+    """A copy of the plan without alternative actions, reduced to the children in `kept`.
+
+    For each inner node in the order of the table, `kept` has the numbers of the children that remain.
+    """
     inner = [node for node in breadth_first(root) if node.children]
     chosen = {id(node): numbers for node, numbers in zip(inner, kept, strict=True)}
 
