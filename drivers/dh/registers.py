@@ -27,7 +27,7 @@ STATUS = (INITIALISED, 3)
 SAVE, DIRECTION = 0x0300, 0x0301
 SETTINGS = (SAVE, 6)
 
-# To the end that `DIRECTION` names; to both ends, to learn the stroke.
+# Values of INITIALISATION: to the end that `DIRECTION` names; to both ends, to calibrate the stroke.
 INITIALISE, CALIBRATE = 0x01, 0xA5
 FULL = 1000  # of POSITION: a whole stroke
 LEAST_FORCE, LEAST_SPEED, MOST = 20, 1, 100  # per cent
