@@ -189,7 +189,7 @@ class WatchedSchunk(WatchedLink):
 
 
 def watched(cell: VirtualCell, watch: Watch, report: Report) -> tuple[Gripper, WatchedLink]:
-    """The driver of the cell's gripper, with a watch on its link."""
+    """Returns the driver of the cell's gripper, and its watched link."""
     simulator, pace = cell.works.simulator, cell.pace
     kinds = {id(grippers.DH): WatchedDh, id(grippers.SCHUNK): WatchedSchunk}
     kind = kinds.get(id(simulator), WatchedRobotiq)

@@ -82,7 +82,7 @@ def screws() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def rings() -> Iterator[tuple[str, np.ndarray]]:
-    """Retaining rings DIN 471 at rest: eccentric within the two radial widths, two lugs beside the gap."""
+    """Retaining rings DIN 471 at rest: an eccentric outer edge, and two lugs beside the gap."""
     for row in table("din471.csv"):
         inner, lug, width, hole = (
             0.5 * float(row["d3"]),

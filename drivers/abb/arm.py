@@ -151,7 +151,7 @@ class Arm(UprightArm):
 
 
 def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
-    """Connects to an open_abb server, drains it and sends all settings; nothing moves.
+    """Connects to an open_abb server and, unless `read_only`, sends all settings; nothing moves.
 
     Raises:
         PortError: the connection is refused, or the address is invalid.

@@ -168,7 +168,7 @@ def parse_numbers(reply: Reply) -> tuple[float, ...]:
     """The numbers in a reply: of READ_JOINTS six angles in degrees, of READ_POSE mm and a quaternion.
 
     Raises:
-        ProtocolError: a field is not a number.
+        ProtocolError: a field is not a finite number.
     """
     text = shown(" ".join(reply.fields))
     try:

@@ -65,7 +65,7 @@ def turn_between(p: Quaternion, q: Quaternion) -> float:
 
 
 def between(a: Pose, b: Pose, share: float) -> Pose:
-    """The pose on the straight way from a to b: position linear, rotation along the shortest arc."""
+    """The pose at a share of the way from a to b: position linear, rotation along the shortest arc."""
     sign = 1.0 if sum(p * q for p, q in zip(a.rotation, b.rotation, strict=True)) >= 0.0 else -1.0
     half = turn_between(a.rotation, b.rotation) / 2.0
     near, far = 1.0 - share, share
@@ -109,7 +109,7 @@ def within_limits(joints_deg: Joints) -> bool:
 
 
 def inverse(flange: Pose) -> Joints | None:
-    """Joints that bring the flange there, elbow up and facing the target; None if out of reach."""
+    """Joints that bring the flange to a pose, elbow up, facing the target; None if it is out of reach."""
     return next((joints for joints in _solutions(flange) if within_limits(joints)), None)
 
 
@@ -139,7 +139,10 @@ def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
 
 
 def _solutions(flange: Pose) -> list[Joints]:
-    """Both solutions of the wrist, elbow up and facing the target, ignoring ranges; empty out of reach."""
+    """Joints that bring the flange to a pose, elbow up, facing the target: one for each way of the wrist.
+
+    Working ranges are not checked; the list is empty if the pose is out of reach.
+    """
     rotation = multiply(flange.rotation, conjugate(_FLANGE))
     out = rotate(rotation, (WRIST_TO_FLANGE, 0.0, 0.0))
     x, y, z = flange.x_mm - out[0], flange.y_mm - out[1], flange.z_mm - out[2]

@@ -2,9 +2,9 @@
 
 One connection, with one request after the other. A request has a single deadline (for connection,
 handshake, sign-in and answer), and its answer a size limit. After a failure the connection is renewed, so
-that no answer is taken for a later one. Sign-in is Basic, or Digest where the controller requires it; user
-and password come from the environment, since an address is printed and journalled. Neither is sent before
-the certificate is verified.
+that a late answer is not taken for that to a later request. Sign-in is Basic, or Digest where the controller
+requires it; user and password come from the environment, since an address is printed and journalled. Neither
+is sent before the certificate is verified, unless any certificate is accepted.
 """
 
 import base64

@@ -85,7 +85,7 @@ class UprightArm(ABC):
 
     @abstractmethod
     def _drive(self, motion: Motion) -> None:
-        """Moves straight, and returns when the arm is at rest there.
+        """Moves the hand straight to the target, and returns when it is at rest.
 
         Raises:
             ArmError: it did not arrive in time; its state is unknown.

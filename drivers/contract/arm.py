@@ -58,7 +58,7 @@ class ArmContract:
         assert rig.moves == 0
 
     def test_one_opened_for_reading_cannot_be_commanded(self, rig: ArmRig) -> None:
-        """A dry run reads, and moves nothing."""
+        """A read-only connection reads the pose, and refuses a motion with a ReadOnlyError."""
         with rig.open(read_only=True) as arm:
             assert tuple(arm.pose()) == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
             with pytest.raises(ReadOnlyError, match="dry run"):

@@ -63,7 +63,7 @@ class GripperContract:
         assert not rig.commanded()
 
     def test_one_opened_for_reading_cannot_be_commanded(self, rig: GripperRig) -> None:
-        """A dry run reads, and sends nothing."""
+        """A read-only connection reads the state, refuses commands with a ReadOnlyError, and sends none."""
         with rig.open() as gripper:
             gripper.activate()
         before = rig.commands()
@@ -94,7 +94,7 @@ class GripperContract:
             assert settled.seconds > 0.0
 
     def test_a_part_stops_the_jaws(self, rig: GripperRig) -> None:
-        """The object state reports contact while closing."""
+        """The settled reading has the width of the part, and reports contact while closing."""
         with rig.open() as gripper:
             gripper.activate()
             rig.put_part()

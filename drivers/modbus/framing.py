@@ -1,4 +1,4 @@
-"""Modbus requests and answers as bytes: pymodbus encodes and decodes, this module locates the answer.
+"""Modbus requests and answers as bytes: pymodbus encodes and decodes them, and this module finds answers.
 
 On a serial line an answer may come after noise, after an echo of the request (a half-duplex adapter without
 echo suppression) or after an answer to another master; so the search tries every byte.

@@ -1,4 +1,4 @@
-"""One audit: take a picture, check the camera, measure the part, compare it with its leaf."""
+"""One audit: takes a picture, checks the camera, measures the part, and compares it with its leaf."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence

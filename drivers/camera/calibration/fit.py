@@ -30,7 +30,7 @@ class Touched(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """A calibration, and its data."""
+    """A calibration, and the data that it is based on."""
 
     calibration: CameraCalibration  # the calibration
     residuals: Residuals  # of boards on the table
@@ -62,7 +62,7 @@ def calibrate(
     Args:
         camera: name or serial number of the camera.
         date: of the calibration, ISO 8601.
-        board: the board.
+        board: the printed board.
         pictures: of the board and of the tags.
         number: id of the part's tag.
         from_below: whether the camera looks up through the table.
@@ -70,6 +70,7 @@ def calibrate(
 
     Raises:
         InputError: a picture cannot be read, or the pictures do not suffice for a reliable calibration.
+        PictureError: a file is not a picture.
     """
     held, table, touched, references = pictures
     size, views, left_out = _views(board, [*table, *(path for path in held if path not in table)])

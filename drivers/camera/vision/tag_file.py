@@ -28,7 +28,7 @@ class PartTag:
 
 
 def save(tag: PartTag, path: Path, date: str) -> None:
-    """Writes the file, with its date; raises OutputError where it cannot be written."""
+    """Writes the file, with the date (ISO 8601); raises OutputError where it cannot be written."""
     fields = asdict(tag)
     place = dict(zip(PLACE, fields.pop("on_part"), strict=True))
     documents.save(path, KIND, {"date": date, "family": FAMILY, **fields, **place})
