@@ -1,4 +1,4 @@
-"""Charts of the figures kept in `tests/bench/results`: Table I beside the paper's, and recorded pushes."""
+"""Charts of results in `tests/bench/results`: the paper's Table I, and recorded pushes."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
@@ -29,11 +29,14 @@ METHODS = {
 
 
 def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) -> Figure:
-    """Poses within the goal in the eight experiments of the paper's Table I: its robot, tables in simulation.
+    """Charts shares of located parts in the eight experiments of Table I: the paper's robot, simulations.
 
-    Counted as the paper counts: every pose that is stated, also where the table says that it is not certain.
-    The rows are as `comparison.run` returns them, the radii those of the discs that a part's
-    centre lies in.
+    As in the paper, a part counts if its stated pose is within the goal, even if the table says that the
+    pose is not certain.
+
+    Args:
+        rows: results of `comparison.run`.
+        radii_mm: for each part, the radius of the disc in which its centre lies.
 
     Raises:
         ValueError: there is no row, or one without the paper's rate.
@@ -83,21 +86,24 @@ def _bars(
 
 
 def label_of(percent: float) -> str:
-    """A share with one decimal; 100 only where nothing is missing."""
+    """Formats a percentage with one decimal; "100" only for exactly 100."""
     if percent == 100.0:
         return "100"
     return "<100" if percent >= 99.95 else f"{percent:.1f}"
 
 
 def _open_frame(axes: Axes, named: Literal["x", "y"], measured: Literal["x", "y"]) -> None:
-    """Leaves out two sides of the frame and the ticks of the axis that names things."""
+    """Hides two sides of the frame and the ticks of the axis `named`; draws a grid on the axis `measured`."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(axis=named, length=0)
     canvas.faint_grid(axes, measured)
 
 
 def calibration(kept: Mapping[str, Any]) -> Figure:
-    """Shares of measured coordinates of pushes in intervals of draws, as `bench_contact.py` keeps them."""
+    """Charts the shares of measured coordinates of pushes that lie in intervals of draws.
+
+    `kept` is the result of `bench_contact.py`.
+    """
     figure = canvas.blank(WIDTH_IN, 3.4)
     panels = canvas.panels(figure, 1, 3, 3)
     nominal = 100.0 * np.array(kept["nominal"])
@@ -115,7 +121,7 @@ def calibration(kept: Mapping[str, Any]) -> Figure:
 
 
 def worst_pushes(kept: Mapping[str, Any]) -> Figure:
-    """The pushes that end farthest from where they are predicted, as `bench_contact.py` keeps them."""
+    """Draws the pushes that end farthest from the prediction; `kept` is the result of `bench_contact.py`."""
     figure = canvas.blank(WIDTH_IN, 4.7)
     panels = canvas.panels(figure, 2, 4, len(kept["worst"]))
     turn = np.linspace(0.0, 2.0 * np.pi, 40)
@@ -139,6 +145,6 @@ def worst_pushes(kept: Mapping[str, Any]) -> Figure:
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
-    """Names once what every panel shows."""
+    """Adds one legend for all panels."""
     style: dict[str, Any] = {"ncols": 4, "frameon": False, "fontsize": FONT}
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", **style)

@@ -1,6 +1,7 @@
-"""Comparison of methods: rows of a job and a world, compiled and evaluated alike, as JSON and as Markdown.
+"""Compares methods: compiles and evaluates jobs with each; gives figures for JSON, and Markdown.
 
-All are evaluated in the stochastic contact world of the row, with fresh seeds, whatever the planner assumed.
+All methods are evaluated in the stochastic contact world of the row, with fresh seeds, whatever the planner
+assumed.
 """
 
 import tomllib
@@ -46,8 +47,8 @@ class Method(NamedTuple):
     world: tuple[str, ...] = ()  # values that differ in the world of every row
 
 
-# The default, the same where friction with the table scatters as measured, the default without placements
-# proposed by the belief, and the paper's two.
+# The default; the default with the measured scatter of friction with the table; the default without
+# placements proposed by the belief; the paper's two methods.
 METHODS = {
     method.name: method
     for method in (
@@ -78,12 +79,12 @@ def zoo_rows(trees: Path) -> list[Row]:
 
 
 def run(row: Row, method: Method, trees: Path, trials: int, workers: int | None = None) -> Figures:
-    """Compiles a row of the folder `trees` with a method and evaluates the table by `trials`.
+    """Compiles a row with a method, and evaluates the table by `trials` parts.
 
     Returns:
         Figures for JSON. `success_rate` counts parts that the table claims to have located and that lie
-        within the goal; `within_rate` counts all poses within the goal, claimed or not: what the paper
-        counts, whose robot predicts a pose at every leaf. Without a plan, `no_plan` says why.
+        within the goal. `within_rate` counts all poses within the goal, claimed or not, as the paper does,
+        whose robot predicts a pose at every leaf. Without a plan, `no_plan` says why.
     """
     job = job_file.load(trees / row.part / "job.toml", changes_of((*row.job, *method.job)))
     figures: Figures = {"row": row.name, "part": row.part, "materials": row.materials}

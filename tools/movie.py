@@ -20,15 +20,15 @@ MU = 0.5
 OUTLINES = 30  # most outlines of one belief
 ARRIVE_S, CLOSE_S, READ_S, OPEN_S, END_S = 0.5, 1.3, 1.1, 0.4, 2.8
 CLOSING = 14  # drawn moments of a closing
-TOUCH = 0.4  # share of it before the part moves
+TOUCH = 0.4  # share of these moments before the part moves
 
 
 class Squeeze(NamedTuple):
     """One squeeze of the shown part."""
 
     node: int
-    hand: Array  # (3,) in the world
-    states: Array  # (CLOSING, 4) of the part in the world and the width, at equal times
+    hand: Array  # (3,) grasp pose in the world
+    states: Array  # (CLOSING, 4) pose of the part in the world, and width, at equal intervals
     reading_um: int  # as the gripper reads it
 
 
@@ -55,7 +55,11 @@ def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
 
 
 def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> Story | None:
-    """The path of a part from a pose (3,) in the world, without scatter; None with other `squeezes`."""
+    """Simulates a part from a pose (3,) in the world, without scatter.
+
+    Returns:
+        The path, or None if the part is not located by exactly so many `squeezes`, or a node drags it.
+    """
     surface = simulator.nominal(1, MU).surfaces[0]
     profile, target, result = table.gripper.profile, 0, list[Squeeze]()
     while target >= 0 and len(result) < squeezes:

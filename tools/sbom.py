@@ -70,7 +70,7 @@ def licence_of(metadata: Message) -> str:
 
 
 def bill(wheels: list[Wheel]) -> str:
-    """The bill as JSON, by name.
+    """Returns the bill of materials as JSON.
 
     Raises:
         ValueError: the wheel of squeezetree is missing.
@@ -87,7 +87,7 @@ def bill(wheels: list[Wheel]) -> str:
 
 
 def _needs(requirements: list[str]) -> list[str]:
-    """Required packages, ignoring extras: pip omitted from the folder what was not requested."""
+    """Names of all required packages, also of extras; `bill` leaves out those that have no wheel."""
     names = set()
     for text in requirements:
         try:
@@ -98,7 +98,7 @@ def _needs(requirements: list[str]) -> list[str]:
 
 
 def main(folder: Path) -> int:
-    """Write the bill of a folder; returns the exit code."""
+    """Writes the bill of a folder; returns the exit code."""
     try:
         text = bill([read(path) for path in sorted(folder.glob("*.whl"))])
         (folder / NAME).write_text(text + "\n", encoding="utf-8")

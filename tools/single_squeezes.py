@@ -53,7 +53,9 @@ def squeezes(job: Job) -> Figure:
 
 
 def partition(job: Job, names: Sequence[str]) -> Figure:
-    """Fig. 4 for the part and the gripper of a job; names as of `subspaces`, free space first, then by width.
+    """Draws Fig. 4 for the part and the gripper of a job.
+
+    `names` are those of the subspaces: free space first, then in the order of their widths.
 
     Raises:
         ValueError: there are more or fewer subspaces than names.

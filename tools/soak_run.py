@@ -41,7 +41,7 @@ SUMMED = (
     "simulated_s",
 )
 WATCHDOG_S = 90.0  # tools/systemd/squeezetree@.service
-# Beyond the executor's deadline of a squeeze, and for the safe sequence.
+# Time allowed in addition: to the executor's deadline for each squeeze, and for the safe sequence.
 SQUEEZE_S, PART_S = 30.0, 60.0
 
 # Faults by which the pose or the part contradicts the readings, so that fingers may come down on
@@ -64,7 +64,7 @@ HANDLED = (
 
 @dataclass
 class Watch:
-    """Observes every command on its way to the devices, with the knowledge at that time."""
+    """Observes every command to the devices, and reports one that no recent reading justifies."""
 
     cell: VirtualCell | None = None
     read_s: float = -math.inf
@@ -100,7 +100,7 @@ class Watch:
         self.at_mm = target
 
     def look_at_wrist(self) -> None:
-        """Reads the true turn of the last axis."""
+        """Extends `wrist_deg` by the true angle of the last axis."""
         if self.cell is not None:
             angle = self.cell.works.arm.joints_at(self.cell.clock.now())[5]
             self.wrist_deg = (min(self.wrist_deg[0], angle), max(self.wrist_deg[1], angle))
@@ -111,7 +111,7 @@ class Watch:
 
 
 class Pulse(Console):
-    """The longest time that the loop did not notify the service manager."""
+    """Measures the longest time for which the loop did not notify the service manager."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
@@ -126,7 +126,7 @@ class Pulse(Console):
 
 
 class WatchedLink:
-    """A gripper's link with a watch on it."""
+    """A gripper's link with a watch; subclasses count transactions, and report them to the watch."""
 
     def __init__(self, link: Any, watch: Watch) -> None:
         self.endpoint, self.close, self.transactions = link.endpoint, link.close, 0
@@ -189,7 +189,7 @@ class WatchedSchunk(WatchedLink):
 
 
 def watched(cell: VirtualCell, watch: Watch, report: Report) -> tuple[Gripper, WatchedLink]:
-    """The driver of the cell's gripper, with a watch on its link."""
+    """Returns the driver of the cell's gripper, and its watched link."""
     simulator, pace = cell.works.simulator, cell.pace
     kinds = {id(grippers.DH): WatchedDh, id(grippers.SCHUNK): WatchedSchunk}
     kind = kinds.get(id(simulator), WatchedRobotiq)
@@ -198,7 +198,7 @@ def watched(cell: VirtualCell, watch: Watch, report: Report) -> tuple[Gripper, W
 
 
 class Records:
-    """A journal in memory, each record followed by the replay as soon as it is written."""
+    """A journal in memory; the replay checks each record as soon as it is written."""
 
     def __init__(self, table: Table, plan: RunOptions) -> None:
         self.digest = hashlib.sha256()
@@ -248,7 +248,7 @@ class Soak:
         return random.Random(f"{seed}/plan").choice(self.handled)
 
     def squeeze_s(self) -> float:
-        """The longest squeeze that the executor allows."""
+        """Longest time that a squeeze may take, s."""
         return DEADLINE_FACTOR * expected_of(self.table, self.table.nodes[0]).total_s + SQUEEZE_S
 
 

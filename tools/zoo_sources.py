@@ -30,7 +30,7 @@ Outlines = dict[str, np.ndarray]
 
 
 def outlines() -> Outlines:
-    """All distinct outlines (n, 2), neither rectangles nor round, by name; none without the packages."""
+    """All distinct outlines (n, 2) mm by name, without rectangles and discs; empty without the packages."""
     result, seen = {}, set()
     for name, outline in (*footprints(), *screws(), *rings(), *keys()):
         size = np.ptp(outline, axis=0)
@@ -50,7 +50,7 @@ def kept_aside(name: str) -> bool:
 
 
 def trivial(outline: np.ndarray) -> bool:
-    """Whether an outline is a rectangle or a circle, except for a rim."""
+    """Whether an outline is a rectangle or a circle up to a rim of `SAME_MM`."""
     part = shapely.Polygon(outline)
     box, (x, y) = part.minimum_rotated_rectangle, part.centroid.coords[0]
     disc = shapely.Point(x, y).buffer(math.sqrt(part.area / math.pi), quad_segs=64)
@@ -70,7 +70,7 @@ def footprints() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def screws() -> Iterator[tuple[str, np.ndarray]]:
-    """Hexagon head screws ISO 4014 on their side, the head on a flat: head across corners, shank."""
+    """Hexagon head screws ISO 4014 that lie on a flat of the head: head across corners, and shank."""
     for row in table("hex_head_parameters.csv"):
         if row["Size"].startswith("M") and row["iso4014:s"]:
             diameter = float(row["Size"][1:].split("-")[0])
@@ -82,7 +82,7 @@ def screws() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def rings() -> Iterator[tuple[str, np.ndarray]]:
-    """Retaining rings DIN 471 at rest: eccentric within the two radial widths, two lugs beside the gap."""
+    """Retaining rings DIN 471 at rest: an eccentric outer edge, and two lugs beside the gap."""
     for row in table("din471.csv"):
         inner, lug, width, hole = (
             0.5 * float(row["d3"]),
@@ -116,7 +116,7 @@ def table(name: str) -> list[dict[str, str]]:
 
 
 def outline_of(shape: shapely.Polygon) -> np.ndarray:
-    """The outer boundary of a drawn part, in the form of jobs."""
+    """Outer boundary of a drawn part, simplified and in the canonical form of jobs."""
     largest = max(shapely.get_parts(shape), key=shapely.area)
     drawn = canonical(shapely.get_coordinates(largest.exterior)[:-1]).outline_mm
     return canonical(simplified(drawn, TOLERANCE_MM)).outline_mm

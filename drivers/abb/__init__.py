@@ -1,1 +1,1 @@
-"""ABB arms: open_abb on IRC5, a RAPID module on OmniCore; poses, reach, common parts of upright arms."""
+"""ABB arms: IRC5 by open_abb, OmniCore by a RAPID module; poses, reach and a base class of upright arms."""

@@ -1,7 +1,7 @@
 """An ABB arm behind an open_abb server: straight moves with deadlines, and none after a silence.
 
-The server has no stop command and answers nothing while it moves; a motion fault shows as silence. So a
-silence makes the arm's state unknown, and this object refuses everything from then on.
+The server has no stop command and answers nothing while the arm moves; a motion fault shows as silence. So a
+silence makes the arm's state unknown, and `Arm` refuses everything from then on.
 """
 
 import contextlib
@@ -19,23 +19,24 @@ from drivers.stream import Stream, closed_on_error, open_tcp, tcp_address
 
 ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod ServerCreateAndConnect)
 STALE_S = 0.2  # within which a stale acknowledgement follows
-ANSWER_S = 2.0  # commands that do not move
+ANSWER_S = 2.0  # time limit for commands that do not move the arm
 STARVED_S = 2.0  # wall: longest delay of a simulated controller
 QUIET_S = 0.01  # wall: silence after which a reply is complete
 CONNECT_TRIES = 3
 
 
 class _CutOffError(ArmError):
-    """The server disconnected; on a fresh connection that is normal."""
+    """The server disconnected, which is normal on a fresh connection (see `over`)."""
 
 
 class Arm(UprightArm):
     """An arm on an open connection, which it owns; `connect` opens one.
 
-    The setup's frames are sent on every connection, its limits checked before every move.
+    The frames of the setup are sent on connecting, unless it is read-only; its limits are checked before
+    every move.
 
     Raises:
-        ArmError: it does not answer as an open_abb server.
+        ArmError: the other side does not answer as an open_abb server.
     """
 
     def __init__(self, stream: Stream, pace: Pace, setup: Setup) -> None:
@@ -57,9 +58,9 @@ class Arm(UprightArm):
         self._ask(codec.SET_ZONE, ("1", "0", "0", "0"))  # fine: acknowledged at rest
 
     def _read_hand(self) -> Pose:
-        """Reads the pose from the server (0.01 mm, about 1 mrad)."""
+        """Reads the hand's pose from the server, with a resolution of 0.01 mm and about 1 mrad."""
         reply = self._ask(codec.READ_POSE)
-        if self._late_s > 0.0:  # it is of a moment too long ago
+        if self._late_s > 0.0:  # the reply is out of date
             reply = self._ask(codec.READ_POSE)
         if self._late_s > 0.0:
             raise ArmError(
@@ -77,7 +78,7 @@ class Arm(UprightArm):
         self._ask(codec.MOVE_LINEAR, codec.pose_numbers(motion.target.frame), motion.budget_s)
 
     def close(self) -> None:
-        """Disconnects; the arm does not move. A silent one gets no message."""
+        """Disconnects; the arm does not move. After a silence, no closing command is sent."""
         if not self._unknown:
             with contextlib.suppress(OSError):
                 self._stream.send(codec.command(codec.CLOSE))
@@ -92,7 +93,7 @@ class Arm(UprightArm):
         self._speeds = speed_mm_s, turn_rad_s
 
     def _drain(self) -> None:
-        """Waits for the server's start and discards what it still sends to its last client."""
+        """Waits for the server's start and discards what it still sends for its previous client."""
         until = self._pace.now() + (ACCEPT_S + STALE_S) / self._pace.time_scale
         while (left := until - self._pace.now()) > 0.0:
             try:
@@ -150,7 +151,7 @@ class Arm(UprightArm):
 
 
 def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
-    """Connects to an open_abb server, drains it and sends all settings; nothing moves.
+    """Connects to an open_abb server and, unless `read_only`, sends all settings; nothing moves.
 
     Raises:
         PortError: the connection is refused, or the address is invalid.
@@ -164,10 +165,10 @@ def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
 
 
 def over(open_stream: Callable[[], Stream], pace: Pace, setup: Setup) -> Arm:
-    """`connect` over connections of any kind.
+    """Returns an arm on a stream opened by `open_stream`; otherwise as `connect`.
 
-    The server recreates its sockets after each client, and disconnects clients that connected meanwhile; such
-    a connection is tried again.
+    The server recreates its sockets after each client, and disconnects clients that connected meanwhile; the
+    stream is then opened again, up to `CONNECT_TRIES` times in all.
     """
 
     def opened() -> Arm:

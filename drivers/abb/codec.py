@@ -1,8 +1,8 @@
-"""The open_abb wire protocol as `SERVER.mod` really behaves: lines out, unterminated replies in.
+"""The open_abb wire protocol as `SERVER.mod` implements it: lines to the server, unterminated replies.
 
-A command is `<code> (<number> )*#`: one space between fields and one before `#`, or the last parameter is
-lost. The server keeps a parameter's old value when a number is garbled, and would move there; so numbers are
-formatted strictly.
+A command is `<code> (<number> )*#`. It has one space between fields and one before `#`; otherwise the last
+parameter is lost. The server keeps a parameter's old value when a number is garbled, and would move there; so
+numbers are formatted strictly.
 """
 
 import math
@@ -18,8 +18,8 @@ MAX_MAGNITUDE = 1e5  # larger than any number sent to an arm; keeps lines short
 
 PING, MOVE_LINEAR, READ_POSE, READ_JOINTS = 0, 1, 3, 4
 SET_TOOL, SET_WORK_OBJECT, SET_SPEED, SET_ZONE = 6, 7, 8, 9
-CLOSE = 99  # answered by silence
-# neither move anything nor change a setting
+CLOSE = 99  # has no reply
+# commands that neither move anything nor change a setting
 HARMLESS = frozenset({PING, READ_POSE, READ_JOINTS, CLOSE})
 
 # Number of fields in the reply to each code. 98 has free text and is left out.
@@ -62,7 +62,7 @@ class ProtocolError(ValueError):
 
 
 def number(value: float, decimals: int) -> str:
-    """Format a number for the wire: fixed point, no exponent, no negative zero.
+    """Formats a number for the wire: fixed point, no exponent, no negative zero.
 
     Raises:
         ProtocolError: it is not finite, or too large.
@@ -101,7 +101,7 @@ def pose_numbers(pose: Pose) -> tuple[str, ...]:
 
 
 def speed_numbers(speed_mm_s: float, turn_rad_s: float) -> tuple[str, str]:
-    """Two numbers of a speed: mm/s and deg/s to 0.001; errors as of `number`."""
+    """Two numbers of a speed: mm/s and deg/s to 0.001; raises the errors of `number`."""
     return number(speed_mm_s, 3), number(math.degrees(turn_rad_s), 3)
 
 
@@ -151,7 +151,7 @@ def parse_reply(text: str, code: int) -> Reply | None:
 
 
 def drop_stale(text: str, code: int) -> str:
-    """`text` without complete acknowledgements of other codes at its start.
+    """Returns `text` without complete acknowledgements of other codes at its start.
 
     A server whose client vanished during a move sends that move's acknowledgement to the next client.
     """
@@ -168,7 +168,7 @@ def parse_numbers(reply: Reply) -> tuple[float, ...]:
     """The numbers in a reply: of READ_JOINTS six angles in degrees, of READ_POSE mm and a quaternion.
 
     Raises:
-        ProtocolError: a field is not a number.
+        ProtocolError: a field is not a finite number.
     """
     text = shown(" ".join(reply.fields))
     try:

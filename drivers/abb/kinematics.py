@@ -13,7 +13,7 @@ FOREARM, WRIST_TO_FLANGE = 302.0, 72.0
 LAST_AXIS_DEG = (-400.0, 400.0)
 LIMITS_DEG = ((-165, 165), (-110, 110), (-110, 70), (-160, 160), (-120, 120), LAST_AXIS_DEG)
 IN_LINE = 1e-5  # sine of axis 5 below which axes 4 and 6 count as one (SingArea \\Wrist)
-STEP_MM, STEP_RAD = 100.0, 1.0  # step along a way in which no axis turns ambiguously
+STEP_MM, STEP_RAD = 100.0, 1.0  # step along a way, so short that no axis turns ambiguously
 _REACH = math.hypot(FOREARM, ELBOW_OFFSET)  # elbow to wrist centre
 _LIFT = math.atan2(ELBOW_OFFSET, FOREARM)
 
@@ -39,7 +39,7 @@ def conjugate(q: Quaternion) -> Quaternion:
 
 
 def rotate(q: Quaternion, v: Vector) -> Vector:
-    """Turn a vector: v + 2 w (u x v) + 2 u x (u x v) for q = (w, u)."""
+    """Rotates a vector: v + 2 w (u x v) + 2 u x (u x v) for q = (w, u)."""
     w, i, j, k = q
     x, y, z = v
     a, b, c = 2.0 * (j * z - k * y), 2.0 * (k * x - i * z), 2.0 * (i * y - j * x)
@@ -47,7 +47,7 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
 
 
 def compose(a: Pose, b: Pose) -> Pose:
-    """Pose b, given in the frame a."""
+    """Converts pose b from the frame a to the frame in which a is given."""
     x, y, z = rotate(a[3], b[:3])
     return Pose(a[0] + x, a[1] + y, a[2] + z, multiply(a[3], b[3]))
 
@@ -65,7 +65,7 @@ def turn_between(p: Quaternion, q: Quaternion) -> float:
 
 
 def between(a: Pose, b: Pose, share: float) -> Pose:
-    """The pose on the straight way from a to b: position linear, rotation along the shortest arc."""
+    """The pose at a share of the way from a to b: position linear, rotation along the shortest arc."""
     sign = 1.0 if sum(p * q for p, q in zip(a.rotation, b.rotation, strict=True)) >= 0.0 else -1.0
     half = turn_between(a.rotation, b.rotation) / 2.0
     near, far = 1.0 - share, share
@@ -109,16 +109,16 @@ def within_limits(joints_deg: Joints) -> bool:
 
 
 def inverse(flange: Pose) -> Joints | None:
-    """Joints that bring the flange there, elbow up and facing the target; None if out of reach."""
+    """Joints that bring the flange to a pose, elbow up, facing the target; None if it is out of reach."""
     return next((joints for joints in _solutions(flange) if within_limits(joints)), None)
 
 
 def track(
     joints_deg: Joints, start: Pose, target: Pose, share: float = 1.0
 ) -> Iterator[Joints | None]:
-    """The joints along a share of a straight way of the flange, whole turns of the wrist counted.
+    """Yields the joints along the first `share` of a straight way of the flange, whole turns counted.
 
-    They are yielded also beyond their range; the last value is None where the way leaves the reach.
+    Joints beyond their working range are yielded, too. The last value is None if the way leaves the reach.
     """
     path, turn = math.dist(start[:3], target[:3]), turn_between(start.rotation, target.rotation)
     steps = max(math.ceil(path * share / STEP_MM), math.ceil(turn * share / STEP_RAD), 1)
@@ -133,13 +133,16 @@ def track(
 
 
 def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
-    """The equivalent joints nearest to those before, whole turns counted."""
+    """Adds whole turns to the joints, so that each is nearest to its value before."""
     pairs = zip(joints_deg, before_deg, strict=True)
     return tuple(joint + 360.0 * round((before - joint) / 360.0) for joint, before in pairs)
 
 
 def _solutions(flange: Pose) -> list[Joints]:
-    """Both solutions of the wrist, elbow up and facing the target, ignoring ranges; empty out of reach."""
+    """Joints that bring the flange to a pose, elbow up, facing the target: one for each way of the wrist.
+
+    Working ranges are not checked; the list is empty if the pose is out of reach.
+    """
     rotation = multiply(flange.rotation, conjugate(_FLANGE))
     out = rotate(rotation, (WRIST_TO_FLANGE, 0.0, 0.0))
     x, y, z = flange.x_mm - out[0], flange.y_mm - out[1], flange.z_mm - out[2]
@@ -158,7 +161,10 @@ def _solutions(flange: Pose) -> list[Joints]:
 
 
 def _wrist_angles(wrist: Quaternion) -> list[Vector]:
-    """Both decompositions of a rotation into X-Y-X turns, the one with less turn of axis 4 first."""
+    """Decomposes a rotation into X-Y-X turns, rad.
+
+    There are two solutions, that with the smaller turn of axis 4 first; one where axes 4 and 6 are in line.
+    """
     axes: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     along, side, up = (rotate(wrist, axis) for axis in axes)
     bend = math.acos(max(-1.0, min(1.0, along[0])))

@@ -1,7 +1,7 @@
 """An ABB arm on an OmniCore controller: RAPID program `SqueezeTree.modx`, fed over Robot Web Services 2.
 
-Never tried on a controller. Connecting only reads; the program is started with the first motion, and
-only after its pointer was set to this module and read back. An interrupted or late motion is stopped.
+Never tried on a controller. Connecting only reads. The first motion starts the program, and only after the
+program pointer was set to this module and read back. An interrupted or late motion is stopped.
 """
 
 import contextlib
@@ -41,7 +41,7 @@ class Arm(UprightArm):
     """An arm on an open session, which it owns; `connect` opens one.
 
     Raises:
-        ArmError: it does not answer as an OmniCore controller with the module.
+        ArmError: the other side does not answer as an OmniCore controller with the module.
     """
 
     def __init__(self, rws: Rws, endpoint: str, pace: Pace, setup: Setup) -> None:
@@ -101,7 +101,7 @@ class Arm(UprightArm):
             raise
 
     def _objection(self) -> str:
-        """Why the arm may not be moved; empty: it may."""
+        """Why the arm may not be moved; empty if it may."""
         mode = str(self._look("/rw/panel/opmode").get("opmode", "unknown"))
         motors = str(self._look("/rw/panel/ctrl-state").get("ctrlstate", "unknown"))
         if mode.upper() != "AUTO":
@@ -113,10 +113,10 @@ class Arm(UprightArm):
         return ""
 
     def _pointer(self) -> tuple[str | None, str | None]:
-        """Module and routine at the program pointer; None: unknown."""
+        """Module and routine at the program pointer; None if unknown."""
         states = self._states(POINTER)
         line = next((state for state in states if state.get("_title") == "progpointer"), {})
-        # RWS spells it so
+        # RWS spells it `modulemame`.
         return line.get("modulemame") or line.get("modulename"), line.get("routinename")
 
     def _runs(self) -> bool:
@@ -134,7 +134,7 @@ class Arm(UprightArm):
             raise self._lose(
                 "the program pointer could not be set to our module; start it on the pendant"
             )
-        # The program takes an earlier request for done, which signals that it has begun.
+        # At its start, the program reports an earlier request as done, which signals that it has begun.
         self._next()
         self._rws.post("/rw/rapid/execution/start", START, mastership="implicit")
         until = self._pace.deadline(START_S)
@@ -151,7 +151,7 @@ class Arm(UprightArm):
         until = self._pace.deadline(budget_s)
         while True:
             late = self._pace.now() > until
-            runs = self._runs()  # before the number: a program that ended after it is no loss
+            runs = self._runs()  # read first: a program may end after it reported the number
             if _is(self._symbol(name), self._moves):
                 return
             if not runs:

@@ -1,4 +1,4 @@
-"""Motions that are refused before they are sent: the controller answers unreachable targets with silence."""
+"""Checks motions before they are sent, since a controller may answer unreachable targets with silence."""
 
 import math
 from collections.abc import Callable
@@ -12,8 +12,8 @@ from drivers.errors import PortError
 
 STEP_MM = 50.0  # between checked points of a straight path
 SPARE_DEG = 10.0  # margin at both ends of the last axis's range
-# Uncertainty of axis 1, which also turns the hand, if the base is unknown: less than this in a work
-# area.
+# The same margin if the base is unknown: axis 1, which also turns the hand, turns by less than this in a
+# work area.
 SPARE_BLIND_DEG = 90.0
 
 Box = tuple[float, float, float, float, float, float]  # mm: x, y, z from, x, y, z to
@@ -47,7 +47,7 @@ class Setup(NamedTuple):
 
 
 def setup_of(url: str, *, read_only: bool) -> Setup:
-    """The setup in an address after its `?`.
+    """Parses the setup in an address after its `?`.
 
     Raises:
         PortError: a setting is invalid.
@@ -80,7 +80,10 @@ def within_irb_120(flange: Pose) -> bool:
 
 
 def within_sphere(setup: Setup) -> Callable[[Pose], bool]:
-    """Approximate kinematics of other arms: the flange within `reach_mm` of the base."""
+    """Returns a function that says whether a pose of the flange is within `reach_mm` of the base.
+
+    It approximates the kinematics of other arms than the IRB 120.
+    """
     return lambda flange: math.dist(flange[:3], (0.0, 0.0, 0.0)) <= setup.reach_mm
 
 
@@ -89,7 +92,7 @@ def obstacle(
 ) -> str:
     """Why the hand cannot go a straight way in the work object frame, or an empty string.
 
-    If the base frame is known, `reaches` says whether the flange can be at a pose in it.
+    `reaches` says whether the flange can be at a pose in the base frame; without that frame it is not used.
     """
     if setup.area is not None:
         low, high = setup.area[:3], setup.area[3:]
@@ -133,7 +136,7 @@ class Wrist(NamedTuple):
 
 
 def _bearing(x_mm: float, y_mm: float, setup: Setup) -> float:
-    """Direction of axis 1 for a place of the hand, rad; the tool lies on the last axis, which points down."""
+    """Direction of axis 1 for a place of the hand, rad, if the tool lies on the last axis."""
     seen = compose(setup.table, Pose(x_mm, y_mm, 0.0, IDENTITY.rotation))
     return math.atan2(seen.y_mm, seen.x_mm)
 

@@ -2,9 +2,9 @@
 
 One connection, with one request after the other. A request has a single deadline (for connection,
 handshake, sign-in and answer), and its answer a size limit. After a failure the connection is renewed, so
-that no answer is taken for a later one. Sign-in is Basic, or Digest where the controller requires it; user
-and password come from the environment, since an address is printed and journalled. Neither is sent before
-the certificate is verified.
+that a late answer is not taken for that to a later request. Sign-in is Basic, or Digest where the controller
+requires it; user and password come from the environment, since an address is printed and journalled. Neither
+is sent before the certificate is verified, unless any certificate is accepted.
 """
 
 import base64
@@ -28,7 +28,7 @@ from drivers.stream import closed_on_error, connected
 ANSWER_S = 4.0  # wall; controllers take some tenths of a second under load
 MOST_BYTES = 1 << 20  # of an answer with its headers; usual ones have less than 10 kB
 USER, PASSWORD = "SQUEEZETREE_RWS_USER", "SQUEEZETREE_RWS_PASSWORD"
-CERTIFICATE = "SQUEEZETREE_RWS_CERTIFICATE"  # a PEM file, the SHA-256 of a certificate, or `ANY`
+CERTIFICATE = "SQUEEZETREE_RWS_CERTIFICATE"  # a PEM file, the SHA-256 of a certificate, or "any"
 ANY = "any"
 SHA256 = re.compile(r"(?:[0-9A-Fa-f]{2}:?){32}")
 FACTORY = ("Default User", "robotics")  # as delivered; documented by ABB
@@ -42,9 +42,9 @@ class RwsError(OSError):
 
 
 class Rws:
-    """A session with a controller; sends nothing before the first request.
+    """A session with a controller; connects at the first request.
 
-    With `read_only` it refuses to send anything but reading requests.
+    With `read_only` it sends reading requests only.
     """
 
     def __init__(self, host: str, port: int, pace: Pace, *, read_only: bool = False) -> None:
@@ -58,7 +58,7 @@ class Rws:
         self._count = 0
 
     def state(self, path: str, **query: str) -> list[State]:
-        """Reads a resource.
+        """Reads a resource; returns the states in the answer, at least one.
 
         Raises:
             RwsError: no answer in time, a refusal, or no such resource.
@@ -68,7 +68,7 @@ class Rws:
             since = self._pace.now()
             body = self._request("GET", target, "")
             late_s = self._pace.now() - since - ANSWER_S
-            if late_s <= 0.0:  # otherwise it is of a moment too long ago
+            if late_s <= 0.0:  # otherwise the answer is out of date
                 return _states(path, body)
         raise RwsError(
             f"this process was stopped or starved and read an answer {late_s:.1f} s too late"
@@ -138,10 +138,10 @@ class Rws:
         return answer.status, answer.headers, text
 
     def _connected(self, until: float) -> http.client.HTTPSConnection:
-        """A connection, made until a deadline, to a controller with the stated certificate.
+        """Connects before a deadline to a controller that has the stated certificate.
 
         Raises:
-            RwsError: it has another certificate, or none was stated.
+            RwsError: the controller has another certificate, none was stated, or its file cannot be read.
         """
         stated = os.environ.get(CERTIFICATE, "")
         in_file = stated not in ("", ANY) and not SHA256.fullmatch(stated)
@@ -157,7 +157,7 @@ class Rws:
         plain = connected(self._host, self._port, max(until - self._pace.now(), 1e-3))
         with closed_on_error(plain):
             plain.settimeout(max(until - self._pace.now(), 1e-3))
-            # The timeout is one of the whole handshake (Modules/_ssl.c).
+            # The timeout limits the whole handshake (Modules/_ssl.c).
             secure = context.wrap_socket(plain, server_hostname=self._host)
         certificate = hashlib.sha256(secure.getpeercert(binary_form=True) or b"").hexdigest()
         if not in_file and stated != ANY and certificate != stated.replace(":", "").lower():
@@ -169,7 +169,7 @@ class Rws:
                 f"own, set {CERTIFICATE} to its SHA-256: {certificate}"
             )
         connection = http.client.HTTPSConnection(self._host, self._port, context=context)
-        connection.auto_open = 0  # only here
+        connection.auto_open = 0  # connects only here
         connection.sock = BoundedSocket(secure, self._pace.now)
         return connection
 
@@ -190,7 +190,7 @@ class Rws:
         return f"Digest {quoted}, qop=auth, nc={count}"
 
     def _take(self, headers: http.client.HTTPMessage) -> bool:
-        """The Digest challenge of a response, with MD5 by RFC 7616, if any."""
+        """Keeps the Digest challenge (MD5, RFC 7616) of a response; returns whether there is one."""
         for challenge in headers.get_all("WWW-Authenticate") or ():
             scheme, _, rest = challenge.partition(" ")
             try:
@@ -205,7 +205,7 @@ class Rws:
 
 
 def _whole(answer: http.client.HTTPResponse) -> bytes:
-    """A body; its length is stated by the other side, so at most `MOST_BYTES` are allocated."""
+    """Reads a body; allocates at most `MOST_BYTES`, whatever length the other side states."""
     body = answer.read(MOST_BYTES)
     if answer.length:
         raise http.client.IncompleteRead(body, answer.length)

@@ -1,7 +1,7 @@
-"""An arm whose hand points straight down: common checks and angle counting of all makes.
+"""Common part of all arms whose hand points straight down: checks, and counting of whole turns.
 
-Targets are quaternions or similar, which have no whole turns, and controllers turn the shortest way. So the
-hand's angle is counted from motion to motion and compared with the last axis.
+Targets are quaternions or similar, which have no whole turns, and controllers turn the shortest way. So whole
+turns of the hand are counted from motion to motion, and compared with the last axis.
 """
 
 import math
@@ -22,7 +22,7 @@ Read = TypeVar("Read")
 
 
 class ArmPose(NamedTuple):
-    """Where the hand is, work object frame: mm, and its turn about the vertical, whole turns counted."""
+    """Pose of the hand in the work object frame: mm, and angle about the vertical, whole turns counted."""
 
     x_mm: float
     y_mm: float
@@ -31,25 +31,25 @@ class ArmPose(NamedTuple):
 
     @property
     def frame(self) -> Pose:
-        """The pose of a hand that points down there."""
+        """The same pose with a quaternion; the hand points down."""
         return Pose(self.x_mm, self.y_mm, self.z_mm, codec.hand_rotation(self.angle_rad))
 
 
 class Motion(NamedTuple):
-    """A straight motion, as checked before it is sent."""
+    """A straight motion that has passed all checks."""
 
     start: ArmPose
     target: ArmPose
-    speed_mm_s: float  # greatest of the hand's middle
-    turn_rad_s: float  # greatest of its turn
-    budget_s: float  # device seconds by which it is over
+    speed_mm_s: float  # greatest speed of the hand's middle
+    turn_rad_s: float  # greatest rate of its turn
+    budget_s: float  # time limit, in device seconds
 
 
 class UprightArm(ABC):
-    """Base class of arms whose hand points down; a make implements reading and driving.
+    """Base class of arms whose hand points down; a subclass for each make reads and moves the arm.
 
     Args:
-        endpoint: its address as the user named it.
+        endpoint: address of the arm as the user named it.
         setup: frames and limits.
         reaches: whether the flange can be at a pose in the base frame.
     """
@@ -61,7 +61,7 @@ class UprightArm(ABC):
         self._setup = setup
         self._reaches = reaches
         self._unknown = ""  # why the state is unknown
-        self._at: ArmPose | None = None  # None: not known since the last motion
+        self._at: ArmPose | None = None  # None: unknown, has to be read
         self._angle_rad: float | None = None  # the last known angle, from which the next is counted
         self._wrist: Wrist | None = None
         self._wrist_is_fresh = False
@@ -81,11 +81,11 @@ class UprightArm(ABC):
 
     @abstractmethod
     def _read_last_axis(self) -> float:
-        """Reads the last joint in rad, whole turns included; errors as above."""
+        """Reads the last joint in rad, whole turns included; raises the errors of `_read_hand`."""
 
     @abstractmethod
     def _drive(self, motion: Motion) -> None:
-        """Moves straight, and returns when the arm is at rest there.
+        """Moves the hand straight to the target, and returns when it is at rest.
 
         Raises:
             ArmError: it did not arrive in time; its state is unknown.
@@ -171,7 +171,7 @@ class UprightArm(ABC):
         self._at, self._angle_rad = target, target.angle_rad
 
     def _overturn(self, start: ArmPose, target: ArmPose) -> str:
-        """Why a hand cannot be turned so far; one already beyond the range may be turned back."""
+        """Why the hand cannot turn so far; empty if it can. From beyond the range it may be turned back."""
         if abs(target.angle_rad - start.angle_rad) > MOST_TURN_RAD:
             return "half a turn or more, which the controller may go either way; go it in several motions"
         assert self._wrist is not None  # since the first pose

@@ -1,1 +1,1 @@
-"""The camera: measures a tag's pose on a known plane, and judges whether a part is at its leaf's pose."""
+"""Camera: measures a tag's pose on a known plane, and judges whether its part lies at the leaf's pose."""

@@ -1,4 +1,4 @@
-"""Entry points of the audit's commands; those that need a camera state the missing extra."""
+"""Entry points of grasp-audit and grasp-calibrate, which say if the extra `audit` is missing."""
 
 import os
 import sys
@@ -9,12 +9,13 @@ from runtime.shell.command import entry
 
 AUDIT, CALIBRATE = "drivers.camera.audit.command", "drivers.camera.calibration.command"
 FROM_JOURNALS = {"report": "runtime.spc.command", "study": "runtime.spc.study.command"}
-# Read on import: a missing camera is reported in the verdict, and would be logged once a second.
+# OpenCV reads these when it is imported. It would log a missing camera once a second, although the verdict
+# reports it.
 QUIET = {"OPENCV_LOG_LEVEL": "OFF", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 
 def audit(arguments: Sequence[str] | None = None) -> int:
-    """grasp-audit: `report` and `study` from journals only, `judge` with a camera."""
+    """Runs grasp-audit and returns its exit code; `report` and `study` need no extra, `judge` does."""
     words = _words(arguments)
     if words and words[0] in FROM_JOURNALS:
         return int(import_module(FROM_JOURNALS[words[0]]).main(words[1:]))
@@ -22,7 +23,7 @@ def audit(arguments: Sequence[str] | None = None) -> int:
 
 
 def calibrate(arguments: Sequence[str] | None = None) -> int:
-    """grasp-calibrate camera, tag and pictures."""
+    """Runs grasp-calibrate; returns its exit code."""
     return _run("grasp-calibrate", CALIBRATE, _words(arguments))
 
 

@@ -34,7 +34,7 @@ def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
 
 
 def read(path: Path, kind: str, remedy: str, parse: Callable[[dict[str, Any]], T]) -> T:
-    """Reads a file of a kind, with checksum and version verified.
+    """Reads a file, and checks its kind, checksum and version.
 
     Args:
         path: of the file.
@@ -42,8 +42,11 @@ def read(path: Path, kind: str, remedy: str, parse: Callable[[dict[str, Any]], T
         remedy: how to create such a file, for the message.
         parse: converts the body; raises KeyError, TypeError or ValueError for an invalid one.
 
+    Returns:
+        The result of `parse`.
+
     Raises:
-        InputError: it cannot be read, is of another kind, or was changed.
+        InputError: it cannot be read, is of another kind or version, was changed, or is invalid.
     """
 
     def refused(problem: str) -> InputError:

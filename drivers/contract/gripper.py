@@ -15,7 +15,7 @@ from drivers.ports import Gripper, ObjectState
 class GripperRig(Protocol):
     """Test rig: a device that is not activated yet, with open jaws."""
 
-    contact_um: int  # width at which they stop after `put_part`
+    contact_um: int  # width at which the jaws stop after `put_part`
 
     def open(self, *, read_only: bool = False) -> AbstractContextManager[Gripper]:
         """A connection through the driver, closed when its context is left."""
@@ -30,7 +30,7 @@ class GripperRig(Protocol):
         """A value that changes when the device receives a command."""
 
     def silence(self) -> None:
-        """From now on the device does not answer."""
+        """Makes the device silent from now on."""
 
     def close(self) -> None:
         """Stops the rig."""
@@ -56,14 +56,14 @@ class GripperContract:
         result.close()
 
     def test_connecting_reads_and_does_not_write(self, rig: GripperRig) -> None:
-        """Nothing moves, and an inactive gripper stays so."""
+        """Connecting sends no command, so that an inactive gripper stays inactive."""
         with rig.open() as gripper:
             assert isinstance(gripper, ports.Gripper)
             assert not gripper.state().activated
         assert not rig.commanded()
 
     def test_one_opened_for_reading_cannot_be_commanded(self, rig: GripperRig) -> None:
-        """A dry run reads, and sends nothing."""
+        """A read-only connection reads the state, refuses commands with a ReadOnlyError, and sends none."""
         with rig.open() as gripper:
             gripper.activate()
         before = rig.commands()
@@ -77,7 +77,7 @@ class GripperContract:
         assert rig.commands() == before
 
     def test_activate_move_wait(self, rig: GripperRig) -> None:
-        """A settled reading has the jaws' width and repeats the request."""
+        """The settled reading has the width of the jaws and the requested width."""
         with rig.open() as gripper:
             profile = gripper.profile
             gripper.activate()
@@ -94,7 +94,7 @@ class GripperContract:
             assert settled.seconds > 0.0
 
     def test_a_part_stops_the_jaws(self, rig: GripperRig) -> None:
-        """The object state reports contact while closing."""
+        """The settled reading has the width of the part, and reports contact while closing."""
         with rig.open() as gripper:
             gripper.activate()
             rig.put_part()
@@ -123,7 +123,7 @@ class GripperContract:
         assert not rig.commanded()
 
     def test_stopping_halfway_leaves_the_jaws_there(self, rig: GripperRig) -> None:
-        """The jaws stand still, not yet closed."""
+        """After `stop` the jaws stand still, and are not closed yet."""
         with rig.open() as gripper:
             gripper.activate()
             close(gripper)
@@ -133,7 +133,7 @@ class GripperContract:
             assert gripper.state().width_um == here > 0
 
     def test_waiting_for_nothing_is_refused(self, rig: GripperRig) -> None:
-        """A reading belongs to a move."""
+        """`wait` without a move raises a GripperFault."""
         with rig.open() as gripper:
             gripper.activate()
             with pytest.raises(GripperFault, match="no move"):
@@ -147,7 +147,7 @@ class GripperContract:
                 gripper.state()
 
     def test_a_dead_device_is_a_timeout(self, rig: GripperRig) -> None:
-        """A silence ends by the driver's own deadline."""
+        """A call to a silent device raises a LinkError at the driver's deadline."""
         with rig.open() as gripper:
             rig.silence()
             with pytest.raises(LinkError) as raised:

@@ -1,6 +1,6 @@
 """Device logic of a DH gripper: initialisation, moves, and detection of stale states.
 
-The registers have no stop, no fault and no current; [PGC] and [PGE] as in `drivers.dh.registers`.
+The registers have no stop, no fault and no current. Sources are those of `drivers.dh.registers`.
 """
 
 from collections.abc import Callable
@@ -16,8 +16,8 @@ from drivers.modbus import address
 from drivers.polling import Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report
 
-INITIALISE_S = 10.0  # a stroke at a speed that no manual states
-REST_S = 1.0  # drift of stopped fingers is less than this
+INITIALISE_S = 10.0  # time limit: a stroke at a speed that no manual states
+REST_S = 1.0  # time within which stopped fingers come to rest
 ARRIVED = 10  # positions: distance from the request above which "at position" is contradictory
 REPEATING = "repeating a write whose answer was lost"
 
@@ -45,7 +45,7 @@ class Reading(NamedTuple):
 
     @property
     def object(self) -> ObjectState:
-        """The object state; the registers do not have the direction in which an object was met."""
+        """The object state; its direction follows from target and position, since no register has it."""
         if not self.ready or self.moving:
             return ObjectState.NONE
         if self.grip is not Grip.CAUGHT:
@@ -54,7 +54,7 @@ class Reading(NamedTuple):
 
 
 class Gripper(PolledGripper[Reading, int]):
-    """A DH gripper; a target is a position. Connecting reads and never writes."""
+    """A DH gripper; targets are positions. Connecting reads and never writes."""
 
     stale_s = 0.2  # time during which the grip state may still be that of the previous move
 
@@ -68,8 +68,8 @@ class Gripper(PolledGripper[Reading, int]):
     def activate(self) -> None:
         """Initialises: the fingers open, or close if the gripper is set so; a held part is dropped.
 
-        The stroke is not learnt: that closes the fingers on anything between them, and is done once after a
-        change of fingers, with the maker's software.
+        The stroke is not calibrated: that closes the fingers on anything between them, and is done with the
+        maker's software, once after a change of fingers.
         """
         seen = self._read()
         if seen.ready:
@@ -101,7 +101,7 @@ class Gripper(PolledGripper[Reading, int]):
         """Stops the fingers by requesting their current position; a held part stays held.
 
         Raises:
-            GripperFault: it initialises, which no register ends, or does not come to rest.
+            GripperFault: the gripper initialises, which no register can stop, or does not come to rest.
         """
         self._move = None
         seen = self._past_stale(self._read())
@@ -147,12 +147,12 @@ class Gripper(PolledGripper[Reading, int]):
         return seen.position if self._fits(seen, move) else None
 
     def _fits(self, seen: Reading, move: Move[Reading, int]) -> bool:
-        """Whether the grip state is final and fits the position: a stale one usually does not."""
+        """Whether the grip state is final and agrees with the position; a stale state usually does not."""
         if seen.moving:
             return False
         if seen.grip is not Grip.CAUGHT:
             return abs(seen.position - move.target) <= ARRIVED
-        # Stopped fingers are short of the request: at it, the state is that of the previous move.
+        # A part stops the fingers short of the request; at the request, the state is of the previous move.
         return seen.position != move.target or move.before.position == move.target
 
     def _require_ready(self, seen: Reading, doing: str) -> None:
@@ -185,6 +185,7 @@ def gripper(
 
     Raises:
         PortError: the port cannot be opened or is not understood, or the profile is of another make.
+        LinkError: there is no answer.
     """
     unit = address.unit_of(port, dh.UNIT)
     Scale(profile)  # before anything is opened

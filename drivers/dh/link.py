@@ -25,7 +25,7 @@ class RtuLink(Master):
         self._unit = unit
 
     def read(self) -> Mapping[int, int]:
-        """Reads control registers and states; up to 3 attempts, since reading changes nothing."""
+        """Reads control registers and states, by address; up to 3 attempts, since reading changes nothing."""
         return self._repeated(self._read_once)
 
     def write(self, register: int, value: int) -> None:

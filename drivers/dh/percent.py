@@ -6,11 +6,11 @@ from drivers.polling import setting
 from drivers.ports import GripperProfile
 from runtime.table import PROFILES
 
-MODEL = "dh-ag95"  # default; no register has it
+MODEL = "dh-ag95"  # default, since no register holds the model
 
 
 class Scale:
-    """The settings of one model.
+    """Conversion of the settings of one model.
 
     Raises:
         PortError: the model does not divide its stroke into thousandths.
@@ -33,7 +33,7 @@ class Scale:
         return setting(speed_mm_s, self.profile.speed_mm_s, LEAST_SPEED, MOST)
 
     def speed_mm_s(self, percent: int) -> float:
-        """Rate of the width at a setting."""
+        """Rate of the width, mm/s, at a speed setting."""
         least, most = self.profile.speed_mm_s
         return least + (most - least) * (percent - LEAST_SPEED) / (MOST - LEAST_SPEED)
 

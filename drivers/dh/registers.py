@@ -1,7 +1,7 @@
 """Registers of the AG and PGC series.
 
-Sources: [AG] "AG-95 Gripper Short Manual (Modbus-RTU)", [PGC] "PGC-50 Gripper Short Manual", whose series
-edition has the same map, and [PGE] "PGE-2 Gripper User Manual" V1.0 (2021), which has it, too. Every
+Sources: [AG] "AG-95 Gripper Short Manual (Modbus-RTU)", [PGC] "PGC-50 Gripper Short Manual", and [PGE]
+"PGE-2 Gripper User Manual" V1.0 (2021). The manual of the PGC series and [PGE] have the map of [PGC]. Every
 register is one word; functions 03, 06 and 16 are served ([PGE] 3.3.2).
 """
 
@@ -27,7 +27,7 @@ STATUS = (INITIALISED, 3)
 SAVE, DIRECTION = 0x0300, 0x0301
 SETTINGS = (SAVE, 6)
 
-# To the end that `DIRECTION` names; to both ends, to learn the stroke.
+# Values of INITIALISATION: to the end that `DIRECTION` names; to both ends, to calibrate the stroke.
 INITIALISE, CALIBRATE = 0x01, 0xA5
 FULL = 1000  # of POSITION: a whole stroke
 LEAST_FORCE, LEAST_SPEED, MOST = 20, 1, 100  # per cent

@@ -10,7 +10,7 @@ def unit_of(port: str, usual: int) -> int:
     """The unit that a port's name states, or the usual one.
 
     Raises:
-        PortError: it is invalid.
+        PortError: the stated unit is invalid.
     """
     stated = parse_qsl(port.partition("?")[2], keep_blank_values=True) or [("unit", str(usual))]
     unit = int(stated[0][1]) if stated[0][1].isdecimal() else 0
@@ -23,10 +23,10 @@ def unit_of(port: str, usual: int) -> int:
 
 
 def opened(port: str, baud: int, parity: str = "N") -> Stream:
-    """Opens the serial port in a name, or a connection to its device server.
+    """Opens the serial port in a port's name, or connects to the device server in it.
 
     Raises:
-        PortError: it cannot be opened, or is invalid.
+        PortError: the port cannot be opened, or its name is invalid.
     """
     address = port.partition("?")[0]
     path = address.partition("://")[2]

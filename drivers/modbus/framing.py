@@ -1,4 +1,4 @@
-"""Modbus requests and answers as bytes: pymodbus encodes and decodes, this module locates the answer.
+"""Modbus requests and answers as bytes: pymodbus encodes and decodes them, and this module finds answers.
 
 On a serial line an answer may come after noise, after an echo of the request (a half-duplex adapter without
 echo suppression) or after an answer to another master; so the search tries every byte.
@@ -31,7 +31,7 @@ class RtuFraming:
         return self._framer.buildFrame(pdu)
 
     def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
-        """The first answer to a request in received bytes: of its unit, function and requested length."""
+        """The first frame in received bytes that answers a request by unit, function and length; or None."""
         head = bytes((pdu.dev_id, pdu.function_code))
         for start in range(len(buffer) - 1):
             if buffer[start] != head[0] or buffer[start + 1] & ~ERROR_BIT != head[1]:
@@ -82,7 +82,7 @@ Framing = RtuFraming | TcpFraming
 
 
 def _decoder() -> DecodePDU:
-    # Logs of pymodbus reach the caller as an exception of this package.
+    # What pymodbus logs reaches the caller as an exception of `drivers.errors`.
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL + 1)
     return DecodePDU(False)
 

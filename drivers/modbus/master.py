@@ -14,7 +14,7 @@ from drivers.ports import Report
 from drivers.stream import Stream
 
 GAP_S = 0.005  # between two requests: grippers refresh at 200 Hz, or slower
-LATE_S = 0.02  # wall; silence of a line after a failure before the next request
+LATE_S = 0.02  # wall; silence of the line required after a failure, before the next request
 DRAIN_S = 0.2  # wall; longest wait for that silence
 
 
@@ -26,7 +26,7 @@ class Refusal(NamedTuple):
     passes: bool = False  # whether the same request may succeed a moment later
 
 
-# Modbus application protocol 1.1b3, section 7. A gripper may send none: gateways do.
+# Modbus application protocol 1.1b3, section 7. A gripper may send none of them; gateways do.
 EXCEPTIONS = {
     1: Refusal("the function is not known there"),
     2: Refusal("no such register"),
@@ -48,7 +48,7 @@ EXCEPTIONS = {
 
 
 class Master(StreamLink):
-    """A connection to one unit, closed with this object, which also enforces the deadlines.
+    """A connection to a gripper; owns the stream, and enforces the deadlines.
 
     Args:
         stream: carries the bytes.
@@ -78,7 +78,7 @@ class Master(StreamLink):
         frame = self._framing.frame(request)
         try:
             self._wait_for_the_line()
-            self._out_of_step = True  # until this transaction is answered, or after an interrupt
+            self._out_of_step = True  # stays so if the request is not answered, or interrupted
             self._stream.send(frame)
             reply = self._await_reply(request)
         except OSError as error:
@@ -93,7 +93,7 @@ class Master(StreamLink):
         return reply
 
     def _read_data(self, request: ModbusPDU) -> bytes:
-        """The registers that a request reads, high byte first; LinkTimeout where they are too old."""
+        """Reads registers, high byte first; raises LinkTimeout if the answer is out of date."""
         registers = self.transact(request).registers
         self._check_in_time()
         return struct.pack(f">{len(registers)}H", *registers)
@@ -105,7 +105,10 @@ class Master(StreamLink):
         self.transact(request)
 
     def _refused(self, request: ModbusPDU, code: int) -> LinkError:
-        """The error for a refusal; a temporary one is a timeout: reads are then repeated, writes checked."""
+        """The error for a refusal.
+
+        It is a LinkTimeout if the refusal is temporary: reads are then repeated, writes checked.
+        """
         refusal = EXCEPTIONS.get(code, Refusal("an unknown reason"))
         self._tell("refused", function=request.function_code, exception=code)
         return (LinkTimeout if refusal.passes else LinkError)(

@@ -3,7 +3,7 @@
 UNVERIFIED. Robotiq publishes no object dictionary, PDO map or bitrate for a 2F gripper. The map here is
 inferred from the one public client of the same family, for the 3-Finger gripper (ros-industrial/robotiq,
 `robotiq_3f_gripper_can_client.cpp`): node 11, object 0x2200 takes the output bytes and 0x2000 gives the input
-bytes, sub-index = byte + 1, no PDOs. Every number of it is a setting of the port:
+bytes, sub-index = byte + 1, no PDOs. Every number of this map is a setting of the port:
 
     can:can0?node=11&output=0x2200&input=0x2000&bitrate=500000&interface=socketcan
 
@@ -56,7 +56,7 @@ class CanLink(ReportingLink):
     """A gripper's two register blocks on a CANopen node.
 
     Only bytes that change are written, as in the known client, since the device copes badly with many writes.
-    The connected network is owned from now on.
+    The link owns the connected network, and disconnects it.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ def gripper(
 
 
 def parse(port: str) -> CanMap:
-    """The map in a port's name.
+    """Parses the map in a port's name; settings that are not named have the defaults.
 
     Raises:
         PortError: a setting is invalid.
@@ -171,7 +171,7 @@ def _network(port: str, where: CanMap, *, read_only: bool) -> "canopen.Network":
         import canopen
     except ImportError as error:
         raise PortError(f"port {port}: {error}; install squeezetree[can]") from error
-    # its failures reach the caller as ours
+    # Failures that canopen logs reach the caller as exceptions of `drivers.errors`.
     logging.getLogger("canopen").setLevel(logging.CRITICAL + 1)
     network = canopen.Network()
     network.NOTIFIER_CYCLE = HEAR_S

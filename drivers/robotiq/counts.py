@@ -6,11 +6,11 @@ from drivers.ports import MOST_COUNT, GripperProfile
 from runtime.table import PROFILES
 
 OPEN, CLOSED = 0, MOST_COUNT  # requests beyond the ends of travel: as far as the fingers go
-MODEL = "robotiq-2f-85"  # default; no register has it
+MODEL = "robotiq-2f-85"  # default, since no register holds the model
 
 
 class Counts:
-    """The counts of one model.
+    """Conversion of the counts of one model.
 
     Raises:
         PortError: the model is not one whose readings are counts.
@@ -30,11 +30,11 @@ class Counts:
         return self.profile.counted_um(count)
 
     def target_um(self, count: int) -> int:
-        """The width of a request; -1 for one beyond the closed end."""
+        """The requested width at a count: at most the stroke; -1 beyond the closed end."""
         return min(max(self.width_um(count), -1), self.profile.stroke_um)
 
     def request(self, width_um: int) -> int:
-        """The request for a width; as far as the fingers go for widths below 0, and for the stroke."""
+        """The count to request for a width; `CLOSED` below 0, `OPEN` from the stroke on."""
         if width_um >= self.profile.stroke_um:
             return OPEN
         return CLOSED if width_um < 0 else self._closed - self.profile.step(width_um)

@@ -2,8 +2,7 @@
 
 from drivers.errors import GripperFault
 
-# gFLT, low nibble of input byte 2: devices' fault status register (2F-85 manual, "Fault status"). Meaning and
-# remedy.
+# Meaning and remedy of each code in gFLT, the low nibble of input byte 2 (2F-85 manual, "Fault status").
 FAULTS = {
     0x05: "action delayed, activation must finish first; wait for it, or activate the gripper",
     0x07: "the gripper is not activated; clear the jaws and activate the gripper",

@@ -13,9 +13,9 @@ from drivers.robotiq.counts import Counts
 from drivers.robotiq.faults import MINOR, fault, fault_text, is_major
 from drivers.robotiq.registers import OUTPUT_FIELDS, Reading, decode, pack, speed_mm_s_of
 
-# Reset, sweep and report together ([SDK] gripper.cpp; 5 s was too short for some).
+# Time limit for reset, sweep and report together ([SDK] gripper.cpp; 5 s was too short for some).
 ACTIVATION_S = 15.0
-# Between readings: the time of so many counts at the requested speed.
+# Pause between two readings: the time for so many counts at the requested speed.
 SETTLE_COUNTS = 1.0
 # Distance from the request above which gOBJ 3 contradicts the count (open ends at 3 to 13).
 ARRIVED_COUNTS = 12
@@ -42,7 +42,7 @@ class Link(Protocol):
 
 
 class Gripper(PolledGripper[Reading, int]):
-    """A Robotiq 2F gripper; a target is a count. Connecting reads and never writes."""
+    """A Robotiq 2F gripper; targets are counts. Connecting reads and never writes."""
 
     stale_s = 0.2  # time during which gOBJ may be of the previous move ([SDK] gripper.cpp)
 
@@ -86,7 +86,10 @@ class Gripper(PolledGripper[Reading, int]):
         self._move = Move(counts, seen, now, budget_s, SETTLE_COUNTS * count_s)
 
     def stop(self) -> None:
-        """Stops the jaws where they are; the request stays, a held part stays held. Resets an activation."""
+        """Stops the jaws where they are; a held part stays held.
+
+        The requested count is kept. An activation in progress is ended by a reset.
+        """
         self._move = None
         seen = self._read()
         if seen.activating or (seen.enabled and not seen.activated and not seen.fault):
@@ -124,7 +127,7 @@ class Gripper(PolledGripper[Reading, int]):
         return seen.position_counts if self._fits(seen, move) else None
 
     def _fits(self, seen: Reading, move: Move[Reading, int]) -> bool:
-        """Whether gOBJ is final, and fits the count: a stale or stuck one usually does not."""
+        """Whether gOBJ is final and agrees with the count; a stale or stuck gOBJ usually does not."""
         if seen.moving or not seen.going:
             return False
         asked, start = move.target, move.before.position_counts
@@ -135,7 +138,7 @@ class Gripper(PolledGripper[Reading, int]):
             closes = asked >= robotiq.COUNT_CLOSED
             return short <= ARRIVED_COUNTS and (closes or beyond <= ARRIVED_COUNTS)
         way = asked - seen.position_counts
-        if abs(way) <= ARRIVED_COUNTS:  # else no single reading before the move decides
+        if abs(way) <= ARRIVED_COUNTS:  # else the single reading before the move does not decide
             way = asked - start
         return way == 0 or (seen.object_flag == robotiq.OBJ_CONTACT_CLOSING) == (way > 0)
 

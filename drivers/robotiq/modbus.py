@@ -1,6 +1,6 @@
 """The gripper's register blocks over Modbus: RTU on a serial port, RTU over TCP, Modbus TCP.
 
-A failed read is repeated. A failed write is not: the device logic first reads the state. Behind a gateway
+A failed read is repeated. A failed write is not: the device logic reads the state first. Behind a gateway
 the blocks may have other addresses:
 
     tcp://192.168.1.20:502?unit=9&output=0x03E8&input=0x07D0&function=3
@@ -43,7 +43,7 @@ class Wiring(NamedTuple):
     unit: int
     output: int  # address of the first register of the output block
     input: int
-    function: int  # of reading: 3 or 4
+    function: int  # Modbus function for reading: 3 or 4
 
 
 RTU = Wiring(unit=9, output=0x03E8, input=0x07D0, function=3)  # [M16] p55
@@ -139,10 +139,11 @@ def wiring_of(port: str, usual: Wiring) -> Wiring:
 
 
 def scan(path: str) -> Iterator[Answered]:
-    """The device that answers on a tty: tries slave ids and baud rates, the usual ones first.
+    """Yields the devices that answer on a tty: tries slave ids and baud rates, the usual ones first.
 
     Raises:
-        PortError: the port cannot be opened. LinkError: it takes no bytes, or is gone.
+        PortError: the port cannot be opened.
+        LinkError: it takes no bytes, or is gone.
     """
     with contextlib.closing(SerialStream(path, BAUD)) as stream:
         for baud in SCAN_BAUDS:
@@ -154,7 +155,7 @@ def _answers(stream: SerialStream, unit: int) -> bool:
     framing, request = RtuFraming(), read_request(RTU._replace(unit=unit), 1)
     until, buffer = time.monotonic() + SCAN_S, b""
     try:
-        while stream.receive(0.0) and time.monotonic() < until:  # data for the last one
+        while stream.receive(0.0) and time.monotonic() < until:  # drops pending data
             pass
         stream.send(framing.frame(request))
         until = time.monotonic() + SCAN_S

@@ -86,7 +86,7 @@ class Reading:
 
     activated: bool  # whether it may be moved
     enabled: bool  # gACT, the echo of rACT
-    activating: bool  # whether it sweeps
+    activating: bool  # whether the fingers sweep to activate it
     going: bool  # gGTO, the echo of rGTO; `object_flag` means nothing without it
     moving: bool  # whether the fingers are moving
     fault: int  # gFLT

@@ -3,7 +3,7 @@
 `GET POS` is answered by `POS 147`, `SET SPE 255 POS 0 GTO 1` by `ack`. The names are those of the
 registers: ACT GTO POS SPE FOR are written, ACT GTO STA OBJ FLT PRE (echo of POS) and POS (encoder) read;
 there is no motor current. Whether a line end follows an answer is not documented, so both are understood.
-Answers have no number: after a missing one, a question that is used for nothing else resynchronises.
+Answers have no sequence number: after a missing answer, a question with no other use resynchronises.
 """
 
 import re
@@ -29,19 +29,19 @@ READ = {
     "OBJ": "gOBJ",
     "POS": "gPO",
 }
-# answers whole after so many; others after a pause
+# Digits that complete an answer without a line end or a pause; `MOST_DIGITS` for other names.
 DIGITS = dict.fromkeys(("ACT", "GTO", "STA", "OBJ"), 1)
 MOST_DIGITS = 3
 FENCES = ("SPE", "FOR")  # used only to resynchronise
 QUIET_S = 0.003  # wall: silence after which an answer without a line end is complete
 ANSWER = re.compile(rb"([A-Z]{3}) +(\d{1,3})(?!\d)(\s?)")
-MOST_STALE = 16  # pieces of a line that is never quiet
+MOST_STALE = 16  # most pieces of pending data that are dropped before a request
 MOST_BYTES = 600  # of answers parsed together
 HINT = "check that the Robotiq URCap is installed, its gripper enabled, and port 63352 not blocked"
 
 
 class UrcapLink(StreamLink):
-    """A gripper's two register blocks behind the URCap. The connection is owned from now on."""
+    """A gripper's two register blocks behind the URCap; owns the connection."""
 
     def __init__(self, stream: Stream, pace: Pace, report: Report = no_report) -> None:
         super().__init__(stream, pace, report)
@@ -85,7 +85,7 @@ class UrcapLink(StreamLink):
         self._begin()
         try:
             self._find_step()
-            self._fences = [*FENCES]  # until this one is answered, or after an interrupt
+            self._fences = [*FENCES]  # stays so if this request is not answered, or interrupted
             value = self._exchange(line, wanted)
         except OSError as error:
             if isinstance(error, LinkError):

@@ -1,7 +1,7 @@
 """Device logic of a SCHUNK EGU or EGK: commands by edges of the control word, outcomes by the status word.
 
-A closing motion is a grip, any other a positioning move: a part is an error for a move, not for a grip. A
-held part is released before anything else, also before another grip. Sources as in `registers`.
+A request to close is sent as a grip, any other as a positioning move, for which meeting a part is an error.
+A held part is released before the next motion, even if that is a grip. Sources as in `registers`.
 """
 
 from functools import partial
@@ -43,7 +43,7 @@ class Gripper(PolledGripper[Input, Output]):
     """A SCHUNK gripper. Connecting only reads; it does not even acknowledge an error.
 
     Raises:
-        PortError: the module is not of that profile.
+        PortError: the stroke of the module is not that of the profile.
     """
 
     spread = 50  # um
@@ -139,7 +139,14 @@ class Gripper(PolledGripper[Input, Output]):
     # -- commands and their outcomes --------------------------------------------------------------
 
     def _command(self, output: Output, asked: Output, seen: Input, budget_s: float) -> Output:
-        """Sends a command after the last output `asked`; `seen` is the status before the command."""
+        """Sends a command as an edge of the control word; returns the output as sent.
+
+        Args:
+            output: the command.
+            asked: the last output before it.
+            seen: the last reading before it.
+            budget_s: time limit of the motion.
+        """
         # A command is an edge of its bit, or of this toggle where the bit is set already.
         toggled = ~asked.control & Control.REPEAT_TOGGLE
         output = output._replace(control=output.control | toggled)
@@ -177,7 +184,7 @@ class Gripper(PolledGripper[Input, Output]):
         return seen.position_um if self._fits(seen, move) else None
 
     def _fits(self, seen: Input, move: Move[Input, Output]) -> bool:
-        """Whether the status is final, for a width that is possible with it."""
+        """Whether the status is final and agrees with the width."""
         control, position_um = move.target.control, seen.position_um
         outcomes = GRIP_OUTCOMES if control & Control.GRIP else Status.POSITION_REACHED
         if not seen.status & outcomes:
@@ -224,7 +231,7 @@ def _edge(motion: Control) -> Control:
 
 
 def _moves(seen: Input, asked: Output) -> bool:
-    """Whether the fingers move; the device reports only the end of a motion."""
+    """Whether the fingers move: the last motion was requested, and its end is not reported yet."""
     under_way = asked.control & schunk.MOTIONS and not seen.status & schunk.OUTCOMES
     return bool(seen.status & Status.READY and under_way)
 

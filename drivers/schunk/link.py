@@ -14,19 +14,19 @@ from drivers.ports import Report
 from drivers.schunk.registers import PARAMETERS, UNIT, Parameter
 from drivers.stream import Stream
 
-# The gripper takes a second or two without a request for ERR_COMM_LOST, [BKS] pauses for 0.5 s at most.
+# A gripper reports ERR_COMM_LOST after a second or two without a request; [BKS] pauses for 0.5 s at most.
 ALIVE_S = 0.2
-# No other parameter that is read has as many registers: a late answer to an earlier request is not
-# taken for this one, and afterwards all earlier requests are answered.
+# No other parameter that is read has as many registers, so no late answer to an earlier request is taken
+# for its answer. Once it is answered, so are all earlier requests.
 FENCE = PARAMETERS["sw_version_txt"]
 
 
 class SchunkLink(Master):
-    """A gripper's parameters on a serial line, which is owned from now on and never silent for long.
+    """A gripper's parameters on a serial line; owns the line, and never leaves it silent for long.
 
     Args:
         stream: the line.
-        pace: its time.
+        pace: device time.
         report: receives every retry and failure.
         unit: slave id.
     """
@@ -49,12 +49,12 @@ class SchunkLink(Master):
         self._write_data(self._unit, parameter.address, parameter.pack(*values))
 
     def transact(self, request: ModbusPDU) -> ModbusPDU:
-        """Sends a request once, and returns its answer, never one to an earlier request."""
+        """Sends a request once and returns its answer, never an answer to an earlier request."""
         with self._line:
             return self._in_step(request)
 
     def close(self) -> None:
-        """Disconnects; moves nothing, but the gripper soon reports that requests are missing."""
+        """Disconnects; moves nothing, but the gripper soon reports ERR_COMM_LOST."""
         self._let_go()
         super().close()
 
@@ -71,7 +71,7 @@ class SchunkLink(Master):
         return ReadHoldingRegistersRequest(address=at, count=count, dev_id=self._unit)
 
     def _keep_alive(self) -> None:
-        """Sends a request after a silence; the next caller sees an error."""
+        """Sends a request if the line was silent; ignores errors, since the next caller meets them."""
         idle_s = self._pace.elapsed(self._free_at)
         if idle_s < ALIVE_S or self._lost or not self._line.acquire(blocking=False):
             return

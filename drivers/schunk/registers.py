@@ -1,10 +1,10 @@
 """The parameters of a SCHUNK EGU or EGK as data, its control and status bits, and its codes.
 
-A parameter is read and written as a whole: its code less one is the address of its first register, its bytes
-are little-endian whatever the protocol's are. `plc_sync_input` and `plc_sync_output` are what a fieldbus
+A parameter is read and written as a whole. The address of its first register is its code less one; its bytes
+are little-endian, unlike those of Modbus. `plc_sync_input` and `plc_sync_output` are what a fieldbus
 would exchange cyclically.
 
-Sources: [CM] Commissioning Manual EGU/EGK, Modbus RTU, firmware 5.3.1, and [PN] the one of the EGU with
+Sources: [CM] Commissioning Manual EGU/EGK, Modbus RTU, firmware 5.3.1, and [PN] that of the EGU with
 PROFINET (1514033), both as SCHUNK's repository `schunk_mechatronic_gripper` cites them, with the sections
 that it states; [BKS] SCHUNK's `bkstools` 0.0.2.31; [DUMP] the parameters of an EGU 60 and an EGK 25 in that
 repository (schunk_gripper_dummy/config/grippers).
@@ -103,7 +103,7 @@ PARAMETERS = _parameters(
 
 
 EGU_60_M_B, EGK_25_M_B = 0x0B, 0x11  # of `module_type`
-_SOFT = (*range(0x0E, 0x14),)  # of an EGK, whatever its size ([BKS] eGripperType)
+_SOFT = (*range(0x0E, 0x14),)  # module types of an EGK of any size ([BKS] eGripperType)
 
 
 def is_soft(module_type: int) -> bool:
@@ -176,7 +176,7 @@ OUTCOMES = (
 
 
 class Command(IntEnum):
-    """What is written to `command_code` ([BKS] pyschunk eCmdCode, as bks_move and bks_grip use it)."""
+    """Values of `command_code` ([BKS] pyschunk eCmdCode, as bks_move and bks_grip use it)."""
 
     RELEASE = 0x11
     ACKNOWLEDGE = 0x8B

@@ -1,7 +1,7 @@
 """A UR arm: read by RTDE, moved by one short program for each motion, over the secondary interface.
 
-Connecting reads. A motion is refused while another program runs, and stopped when it is interrupted or
-late; two registers, which only this driver's programs write, report its start and end.
+Connecting only reads. A motion is refused while another program runs, and stopped when it is interrupted or
+late. Two registers report its start and end; only programs of this driver write them.
 """
 
 import contextlib
@@ -51,13 +51,13 @@ class Arm(UprightArm):
     """An arm on an open RTDE connection, which it owns; `connect` opens one.
 
     Args:
-        stream: to RTDE.
+        stream: connection to RTDE.
         open_script: connects to the secondary interface.
         pace: device time.
         setup: frames and limits.
 
     Raises:
-        ArmError: it does not answer as a UR controller.
+        ArmError: the other side does not answer as a UR controller.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Arm(UprightArm):
 
     def _read_hand(self) -> Pose:
         seen = self._read()
-        # In the controller's active tool, which may still be another.
+        # The pose is that of the controller's active tool, which may differ from the setup's.
         flange = compose(script.frame(seen.tcp), invert(script.frame(seen.tcp_offset)))
         return self._setup.hand_at(flange)
 
@@ -94,7 +94,7 @@ class Arm(UprightArm):
         if reason := _objection(seen):
             raise ArmError(f"arm at {self.endpoint} not moved: {reason}")
         pacing, seconds = _pacing(motion)
-        # A program waits at the pendant's slider.
+        # The pendant's speed slider slows a program down.
         self._fraction = seen.speed_fraction
         budget_s = max(motion.budget_s, seconds + ANSWER_S) / seen.speed_fraction
         self._moves = self._moves % (1 << 30) + 1
@@ -158,9 +158,9 @@ class Arm(UprightArm):
 
 
 def _pacing(motion: Motion) -> tuple[str, float]:
-    """Arguments of `movel`, and the seconds that the motion takes at most, but for its ramps.
+    """Arguments of `movel` for a motion, and its longest duration without ramps, s.
 
-    Its speed is that of the tool's point; a motion that mostly turns is given by its time instead.
+    The speed of `movel` is that of the tool's point; a motion that mostly turns gets a duration instead.
     """
     path_s = math.dist(motion.start[:3], motion.target[:3]) / motion.speed_mm_s
     turn_s = abs(motion.target.angle_rad - motion.start.angle_rad) / motion.turn_rad_s
@@ -171,19 +171,19 @@ def _pacing(motion: Motion) -> tuple[str, float]:
 
 
 def _objection(seen: Reading) -> str:
-    """Why the arm may not be moved; empty: it may."""
+    """Why the arm may not be moved; empty if it may."""
     runs = "a program runs on the controller; stop it first"
     return _stop(seen) or (runs if seen.status_bits & PROGRAM_RUNS else _slider(seen))
 
 
 def _hold(seen: Reading) -> str:
-    """What keeps the program from continuing, as far as the controller reports; empty: nothing."""
+    """What keeps the program from continuing; empty if the controller reports nothing."""
     paused = "the program is paused on the pendant; stop it there"
     return _stop(seen) or (paused if seen.runtime_state in PAUSED else _slider(seen))
 
 
 def _stop(seen: Reading) -> str:
-    """The stop that the controller is in; empty: it is ready."""
+    """Which stop or mode keeps the controller from moving; empty if it is ready."""
     if seen.safety_bits & ~MAY_MOVE or not seen.safety_bits & MAY_MOVE:
         stops = (name for bit, name in enumerate(SAFETY) if bit > 1 and seen.safety_bits >> bit & 1)
         message = ", ".join(stops)

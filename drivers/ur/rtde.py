@@ -1,6 +1,6 @@
 """Reads a UR controller by Real-Time Data Exchange, protocol version 2, TCP port 30004.
 
-By Universal Robots' RTDE guide: packages of a size (uint16), a type (one letter) and a payload, big endian.
+By Universal Robots' RTDE guide, a package has a size (uint16), a type (one letter) and a payload, big endian.
 The stream is started for each reading and paused after it, so that a reading is never older than its
 request, and no data accumulates between two.
 """
@@ -38,7 +38,7 @@ Vector = tuple[float, ...]
 
 
 class RtdeError(OSError):
-    """The controller does not answer, or not by the guide."""
+    """The controller does not answer, or its answer does not follow the guide."""
 
 
 class Reading(NamedTuple):
@@ -59,7 +59,7 @@ class Reading(NamedTuple):
 
 
 class Rtde:
-    """An RTDE connection, which it owns; opening it reads nothing and writes nothing.
+    """An RTDE connection; owns the stream. Opening it agrees on version and fields only.
 
     Raises:
         RtdeError: there is no RTDE, or it lacks a field.
@@ -98,7 +98,7 @@ class Rtde:
             late_s = self._late_s
             self._ask("P")
             self._out_of_step = False
-            if late_s <= 0.0:  # otherwise it is of a moment too long ago
+            if late_s <= 0.0:  # otherwise the data is out of date
                 return self._unpacked(payload)
         raise RtdeError(
             f"this process was stopped or starved and read an answer {late_s:.1f} s too late"
@@ -123,7 +123,7 @@ class Rtde:
         return self._await(kind)
 
     def _await(self, kind: str) -> bytes:
-        """The payload of the next package of a kind; others (data, text) are dropped."""
+        """Waits for the next package of a kind and returns its payload; drops others (data, text)."""
         for left in self._pace.looks(self._pace.now() + ANSWER_S):
             while (package := self._package()) is not None:
                 if package[0] == ord(kind):

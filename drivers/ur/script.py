@@ -1,4 +1,4 @@
-"""Programs in URScript (Universal Robots' script manual) that the driver sends, and rotation vectors."""
+"""Programs in URScript (Universal Robots' script manual) that the driver sends; rotation vectors."""
 
 import math
 
@@ -13,9 +13,9 @@ def move(number: int, tool: Pose, target: Pose, pacing: str) -> bytes:
     """A program that moves the tool straight to a pose and reports its progress in registers.
 
     Args:
-        number: of the move, reported at its start and its end.
+        number: number of the move, which the registers hold after its start and its end.
         tool: the tool's frame in the flange frame.
-        target: in the base frame.
+        target: pose of the tool in the base frame.
         pacing: arguments of `movel` for its speed.
     """
     return _program(
@@ -44,7 +44,7 @@ def frame(vector: Vector) -> Pose:
 
 
 def rotation_vector(turn: Quaternion) -> tuple[float, float, float]:
-    """A unit quaternion as axis times angle, the angle at most half a turn."""
+    """Converts a unit quaternion to axis times angle, rad; the angle is at most half a turn."""
     w, x, y, z = turn if turn[0] >= 0.0 else (-part for part in turn)
     length = math.hypot(x, y, z)
     scale = 2.0 if length == 0.0 else 2.0 * math.atan2(length, w) / length
@@ -52,7 +52,7 @@ def rotation_vector(turn: Quaternion) -> tuple[float, float, float]:
 
 
 def rotation(vector: Vector) -> Quaternion:
-    """Axis times angle as a unit quaternion."""
+    """Converts axis times angle, rad, to a unit quaternion."""
     x, y, z = vector
     angle = math.hypot(x, y, z)
     scale = 0.5 if angle == 0.0 else math.sin(0.5 * angle) / angle

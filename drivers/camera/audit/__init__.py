@@ -1,1 +1,1 @@
-"""The audit: judges predicted poses by a picture."""
+"""Audit: judges by a picture whether a part lies at its predicted pose."""

@@ -1,4 +1,4 @@
-"""One audit: take a picture, check the camera, measure the part, compare it with its leaf."""
+"""One audit: takes a picture, checks the camera, measures the part, and compares it with its leaf."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -29,17 +29,18 @@ class Answer:
     reason: str  # one sentence
     # Pose of the part: mm, mm, rad; None without a measurement.
     measured: Pose2 | None = None
-    residual: Pose2 | None = None  # measured minus predicted, under the symmetry
-    # Eq. 9 in mm; for tolerances the largest deviation in units of its own
+    # Measured minus predicted pose; the angle modulo the part's symmetry.
+    residual: Pose2 | None = None
+    # Error by eq. 9, mm; for a goal of tolerances, the largest deviation in units of its tolerance.
     distance: float | None = None
-    error: float | None = None  # `COVERAGE` standard deviations of it
-    moved_mm: float | None = None  # greatest motion of a reference tag
-    # Name of the part by its tag, where the tags of several parts differ.
+    error: float | None = None  # `COVERAGE` standard deviations of `distance`
+    moved_mm: float | None = None  # greatest motion of a reference tag since the calibration
+    # Name of the part whose tag is seen, if the table is for several parts.
     hypothesis: str | None = None
     picture: str | None = None  # file of the overlay, None without one
 
     def fields(self) -> dict[str, object]:
-        """The answer in the form of JSON, with units in the names and without unknown fields."""
+        """Returns the known fields of the answer for a JSON object, with units in their names."""
         record: dict[str, object] = {"verdict": self.verdict, "reason": self.reason}
         for prefix, pose in (("measured", self.measured), ("residual", self.residual)):
             if pose is not None:
@@ -54,14 +55,17 @@ class Answer:
 def judge(
     goal: GoalSpec, predicted: Iterable[Pose2], measured: Pose2, sigma_mm: float, sigma_rad: float
 ) -> Answer:
-    """Compares a measured pose with the predicted ones; the nearest counts.
+    """Compares a measured pose with the nearest of the predicted poses.
 
     Args:
-        goal: of the table.
-        predicted: the leaf's pose, and its alternatives.
-        measured: by the camera.
+        goal: goal of the table.
+        predicted: the leaf's pose and its alternatives, mm, mm, rad.
+        measured: pose measured by the camera, mm, mm, rad.
         sigma_mm: standard deviation of the measured place, in each direction.
         sigma_rad: standard deviation of the measured angle.
+
+    Returns:
+        "pass" or "fail", or "unknown" where the error is within `COVERAGE` standard deviations of the limit.
     """
     pose = min(predicted, key=lambda pose: distance(goal, pose, measured))
     off, bound = distance(goal, pose, measured), threshold(goal)
@@ -91,16 +95,19 @@ class Auditor:
 
     source: Source
     calibration: CameraCalibration
-    subjects: Sequence[Subject]  # subjects, one for each part that may lie there
+    subjects: Sequence[Subject]  # one for each part that may lie on the table
     limit_mm: float = drift.LIMIT_MM  # tolerated motion of reference tags
     # Folder for overlays of parts that did not pass; None: no overlays.
     pictures: Path | None = None
 
     def audit(self, part: int, predicted: Pose2, until: float, name: str | None = None) -> Answer:
-        """Judges one part. A failure of the camera gives the verdict "unknown" with the reason.
+        """Judges one part; the verdict is "unknown", with a reason, where camera or measurement fail.
 
-        The pose (mm, mm, rad) and, with several hypotheses, the `name` are those of its leaf; a picture
-        must arrive by `until` (`time.monotonic`).
+        Args:
+            part: number of the part.
+            predicted: pose that the leaf states, mm, mm, rad.
+            until: time by which a picture must arrive (`time.monotonic`).
+            name: part that the leaf names; None if the table is for one part.
         """
         subject = next((each for each in self.subjects if each.name == name), None)
         if subject is None:

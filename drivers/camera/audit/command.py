@@ -1,4 +1,4 @@
-"""`grasp-audit judge`: judges parts by a camera; `report` and `study` need none, and are in `runtime.spc`."""
+"""`grasp-audit judge`, which judges parts by a camera; `report` and `study` are in `runtime.spc`."""
 
 import argparse
 import os
@@ -40,7 +40,7 @@ A question may name the run's table by "table_sha256"; with another --tree its v
 
 
 def parser() -> Parser:
-    """The command line of `grasp-audit judge`; `report` and `study` have their own."""
+    """Returns the parser of `grasp-audit judge`, which only lists `report` and `study`."""
     purpose = "Was the answer right, in millimetres?"
     built = Parser(prog="grasp-audit", description=purpose, epilog=EPILOG)
     commands = built.add_subparsers(required=True, metavar="judge | report | study", dest="command")
@@ -70,7 +70,7 @@ def parser() -> Parser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs grasp-audit; returns its exit code."""
+    """Runs `grasp-audit judge`, and ends the process with its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     code = run(parser(), words, lambda options: judge(options, words))
     # A thread that hangs in a camera's driver would delay an ordinary exit.
@@ -103,13 +103,13 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
 def read(
     options: argparse.Namespace,
 ) -> tuple[calibration.CameraCalibration, tuple[subject.Subject, ...]]:
-    """Reads the files of a command line; passes on the errors of their readers."""
+    """Reads the calibration and the subjects that a command line names; passes on errors of the readers."""
     tags = [tag_file.load(path) for path in options.tag]
     return calibration.load(options.calibration), subject.from_table(options.tree, tags)
 
 
 def digest_of(tree: Path) -> str | None:
-    """SHA-256 of the table; None where its file is refused, which `read` reports."""
+    """Returns the SHA-256 of a table; None for a refused file, for which `read` raises the error."""
     try:
         return load(tree).digest
     except TableError:
@@ -117,7 +117,7 @@ def digest_of(tree: Path) -> str | None:
 
 
 def make(options: argparse.Namespace) -> Auditor:
-    """The auditor of a command line; passes on the errors of `read` and `open_source`."""
+    """Creates the auditor that a command line describes; passes on the errors of `read` and `open_source`."""
     if options.pictures is not None:
         folder(options.pictures, Path(options.camera))
     known, about = read(options)

@@ -26,14 +26,17 @@ QUALITY = 85
 def keep(
     folder: Path, part: int, verdict: str, drawn: Picture, most: int = MOST_PICTURES
 ) -> Path | None:
-    """Writes an overlay; None where the disk refuses, since an audit does not depend on it.
+    """Writes an overlay.
 
     Args:
-        folder: created if missing.
-        part: its number.
-        verdict: on the part.
-        drawn: (h, w, 3).
+        folder: folder of overlays; created if missing.
+        part: number of the part.
+        verdict: verdict on the part.
+        drawn: the overlay, (h, w, 3).
         most: number of overlays kept; the oldest are deleted.
+
+    Returns:
+        The file, or None where it cannot be written: an audit does not depend on overlays.
     """
     path = folder / f"part-{part:07d}-{verdict}.jpg"
     try:
@@ -57,15 +60,15 @@ def draw(
     measured: Measured | None,
     sentence: str,
 ) -> Picture:
-    """Draws outlines and the sentence on a picture.
+    """Draws the part at its predicted and its measured pose, and a sentence, on a picture.
 
     Args:
         picture: (h, w) as taken.
         view: of the camera.
         subject: the part's outline and tag.
-        predicted: pose of the leaf.
-        measured: measured pose, or None.
-        sentence: of the answer.
+        predicted: pose that the leaf states, mm, mm, rad.
+        measured: the measurement, or None.
+        sentence: verdict and reason.
 
     Returns:
         (h, w, 3).

@@ -1,8 +1,8 @@
-"""The audit as a process that answers questions: one JSON line in, one out, each within a deadline.
+"""The audit as a process: answers each question, a line of JSON, by a line of JSON before a deadline.
 
-The lines are those of `runtime.devices.audit`, with more fields of the measurement. A question is always
-answered: by "unknown" where the camera hangs, memory runs out or anything else fails. A process that has
-grown too large restarts between two questions.
+The lines have the format of `runtime.devices.audit`; answers have more fields of the measurement. A question
+is always answered: by "unknown" where the camera hangs, memory runs out or anything else fails. A process
+that has grown too large restarts between two questions.
 """
 
 import json
@@ -22,18 +22,18 @@ from runtime.shell.errors import ExpectedError
 
 MAX_LINE_BYTES = 65_536
 PICTURE_SHARE = 0.7  # share of the deadline for taking a picture, the rest is for measuring
-# Of address space: thread stacks and allocators' pools, most of it never touched.
+# Address space for thread stacks and allocators' pools, most of which is never touched.
 RESERVE_BYTES = 1 << 30
 PAGE_BYTES = resource.getpagesize()
 MISUNDERSTOOD = "the question is not understood; it takes part, x_mm, y_mm and theta_rad"
 
 
 class Worker:
-    """A thread that judges one part after the other, so that one that hangs cannot delay an answer."""
+    """Judges one part after the other in a separate thread, so that a hanging camera cannot delay answers."""
 
     def __init__(self, make: Callable[[], Auditor]) -> None:
         self.asked = False
-        self.why_not: Exception | None = None  # why there is no auditor
+        self.why_not: Exception | None = None  # the error for which there is no auditor
         self._make = make
         self._questions: queue.Queue[tuple[int, Pose2, float, str | None]] = queue.Queue()
         self._answers: queue.Queue[Answer] = queue.Queue()
@@ -43,7 +43,7 @@ class Worker:
     def ask(
         self, part: int, predicted: Pose2, deadline_s: float, name: str | None = None
     ) -> Answer:
-        """Judges one part within a deadline."""
+        """Judges one part; the verdict is "unknown" where this takes longer than `deadline_s`."""
         self.asked = True
         start = time.monotonic()
         while self._owed:
@@ -83,7 +83,7 @@ class Worker:
 
 
 class Lines:
-    """Lines of a pipe, read without Python's buffer, so that it is known when none is pending."""
+    """Reads lines of a pipe without Python's buffer, so that `waiting` misses no data."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -91,11 +91,11 @@ class Lines:
 
     @property
     def waiting(self) -> bool:
-        """Whether data has come that was not returned yet."""
+        """Whether there is data that `next` has not returned yet, or the pipe has ended."""
         return bool(self._read) or bool(select.select([self._descriptor], [], [], 0.0)[0])
 
     def next(self) -> bytes | None:
-        """The next line; None at the end."""
+        """Waits for the next line; None at the end of the pipe, or where a line is too long."""
         while b"\n" not in self._read:
             piece = os.read(self._descriptor, 4096)
             if not piece or len(self._read) > MAX_LINE_BYTES:
@@ -113,18 +113,18 @@ def serve(
     full: Callable[[], bool],
     table_sha256: str | None = None,
 ) -> bool:
-    """Answers questions until there are no more.
+    """Answers questions until there are no more, nobody reads the answers, or the process is too large.
 
     Args:
         lines: the questions.
-        worker: judges.
+        worker: judges the parts.
         write: writes an answer's line.
-        deadline_s: for each.
+        deadline_s: time limit for each answer.
         full: whether the process has grown too large.
-        table_sha256: digest of the auditor's table, None: unknown.
+        table_sha256: digest of the auditor's table; None: unknown.
 
     Returns:
-        Whether it ended in order to restart.
+        Whether the process has grown too large, and has to be restarted.
     """
     while (line := lines.next()) is not None:
         answer = _answered(line, worker, deadline_s, table_sha256)
@@ -138,9 +138,12 @@ def serve(
 
 
 def limit_memory(memory_mb: float) -> Callable[[], bool]:
-    """Limits this process's memory growth; returns whether the limit is reached.
+    """Limits the growth of this process's memory.
 
-    Address space is limited as well, `RESERVE_BYTES` above that.
+    Address space may grow by `RESERVE_BYTES` more than `memory_mb`.
+
+    Returns:
+        A function that says whether resident memory has grown by more than `memory_mb`.
     """
     virtual, resident = _memory()
     extra = int(memory_mb * (1 << 20))
@@ -153,7 +156,11 @@ def limit_memory(memory_mb: float) -> Callable[[], bool]:
 def _answered(
     line: bytes, worker: Worker, deadline_s: float, table_sha256: str | None
 ) -> dict[str, object]:
-    """The answer to a line; for another table, or without a pose, it names the auditor's table."""
+    """Returns the fields of the answer to a line.
+
+    If the question names a table, and either another one than the auditor's or no pose, the answer holds the
+    digest of the auditor's table.
+    """
     try:
         asked = strict_json.parse(line)
         run = asked.get("table_sha256")

@@ -1,4 +1,4 @@
-"""The subject of an audit, from a table: its goal, its leaves, and the outline in its job."""
+"""Subjects of an audit, read from a table: goal, poses of the leaves, and outline of a part."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -18,18 +18,18 @@ SAME_RAD = 2e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """The subject of an audit."""
+    """A part that an audit judges."""
 
     goal: GoalSpec
     tag: PartTag
     outline_mm: Array | None = None  # (n, 2) in the part's frame, for overlays; None: unknown
-    # A predicted pose, and the alternatives of its leaf.
+    # Returns a predicted pose and the alternatives of its leaf.
     poses_of: Callable[[Pose2], Sequence[Pose2]] = field(default=lambda pose: (pose,))
-    name: str | None = None  # name of the part, where several may lie there
+    name: str | None = None  # name of the part in a table of several parts
 
 
 def from_table(path: Path, tags: Sequence[PartTag]) -> tuple[Subject, ...]:
-    """The subjects of a table's file, one for each tag; passes on errors of the table's reader.
+    """Reads the subjects of a table's file, one for each tag; passes on errors of the table's reader.
 
     Raises:
         InputError: several tags for a single part, or a tag for an unknown part.

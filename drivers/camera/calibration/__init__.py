@@ -1,1 +1,1 @@
-"""The camera's calibration: lens, place, tags, and their drift."""
+"""Calibration of a camera: its lens and pose, the tags on parts, and the check for drift."""

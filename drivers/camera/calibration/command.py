@@ -27,7 +27,7 @@ from runtime.shell.files import folder, usable, writing
 
 PICTURE_S = 10.0
 Lines = Generator[str, None, dict[str, object]]
-"""Lines for people during the work; at its end the same for machines."""
+"""Yields lines of text for people; returns the same content for a JSON object."""
 Run = Callable[[argparse.Namespace], Lines]
 FILE: dict[str, Any] = {"type": Path, "metavar": "F"}
 DIR: dict[str, Any] = {"type": Path, "metavar": "DIR"}
@@ -49,7 +49,7 @@ touched.csv and poses.csv: picture,x_mm,y_mm,theta_rad, a line for each pose tha
 
 
 def parser() -> Parser:
-    """The command line."""
+    """Returns the parser of grasp-calibrate."""
     purpose = "Measure the parameters of camera and part for the audit."
     built = Parser(prog="grasp-calibrate", description=purpose, epilog=EPILOG)
     built.add_debug()
@@ -112,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _follow(options: argparse.Namespace) -> int:
-    """Prints the lines of a subcommand as they come, or one object at the end."""
+    """Prints the lines of a subcommand as it yields them, or with `--json` one object at its end."""
     cv2.setNumThreads(1)
     lines = options.run(options)
     try:
@@ -130,7 +130,7 @@ def _follow(options: argparse.Namespace) -> int:
 
 
 def run_camera(options: argparse.Namespace) -> Lines:
-    """Calibrates a camera, writes file and picture, and yields the residuals."""
+    """Calibrates a camera, writes the calibration and a picture of its residuals, and yields a summary."""
     board, held = parse(options.board), pictures_in(options.views)
     touched = () if options.touched is None else read_poses(options.touched)
     picture = options.output.with_suffix(".svg")
@@ -180,7 +180,7 @@ def run_camera(options: argparse.Namespace) -> Lines:
 
 
 def run_tag(options: argparse.Namespace) -> Lines:
-    """Measures or states where a tag is on its part."""
+    """Writes where a tag is on its part, as stated (`--at`) or measured from pictures (`--poses`)."""
     at = options.at or (0.0, 0.0, 0.0)
     tag = PartTag(options.part, options.number, options.side, at, options.height)
     usable(options.output, options.poses, options.calibration)
@@ -232,7 +232,7 @@ def _now() -> str:
 
 
 def _ask_beside(sentence: str) -> None:
-    """Asks on standard error, which no parser reads."""
+    """Prompts on standard error, since standard output is for JSON, and waits for Enter."""
     print(sentence, end="", file=sys.stderr, flush=True)
     input()
 

@@ -16,10 +16,19 @@ LIMIT_MM = 0.5
 def check(
     references: Sequence[Reference], seen: Sequence[Sighting], view: View, limit_mm: float
 ) -> float:
-    """Checks that reference tags are where they were.
+    """Checks that the reference tags are where they were at the calibration.
 
-    `seen` are all tags of the picture, `view` is the calibration's. Raises PictureError where one moved
-    farther than the limit, or off the table, or none of them is seen.
+    Args:
+        references: tags and places at the calibration; empty: nothing is checked.
+        seen: all tags in the picture.
+        view: view of the calibration.
+        limit_mm: largest tolerated motion.
+
+    Returns:
+        The greatest motion of a reference tag, mm.
+
+    Raises:
+        PictureError: a tag has moved farther, is seen beyond the table's horizon, or none is seen.
     """
     if not references:
         return 0.0

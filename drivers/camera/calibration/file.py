@@ -1,4 +1,4 @@
-"""The calibration of one camera: lens, place, uncertainty, and reference tags that show motion."""
+"""Calibration of one camera: lens, pose, uncertainty, and reference tags that reveal a moved camera."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +30,7 @@ class Trust:
 
     x_mm: Array  # (m,) ascending
     y_mm: Array  # (n,) ascending
-    sigma_mm: Array  # (n, m) of the worse of both directions
+    sigma_mm: Array  # (n, m) in the worst direction
 
     def at(self, x_mm: float, y_mm: float) -> float:
         """Standard deviation at a place [mm], bilinearly interpolated; it grows away from the grid."""
@@ -44,13 +44,13 @@ class Trust:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraCalibration:
-    """One camera at one place."""
+    """Calibration of one camera at one place."""
 
     camera: str  # its name or serial number, as the operator gave it
     date: str  # of the calibration, ISO 8601
-    view: View  # lens and place, in the frame of the arm's world
-    rms_px: float  # residual of the lens over the board views
-    alignment_mm: float  # rms between touched poses and seen ones; 0 without touched poses
+    view: View  # lens and pose in the arm's world frame
+    rms_px: float  # rms reprojection error over the board views
+    alignment_mm: float  # rms distance of touched and seen places; 0 without touched poses
     trust: Trust  # uncertainty of places
     references: tuple[Reference, ...] = ()  # fixed tags
     views: int = 0  # number of board views it was fitted to

@@ -1,4 +1,4 @@
-"""A camera's calibration from pictures: lens, place, trust, reference tags; and a part's tag."""
+"""Calibrates a camera from pictures, and measures where a tag is on its part."""
 
 import csv
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ class Touched(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """A calibration, and its data."""
+    """A calibration, and the data that it is based on."""
 
     calibration: CameraCalibration  # the calibration
     residuals: Residuals  # of boards on the table
@@ -43,7 +43,7 @@ class Pictures(NamedTuple):
 
     held: Sequence[Path]  # of the board held before the camera
     table: Sequence[Path]  # of the board on the table; the first one gives the frame
-    touched: Sequence[Touched]  # of the part's tag; empty: the board is the world
+    touched: Sequence[Touched]  # of the part's tag; empty: the board's frame is the world
     references: Path | None  # of the fixed tags, None: none
 
 
@@ -62,7 +62,7 @@ def calibrate(
     Args:
         camera: name or serial number of the camera.
         date: of the calibration, ISO 8601.
-        board: the board.
+        board: the printed board.
         pictures: of the board and of the tags.
         number: id of the part's tag.
         from_below: whether the camera looks up through the table.
@@ -70,6 +70,7 @@ def calibrate(
 
     Raises:
         InputError: a picture cannot be read, or the pictures do not suffice for a reliable calibration.
+        PictureError: a file is not a picture.
     """
     held, table, touched, references = pictures
     size, views, left_out = _views(board, [*table, *(path for path in held if path not in table)])
@@ -99,11 +100,15 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
 
     Args:
         calibration: of the camera.
-        tag: the tag, as if it lay at the part's origin.
+        tag: the tag, with its pose on the part set to zero.
         touched: the part's poses, and their pictures.
 
+    Returns:
+        The tag with its measured pose on the part, and the standard deviations of that pose.
+
     Raises:
-        InputError: a tag is not seen, or the poses contradict one another.
+        InputError: a picture cannot be read, the tag is not seen, or the poses contradict one another.
+        PictureError: a picture has another size, or the tag cannot be measured in it.
     """
     fixed = {reference.number for reference in calibration.references}
     seen = []
@@ -119,9 +124,9 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
 
 
 def read_poses(path: Path) -> tuple[Touched, ...]:
-    """Poses known to the arm, from a CSV file; raises InputError where it cannot be read.
+    """Reads poses known to the arm from a CSV file; raises InputError where it cannot be read.
 
-    Its columns are `picture`, relative to the file, `x_mm`, `y_mm` and, if needed, `theta_rad`.
+    Its columns are `picture`, a path relative to the file, `x_mm`, `y_mm` and, if needed, `theta_rad`.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -153,7 +158,12 @@ def pictures_in(folder: Path) -> tuple[Path, ...]:
 
 
 def load_picture(path: Path) -> Picture:
-    """A picture's grey levels; raises InputError where unreadable, PictureError where not a picture."""
+    """Reads a picture in grey levels, (h, w).
+
+    Raises:
+        InputError: the file cannot be read.
+        PictureError: it is not a picture.
+    """
     try:
         return decoded(path.read_bytes(), str(path))
     except OSError as error:
@@ -163,7 +173,14 @@ def load_picture(path: Path) -> Picture:
 def _views(
     board: Board, paths: Sequence[Path]
 ) -> tuple[tuple[int, int], list[BoardView], list[str]]:
-    """The size of all pictures, the board in each of them, and the pictures without it."""
+    """Finds the board in pictures.
+
+    Returns:
+        Width and height of the pictures, the views of the board, and the names of pictures without it.
+
+    Raises:
+        InputError: the pictures differ in size, or one cannot be read.
+    """
     views, left_out = [], []
     sizes: list[tuple[int, int]] = []
     for path in paths:

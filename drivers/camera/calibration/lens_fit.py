@@ -1,4 +1,4 @@
-"""A lens from views of a board: OpenCV's bundle adjustment, and its uncertainty."""
+"""Fits a lens, with its covariance, to views of a board, by OpenCV's bundle adjustment."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,8 +14,8 @@ from runtime.shell.errors import InputError
 LEAST_VIEWS = 8
 LARGEST_RMS_PX = 0.5
 LARGEST_VIEW_RMS_PX = 1.0
-LARGEST_FOCAL_SIGMA = 0.005  # of the focal length
-CORNER_SHARE = 0.22  # size of a picture's corner, which some view has to reach
+LARGEST_FOCAL_SIGMA = 0.005  # share of the focal length
+CORNER_SHARE = 0.22  # of width and height: corners of a picture, each to be reached by a view
 INTRINSICS = 9
 
 
@@ -29,7 +29,9 @@ class LensFit(NamedTuple):
 
 
 def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
-    """Fits a lens to views of a board, the first of which lies on the table; `size` of pictures in pixels.
+    """Fits a lens to views of a board, the first of which lies on the table.
+
+    `size` is width and height of the pictures, in pixels.
 
     Raises:
         InputError: too few views, a corner of the picture that no view covers, large residuals, little tilt.
@@ -65,7 +67,7 @@ def slopes_at(lens: Lens, pose: Array, points: Array) -> Array:
         points: (n, 3) mm, in the board's frame.
 
     Returns:
-        (2 n, 15), per pixel, mm and rad.
+        (2 n, 15): columns of the intrinsics, of the rotation vector (rad) and of the translation (mm).
     """
     bent = np.array(lens.distortion)
     _, slopes = cv2.projectPoints(points, pose[:3], pose[3:], lens.matrix, bent)

@@ -14,7 +14,7 @@ from drivers.camera.vision.tags import Sighting
 from drivers.errors import PictureError
 from drivers.planar import Pose2, compose, relative
 
-LEAST_CORNER_PX = 0.05  # least error of a corner
+LEAST_CORNER_PX = 0.05  # least standard deviation of a corner
 HEIGHT_SIGMA_MM = 0.1
 LARGEST_SCALE_ERROR = 0.02
 
@@ -41,11 +41,11 @@ def measure(
         picture: (h, w), to explain a tag that is not seen.
         seen: all tags found in it.
         calibration: of the camera.
-        tag: the part's.
+        tag: the part's tag.
         near: expected pose of the part, to explain a tag that is not seen.
 
     Raises:
-        TagError: the tag is not seen once, alone, and of the right size.
+        PictureError: the tag is not seen, is not the only one beside the fixed tags, or has the wrong size.
     """
     fixed = {reference.number for reference in calibration.references}
     sighting = the_one(seen, tag.number, fixed)
@@ -56,7 +56,11 @@ def measure(
 
 
 def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag) -> Measured:
-    """The part's pose from its tag's corners; raises PictureError where the tag has the wrong size."""
+    """Measures the part's pose from the corners of its tag.
+
+    Raises:
+        PictureError: the tag has the wrong size, or is seen beyond the table's horizon.
+    """
     view = calibration.view
     corners = view.on_plane(sighting.corners, tag.height_mm)
     if not np.isfinite(corners).all():
@@ -76,12 +80,16 @@ def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag
 
 
 def print_corners(side_mm: float) -> Array:
-    """Corners of a tag as printed, x right and y down, in the order of `Sighting.corners`."""
+    """Corners (4, 2) of a printed tag, mm from its middle, x right, y down, as in `Sighting.corners`."""
     return 0.5 * side_mm * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
 
 
 def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Sighting | None:
-    """The part's tag among all but the fixed ones; raises PictureError for several, or only a wrong one."""
+    """Returns the part's tag, leaving out the fixed tags; None if no tag remains.
+
+    Raises:
+        PictureError: several tags remain, or only a tag of another number.
+    """
     loose = [tag for tag in seen if tag.number not in fixed]
     ours = [tag for tag in loose if tag.number == number]
     others = sorted({tag.number for tag in loose} - {number})
@@ -100,7 +108,10 @@ def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Si
 def _spread(
     sighting: Sighting, corners: Array, calibration: CameraCalibration, tag: PartTag
 ) -> tuple[float, float]:
-    """The error budget: corners, calibration, the tag's height, and its place on the part."""
+    """Standard deviations of a part's place (mm) and angle (rad).
+
+    They combine the errors of the corners, the calibration, the tag's height, and its pose on the part.
+    """
     side_px = float(np.mean(np.hypot(*(sighting.corners - np.roll(sighting.corners, 1, axis=0)).T)))
     corner_mm = max(sighting.rms_px, LEAST_CORNER_PX) * tag.side_mm / side_px
     middle = corners.mean(axis=0)

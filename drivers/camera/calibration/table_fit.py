@@ -1,4 +1,4 @@
-"""The camera's place: from a board on the table, and from poses that the arm has touched."""
+"""Pose of the camera, from a board on the table and from places that the arm has touched."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -36,10 +36,13 @@ class Residuals(NamedTuple):
 
 
 def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> View:
-    """The view in the frame of the board on the table: its middle, x to the right of the print.
+    """Returns the view in a frame on the table, below the board's middle, x to the right of the print.
 
-    `pose` is (6,) of the board in the camera, its face `height_mm` above the table; with `from_below` the
-    camera looks up through the table, at a board that lies face down.
+    Args:
+        lens: the lens.
+        pose: (6,) of the board in the camera: rotation vector and translation, rad and mm.
+        from_below: whether the camera looks up through the table, at a board that lies face down.
+        height_mm: of the board's face above the table.
     """
     turn, _ = cv2.Rodrigues(np.asarray(pose[:3], np.float64))
     # A board's third axis points away from its reader: up if it lies face down.
@@ -53,7 +56,7 @@ def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float
 
     Args:
         touched: places in the arm's world, mm.
-        seen: the same in the board's frame, mm.
+        seen: the same places in the board's frame, mm.
 
     Raises:
         InputError: too few places, too near to one another, or in contradiction.
@@ -80,7 +83,7 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
     """Deviations of the corners of boards on the table from a rigid motion of the board.
 
     Raises:
-        InputError: they are too large.
+        InputError: the rms deviation is too large.
     """
     places, off = [], []
     for board in boards:
@@ -101,7 +104,7 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
 def trust(fitted: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
     """Uncertainty of places, on a grid over the visible part of the table.
 
-    It is the motion of a place that keeps its pixel constant when lens and pose change.
+    It is the motion of a place whose pixel stays the same while lens and pose vary.
 
     Args:
         fitted: lens and the table board's pose, with their covariance.
@@ -130,10 +133,10 @@ def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, f
 
     Args:
         parts: known poses of the part.
-        tags: poses of the tag that were seen.
+        tags: poses of the tag as measured, in the same order.
 
     Raises:
-        InputError: too few, or they contradict one another.
+        InputError: there are too few poses, or they contradict one another.
     """
     if len(parts) < LEAST_TOUCHED:
         raise InputError(f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed")

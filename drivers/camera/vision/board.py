@@ -11,7 +11,7 @@ from runtime.shell.errors import InputError
 
 LEAST_CORNERS = 12  # of a view
 NOTHING = np.zeros(0), np.zeros((0, 2))
-# Half of the window for refining a corner: markers leave an eighth of a field free.
+# Half the window for refining a corner, in fields; markers leave an eighth of a field free.
 WINDOW_SQUARES = 0.11
 
 
@@ -34,7 +34,7 @@ class Board:
     marker_mm: float  # edge of a ChArUco marker (DICT_4X4_250); 0: a plain chessboard
 
     def find(self, picture: Picture, name: str) -> BoardView | None:
-        """The board in a picture; None where too little of it is seen."""
+        """Finds the board in a picture; None where too little of it is seen."""
         numbers, pixels = self._charuco(picture) if self.marker_mm else self._chessboard(picture)
         if len(numbers) < LEAST_CORNERS:
             return None

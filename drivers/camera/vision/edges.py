@@ -1,8 +1,8 @@
-"""Corners of a tag to a few hundredths of a pixel: where the lines through its four edges cross.
+"""Refines the corners of a tag to a few hundredths of a pixel: they are intersections of its edge lines.
 
-Profiles are read across each side. In each the edge is the centroid of the slope within a symmetric window
-about it, so that blur does not move it; a line is fitted to the edges without outliers (a stain, a finger's
-shadow).
+Profiles of grey levels are read across each side. The edge in a profile is the centroid of the slope within a
+window centred on that edge, so that blur does not move it. A line is fitted to the edges of a side without
+outliers (a stain, a finger's shadow).
 """
 
 from typing import NamedTuple
@@ -27,15 +27,16 @@ class Corners(NamedTuple):
     """Refined corners."""
 
     pixels: Array  # (4, 2) in the order of the input
-    rms_px: float  # distance of the edge points from their lines
+    rms_px: float  # rms distance of the edge points from their lines
 
 
 def refine(picture: Picture, corners: Array, squares: int) -> Corners | None:
-    """Refines the corners of a tag's black border.
+    """Refines the corners of a tag's black border; None where an edge is not seen well enough.
 
-    The picture is (h, w) grey levels, the corners (4, 2) to about two pixels, in order around the tag;
-    a side has
-    `squares` squares, including the border: 8 for 36h11.
+    Args:
+        picture: (h, w) grey levels.
+        corners: (4, 2) pixels, accurate to about two pixels, in order around the tag.
+        squares: number of squares along a side, including the border: 8 for 36h11.
     """
     corners = np.asarray(corners, np.float64)
     for _ in range(ROUNDS):
@@ -87,7 +88,7 @@ def _sample(picture: Picture, spots: Array) -> Array | None:
 
 
 def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
-    """Edge of each profile: (..., k) levels -> offset of the edge, and whether there is one."""
+    """Returns the edge's offset in each profile, (..., k) levels -> (...), and whether there is an edge."""
     slope = np.clip(np.diff(levels, axis=-1), 0.0, None)
     middles = 0.5 * (offsets[1:] + offsets[:-1])
     near = np.abs(middles) <= window
@@ -119,7 +120,7 @@ def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float] 
 
 
 def _crossings(origins: Array, headings: Array) -> Array:
-    """Intersection of each line with the one before: the corner where the side begins. (4, 2)."""
+    """Intersections (4, 2) of each line with the line before: the corners at which the sides begin."""
     before, turned = np.roll(origins, 1, axis=0), np.roll(headings, 1, axis=0)
     gap = before - origins
     bend = headings[:, 0] * turned[:, 1] - headings[:, 1] * turned[:, 0]

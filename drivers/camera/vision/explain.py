@@ -35,7 +35,7 @@ def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | Non
     Args:
         picture: (h, w).
         view: of the camera.
-        tag: the part's.
+        tag: the part's tag.
         expected: expected pose of the tag, if known: mm, mm, rad.
     """
     if families := families_seen(picture):
@@ -63,7 +63,10 @@ def _partly_seen(picture: Picture, view: View, tag: PartTag, expected: Pose2) ->
 def _flattened(
     picture: Picture, view: View, tag: PartTag, expected: Pose2, across: int
 ) -> Picture | None:
-    """The plane about the expected place of the tag, rectified as printed."""
+    """Rectifies the plane around the expected place of the tag, to the scale and orientation of the print.
+
+    `across` is the width of the tag's pattern, px. Returns None where the lens cannot see all of it.
+    """
     mm_per_px = tag.side_mm / (SQUARES * PX_PER_SQUARE)
     size = across + 2 * round(SEARCH_MM / mm_per_px)
     steps = (np.arange(size) - 0.5 * (size - 1)) * mm_per_px

@@ -29,7 +29,7 @@ class View:
 
     @property
     def from_below(self) -> bool:
-        """Whether it looks up through the table."""
+        """Whether the camera looks up through the table."""
         return bool(self.eye[2] < 0.0)
 
     def on_plane(self, pixels: Array, height_mm: float = 0.0) -> Array:
@@ -43,7 +43,7 @@ class View:
             return np.asarray(eye[:2] + reach[:, None] * heading[:, :2])
 
     def pixels(self, points: Array) -> Array:
-        """Projects points of the world: (n, 3) mm -> (n, 2); NaN behind the camera."""
+        """Projects points of the world: (n, 3) mm -> (n, 2) pixels; NaN behind the camera."""
         seen = np.asarray(points, np.float64).reshape(-1, 3) @ self.rotation.T + self.translation
         with np.errstate(divide="ignore", invalid="ignore"):
             rays = seen[:, :2] / seen[:, 2:]
@@ -51,7 +51,7 @@ class View:
         return self.lens.pixels(rays)
 
     def pixels_at(self, places: Array, height_mm: float = 0.0) -> Array:
-        """Projects places on a level plane: (n, 2) mm -> (n, 2)."""
+        """Projects places on a level plane: (n, 2) mm -> (n, 2) pixels."""
         places = np.asarray(places, np.float64).reshape(-1, 2)
         return self.pixels(np.column_stack([places, np.full(len(places), height_mm)]))
 
@@ -72,9 +72,9 @@ class Fit(NamedTuple):
 
 
 def as_it_lies(print_mm: Array, from_below: bool) -> Array:
-    """Points (n, 2) of a print (x right, y down) in its own frame as it lies on the table.
+    """Converts points (n, 2) of a print, x right and y down, to the print's frame on the table.
 
-    A print that lies face down is seen from below, through the table, and keeps its y axis.
+    The y axis changes its sign, except for a print that lies face down and is seen from below.
     """
     return np.asarray(print_mm * (1.0, 1.0 if from_below else -1.0))
 
@@ -86,9 +86,10 @@ def placed(points: Array, pose: Pose2) -> Array:
 
 
 def rigid_fit(points: Array, seen: Array) -> Fit:
-    """The motion that maps points (n, 2) to where they are seen, mm, by least squares.
+    """Fits the motion that maps points (n, 2) to where they are seen, mm, by least squares.
 
-    Source: Umeyama, IEEE PAMI 13 (1991); in the plane, with complex numbers, the angle of one product.
+    Source: Umeyama, IEEE PAMI 13 (1991). In the plane, the rotation is the angle of an inner product of
+    complex vectors.
     """
     a, b = points @ (1.0, 1.0j), seen @ (1.0, 1.0j)
     middle, middle_seen = a.mean(), b.mean()

@@ -28,7 +28,12 @@ class Source:
     """Takes pictures."""
 
     def picture(self, until: float) -> Picture:
-        """A picture (h, w) taken after this call and before `until`; raises UnreachableError without one."""
+        """Returns the next picture (h, w); a camera takes it after this call.
+
+        Raises:
+            UnreachableError: no picture arrives by `until` (`time.monotonic`).
+            PictureError: what arrives is no picture.
+        """
         raise NotImplementedError
 
     def close(self) -> None:
@@ -36,7 +41,7 @@ class Source:
 
 
 def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
-    """The source of an address.
+    """Opens the source at an address.
 
     Args:
         address: `/dev/video0` or a device's number; `rtsp://...`; `http://...` (a JPEG, or a stream of them
@@ -135,9 +140,9 @@ class Stream(Source):
     """A device or a stream, read continuously in a separate thread, so that its buffers hold no old pictures.
 
     Args:
-        address: in the form of OpenCV.
-        backend: of OpenCV.
-        size: width and height to set it to.
+        address: device or URL, as OpenCV takes it.
+        backend: number of OpenCV's video backend.
+        size: width and height to set a device to.
     """
 
     def __init__(self, address: str, backend: int, size: tuple[int, int] | None = None) -> None:
@@ -192,7 +197,7 @@ class Stream(Source):
         if not capture.isOpened():
             self._trouble = "cannot be opened"
         elif self._size is not None:
-            # Full resolution comes through USB 2 only as JPEG; a lens that refocuses is another
+            # USB 2 carries full resolution only as JPEG; autofocus would invalidate the calibrated
             # lens.
             capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG"))
             capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._size[0])

@@ -24,11 +24,11 @@ class PartTag:
     on_part: Pose2 = (0.0, 0.0, 0.0)  # pose of the tag in the part's frame: mm, mm, rad
     height_mm: float = 0.0  # of its face above the table
     sigma_mm: float = 0.0  # standard deviation of `on_part`'s place
-    sigma_rad: float = 0.0  # the same of its angle
+    sigma_rad: float = 0.0  # standard deviation of `on_part`'s angle
 
 
 def save(tag: PartTag, path: Path, date: str) -> None:
-    """Writes the file, with its date; raises OutputError where it cannot be written."""
+    """Writes the file, with the date (ISO 8601); raises OutputError where it cannot be written."""
     fields = asdict(tag)
     place = dict(zip(PLACE, fields.pop("on_part"), strict=True))
     documents.save(path, KIND, {"date": date, "family": FAMILY, **fields, **place})

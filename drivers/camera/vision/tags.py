@@ -1,7 +1,8 @@
 """Detection of tags: OpenCV detects and reads them, `drivers.camera.vision.edges` refines their corners.
 
-OpenCV's own refinements are not used: where squares are small, the sub-pixel one searches about a pixel only;
-that of AprilTag takes a second per picture, and counts pixels from their corners instead of their centres.
+OpenCV's own refinements are not used: where squares are small, the sub-pixel refinement searches within
+about a pixel only; that of AprilTag takes a second per picture, and places a pixel's origin at its corner
+instead of its centre.
 """
 
 from collections.abc import Iterable
@@ -47,12 +48,15 @@ def find(picture: Picture) -> list[Sighting]:
 
 
 def families_seen(picture: Picture) -> list[str]:
-    """Other families of tags in the picture. Slow: to explain why there is none of the right family."""
+    """Names of other tag families in a picture; slow, only to explain why no tag of ours is seen."""
     return [name for name, code in OTHER_FAMILIES.items() if any(_read(code, picture))]
 
 
 def _read(dictionary: int, picture: Picture) -> Iterable[tuple[int, Array]]:
-    """Ids and coarse corners of all tags; OpenCV 4 and 5 give different shapes, and None for none."""
+    """Detects tags; returns the id and the coarse corners (4, 2) of each.
+
+    OpenCV 4 and 5 return corners of different shapes, and None where there are no tags.
+    """
     soft = cv2.GaussianBlur(picture, (3, 3), 0.0)
     corners, ids, _ = _detector(dictionary).detectMarkers(
         cv2.copyMakeBorder(soft, RIM, RIM, RIM, RIM, cv2.BORDER_REPLICATE)
@@ -73,6 +77,6 @@ def _detector(dictionary: int) -> cv2.aruco.ArucoDetector:
     parameters.adaptiveThreshWinSizeMin = 13
     parameters.adaptiveThreshWinSizeMax = 33
     parameters.adaptiveThreshWinSizeStep = 20
-    # A stain beside the tag extends its outline by a square, which still has four corners.
+    # With this tolerance, an outline extended by a stain of one square still has four corners.
     parameters.polygonalApproxAccuracyRate = 0.05
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(dictionary), parameters)

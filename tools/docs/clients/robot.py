@@ -7,7 +7,7 @@ import sys
 class Connection:
     def __init__(self, host, port):
         with socket.create_connection((host, port), timeout=10) as connected:
-            self.lines = connected.makefile("rw", newline="\n")  # which keeps it open
+            self.lines = connected.makefile("rw", newline="\n")  # the file keeps the socket open
 
     def ask(self, line):
         self.lines.write(line + "\n")

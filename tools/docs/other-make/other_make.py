@@ -23,7 +23,7 @@ SPREAD_UM = 5 * PROFILE.noise_um  # largest distance between readings of fingers
 
 
 class Lines(StreamLink):
-    """Sends a line, receives a line; `read_only`: sends only questions."""
+    """Sends lines and receives lines; with `read_only`, sends only questions."""
 
     def __init__(
         self, stream: Stream, pace: Pace, report: Report = no_report, *, read_only: bool
@@ -32,7 +32,7 @@ class Lines(StreamLink):
         self._read_only = read_only
 
     def ask(self, line: str, seconds: float = 0.0) -> list[str]:
-        """The words of the answer, which the device may take `seconds` for."""
+        """Sends a line and returns the words of the answer; the device may take `seconds` to answer."""
         self._begin()
         if self._read_only and line not in QUESTIONS:
             raise ReadOnlyError(f"a dry run was about to send {line!r} to {self.endpoint}")

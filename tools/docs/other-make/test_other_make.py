@@ -118,7 +118,7 @@ class Server:
 
 
 class GripperDevice:
-    """Moves at the requested speed, stops at `contact_mm`."""
+    """Simulates a gripper: the fingers move at the requested speed, and stop at `contact_mm`."""
 
     def __init__(self) -> None:
         self.contact_mm, self.mute = None, False
@@ -155,7 +155,7 @@ class GripperDevice:
 
 
 class ArmDevice:
-    """Answers at rest; silent when `mute`."""
+    """Simulates an arm: answers when it is at rest; does not answer if `mute`."""
 
     def __init__(self) -> None:
         self.mute, self.moves = False, 0

@@ -20,7 +20,7 @@ STRICT += ["--conf-dir", str(HERE)]
 
 
 def quiet_kernels(folder: Path) -> None:
-    """Configures kernels of notebooks: no settings of the user, no messages about closed sockets."""
+    """Configures the kernels of notebooks to ignore the user's settings and to log nothing about sockets."""
     os.environ["IPYTHONDIR"] = str(folder)
     (folder / "profile_default").mkdir()
     (folder / "profile_default" / "ipython_kernel_config.py").write_text(

@@ -50,7 +50,7 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
-# A summary would fetch pages, which a browser forbids those opened from a disk.
+# A summary fetches pages; a browser forbids that to pages opened from a disk.
 html_show_search_summary = False
 html_last_updated_fmt = None
 highlight_language = "none"
@@ -138,7 +138,7 @@ COMMAND = """
 
 
 def commands(page: str) -> str:
-    """The help of every command of pyproject.toml that belongs on a page."""
+    """Directives for the help of all commands of pyproject.toml that belong on a page."""
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
     text = ""
     for name, target in scripts.items():
@@ -173,7 +173,7 @@ ACCESS = {
 
 
 def finish(app: Sphinx, failed: Exception | None) -> None:
-    """Makes the pages accessible, and gives the site the name that a browser looks for."""
+    """Makes the pages accessible, and writes an index.html that leads to the start page."""
     if failed is not None or app.builder.name != "html":
         return
     for path in app.outdir.rglob("*.html"):

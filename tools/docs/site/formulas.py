@@ -1,7 +1,7 @@
-"""Formulas as drawings within the page: no script, font or network for the reader.
+"""Draws formulas as SVG within the page, so that the reader needs no script, font or network.
 
-MathML would need a mathematical font where the page is read, which few phones have; its letters then stand
-where they should not. ziamath sets formulas with STIX Two when the site is built.
+MathML needs a mathematical font on the reader's device. Few phones have one, and without it letters are
+misplaced. ziamath sets formulas with STIX Two when the site is built.
 """
 
 from html import escape
@@ -16,7 +16,7 @@ LARGER = 1.1  # enlargement of a formula relative to its text; STIX is a small f
 
 
 def drawn(latex: str, inline: bool) -> str:
-    """An <svg> element as large as the formula, its base line on that of the text."""
+    """Returns an <svg> element with the size of the formula, and its base line on that of the text."""
     formula = ziamath.Latex(latex, size=EM, color="currentColor", inline=inline)
     svg = formula.svgxml()
     width, height = (float(svg.get(side, "0")) for side in ("width", "height"))

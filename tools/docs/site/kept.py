@@ -37,7 +37,7 @@ MACROS = TABLES.get_template("kept.jinja", globals={"figures": figures}).module
 
 
 def table_of(name: str) -> str:
-    """The Markdown table of a name; for a .txt file, its content.
+    """Returns the Markdown table of a name, the content of a .txt file, or a note that there are no results.
 
     Raises:
         AttributeError: there is no table of that name.

@@ -39,7 +39,7 @@ class Page(HTMLParser):
 
 
 def check(site: Path) -> Found:
-    """Follows every link and every picture, script and style of a site, within it.
+    """Checks that links within a site lead somewhere, and that no page loads anything from outside.
 
     Args:
         site: the folder with the built pages.
