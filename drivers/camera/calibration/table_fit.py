@@ -111,10 +111,18 @@ def trust(fitted: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
         view: of the camera in the arm's world.
         height_mm: of the board's face above the table.
         world: pose of the arm's world in the board's frame.
+
+    Raises:
+        InputError: the picture reaches beyond the horizon of the table.
     """
     lens, below = view.lens, view.from_below
     rim = np.array([(x, y) for x in (0, lens.width - 1) for y in (0, lens.height - 1)], np.float64)
     corners = view.on_plane(rim)
+    if not np.isfinite(corners).all():
+        problem = (
+            "a corner of the picture lies beyond the horizon of the table; tilt the camera less"
+        )
+        raise InputError(problem)
     low, high = corners.min(axis=0), corners.max(axis=0)
     x_mm, y_mm = (np.linspace(low[k], high[k], GRID[k]) for k in (0, 1))
     places = placed(np.stack(np.meshgrid(x_mm, y_mm), axis=-1).reshape(-1, 2), world)

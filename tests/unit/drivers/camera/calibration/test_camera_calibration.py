@@ -1,6 +1,7 @@
 """Calibrations find the camera they were made of, know how far to trust themselves, and refuse the rest."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -52,6 +53,15 @@ def test_trust_is_as_large_as_the_errors_are():
         trust = table_fit.trust(result, view, 0.0, relative(ON_TABLE, (0.0, 0.0, 0.0)))
         ratios.append(np.mean([(e / trust.at(*p)) ** 2 for e, p in zip(off, where, strict=True)]))
     assert 0.4 < np.mean(ratios) < 2.0
+
+
+def test_trust_of_a_camera_that_sees_the_horizon_is_refused():
+    result = lens_fit.fit(views(noise_px=0.0), SIZE)
+    view = made_view(result)
+    tilt, _ = cv2.Rodrigues(np.array([np.radians(75.0), 0.0, 0.0]))
+    tilted = replace(view, rotation=tilt @ view.rotation)
+    with pytest.raises(InputError, match="beyond the horizon of the table; tilt the camera less"):
+        table_fit.trust(result, tilted, 0.0, (0.0, 0.0, 0.0))
 
 
 def test_trust_is_interpolated_and_falls_outside_of_its_grid():
