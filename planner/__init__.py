@@ -1,1 +1,1 @@
-"""The offline planner: a job file in, a decision table out. For workstations; needs the `planner` extra."""
+"""The offline planner: compiles a job file to a decision table. Needs the `planner` extra."""

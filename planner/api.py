@@ -33,10 +33,10 @@ __all__ += ["compile", "evaluate", "squeeze"]
 
 
 class Next(NamedTuple):
-    """Children and leaves that n readings lead to; both are -1 where a width fits no branch (REJECT)."""
+    """Nodes or leaves to which n widths lead; both are -1 where a width fits no branch (REJECT)."""
 
-    nodes: IntArray  # (n,) the next squeeze, or -1
-    leaves: IntArray  # (n,) the answer, or -1
+    nodes: IntArray  # (n,) index of the node of the next squeeze, or -1
+    leaves: IntArray  # (n,) index of the leaf that is the answer, or -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,11 +44,11 @@ class Table:
     """A decision table of N nodes and L leaves as arrays; node 0 is the first squeeze."""
 
     record: tables.Table  # the runtime's record
-    program: Program  # its nodes as arrays
+    program: Program  # the nodes of the record as arrays
 
     @classmethod
     def of(cls, record: tables.Table) -> Self:
-        """The arrays of a record, such as `Plan.table`."""
+        """Converts a record of the runtime, such as `Plan.table`, to arrays."""
         return cls(record, Program.of(record))
 
     @classmethod
@@ -56,12 +56,12 @@ class Table:
         """Reads and validates a table's file.
 
         Raises:
-            TableError: it is missing, unreadable or invalid.
+            TableError: the file is missing, unreadable or invalid.
         """
         return cls.of(tables.load(path).table)
 
     def save(self, path: str | Path) -> None:
-        """Writes the table's file atomically; raises `OutputError` where it cannot."""
+        """Writes the table's file atomically; raises `OutputError` if it cannot be written."""
         tables.dump(self.record, path)
 
     @property
@@ -87,10 +87,10 @@ class Table:
         return claimed(self.record, np.arange(len(self.record.leaves)))
 
     def lookup(self, nodes: IntArray, widths_mm: Array) -> Next:
-        """Looks up widths (n,) read at nodes (n,), each with the object flag that belongs to its width.
+        """Looks up widths (n,) [mm] read at nodes (n,), with whichever object flag a branch exists for.
 
         Raises:
-            ValueError: an unknown node, an invalid width, or arrays of different lengths.
+            ValueError: a node is unknown, a width is out of range, or the arrays differ in length.
         """
         nodes = arguments.indices(nodes, "nodes", len(self.record.nodes))
         opening_mm = self.record.gripper.opening_um / 1e3
@@ -118,15 +118,15 @@ def evaluate(
 
     Args:
         table: the table.
-        job: the true parts and gripper; the job of the table if None.
-        world: squeezes the parts; contact mechanics drawn afresh for each squeeze if None.
+        job: the true parts and gripper; None: the job of the table.
+        world: squeezes the parts; None: contact mechanics that are drawn afresh for each squeeze.
         trials: number of parts.
         seed: of all random numbers, except those of a `world` that is passed in.
-        workers: threads; all cores if None. The result does not depend on it.
+        workers: number of threads; None: one for each core. The result does not depend on it.
         report: progress callback; an exception that it raises ends the evaluation.
 
     Returns:
-        One row a part; `summary()` has the figures for all.
+        The results, one row for each part; their `summary()` states the figures for all parts.
 
     Raises:
         ValueError: trials, seed or workers are out of range.
@@ -142,11 +142,10 @@ def evaluate(
 def squeeze(
     job: Job, belief: Belief, placement: Array, rng: np.random.Generator, workers: int | None = None
 ) -> Outcomes:
-    """Squeezes a belief at a placement (3,) of the hand, and partitions it by the widths.
+    """Squeezes a belief at a placement (3,) of the hand, and partitions the result by the widths read.
 
     Returns:
-        Its `beliefs`, one for each cluster of widths, with their `probability` (k,), in the order of rising
-        width.
+        The `beliefs` of the k clusters of widths and their `probability` (k,), in the order of rising width.
 
     Raises:
         ValueError: the belief is empty or not (n, 3), the placement not (3,), or a number is not finite.

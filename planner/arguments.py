@@ -1,7 +1,7 @@
-"""Arguments of the planner's public functions: shape, finiteness and range, checked once before a kernel.
+"""Checks the arguments of the planner's public functions: shape, finiteness and range.
 
-Kernels do not check: a wrong argument would make them read beyond their arrays, or never end. The
-checks raise a `ValueError` that names the argument.
+Kernels do not check: a wrong argument would make them read beyond their arrays, or never end. Each check
+returns the argument in its final type, or raises a `ValueError` that names the argument.
 """
 
 from collections.abc import Sequence
@@ -13,18 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 from planner.arrays import Array, IntArray
 
 FARTHEST = 1e6  # of a coordinate [mm] or an angle [rad], in magnitude
-LONGEST_MM = 1e4  # way of a push
-MOST_TURN = 2.0 * np.pi + 1e-9  # of a pusher [rad]
+LONGEST_MM = 1e4  # longest way of a push
+MOST_TURN = 2.0 * np.pi + 1e-9  # largest turn of a pusher [rad]
 MOST = 10**9  # of anything counted
 
 
 def rows(
     values: ArrayLike, name: str, *shape: int, least: float = -FARTHEST, most: float = FARTHEST
 ) -> Array:
-    """Finite numbers (n, *shape) from `least` to `most`.
+    """Checks that values are finite numbers (n, *shape) from `least` to `most`.
 
     Raises:
-        ValueError: wrong shape, or a number that is not finite or out of range.
+        ValueError: the shape is another, or a number is not finite or out of range.
     """
     array = _array(values, name)
     if array.ndim != 1 + len(shape) or array.shape[1:] != shape:
@@ -34,10 +34,10 @@ def rows(
 
 
 def row(values: ArrayLike, name: str, length: int) -> Array:
-    """Finite numbers (length,).
+    """Checks that values are finite numbers (length,), at most `FARTHEST` in magnitude.
 
     Raises:
-        ValueError: as `rows`.
+        ValueError: see `rows`.
     """
     array = _array(values, name)
     if array.shape != (length,):
@@ -46,10 +46,10 @@ def row(values: ArrayLike, name: str, length: int) -> Array:
 
 
 def number(value: float, name: str, least: float, most: float) -> float:
-    """A finite number from `least` to `most`.
+    """Checks that a value is one finite number from `least` to `most`.
 
     Raises:
-        ValueError: not a finite number in that range.
+        ValueError: the value is not.
     """
     array = _array(value, name)
     if array.shape != ():
@@ -58,10 +58,10 @@ def number(value: float, name: str, least: float, most: float) -> float:
 
 
 def indices(values: ArrayLike, name: str, size: int) -> IntArray:
-    """Whole numbers (n,) from 0 to size - 1; negative indices are refused.
+    """Checks that values are whole numbers (n,) from 0 to size - 1; refuses negative indices.
 
     Raises:
-        ValueError: wrong shape, not whole numbers, or out of range.
+        ValueError: the shape is another, or a value is not a whole number or out of range.
     """
     array = np.asarray(values)
     if array.ndim != 1 or (array.size and not np.issubdtype(array.dtype, np.integer)):
@@ -75,10 +75,10 @@ def indices(values: ArrayLike, name: str, size: int) -> IntArray:
 
 
 def count(value: int, name: str, least: int = 1, most: int = MOST) -> int:
-    """A whole number from `least` to `most`.
+    """Checks that a value is a whole number from `least` to `most`.
 
     Raises:
-        ValueError: not a whole number in that range.
+        ValueError: the value is not.
     """
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not (whole and least <= value <= most):
@@ -87,7 +87,7 @@ def count(value: int, name: str, least: int = 1, most: int = MOST) -> int:
 
 
 def same_length(**arrays: Sequence[Any] | NDArray[Any] | None) -> None:
-    """Checks that arrays have the same number of rows; None is skipped.
+    """Checks that arrays have the same number of rows; skips arguments that are None.
 
     Raises:
         ValueError: two of them differ in length.

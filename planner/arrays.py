@@ -1,4 +1,4 @@
-"""Array types for annotations (docstrings give the shapes), and selection of rows from tuples of arrays."""
+"""Array types for annotations, and selection of rows from tuples of arrays. Docstrings state the shapes."""
 
 from typing import Any, TypeAlias, TypeVar
 
@@ -13,7 +13,7 @@ Record = TypeVar("Record", bound=tuple[Any, ...])
 
 
 def take(record: Record, rows: IntArray | BoolArray | slice) -> Record:
-    """Some rows of all arrays of a named tuple, which may hold further named tuples and None."""
+    """Selects rows of all arrays of a named tuple, which may also hold such named tuples and None."""
     chosen: list[Any] = []
     for values in record:
         if isinstance(values, tuple):

@@ -1,6 +1,6 @@
 """Entry points of the planner's commands; without the planner extra they state what to install.
 
-A missing file is reported before the planner is loaded, which takes seconds.
+They report a missing input file before they load the planner, which takes seconds.
 """
 
 import sys
@@ -15,14 +15,14 @@ from runtime.shell.exit_codes import ExitCode
 # Suffixes of input files.
 INPUTS = {".csv", ".dxf", ".jsonl", ".kicad_mod", ".msgpack", ".stl", ".svg", ".toml", ".txt"}
 HELP = {"-h", "--help"}
-# Options whose value may be an input file.
+# Options after which an input file may stand.
 READ = {"--debug", "--force", "--journal", "--json", "--poses", "--push"}
 
 
 def missing_input(words: Sequence[str]) -> str | None:
-    """The first argument of a command that names an input file which does not exist.
+    """Returns the first argument of a command that names an input file which does not exist, or None.
 
-    Arguments that may belong to an option are skipped: the command itself checks them.
+    Arguments that may be the value of an option not in `READ` are skipped: the command itself checks them.
     """
     if not HELP.isdisjoint(words):
         return None
@@ -39,7 +39,7 @@ def missing_input(words: Sequence[str]) -> str | None:
 
 
 def _command(name: str, module: str = "") -> Callable[[], int]:
-    """The entry point of `plan-<name>`: `main` of `planner.cli.<module>`; the module defaults to the name."""
+    """Returns the entry point of `plan-<name>`, which calls `main` of `planner.cli.<module or name>`."""
 
     def run() -> int:
         missing = missing_input(sys.argv[1:])

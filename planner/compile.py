@@ -38,11 +38,11 @@ class Plan:
 
     table: Table  # the decision table, with the evaluation's figures
     root: Node  # the tree with its beliefs, for reports
-    evaluation: Evaluation  # of the finished table, by trials that decided nothing
-    untried: int  # number of branches that no trial took, whose widths are REJECT
+    evaluation: Evaluation  # of the finished table, by trials that planning did not use
+    untried: int  # number of branches that no trial took; their widths are REJECT
     # Seed of the evaluation: `plan-evaluate --seed` with as many trials gives the same figures.
     seed: int
-    cut: Cut | None = None  # how the search was cut short; None where it was complete
+    cut: Cut | None = None  # how the search was cut short; None if it was complete
 
 
 def compile_job(
@@ -57,17 +57,17 @@ def compile_job(
 
     Args:
         job: the checked job.
-        workers: threads; all cores if None. The result does not depend on it.
-        trials: parts squeezed in the evaluation.
+        workers: number of threads; None: one for each core. The result does not depend on it.
+        trials: number of parts squeezed in the evaluation.
         report: progress.
-        limit: when to stop with the best tree so far, evaluated: complete and valid, but possibly with
-            unresolved leaves. Without a time budget the same seed gives the same bytes.
-        scheduler: who runs the trials of the evaluation; as many threads as `workers` if None.
+        limit: states when to stop with the best tree so far. The plan is then complete, valid and evaluated,
+            but some leaves may be unresolved. Without a time budget the same seed gives the same bytes.
+        scheduler: runs the trials of the evaluation; None: as many threads as `workers`.
 
     Raises:
         UnreachableError: the connection to the cluster was lost.
         NoPlanError: no squeeze distinguishes the poses that the goal asks for; or no grasp pose of the first
-    squeeze is both free of collision and useful; or no leaf of the tree is within the goal.
+            squeeze is both free of collision and useful; or no leaf of the tree is within the goal.
         ValueError: workers or trials are out of range.
     """
     say = report or silent
@@ -89,7 +89,7 @@ def compile_job(
 
 
 def _by_the_paper(job: Job, workers: int | None, trials: int, say: Report) -> Planned:
-    """Plans by the paper's method, which does not continue the search after trials."""
+    """Plans by a method of the paper, which does not continue the search after trials."""
     root = plan_paper(job, Simulator.of_job(job, workers), say)
     if not root.children:
         raise NoPlanError(
@@ -100,10 +100,10 @@ def _by_the_paper(job: Job, workers: int | None, trials: int, say: Report) -> Pl
 
 
 def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
-    """Adds the figures of trials that were not used in planning.
+    """Evaluates a plan by trials that were not used in planning, and adds the figures to its table.
 
-    A leaf that these figures refute is marked unresolved, and its parts count as failures in the same
-    figures: fresh trials for it would be a biased choice.
+    A leaf that the trials refute is marked unresolved, and the parts in it count as failures in the same
+    figures; fresh trials after this choice of leaves would be biased.
     """
     seed, table, trials = job.seed + SEED_FIGURES, plan.table, plan.trials
     worlds = ContactWorlds.of_job(job, seed)

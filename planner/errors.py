@@ -17,9 +17,10 @@ class FitError(InputError):
 
 
 class NoPlanError(ExpectedError):
-    """The search ended without a tree that reaches the goal; `success` is the best rate found, 0 to 1.
+    """The search ended without a tree that reaches the goal.
 
-    `cut_short` states that the search was not finished: a longer one may find a plan.
+    `success` is the share of the parts within the goal by the best tree, 0 to 1. `cut_short` states that the
+    search was not finished, so that a longer one may find a plan.
     """
 
     exit_code = ExitCode.NO_PLAN

@@ -1,4 +1,4 @@
-"""Conversion of poses between hand frame and world (hand frame: jaws close along y, fingers lie along x)."""
+"""Converts poses between hand frame and world. In the hand frame, jaws close along y, fingers lie along x."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ def to_hand(poses: Array, placement: Array) -> Array:
 
 
 def to_world(poses: Array, placement: Array) -> Array:
-    """Converts poses (..., 3) in the frame of a hand at `placement` (3,) to the world."""
+    """Converts poses (..., 3) in the frame of a hand at `placement` (3,) to the world [mm, mm, rad]."""
     c, s = np.cos(placement[2]), np.sin(placement[2])
     x, y = poses[..., 0], poses[..., 1]
     return np.stack(
@@ -23,6 +23,6 @@ def to_world(poses: Array, placement: Array) -> Array:
 
 
 def wrap(angle: Array, order: int = 1) -> Array:
-    """Reduces angles to within half a period of zero, for a part of rotational order `order` [rad]."""
+    """Reduces angles [rad] to within half a period of zero; the period is 2 pi / `order`."""
     period = 2.0 * np.pi / order
     return np.asarray(angle - period * np.round(angle / period))

@@ -4,16 +4,18 @@
     env = gymnasium.make("SqueezeLocalize-v0", job="job.toml", actions="box")
     many = gymnasium.make_vec("SqueezeLocalize-v0", num_envs=4096)    # a batch in one call of the kernels
 
-An action squeezes, for a reward of -1, or declares where the part lies: that ends the episode, with
-`Pomdp.success` if the pose is within the job's goal and 0 if not. With actions "set" the first of them are
-the job's placements of the hand and the others declare one candidate pose each (`Pomdp.actions`). With "box"
-they are x, y, theta of a pose and a fourth number that declares it from 0 on, each from -1 to 1: x and y span
-where the part may reach before the first squeeze, theta a full turn (`Episodes.chosen`). An episode also ends
-where an open finger comes down on the part, and it is truncated by the squeeze after the last of
-`search.max_depth`. The observation is what the encoder reads, in steps of closing: first 0.
+An action either squeezes, for a reward of -1, or declares where the part lies. A declaration ends the
+episode, with a reward of `Pomdp.success` if the pose is within the job's goal and of 0 if it is not. An
+episode also ends if an open finger comes down on the part, and it is truncated at the first squeeze beyond
+`search.max_depth`. The observation is the reading of the encoder, in steps of closing; it begins with 0.
 
-With `render_mode="rgb_array"`, `render()` draws the part, the fingers and what a particle filter of
-`RENDERED` states infers from the readings.
+With actions "set", an action is an index: first of the job's placements of the hand, then of candidate poses
+to declare (`Pomdp.actions`). With "box", an action is four numbers from -1 to 1: x, y and theta of a pose,
+and its use: to squeeze there if negative, else to declare it. x and y span the reach of the part before the
+first squeeze, theta spans a full turn (`Episodes.chosen`).
+
+With `render_mode="rgb_array"`, `render()` draws the part, the fingers, and the belief that a particle filter
+of `RENDERED` states infers from the readings.
 """
 
 from typing import Any, Literal, get_args
@@ -60,7 +62,7 @@ Actions = NDArray[Any]
 
 
 def problem_of(job: Job | str | None, workers: int = 1) -> Pomdp:
-    """The problem of a job, of a job file, or of the rectangle."""
+    """The problem of a job or of a job file; None: of the rectangle."""
     if job is None:
         job = parse(RECTANGLE, "the rectangle")
     return Pomdp.of_job(job if isinstance(job, Job) else load(job), workers)
@@ -108,7 +110,7 @@ class Episodes:
         """Acts in the episodes of `rows` (n,); the others stay as they are, with open jaws.
 
         Returns:
-            Observations, rewards, which have ended, which are cut off, each (n,).
+            Observations, rewards, whether an episode has ended, and whether it is truncated; each (n,).
         """
         n = len(rows)
         counts, rewards = np.full(n, 0, np.int64), np.zeros(n)
@@ -123,14 +125,14 @@ class Episodes:
 
 
 def _box(job: Job) -> Array:
-    """Bounds of hand placements and declared poses: the part's reach before the first squeeze, any angle."""
+    """Bounds (2, 4) of actions: the reach of the part before the first squeeze, any angle, either use."""
     span = job.uncertainty.radius_mm + reach(job.part.outline_mm)
     low, high = np.clip(job.cell.work_area_mm, -span, span)
     return np.array([[*low, -np.pi, SQUEEZE], [*high, np.pi, DECLARE]])
 
 
 class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
-    """One part at a time; `info` contains the true pose, which the agent does not know."""
+    """Environment with one part at a time; `info` contains the true pose, which the agent should not use."""
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012
 
@@ -162,7 +164,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
         return np.int64(0), self._info()
 
     def step(self, action: Any) -> tuple[np.int64, float, bool, bool, dict[str, Any]]:
-        """Squeezes, or declares a pose."""
+        """Squeezes the part, or declares its pose and ends the episode."""
         counts, rewards, ended, cut = self._episodes.step(
             np.ones(1, np.bool_), np.asarray(action)[None], self.np_random
         )
@@ -190,7 +192,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
 
 
 class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
-    """Many parts in one batch; an episode that has ended restarts at the next step (`NEXT_STEP`)."""
+    """Environments in one batch; an episode that has ended restarts at the next step (`NEXT_STEP`)."""
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
@@ -222,7 +224,7 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
     def step(
         self, actions: Actions
     ) -> tuple[IntArray, NDArray[np.float64], BoolArray, BoolArray, dict[str, Any]]:
-        """Acts in the episodes under way, and restarts those that have ended."""
+        """Acts in the episodes under way, and restarts those that ended at the step before."""
         begun = self._over
         if begun.any():
             self._episodes.begin(begun, self.np_random)

@@ -1,8 +1,8 @@
-"""Compilation of kernels: numba, cached on disk.
+"""Compiles kernels by numba and caches them on disk.
 
-Numba does not notice a change in the files of the functions that a cached one calls. So the cache folder is
-named after the content of all kernels and numba's version. If the folder is unusable, numba would fall back
-to `__pycache__`, whose name does not change; kernels are then compiled anew in every process instead.
+Numba does not notice when a function that a cached kernel calls changes in another file. So the cache folder
+is named after the content of all kernels and numba's version. If the folder is unusable, numba would fall
+back to `__pycache__`, whose name does not change; kernels are then compiled anew in every process instead.
 """
 
 import hashlib
@@ -22,7 +22,7 @@ CACHE_VARIABLE = "SQUEEZETREE_CACHE_DIR"
 
 
 def cache_folder() -> Path:
-    """The user's cache folder of this project; `SQUEEZETREE_CACHE_DIR` overrides it."""
+    """The user's cache folder of this project; the variable `SQUEEZETREE_CACHE_DIR` overrides it."""
     stated = os.environ.get(CACHE_VARIABLE)
     if stated:
         return Path(stated)
@@ -44,22 +44,22 @@ numba_config.CACHE_DIR = str(cache_folder() / f"kernels-{_fingerprint()}")
 
 
 def kernel(function: F) -> F:
-    """Compiles a function closed over arrays: no Python objects, no lock, no exceptions, cached on disk."""
+    """Compiles a function of arrays and numbers, without Python objects, GIL and exceptions; caches it."""
     return _compiled(function)
 
 
 def inner_kernel(function: F) -> F:
-    """`kernel` for functions that allocate nothing: skips counting of array references, 40 % of a squeeze."""
+    """`kernel` for functions that allocate nothing: it omits reference counts, 40 % of a squeeze's time."""
     return _compiled(function, _nrt=False)
 
 
 def inlined_kernel(function: F) -> F:
-    """`inner_kernel` that is inlined: for short, frequent functions, where passing arrays would dominate."""
+    """`inner_kernel` that is inlined: for short, frequent functions, whose calls would cost most."""
     return _compiled(function, _nrt=False, forceinline=True)
 
 
 def merged_kernel(function: F) -> F:
-    """`kernel` for a function that only one other kernel calls: it is compiled only within its caller."""
+    """`inner_kernel` for a function that only one kernel calls: it is compiled only within its caller."""
     return _compiled(function, _nrt=False, inline="always")
 
 
@@ -76,7 +76,7 @@ def _compiled(function: F, **flags: Any) -> F:
 
 
 def _is_ours(place: str | None) -> bool:
-    """Whether kernels are cached in the folder named after their content."""
+    """Whether a kernel's cache `place` lies in the folder named after the content of the kernels."""
     return place is not None and Path(place).is_relative_to(numba_config.CACHE_DIR)
 
 

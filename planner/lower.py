@@ -1,4 +1,4 @@
-"""Lowering: converts the tree of beliefs to the integers of a decision table."""
+"""Lowering: converts a tree of beliefs to a decision table, whose numbers are integers."""
 
 from importlib.metadata import PackageNotFoundError, version
 
@@ -19,7 +19,7 @@ from runtime import table as tables
 
 
 def lower(root: Node, job: Job) -> tables.Table:
-    """Converts an expanded tree of a job to a table, numbered breadth first, without evaluation figures."""
+    """Converts a job's tree to a table without evaluation figures; nodes are numbered breadth first."""
     encoder = encoder_of(job)
     nodes = [node for node in breadth_first(root) if node.children]
     leaves = [node for node in breadth_first(root) if not node.children]
@@ -79,10 +79,10 @@ def _push(push: Push, job: Job) -> tables.Push:
 
 
 def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
-    """The readings of each branch: those that occurred, and a margin on either side, at most half a gap.
+    """The least and greatest reading of each branch: those of its cluster, and a margin on either side.
 
-    A thin grip may read as an empty hand: its branch extends to the last reading before that of closed
-    jaws; the object flag distinguishes the two.
+    A margin is at most half of the gap to the next cluster. A thin part may read like an empty hand: its
+    branch extends to the last reading before that of closed jaws, and the object flag distinguishes the two.
     """
     resolution = resolution_of(encoder)
     free, margin = resolution.free, resolution.margin
@@ -97,7 +97,7 @@ def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
 
 
 def interval_um(low: int, high: int, encoder: Encoder) -> tuple[int, int]:
-    """Widths [um] of an interval of readings."""
+    """The least and greatest width [um] of the interval of readings from `low` to `high`."""
     least = max(0.0, float(encoder.width_mm(np.asarray(high + 0.5))))
     greatest = min(encoder.opening_mm, float(encoder.width_mm(np.asarray(low - 0.5))))
     return round(1e3 * least), round(1e3 * greatest)
@@ -125,13 +125,13 @@ def _leaf(node: Node, job: Job) -> tables.Leaf:
 
 
 def pose_of(pose: Array) -> tuple[int, int, int]:
-    """A pose (3,) in um and urad, its angle within half a turn."""
+    """Converts a pose (3,) [mm, mm, rad] to um and urad, with the angle within half a turn of 0."""
     x, y, theta = pose
     return round(1e3 * float(x)), round(1e3 * float(y)), round(1e6 * float(wrap(theta)))
 
 
 def covariance_of(belief: Belief, leaf: tables.Leaf, job: Job) -> tables.Covariance:
-    """Second moments, about the leaf's pose, of the parts within its goal, if any."""
+    """Second moments about a leaf's pose of those parts that are of the leaf's hypothesis; 0 without any."""
     named = belief.traits["hypothesis"] == leaf.hypothesis
     offset = belief.poses[named] - tables.predicted_pose(leaf)
     offset[:, 2] = wrap(offset[:, 2], job.alone[leaf.hypothesis].part.symmetry)

@@ -32,23 +32,23 @@ from runtime.table import Table
 
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
-ATTEMPTS = 6  # most rounds of fresh trials that reopen leaves
-FRESH = 2.0  # fresh trials of the first round, for each particle of the search; half of them in later ones
-LEAST_SHORT = 0.0005  # least probability of failing leaves for which they are searched further
+ATTEMPTS = 6  # most rounds of search at leaves that fresh trials reopen
+FRESH = 2.0  # fresh trials of the first round, for each particle of the search; half as many later
+LEAST_SHORT = 0.0005  # probability of failing leaves below which they are not searched further
 TIMED_TRIALS = 500  # parts squeezed to estimate the duration of an evaluation
 LEAST_TRIALS = 1000  # parts of an evaluation when a budget has no time for more
 EVALUATING = 0.4  # most of the remaining budget that evaluations may take
-SQUEEZES = 3.0  # of a part by a finished plan; the first pass may give up after fewer
-CURSORY = 0.2  # most of a budget for the first pass, which may leave some parts without a plan
+SQUEEZES = 3.0  # least mean assumed for a finished plan; the first pass may give up after fewer
+CURSORY = 0.2  # share of a budget for the first pass, which may leave some parts without a plan
 REPAIRS = 0.25  # of a budget, for leaves that trials of the last pass refute
-# For progress: share of the work after the passes, and of what is left of it after one more round of trials.
+# For progress: share of the work after the passes, and of this the share left after each round of trials.
 AFTER_PASSES, AFTER_ROUND = 0.35, 0.7
 
 
 class Cut(NamedTuple):
     """How a search was cut short."""
 
-    asked: bool  # whether by a request; otherwise by the budget
+    asked: bool  # whether by a request, such as an interrupt; otherwise by the time budget
     open_share: float = 0.0  # share of all parts that end in unresolved leaves
 
     def figures(self) -> dict[str, Any]:
@@ -70,10 +70,10 @@ class Planned:
     """The result of planning."""
 
     root: Node
-    table: Table  # with leaves unresolved that trials refute
+    table: Table  # leaves that trials refute are unresolved
     untried: int  # branches that no trial took
-    trials: int  # parts of an evaluation: fewer than requested where a budget has no time for them
-    cut: Cut | None  # None where the search is complete
+    trials: int  # parts of an evaluation: fewer than requested if a budget has no time for them
+    cut: Cut | None  # None if the search is complete
 
 
 class Rounds(NamedTuple):
@@ -83,7 +83,7 @@ class Rounds(NamedTuple):
     figures: int  # in the evaluation of the finished table
 
     def within(self, limit: Limit, root: Node, job: Job, workers: int) -> Rounds:
-        """Limits the numbers to those that a budget has time for, and reserves that time in `limit`."""
+        """Returns numbers for which the budget has time, and reserves this time in `limit`."""
         table = lower(root, job)
         judged(job, 1, workers, table, 0)  # loads its kernels
         began_s = limit.spent_s
@@ -99,33 +99,33 @@ class Rounds(NamedTuple):
 
 
 class Course:
-    """Reports the progress of planning: passes double in work, and trials follow."""
+    """Reports the progress of planning: the passes of the search, then the rounds of trials."""
 
     def __init__(self, report: Report) -> None:
         self.report, self.done = report, 0.0
 
     def in_pass(self, number: int, open_share: float) -> None:
-        """Reports pass `number`, with `open_share` of the parts not located."""
+        """Reports progress in pass `number`, when the share `open_share` of the parts is not yet located."""
         before = sum(stage.work for stage in PASSES[:number])
         self._at((1.0 - AFTER_PASSES) * (before + PASSES[number].work * (1.0 - open_share)))
 
     def after_trials(self, attempt: int, open_share: float) -> None:
-        """Reports the search after trials `attempt`."""
+        """Reports progress in the search after round `attempt` of trials; `open_share` as for `in_pass`."""
         self._at(1.0 - AFTER_PASSES * AFTER_ROUND ** (attempt + 1.0 - open_share))
 
     def _at(self, done: float) -> None:
-        """Reports a share of all work, never less than before."""
+        """Reports the share of all work that is done; it never falls."""
         self.done = max(self.done, min(done, 1.0))
         self.report("search", round(1000 * self.done), 1000)
 
 
 def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent) -> Planned:
-    """Plans by passes, and continues the search at leaves that fresh trials refute.
+    """Plans by passes of the search, and continues the search at leaves that fresh trials refute.
 
     Args:
-        problem: the problem.
-        limit: when to stop with the best plan so far.
-        trials: parts of the evaluation that follows, for which the budget reserves time.
+        problem: the job, resolved.
+        limit: states when to stop with the best plan so far.
+        trials: parts of the evaluation that follows; time for them is reserved in the budget.
         report: progress.
 
     Raises:
@@ -173,7 +173,7 @@ def _ended(run: Evaluation) -> dict[int, Belief]:
 
 
 def _strays(run: Evaluation) -> dict[int, Belief]:
-    """The parts whose last width fitted no branch, by the node that read it."""
+    """The parts whose last width fitted no branch, grouped by the node at which it was read."""
     parts, rejected = _parts(run), run.rejected & (run.squeezes > 0)
     node = run.path[np.arange(len(run.leaf)), run.squeezes - 1]
     return {int(k): parts[rejected & (node == k)] for k in np.unique(node[rejected])}
@@ -187,7 +187,7 @@ def _parts(run: Evaluation) -> Belief:
 def finished(
     root: Node, job: Job, table: Table, run: Evaluation, trials: int, cut: Cut | None = None
 ) -> Planned:
-    """The plan without branches to leaves that no trial of any round reached: their widths are REJECT.
+    """Removes the branches to leaves that no trial of any round reached, so that their widths are REJECT.
 
     Raises:
         NoPlanError: no branch remains.
@@ -197,7 +197,7 @@ def finished(
     if not kept[0]:
         raise no_plan(table, run, job, cut)
     untried = sum(len(node.branches) for node in table.nodes) - sum(map(len, kept))
-    # Leaves that trials refute are unresolved; the shares stay those of the plan.
+    # Only the leaves change: those that trials refute become unresolved. Branches keep their shares.
     table = replace(table, leaves=with_figures(table, run, job)[0].leaves)
     return Planned(pruned(root, kept), without_untried(table, kept), untried, trials, cut)
 
@@ -205,9 +205,9 @@ def finished(
 def judged(
     job: Job, trials: int, workers: int | None, table: Table, attempt: int, report: Report = silent
 ) -> Evaluation:
-    """Squeezes fresh parts by a table, with the same step as the tree.
+    """Evaluates a table on fresh parts, with the closing step of the squeezes of the tree.
 
-    The doubts of the job apply in their cell, except for the paper's methods.
+    The parts lie in a cell with the doubts of the job, except for the paper's methods.
     """
     worlds = ContactWorlds.of_job(job, job.seed + SEED_WORLD + attempt, STEP_MM)
     seed, work = job.seed + SEED_EVALUATION + attempt, Threads(workers) if workers else Threads()
@@ -216,7 +216,7 @@ def judged(
 
 
 def no_plan(table: Table, evaluation: Evaluation, job: Job, cut: Cut | None) -> NoPlanError:
-    """Why no leaf knows its pose; after a complete search, also what would distinguish the poses."""
+    """Returns the error that no leaf reaches the goal; after a complete search, with the open poses."""
     evaluation = replace(evaluation, table=table)
     goal = f"{job.goal.distance_mm} mm at confidence {job.goal.confidence}"
     if cut is not None:

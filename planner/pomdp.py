@@ -29,9 +29,9 @@ from planner.mechanics.simulator import Simulator
 from planner.mechanics.squeeze import JAMMED
 from planner.search.actions import actions_of
 
-SQUEEZE, DECLARE = 0.0, 1.0  # use of an action's pose; from midway on it declares
-MOST_CANDIDATES = 64
-# Parts, and random squeezes of each, that yield the candidate poses.
+SQUEEZE, DECLARE = 0.0, 1.0  # use of an action's pose; from 0.5 on it is declared
+MOST_CANDIDATES = 64  # most poses that `Pomdp.actions` declares
+# Number of parts from which candidate poses follow, and of random squeezes of each.
 TRIED, SQUEEZED = 4000, 3
 SEED_CANDIDATES = 0x43414E44
 
@@ -46,7 +46,7 @@ class Sampled(NamedTuple):
 
 
 def declares(actions: Array) -> BoolArray:
-    """Which of the actions (..., 4) declare a pose."""
+    """Whether actions (..., 4) declare a pose."""
     return np.asarray(actions[..., 3] >= 0.5 * (SQUEEZE + DECLARE))
 
 
@@ -64,7 +64,7 @@ class Pomdp:
 
     @classmethod
     def of_job(cls, job: Job, workers: int = 1) -> Self:
-        """The problem of a job; finding its candidate poses takes some tenths of a second.
+        """Builds the problem of a job; to find candidate poses takes some tenths of a second.
 
         Raises:
             ValueError: the job has several hypotheses.
@@ -91,7 +91,7 @@ class Pomdp:
         return np.column_stack([initial(self.job, n, rng), np.full(n, self.encoder.opening_mm)])
 
     def sample(self, s: Array, a: Array, rng: np.random.Generator) -> Sampled:
-        """Draws the results of one action (4,), or of (n, 4), on states (n, 4).
+        """Draws the results of one action (4,) in all states (n, 4), or of actions (n, 4), one in each.
 
         Raises:
             ValueError: the shapes do not fit, or a number is not finite.
@@ -113,7 +113,7 @@ class Pomdp:
     def likelihood(self, o: int | IntArray, s: Array, a: Array) -> Array:
         """Probability (n,) of the reading o after action a has led to states s (n, 4).
 
-        The action matters only through the width in the state.
+        The action does not matter, since the state contains the width that it led to.
 
         Raises:
             ValueError: the states are not (n, 4), the action not (4,), or o is no reading.
@@ -131,7 +131,7 @@ class Pomdp:
         """The belief (n, 4) after action a (4,) and reading o: propagated, weighted and resampled.
 
         Raises:
-            ValueError: see `sample`; or none of the states explains the reading.
+            ValueError: see `sample`; or o is no reading, or none of the states explains it.
         """
         o = arguments.count(o, "o", 0, self.encoder.steps)
         states = self.sample(belief, arguments.row(a, "a", 4), rng).states

@@ -1,4 +1,4 @@
-"""The problem that a job states, resolved once for search, bound and evaluation."""
+"""The planning problem of a job: the objects that search, lower bound and evaluation share."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STEP_MM = 0.8
 All but one in 1000 squeezes end within 0.3 mm and 1 degree of where steps of 0.05 mm do.
 """
 AHEAD_STEP_MM = 1.6
-"""Closing step of squeezes that only rank grasp poses: all but two in 1000 end as near."""
+"""Closing step of squeezes that only rank grasp poses: all but two in 1000 end within the same distance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,10 +34,10 @@ class Problem:
     Attributes:
         job: the checked job.
         encoder: reads widths.
-        rule: how readings are cut, when a belief is located, and the leaf heuristic.
+        rule: states how readings are partitioned, when a belief is located, and the leaf heuristic.
         costs: of squeezes and pushes.
         model: motion and sensor model of the tree's beliefs.
-        ahead: the same, coarser, for ranking grasp poses.
+        ahead: the same models with a coarser closing step, for ranking grasp poses.
     """
 
     job: Job
@@ -49,7 +49,7 @@ class Problem:
 
     @classmethod
     def of(cls, job: Job, workers: int | None = None) -> Self:
-        """Resolves a job; squeezes run on `workers` threads, all cores if None."""
+        """Builds the problem of a job; squeezes run on `workers` threads, or on all cores if None."""
         encoder, costs = encoder_of(job), Costs(job)
         stopping = StoppingRule(job.goal.confidence)
         rule = Rule(metric_of(job), stopping, resolution_of(encoder))

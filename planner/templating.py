@@ -4,7 +4,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 
 def environment(package: str, *, markup: bool) -> Environment:
-    """The templates of a package; values are escaped in `markup`, other text keeps its last newline."""
+    """The templates of a package: `markup` escapes values, other text keeps its last newline."""
     return Environment(
         loader=PackageLoader(package),
         autoescape=markup,

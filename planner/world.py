@@ -1,4 +1,4 @@
-"""Worlds, which squeeze parts. The stochastic contact world is the planner's model of reality.
+"""Worlds: models of reality that squeeze parts. The planner's own is the stochastic contact world.
 
 `make` is the default world factory of `plan-evaluate --world` and `grasp-cell --world`.
 """
@@ -29,30 +29,34 @@ SEED_COPY = 0x434F5059
 class World(Protocol):
     """Interface of worlds: `squeeze(pose_hand) -> (final_pose_hand, width_mm, status)`.
 
-    Optional methods are `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)`; parts with
+    Optional methods are `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)`. Parts with
     traits need `squeeze_many(poses, traits (n,))`. Tables that push need `push(pose_hand, opening_mm,
-    way_mm) -> final_pose_hand`, both in the frame that the hand has at the start of its way along its x
-    axis, or `push_many(poses, opening_mm (n,), way_mm (n,), traits (n,))`.
+    way_mm) -> final_pose_hand` or `push_many(poses, opening_mm (n,), way_mm (n,), traits (n,))`. In a push
+    the hand goes along its x axis; both poses are in the frame that the hand has at the start.
     """
 
     def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:
-        """Closes the fingers on a part at a pose in the hand frame [mm, mm, rad]."""
+        """Closes the fingers on a part at a pose in the hand frame [mm, mm, rad].
+
+        Returns:
+            The final pose in the hand frame, the width [mm] and the status.
+        """
 
 
 class Worlds(ABC):
     """A supply of equal worlds, one for each chunk of trials, so that chunks can run in parallel.
 
     The result of a chunk depends only on its number. Instances are sent to other processes, so they must
-    pickle.
+    support pickling.
     """
 
     @abstractmethod
     def world(self, chunk: int) -> World:
-        """The world of a chunk, with its own random stream."""
+        """The world of a chunk, by number; each chunk has its own random stream."""
 
 
 class ContactWorld:
-    """Squeezes with mechanics drawn each time (paper IV: Wishart limit surface, uniform friction)."""
+    """World that draws the mechanics of each squeeze (paper IV: Wishart limit surface, uniform friction)."""
 
     def __init__(self, job: Job, seed: int, workers: int | None = None) -> None:
         self._simulator = Simulator.of_job(job, workers)
@@ -61,7 +65,7 @@ class ContactWorld:
 
     @classmethod
     def of_simulator(cls, simulator: Simulator, seed: Sequence[int]) -> Self:
-        """A world that squeezes with an existing simulator, and draws from a random stream of its own."""
+        """A world that squeezes with an existing simulator and the random stream of `seed`."""
         world = cls.__new__(cls)
         world._simulator, world._stated = simulator, as_planned(1)
         world._rng = np.random.default_rng([*seed, SEED_WORLD])
@@ -70,11 +74,11 @@ class ContactWorld:
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
         """Closes the fingers on the part at a pose in the hand frame, jaws open [mm, mm, rad].
 
-        The cell is as the job states it: doubts are at the middle of their intervals.
+        The cell is as the job states it: the constant errors of [doubt] are at the middle of their intervals.
 
         Returns:
-            The final pose in the hand frame, the width [mm] that an encoder like the job's measures, the
-            status.
+            The final pose in the hand frame; the width [mm] with the constant errors of the encoder, but
+            without noise and rounding; and the status.
 
         Raises:
             ValueError: the pose is not three finite numbers.
@@ -91,7 +95,7 @@ class ContactWorld:
         return (float(x), float(y), float(theta)), max(width, 0.0), STATUS_NAMES[rolled.status[0]]
 
     def squeeze_many(self, poses_hand: Array, traits: Traits | None = None) -> RollOut:
-        """Squeezes (n, 3) poses, each with its own mechanics: `squeeze` in a batch.
+        """Squeezes parts at poses (n, 3), each with its own mechanics.
 
         Raises:
             ValueError: see `squeeze`; or the numbers of traits and poses differ.
@@ -99,7 +103,7 @@ class ContactWorld:
         return self._simulator.squeeze(poses_hand, self._rng, traits)
 
     def push(self, pose_hand: Pose, opening_mm: float, way_mm: float) -> Pose:
-        """Pushes the part with fingers held `opening_mm` apart, the hand going along its x axis.
+        """Pushes the part: the hand, with its fingers `opening_mm` apart, goes `way_mm` along its x axis.
 
         Returns:
             The final pose in the frame that the hand had at the start [mm, mm, rad].
@@ -117,7 +121,7 @@ class ContactWorld:
     def push_many(
         self, poses_hand: Array, opening_mm: Array, way_mm: Array, traits: Traits | None = None
     ) -> Array:
-        """Pushes (n, 3) poses, each with its own mechanics: `push` in a batch.
+        """Pushes parts at poses (n, 3), each with its own mechanics, and returns the final poses (n, 3).
 
         Raises:
             ValueError: see `push`; or arguments differ in length.
@@ -125,7 +129,7 @@ class ContactWorld:
         return self._simulator.push_by_hand(poses_hand, opening_mm, way_mm, self._rng, traits)
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
-        """Whether fingers opened to `opening_mm` would stand on the part."""
+        """Whether fingers that come down open to `opening_mm` would stand on a part at a pose."""
         jaws = self._simulator.jaws
         opening_mm = arguments.number(opening_mm, "opening_mm", 0.0, jaws.opening_mm)
         jaws = jaws._replace(opening_mm=opening_mm)
@@ -135,7 +139,7 @@ class ContactWorld:
 
 
 class Assorted:
-    """The world of a job with several hypotheses: one for each of them, with that part alone."""
+    """The world of a job with several hypotheses: holds a world for each, in which it is the only part."""
 
     def __init__(self, worlds: Sequence[World]) -> None:
         self.worlds = tuple(worlds)
@@ -146,14 +150,14 @@ class Assorted:
 
 
 def world_of(job: Job, seed: int, make: Callable[[Job, int], World]) -> World:
-    """Makes the world of a job by a factory; each of several hypotheses has a world and a seed."""
+    """Makes the world of a job by a factory; of several hypotheses each gets a world with its own seed."""
     if not job.hypothesis:
         return make(job, seed)
     return Assorted([make(alone, seed + number) for number, alone in enumerate(job.alone)])
 
 
 def of_hypothesis(world: World, hypothesis: int) -> World:
-    """The world of a hypothesis, by its number from 0."""
+    """The world of a hypothesis, by its number from 0; `world` itself if it serves all hypotheses."""
     if isinstance(world, Assorted):
         arguments.count(hypothesis, "hypothesis", 0, len(world.worlds) - 1)
     return world.worlds[hypothesis] if isinstance(world, Assorted) else world
@@ -165,11 +169,11 @@ class ContactWorlds(Worlds):
 
     # Simulators, one for each hypothesis, with one worker, since chunks already share the cores.
     simulators: tuple[Simulator, ...]
-    seed: int  # of all their randomness
+    seed: int  # of all random numbers
 
     @classmethod
     def of_job(cls, job: Job, seed: int, step_mm: float = DEFAULT_STEP_MM) -> Self:
-        """The worlds of a job, with this closing step of the fingers."""
+        """The worlds of a job; the fingers close in steps of `step_mm`."""
         return cls(tuple(Simulator.of_job(alone, 1, step_mm) for alone in job.alone), seed)
 
     def world(self, chunk: int) -> World:
@@ -186,7 +190,7 @@ make = ContactWorld  # the world factory: `make(job, seed)`
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedWorlds(Worlds):
-    """Supply of copies of a world by name: calls the factory for every chunk with another seed."""
+    """Supply of equal worlds by name: calls the factory for each chunk of trials, with another seed."""
 
     name: str  # "module:factory"
     job: Job  # passed to the factory
@@ -199,10 +203,10 @@ class NamedWorlds(Worlds):
 
 
 def supply(name: str, job: Job, seed: int, copies: bool = False) -> World | Worlds:
-    """The supply of worlds for an evaluation, by name "module:factory".
+    """Makes the world "module:factory" for an evaluation, or a supply of such worlds.
 
-    The contact world comes in copies, one for each chunk of trials. An external world is made once and runs
-    all trials in sequence, unless `copies` allows several to run in parallel.
+    The contact world gets a supply, with a world for each chunk of trials. Any other world is made once and
+    runs all trials in sequence, unless `copies` allows several to run in parallel.
 
     Raises:
         UsageError: see `load_world`.
@@ -213,7 +217,7 @@ def supply(name: str, job: Job, seed: int, copies: bool = False) -> World | Worl
 
 
 def load_world(name: str, job: Job, seed: int) -> World:
-    """Makes the world "module:factory" of a job; modules in the current folder are found too.
+    """Makes the world "module:factory" of a job; finds modules in the current folder, too.
 
     Raises:
         UsageError: the module or factory does not exist or fails, or its result cannot squeeze.

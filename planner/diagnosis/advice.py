@@ -1,4 +1,4 @@
-"""Advice on a plan that falls short, from the measures of this package.
+"""Advice on a plan that locates too few parts, from the measurements of this package.
 
 The cost of each source of noise in the job is measured by switching it off.
 """
@@ -35,7 +35,7 @@ class Gain(NamedTuple):
     success_rate: float  # success rate of the table without that source
     gain: float  # increase over the rate with all of them
     error: float  # half-width of the gain's 95 % interval
-    certain: bool  # whether the gain is more than chance
+    certain: bool  # whether the gain exceeds its error
 
 
 def gains_without_noise(
@@ -44,7 +44,7 @@ def gains_without_noise(
     """Runs a table without each source of its job's noise in turn; the table stays the same.
 
     Returns:
-        One gain for each source, the largest first, then the one without any noise.
+        One gain for each source, the largest first, then that of the run without any noise.
     """
     seed = job.seed + SEED_NOISE
     cases = [Case(PLANNED), *noise_cases(job)]
@@ -84,14 +84,14 @@ class Advice(NamedTuple):
 
     failing: float  # share of the parts that are not located
     rejected: float  # share whose width no branch has
-    pinched: float  # of these, the share of all that stops the jaws at less than a count, which is no grip
-    unresolved: float  # share that ends in leaves from which no squeeze gained anything
+    pinched: float  # share that is rejected, since the jaws hold it and still read as closed
+    unresolved: float  # share that ends in unresolved leaves
     at_depth_limit: float  # share that ends in unresolved leaves at `search.max_depth`
     open_poses: list[Ambiguity]  # the unresolved leaves with most parts, and their remedies
     gains: Sequence[Gain]  # cost of each source of noise; empty if not asked for
-    proposing: bool  # whether placements were proposed besides the stated ones
-    margins: Margins | None = None  # what widths a little off do; None if not asked for
-    shares: Shares | None = None  # of the same parts, rounded as they are told elsewhere
+    proposing: bool  # whether the search proposed placements besides the stated ones
+    margins: Margins | None = None  # effect of a small offset of widths; None if not asked for
+    shares: Shares | None = None  # the same shares, rounded as in other reports
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
@@ -104,7 +104,7 @@ class Advice(NamedTuple):
         return record
 
     def lines(self) -> list[str]:
-        """Lines that state what costs success, and where to look."""
+        """States for people which parts are not located, why, and what to change."""
         return [
             *self._shares(),
             *(leaf.line() for leaf in self.open_poses),
@@ -140,7 +140,7 @@ def advise(
     gains: Sequence[Gain] = (),
     margins: Margins | None = None,
 ) -> Advice:
-    """What limits the plan of a job, given the measurements of the other modules."""
+    """Returns the advice on a plan, from the evaluation of its table and, if given, gains and margins."""
     last = evaluation.reading[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
     deep = evaluation.unresolved & (evaluation.squeezes >= job.search.max_depth)
     return Advice(
@@ -164,7 +164,7 @@ def counsel(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> Advice:
-    """The complete advice on a plan of `planner.compile.compile_job`."""
+    """Measures gains and margins of a plan of `planner.compile.compile_job`; returns the complete advice."""
     trials = min(len(evaluation.leaf), MOST_TRIALS)
     gains = gains_without_noise(table, job, trials, scheduler, report)
     margins = margins_of(table, evaluation, job, trials, scheduler, report)

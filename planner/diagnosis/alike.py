@@ -1,4 +1,4 @@
-"""Poses that no squeeze distinguishes, by outline and goal alone, before any search."""
+"""Finds poses that no squeeze distinguishes, from outline and goal alone, before any search."""
 
 import math
 from typing import NamedTuple
@@ -12,9 +12,9 @@ from planner.errors import NoPlanError
 from planner.job.model import Job
 from planner.part import symmetry
 
-BOTH_SIDES = 2.0  # widths differ at most as the outline does under both fingers
-ALL = 1.0 - 1e-9  # least share of the parts that matters
-ANGLES = 3600  # angles sampled
+BOTH_SIDES = 2.0  # largest difference of widths, in units of that of outlines: two fingers
+ALL = 1.0 - 1e-9  # least share that counts as all parts
+ANGLES = 3600  # sampled within the uncertainty
 
 
 class Alike(NamedTuple):
@@ -24,10 +24,10 @@ class Alike(NamedTuple):
     degrees: float  # of the turn
     apart_mm: float  # largest distance of the outline from the turned one
     grain_mm: float  # scatter of the readings of one width
-    share: float  # share of the parts that may lie turned so within the uncertainty
+    share: float  # share of the parts that stay within the uncertainty after the turn
     order: int  # the outline's rotational order
     stated: int  # the order stated in the job
-    exact: bool  # whether outline, pressure and friction are the same after the turn
+    exact: bool  # whether outline and pressure are the same after the turn
 
     @property
     def hopeless(self) -> bool:
@@ -56,7 +56,7 @@ class Alike(NamedTuple):
 
 
 def alike(job: Job) -> list[Alike]:
-    """The undetectable turn of each part of a job, for parts that have one which matters to the goal."""
+    """Returns the undetectable turn of each part of a job that has one, if the goal has to distinguish it."""
     return [result for k, alone in enumerate(job.alone) if (result := _of_part(job, alone, k))]
 
 
@@ -64,8 +64,8 @@ def refuse_alike(job: Job) -> None:
     """Refuses a job for which no search can find a plan.
 
     Raises:
-        NoPlanError: every part has a second pose that reads alike in all squeezes, and the goal
-            distinguishes the two.
+        NoPlanError: each part has for every pose a second one that reads the same in all squeezes, and the
+            goal distinguishes the two.
     """
     result = alike(job)
     if len(result) == len(job.alone) and all(each.hopeless for each in result):
@@ -99,7 +99,7 @@ def _of_part(job: Job, alone: Job, index: int) -> Alike | None:
 
 
 def _share(turn: float, halfwidth: float) -> float:
-    """Share of the angles within +-`halfwidth` that stay within it after `turn`, one way or the other."""
+    """Share of the angles within +-`halfwidth` that stay within it after `turn` in one of both directions."""
     if halfwidth >= math.pi:
         return 1.0
     angles = np.linspace(-halfwidth, halfwidth, ANGLES)

@@ -1,4 +1,4 @@
-"""Poses that a plan leaves open, and squeezes that would tell them apart."""
+"""Poses that a plan leaves open, and squeezes that would distinguish them."""
 
 import math
 from typing import Any, NamedTuple
@@ -21,10 +21,10 @@ from runtime.table import HELD_UM, Table
 
 HANDS = 128  # placements tried to distinguish two poses
 SAMPLES = 40  # squeezes of each pose at each placement tried
-HALF_TURN_ALIKE = 2  # a hand turned by half a turn squeezes alike
-TELLING = 4.0  # least distance of distinguishable mean widths, in standard deviations of both
-LEAST_TRIALS = 20
-APART = 3.0  # distance of different poses in units of the goal; nearer ones are scatter
+HALF_TURN_ALIKE = 2  # order of the hand's symmetry: after half a turn it squeezes alike
+TELLING = 4.0  # least distance of distinguishable mean widths, in their joint standard deviation
+LEAST_TRIALS = 20  # parts in a leaf that is examined
+APART = 3.0  # least distance of different poses, in units of the goal; less is scatter
 SEED_AMBIGUITY = 0x414D4249
 
 
@@ -60,7 +60,7 @@ class Ambiguity(NamedTuple):
     """A leaf in which a part may lie in several poses."""
 
     leaf: int  # its index
-    share: float  # of all parts that end there
+    share: float  # of all parts, those that end there
     where: Whereabouts  # the poses of its parts
     separator: Separator | None  # for the first two poses, if a squeeze distinguishes them
 
@@ -96,7 +96,10 @@ class Ambiguity(NamedTuple):
 
 
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
-    """The unresolved leaves with most parts, at most `most`, each with a squeeze that would resolve it."""
+    """Returns the unresolved leaves with most parts, at most `most` of them, the most frequent first.
+
+    Each has a squeeze that distinguishes its first two poses, if one of those tried does.
+    """
     visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
     order = [
         int(leaf) for leaf in np.argsort(-visits, kind="stable") if visits[leaf] >= LEAST_TRIALS
@@ -117,10 +120,10 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
 
 
 def whereabouts(here: Array, metric: Metric) -> Whereabouts:
-    """Main poses of parts (n, 3), n >= 1, and the scatter about a single one.
+    """Finds the main poses of the parts `here` (n, 3), n >= 1, or the scatter about a single one.
 
-    A leaf may miss the goal although nearly all its parts lie at one pose. The rest are then at a second,
-    rare pose, or scatter about the first.
+    A leaf may miss the goal although nearly all its parts lie at one pose. The other parts then lie at a
+    second, rare pose, or scatter about the first.
     """
     modes = main_poses(here, metric)
     if len(modes) == 1:
@@ -139,7 +142,10 @@ def whereabouts(here: Array, metric: Metric) -> Whereabouts:
 def _separator(
     pair: Array, job: Job, simulator: Simulator, rng: np.random.Generator
 ) -> Separator | None:
-    """The placement at which the widths of two poses differ most, in units of their scatter."""
+    """Finds the squeeze whose mean widths at two poses differ most, in units of their scatter.
+
+    Squeezes that hold the part in both poses come first. None: no squeeze distinguishes the poses.
+    """
     encoder = encoder_of(job)
     # The standard deviation of rounding is the step over the square root of 12.
     floor = math.hypot(encoder.noise_mm, encoder.mm_per_step / math.sqrt(12.0))
@@ -166,5 +172,5 @@ def _separator(
 
 
 def pose_text(pose: Array) -> str:
-    """A pose (3,) in millimetres and degrees."""
+    """Formats a pose (3,) [mm, mm, rad] in millimetres and degrees."""
     return f"({pose[0]:z.1f}, {pose[1]:z.1f}) mm {math.degrees(math.remainder(pose[2], math.tau)):z.0f} deg"

@@ -1,15 +1,15 @@
-"""Warnings about jobs for which the answer of a plan means less than it says."""
+"""Warnings about jobs whose plan may work worse, or say less about the part, than its figures suggest."""
 
 from planner.job.model import Job
 from planner.part.outline import min_width
 
-LOW_TIPS_MM = 2.0  # heights of the tips above the table below which to warn
-NEAR_TOP_MM = 1.5  # depths of the tips below the part's top below which to warn
-LARGE_GOAL = 0.5  # goals, as a share of the part's width, above which to warn
+LOW_TIPS_MM = 2.0  # height of the tips above the table below which to warn
+NEAR_TOP_MM = 1.5  # distance of the tips from the part's top below which to warn
+LARGE_GOAL = 0.5  # goal, as a share of the part's width, above which to warn
 
 
 def warnings_of(job: Job) -> list[str]:
-    """Warnings about thin parts and about goals as large as the part."""
+    """Returns warnings about tips near the table or the part's top, and about goals as large as the part."""
     results = []
     for alone in job.alone:
         height_mm, tips_mm = alone.part.height_mm, job.cell.squeeze_height_mm

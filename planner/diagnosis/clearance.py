@@ -14,10 +14,10 @@ from planner.search.actions import actions_of
 from planner.search.ranking import LEAST_CLEARANCE_MM
 
 DIRECTIONS = 24  # directions of a part's centre from the middle of its disc
-RINGS = 8  # rings of equal area, at whose outer edges centres lie
+RINGS = 8  # rings of equal area, at whose outer edges the centres of parts lie
 STEP_DEG = 3.0  # largest step between the angles of a part
 TURNS = 12  # angles of the hand at the middle of the disc, besides the job's
-HALVINGS = 12
+HALVINGS = 12  # of the interval of an opening or a radius
 WIDEST = 16.0  # largest opening tried, in units of the gripper's
 
 
@@ -57,7 +57,7 @@ def shortage(job: Job) -> Shortage | None:
 
 
 def _least(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """The least number that satisfies a condition which holds at `high` and not at `low`."""
+    """The least number for which a condition holds, by bisection; it holds at `high` and not at `low`."""
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if holds(middle) else (middle, high)
@@ -65,7 +65,7 @@ def _least(holds: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
-    """Whether some placement of the hand is free of collision for all parts in a disc."""
+    """Whether some placement of the hand is free of collision for all parts, with this opening and disc."""
     jaws = jaws_of(job.gripper)._replace(opening_mm=opening_mm)
     poses = _poses(radius_mm, job.uncertainty.orientation_halfwidth_deg)
     turned = np.zeros((TURNS, 3))

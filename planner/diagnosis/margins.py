@@ -1,4 +1,4 @@
-"""Margins of a plan: how far widths may be off before its branches no longer fit."""
+"""Margins of a plan: the effect of a small offset of widths on its answers."""
 
 from typing import NamedTuple
 
@@ -15,16 +15,16 @@ from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from runtime.table import REJECT, Table, decision_map
 
-THIN = 0.02  # least share of wrong answers under an offset that makes margins thin
+THIN = 0.02  # share of wrong answers under an offset above which margins are thin
 SEED_MARGINS = 0x4D415247
 
 
 class Margins(NamedTuple):
     """Effect of a small offset of widths on a table."""
 
-    off_mm: float  # offset to either side
-    wrong_rate: float  # share of parts answered wrongly with it, on the worse side
-    near: float  # share of parts with a reading so near another branch, at some node
+    off_mm: float  # size of the offset, which is tried to either side
+    wrong_rate: float  # share of parts answered wrongly under the worse of both offsets
+    near: float  # share of parts with a reading that is, at some node, within `off_mm` of another branch
 
     @property
     def thin(self) -> bool:
@@ -49,7 +49,7 @@ def margins_of(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> Margins:
-    """Runs a table with widths offset to either side, `trials` parts each."""
+    """Runs a table with widths offset to either side, on `trials` parts each, and returns its margins."""
     seed = job.seed + SEED_MARGINS
     lines = sweep(table, job, offset_cases(job), trials, seed, scheduler, report)
     wrong = max(float(line.evaluation.wrong.mean()) for line in lines)
@@ -58,7 +58,7 @@ def margins_of(
 
 
 def near_another(table: Table, evaluation: Evaluation) -> float:
-    """Share of the parts with a reading that an offset of `OFFSET` grains would take into another branch."""
+    """Share of the parts with a reading that an offset of up to `OFFSET` grains moves to another branch."""
     encoder = encoder_of_table(table)
     lookup = Lookup.of([decision_map(node, table.gripper).either for node in table.nodes])
     squeezed = evaluation.path >= 0

@@ -1,4 +1,4 @@
-"""Why a part is not located, as one of a few kinds, each with a remedy: part, gripper or search."""
+"""Classifies why a part is not located into a few kinds of reasons: of the part, gripper or search."""
 
 from typing import NamedTuple
 
@@ -25,15 +25,15 @@ NO_START = "no first squeeze"
 class Reason(NamedTuple):
     """Why a part is not located."""
 
-    kind: str  # one of the above
-    text: str  # what was measured, as a sentence without its end
+    kind: str  # one of the constants of this module
+    text: str  # what was measured, as a sentence without its full stop
 
 
 def likeness(job: Job, cut: bool = False) -> Reason | None:
-    """Finds why poses of the part look alike: its outline or its hull hardly changes by a turn.
+    """Finds a turn by which the part's outline, or else its convex hull, hardly changes; None without one.
 
-    The hull proves nothing, since fingers may reach the rest of the outline. With `cut`, for a search that
-    was cut short, the hull is not examined.
+    A turn of the hull is no proof, since fingers may reach the rest of the outline. So the hull is not
+    examined if `cut`: if the search was cut short.
     """
     outline, grain_mm = job.part.outline_mm, encoder_of(job).grain_mm
     hull = canonical(convex_hull(outline)).outline_mm  # about its own centroid
@@ -48,7 +48,7 @@ def likeness(job: Job, cut: bool = False) -> Reason | None:
 
 
 def no_plan(job: Job, error: NoPlanError) -> Reason:
-    """The reason why there is no plan at all."""
+    """Returns the reason why planning found no plan and raised `error`."""
     if result := likeness(job, error.cut_short):
         return result
     if error.cut_short:
@@ -57,7 +57,7 @@ def no_plan(job: Job, error: NoPlanError) -> Reason:
 
 
 def reason(job: Job, advice: Advice, cut: bool) -> Reason:
-    """The reason why a plan with a table locates too few parts."""
+    """Returns the reason why a plan locates too few parts; `cut`: its search was cut short."""
     several = [leaf for leaf in advice.open_poses if len(leaf.where.poses) > 1]
     if several and (result := likeness(job, cut)):
         return result

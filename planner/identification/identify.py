@@ -1,12 +1,13 @@
 """Identifies a limit surface from measured wrench-twist pairs, and tests it on unseen pairs.
 
-Wrenches are normalised by the friction with the table (mu N), which a log does not hold: unless stated, it is
-the force at which the fitted ellipsoid slides the part without turning it, averaged over directions. Wrenches
-with a known direction only are each scaled onto the fitted surface instead.
-The quartic is fitted robustly, and pulled towards the ellipsoid by the strongest ridge whose cross-validated
-error is within one standard error of the least (Hastie, Tibshirani and Friedman, "The Elements of Statistical
-Learning", 7.10); for
-directions, by the ridge of least error, since such tables are long.
+Wrenches are normalised by the friction with the table (mu N), which a log does not contain. Unless stated,
+mu N is estimated as the force that slides the part without turning it, by the fitted ellipsoid and averaged
+over directions. If only the direction of wrenches is known, each is scaled onto the fitted surface instead.
+
+The quartic is fitted robustly, with a ridge that pulls it towards the ellipsoid: the strongest one whose
+cross-validated error is within one standard error of the least (Hastie, Tibshirani and Friedman, "The
+Elements of Statistical Learning", 7.10). For directions it is the ridge of least error, since such tables are
+long.
 """
 
 import math
@@ -29,7 +30,7 @@ Surface = LimitSurface | QuarticSurface
 RIDGES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # pulls towards the ellipsoid [pairs]
 
 FOLDS = 5
-LEAST_PAIRS = 12  # of a file; a split keeps at least half of them for the fit
+LEAST_PAIRS = 12  # in all; a split fits to at least half as many
 
 _FRICTION_ROUNDS = 5
 _SCALING_ROUNDS = 8
@@ -45,7 +46,7 @@ class Normalised(NamedTuple):
 
 
 class Directions(Normalised):
-    """Pairs whose wrenches have a known direction only."""
+    """Pairs of which only the direction of the wrenches is known; F holds unit wrenches."""
 
 
 class Fit(NamedTuple):
@@ -61,8 +62,8 @@ class Identified(NamedTuple):
 
     kind: Kind  # "ellipsoid" or "quartic"
     fit: Fit  # fit to all pairs
-    errors_rad: Array  # (splits,) mean angle of measured and predicted twists that were held out
-    held_out: Array  # (K, 3) mean predicted unit twist of each pair while held out, or nan
+    errors_rad: Array  # (splits,) mean angle between measured and predicted held-out twists
+    held_out: Array  # (K, 3) mean unit twist predicted for each held-out pair; nan for the others
     fit_error_rad: float  # error of the final fit on its own pairs
 
 
@@ -75,7 +76,7 @@ def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
 
 
 def directions(pairs: Pairs) -> Directions:
-    """The directions of pairs: wrenches and twists scaled to length 1."""
+    """Scales the wrenches and twists of pairs to length 1."""
     F, V = (
         each / np.linalg.norm(each, axis=1, keepdims=True)
         for each in (pairs.wrenches, pairs.twists)
@@ -96,8 +97,18 @@ def identify(
 ) -> list[Identified]:
     """Fits limit surfaces to pairs, normalised with `rho_mm`, and tests each kind on the same random splits.
 
-    A split fits to the share `train_share` of the pairs, 0 to 1, and holds out the rest. The friction with
-    the table [N] is estimated from the pairs of each fit if not given.
+    Args:
+        data: the normalised pairs.
+        rho_mm: the length that torques were divided by.
+        kinds: kinds of surfaces to fit.
+        splits: number of random splits.
+        train_share: share of the pairs, 0 to 1, to which a split fits; it holds out the others.
+        seed: of the splits and of cross-validation.
+        friction_n: friction with the table [N]; None: estimated from the pairs of each fit.
+        report: progress.
+
+    Returns:
+        The fit to all pairs and the errors of each kind, in the order of `kinds`.
 
     Raises:
         InputError: too few pairs, to fit or to hold out.
@@ -142,7 +153,7 @@ def fit(
     rng: np.random.Generator,
     friction_n: float | None = None,
 ) -> Fit:
-    """Fits one surface to pairs; cross-validation on them chooses a quartic's ridge.
+    """Fits one surface to pairs; cross-validation on these pairs chooses the ridge of a quartic.
 
     Raises:
         QuarticFitError: the conic solver fails.
@@ -159,7 +170,7 @@ def fit(
 
 
 def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: np.random.Generator) -> Fit:
-    """`fit` for wrenches without magnitude: they are scaled onto the surface, and it is fitted again."""
+    """`fit` for wrenches without magnitude: scales them onto the surface and fits it again, several times."""
     A, emphasis = np.eye(3), data.weights
     for _ in range(_SCALING_ROUNDS):
         scaled = Normalised(
@@ -183,7 +194,7 @@ def _ellipsoid_value(A: Array, F: Array) -> Array:
 
 
 def friction(data: Normalised) -> float:
-    """Estimate mu N [N]: the mean force that slides the part without turning it.
+    """Estimates mu N [N]: the mean force that slides the part without turning it.
 
     The wrench of a unit twist v under the ellipsoid A has the power sqrt(v^T A^-1 v), which is 1 for a
     translation.
@@ -198,7 +209,10 @@ def friction(data: Normalised) -> float:
 def choose_ridge(
     data: Normalised, rho_mm: float, rng: np.random.Generator, tolerance: float = 1.0
 ) -> float:
-    """The strongest of `RIDGES` within `tolerance` standard errors of the best, cross-validated."""
+    """Returns the strongest of `RIDGES` whose error is within `tolerance` standard errors of the least.
+
+    Errors are cross-validated.
+    """
     count = len(data.F)
     errors = np.empty((len(RIDGES), count))
     order = rng.permutation(count)
@@ -216,7 +230,7 @@ def choose_ridge(
 
 
 def predict(surface: Surface, F: Array) -> Array:
-    """Predicts the unit twists (K, 3) of wrenches F (K, 3) of any scale."""
+    """Returns the predicted unit twists (K, 3) of wrenches F (K, 3); the scale of F does not matter."""
     if isinstance(surface, LimitSurface):
         return limit_surface.twist(surface.A, F)
     return surface.twist(F)

@@ -1,8 +1,9 @@
 """Identifies a limit surface from motions alone: pushes with a round tip, without a force sensor.
 
-The result is the ellipsoid and the friction of the tip whose simulated pushes end nearest to the measured
-ones: least squares of x, y and rho times the angle, robust against outliers (soft L1, `SCALE_MM`), by the
-trust-region method of scipy. The scale of the ellipsoid does not change where pushes end.
+The result is the ellipsoid, and the friction of the tip, with which simulated pushes end nearest to the
+measured ones: the least squares of x, y and rho times the angle, robust against outliers (soft L1,
+`SCALE_MM`), by scipy's trust-region method. The scale of the ellipsoid is arbitrary, since it does not change
+where pushes end.
 """
 
 from typing import NamedTuple
@@ -18,14 +19,14 @@ from runtime.shell.errors import InputError
 
 SCALE_MM = 2.0  # Residuals beyond this count linearly, not squared
 LEAST_PUSHES = 6
-FRICTION = (0.01, 1.5)  # bounds
+FRICTION = (0.01, 1.5)  # bounds on the friction of the tip
 STEP = 1e-2  # of finite differences: a push is smooth except where contacts change
 
 
 class Motions(NamedTuple):
     """Pushes by a round tip, and the resulting motions of the part."""
 
-    paths: Paths  # in the part's frame at the start, clear of it
+    paths: Paths  # of the tip, in the part's frame at the start; they begin clear of the part
     moved: Array  # (n, 3) measured displacement of the centroid [mm, mm, rad]
 
 
@@ -37,7 +38,7 @@ class Fitted(NamedTuple):
 
 
 def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0.3) -> Fitted:
-    """Fits an ellipsoid to motions, starting from the unit sphere and a friction of the tip.
+    """Fits an ellipsoid and the friction of the tip to motions, starting from the unit sphere and `friction`.
 
     Raises:
         InputError: fewer than `LEAST_PUSHES` pushes, one for each unknown.
@@ -68,7 +69,7 @@ def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0
 
 
 def errors_mm(fitted: Fitted, motions: Motions, part: Simulator, radius_mm: float) -> Array:
-    """Errors (n,) of predicted motions in position and angle, as in the success metric."""
+    """Errors (n,) of the predicted motions in the success metric: distance plus rho times the angle [mm]."""
     off = _off(motions, part, fitted.surface.A, fitted.friction, radius_mm)
     return np.asarray(np.hypot(off[:, 0], off[:, 1]) + np.abs(off[:, 2]))
 
@@ -76,7 +77,7 @@ def errors_mm(fitted: Fitted, motions: Motions, part: Simulator, radius_mm: floa
 def held_out_mm(
     motions: Motions, part: Simulator, radius_mm: float, splits: int, rng: np.random.Generator
 ) -> Array:
-    """Median errors (splits,) on the halves that the fits have not seen."""
+    """Median errors (splits,) of random splits [mm]: each fits to one half and predicts the other."""
     n, errors = len(motions.moved), np.empty(splits)
     for split in range(splits):
         order = rng.permutation(n)
@@ -94,7 +95,7 @@ def _off(motions: Motions, part: Simulator, A: Array, friction: float, radius_mm
 
 
 def _ellipsoid(unknown: Array) -> Array:
-    """The positive definite matrix (3, 3), with first entry 1, of the unknowns."""
+    """The positive definite matrix (3, 3) with first entry 1 whose Cholesky factor five unknowns state."""
     x, y, z, log_y, log_z = unknown
     L = np.array([[1.0, 0.0, 0.0], [x, np.exp(log_y), 0.0], [y, z, np.exp(log_z)]])
     return np.asarray(L @ L.T)

@@ -11,14 +11,15 @@ pusher poses and the poses (t x y z qw qx qy qz). A push becomes a pair as follo
 
 - The part's frame is the marker frame shifted by `MARKER_TO_PART_MM`, the centroid of the block: a right
   triangle with legs of 150 mm along the marker's axes.
-- The sensor's offset is its first reading. The force on the part, in the pusher's frame, is -`SENSOR_AXES` f:
-  the sensor is mounted turned by 45 degrees, one axis mirrored, and feels the reaction.
-- The first `APPROACH` of a force record is approach. Of the rest, readings weaker than the norm of the mean
-  force of the whole record are not contact.
-- The block moves evenly from its pose before to its pose after, over the rest of the record. The wrench is
-  the mean over the contact readings of the force and its torque in the part's frame at that moment, the
-twist the constant one that takes the one pose to the other (eq. 1 is about both in that frame).
-- The tip of the pusher lies to the side of the logged position, by the result of `tip_offset`.
+- The first reading of the sensor is its offset, and is subtracted. The force on the part, in the pusher's
+  frame, is -`SENSOR_AXES` f: the sensor is mounted turned by 45 degrees, with one axis mirrored, and measures
+  the reaction.
+- The share `APPROACH` at the start of a force record counts as approach. Later readings count as contact
+  unless they are weaker than the norm of the mean force of the whole record.
+- The block is taken to move evenly from the pose before to the pose after, over the rest of the record. The
+  wrench is the mean, over the contact readings, of force and torque in the part's frame at that moment. The
+  twist is the constant one that takes the block from the one pose to the other (eq. 1 relates the two).
+- The tip of the pusher lies beside the logged position, to the left by `tip_offset`.
 """
 
 import csv
@@ -42,9 +43,9 @@ FACES_MM = np.array([50.0, 50.0, 50.0 * math.sqrt(0.5)])  # distances of the fac
 
 SENSOR_AXES = math.sqrt(0.5) * np.array([[1.0, 1.0], [1.0, -1.0]])
 APPROACH = 0.3
-TIP_PRIOR = 0.5  # scatter of a contact's distance from its face, over the likely tip offset
+TIP_PRIOR = 0.5  # scatter of the distance of tip and face at contact, over the likely tip offset
 
-MAX_TILT_DEG = 15.0  # of a block on a table; a larger tilt means another order of the numbers
+MAX_TILT_DEG = 15.0  # of a logged pose; a larger tilt means that the numbers have another order
 
 MOST_PUSHES = 100_000
 MOST = 1e30
@@ -56,7 +57,7 @@ class Push(NamedTuple):
     before: Array  # (7,) pose of the marker frame, mm and quaternion
     after: Array  # (7,) the same, after the push
     forces: Array  # (K, 3) t s, fx N, fy N, sensor axes
-    pusher: Array  # (P, 8) t s, pose of the pusher
+    pusher: Array  # (P, 8) t s, pose of the pusher, mm and quaternion
 
 
 def parse(text: str, where: str = "push log") -> list[Push]:
@@ -85,7 +86,7 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
         Wrenches (K, 3) N, N, N mm, and twists (K, 3) mm, mm, rad, in the part's frame.
 
     Raises:
-        InputError: a push without contact or without motion.
+        InputError: a push has no contact or no motion.
     """
     sideways = tip_offset(pushes)
     wrenches = np.array([_wrench(push, sideways) for push in pushes])
@@ -102,9 +103,10 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
 def tip_offset(pushes: list[Push]) -> float:
     """Estimates how far the pusher's tip lies to the left of its logged position [mm].
 
-    At the end of a push the tip touches a face. Its distance from there is a constant for each face (radius
-    of the tip, size of the block) and the offset's share along the face's normal, which changes with the
-    direction of the push. Least squares, with a weak pull to 0 for logs that push in few directions.
+    At the end of a push the tip touches a face. The distance of the logged position from the face is the sum
+    of a constant for each face (radius of the tip, size of the block) and the component of the offset along
+    the normal of the face, which changes with the direction of the push. The offset is the result of least
+    squares, with a weak pull to 0 for logs that push in few directions.
     """
     rows, distances = [np.array([0.0, 0.0, 0.0, TIP_PRIOR])], [0.0]
     for push in pushes:
@@ -167,13 +169,13 @@ def _turned(push: Push) -> float:
 
 
 def _yaw(quaternion: Array) -> Array:
-    """The angle(s) about z of unit quaternions (..., 4) w x y z, rad."""
+    """The angles (...) about z of unit quaternions (..., 4) w x y z, rad."""
     w, x, y, z = np.moveaxis(np.asarray(quaternion), -1, 0)
     return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
 def _turn(angle: Array | float) -> Array:
-    """Rotation matrices (2, 2) or (2, 2, K)."""
+    """The rotation matrix (2, 2) of an angle, or the matrices (2, 2, K) of angles (K,), rad."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s], [s, c]])
 
@@ -182,7 +184,7 @@ def finite(text: str | None, place: str, where: str) -> float:
     """Parses a number of a file.
 
     Raises:
-        InputError: it is missing, not a number, or too large for a measurement.
+        InputError: the number is missing, not a number, or too large for a measurement.
     """
     try:
         value = float(text or "")
@@ -249,7 +251,7 @@ class _Reader:
 
 
 COLUMNS = ("fx_n", "fy_n", "tau_n_mm", "vx_mm", "vy_mm", "omega_rad")
-# Torque over rho, angle times rho; any scale.
+# Columns of a table of directions: torque over rho, angle times rho, at any scale.
 DIRECTIONS = ("fx", "fy", "tau_rho", "vx", "vy", "om_rho")
 WEIGHT = "weight"
 
@@ -266,8 +268,8 @@ def load(path: str | Path) -> Pairs:
     """Reads pairs from a push log, or from a table if the name ends in .csv.
 
     Raises:
-        InputError: missing, unreadable or not text.
-        InputError: the content is not as described above; names the line.
+        InputError: the file is missing, unreadable or not text.
+        InputError: the content is not as described for this module; names the line.
     """
     where = str(path)
     text = documents.read(path)
@@ -278,7 +280,7 @@ def load(path: str | Path) -> Pairs:
 
 
 def load_directions(path: str | Path) -> Pairs:
-    """Reads a table of directions, in the columns `DIRECTIONS`: wrenches and twists of any scale.
+    """Reads wrenches and twists of any scale from a table with the columns `DIRECTIONS`.
 
     Raises:
         InputError: see `load`.
@@ -287,16 +289,16 @@ def load_directions(path: str | Path) -> Pairs:
 
 
 def join(parts: list[Pairs]) -> Pairs:
-    """Joins the pairs of several files."""
+    """Concatenates the pairs of several files."""
     return Pairs(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 def parse_table(text: str, where: str = "table", columns: Sequence[str] = COLUMNS) -> Pairs:
-    """Reads a table of pairs, with the columns of wrench and twist that `columns` names.
+    """Reads a table of pairs; `columns` are the names of three columns of the wrench and three of the twist.
 
     Raises:
-        InputError: a column or all rows missing, or a value that is not a number, not positive (a
-            weight) or all zero (a wrench, a twist); names the line.
+        InputError: a column is missing, there are no rows, a value is not a number, a weight is not
+            positive, or a wrench or twist is zero; names the line.
     """
     reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
     header = [name.strip() for name in reader.fieldnames or []]

@@ -1,4 +1,4 @@
-"""The cell of a job in the form of tables: limits, gripper, and the model of time."""
+"""Converts the cell of a job to the records of tables: limits, gripper, and the model of time."""
 
 import json
 
@@ -24,7 +24,7 @@ def limits_of(job: Job, depth: int) -> Limits:
 
 
 def gripper_of(job: Job) -> GripperSpec:
-    """The gripper and its fingers."""
+    """The gripper of a job, with the length and the width of its fingers, as a table states it."""
     gripper = job.gripper
     fingers = (gripper.finger_length_mm, gripper.finger_width_mm)
     return GripperSpec.of(gripper.profile, *(round(1e3 * size) for size in fingers))

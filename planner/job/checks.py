@@ -16,16 +16,18 @@ from runtime.table import PROFILES, TableError, doubt_um, profile_of
 
 Values = dict[str, Any]
 
-LEAST_DOF = 3  # Of an ellipsoid's scatter, which is 3 x 3
+LEAST_DOF = 3  # Least degrees of freedom of a random ellipsoid, whose matrix is 3 x 3
 ON_PART_MM = 1e-3  # Tolerated distance of a support point outside the outline, for rounded drawings
 LEAST_STEPS = 8  # Steps of a reading between open and closed jaws
 
 
 def place_outline(points: Array, drawn: bool) -> outline.Canonical:
-    """The outline in the part's frame, and its shift from the drawing.
+    """Returns the outline in the part's frame, and its shift from the drawing.
+
+    An outline that is not `drawn`, but in the canonical form, is only checked: its shift is 0.
 
     Raises:
-        InputError: the outline is not a simple polygon, or is off the part's frame that it claims.
+        InputError: the outline is not a simple polygon, or is neither drawn nor centred counter-clockwise.
     """
     try:
         if drawn:
@@ -36,11 +38,13 @@ def place_outline(points: Array, drawn: bool) -> outline.Canonical:
 
 
 def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shift: Array) -> None:
-    """Moves the support points with the outline; completes and normalises their weights (in place).
+    """Moves the support points by the shift of the outline and normalises their weights (in place).
+
+    Points without weights get equal ones.
 
     Raises:
-        InputError: points off the part or all in one place, a different number of weights and points, or a
-            stated ellipsoid that is not symmetric positive definite.
+        InputError: points lie off the part or all in one place, their number differs from that of the
+            weights, or a stated ellipsoid is not symmetric positive definite.
     """
     if pressure["kind"] == "stated":
         check_ellipsoid(pressure["ellipsoid"], "pressure")
@@ -64,7 +68,7 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
 
 
 def complete_gripper(gripper: dict[str, Any]) -> None:
-    """Completes the gripper of a job from the profile of its model (in place).
+    """Fills in the values that the gripper of a job leaves out, from the profile of its model (in place).
 
     Raises:
         InputError: the model is unknown.
@@ -88,7 +92,7 @@ def complete_gripper(gripper: dict[str, Any]) -> None:
 
 
 def doubt_mm(resolution_mm: float, noise_mm: float) -> float:
-    """Default bound of the constant error of a gripper's widths [mm], rounded to two digits."""
+    """Default bound of the constant error of a gripper's widths [mm], rounded to two significant digits."""
     return min(float(f"{doubt_um(resolution_mm, noise_mm):.2g}"), MOST_OFF_MM)
 
 
@@ -96,7 +100,7 @@ def check_conflicts(values: Values) -> None:
     """Refuses values that are valid alone but conflict with each other.
 
     Raises:
-        InputError: which two values conflict.
+        InputError: two values conflict; names both.
         FitError: the part is wider than the jaws open, at any angle.
     """
     _check_symmetry(values["part"])
@@ -120,11 +124,11 @@ def check_conflicts(values: Values) -> None:
 
 
 def check_parts(job: Any, names: list[str]) -> None:
-    """Refuses values that conflict with the parts that may lie there.
+    """Refuses values that conflict with the number or the names of the parts that may lie on the table.
 
     Raises:
-        InputError: a goal without choice for a single part, two parts of one name, or a section that does
-            not apply to several parts.
+        InputError: the goal is to identify a single part, two parts have one name, or a value does not
+            apply to several parts.
     """
     if len(names) == 1 and job.goal.kind == "identity":
         problem = (
@@ -252,7 +256,11 @@ def _check_pushes(method: str, proposals: str) -> None:
 
 
 def _grasp(delivery: dict[str, Any], part: dict[str, Any]) -> tuple[float, float]:
-    """Where the hand takes the part, in its frame [mm]."""
+    """The point (x, y) at which the hand takes the part, in the part's frame [mm].
+
+    Raises:
+        InputError: the grasp is none of the part's picks.
+    """
     name, picks = delivery["grasp"], part["picks"] or {}
     if name is None:
         return 0.0, 0.0
@@ -266,7 +274,10 @@ def _grasp(delivery: dict[str, Any], part: dict[str, Any]) -> tuple[float, float
 
 
 def _check_delivery(values: Values) -> None:
-    """Checks width and area, and that some symmetric turn of the part puts the hand down within the area."""
+    """Checks the width and the area, and that the hand can deliver the part within the area.
+
+    One of the turns under the part's symmetry is enough.
+    """
     delivery, opening = values["delivery"], values["gripper"]["opening_mm"]
     width = delivery["width_mm"]
     if width is not None and width >= opening:

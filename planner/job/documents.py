@@ -25,14 +25,15 @@ INSTEAD = {
     "orientation_halfwidth_deg": "orientation",
 }  # Keys that state the same value in two ways: setting one drops the other
 MOST_BYTES = 64 << 20  # of a file that a person wrote
-PAPER_PARTICLES = 6_000  # of its methods, by default (paper, VII)
+PAPER_PARTICLES = 6_000  # default number of particles of the paper's methods (paper, VII)
 
 
 def read(path: str | Path, advice: str = "check the path") -> str:
     """Reads a job, or another UTF-8 file that a person wrote.
 
     Raises:
-        InputError: missing (with `advice`), unreadable, a directory or not UTF-8.
+        InputError: the file is not UTF-8; or it is missing, unreadable, a directory or too large, which
+            the error reports with `advice`.
     """
     where = str(path)
     try:
@@ -54,7 +55,7 @@ def from_toml(text: str, where: str) -> dict[str, Any]:
     """Reads TOML text.
 
     Raises:
-        InputError: not valid TOML; names line and column.
+        InputError: the text is not valid TOML; names line and column.
     """
     try:
         return strict_toml.parse(text.replace("\r\n", "\n"))
@@ -85,10 +86,11 @@ def from_json(text: str, where: str) -> dict[str, Any]:
 
 
 def checked(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Checks a parsed job file, key by key; the job checks conflicts between keys.
+    """Checks each key of a parsed job file alone; `checks.check_conflicts` compares them with each other.
 
-    Returns the checked values, with defaults, by section name and key. Section "" is the top level; a
-    missing one of `ABSENT_SECTIONS` is None.
+    Returns:
+        The values, with defaults, by section name and key. Section "" is the top level. A section of
+        `ABSENT_SECTIONS` that is missing is None.
 
     Raises:
         KeyNameError: an unknown or missing key or section.
@@ -119,13 +121,17 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """A copy of a document with values replaced; the job checks their types and ranges.
+    """Returns a copy of a document with values replaced, which `checked` has to check.
 
-    `changes` maps top-level keys to values and sections to their new values, applied in order.
+    Args:
+        document: stays as it is.
+        changes: maps a top-level key to its new value, and a section to its new values by key.
+        where: place that errors name.
 
     Raises:
         UsageError: a key of the top level is taken for a section.
         KeyNameError: the section or the top-level key is unknown.
+        InputError: the change is of [part], but each hypothesis has a part.
     """
     result = dict(document)
     for name, values in changes.items():
@@ -154,7 +160,7 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
 
 
 def _with_values(table: dict[str, Any], section: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """A section with values replaced; keys that the new values exclude are dropped."""
+    """Returns a copy of a section with values replaced, without the keys that the new values exclude."""
     table = dict(table)
     for key, value in values.items():
         if (section, key) == ("pressure", "kind"):
@@ -173,7 +179,7 @@ def _pressure_fields(table: Any) -> Mapping[str, Field]:
 
 
 def _check_strays(table: Any, valid: Container[str], section: str) -> None:
-    """Refuses a key that is valid elsewhere, and says where."""
+    """Raises `KeyNameError` for a key that is valid in another place only; the error names the place."""
     if not isinstance(table, dict):
         return
     homes = {
@@ -190,7 +196,7 @@ def _check_strays(table: Any, valid: Container[str], section: str) -> None:
 
 
 def _fill_orientation(uncertainty: dict[str, Any]) -> None:
-    """Unifies the two ways to state an orientation: as a half-width, 180 deg for "unknown"."""
+    """Converts an orientation that is "unknown" to a half-width of 180 deg (in place)."""
     unknown = uncertainty.pop("orientation") is not None
     stated = uncertainty["orientation_halfwidth_deg"] is not None
     choice = 'orientation = "unknown" or orientation_halfwidth_deg'

@@ -1,6 +1,6 @@
-"""The job file of a new part: an outline and a few answers become commented TOML that compiles as it stands.
+"""Drafts the job file of a new part from an outline and a few answers: commented TOML, ready to compile.
 
-Its values for grippers and finger materials are starting values, to be measured in the cell.
+The values for grippers and finger materials are starting values, to be measured in the cell.
 """
 
 import json
@@ -20,11 +20,11 @@ from runtime.shell.plain_text import cleaned
 from runtime.table import selectable
 
 GRIPPERS = selectable()  # profiles by model
-MIDDLE_SHARE = 1 / 60  # of the stroke: distance from the hand's middle where the fingers may meet
+MIDDLE_SHARE = 1 / 60  # distance from the hand's middle where the fingers may meet, per stroke
 
 
 class Fingers(NamedTuple):
-    """The facing of the fingers: bounds on its dry friction against metals and plastics."""
+    """A finger material, with bounds on its coefficient of dry friction against metals and plastics."""
 
     low: float
     high: float
@@ -41,8 +41,8 @@ FINGERS = {
 }
 
 
-MOST_RADIUS_MM = 10.0  # proposed value
-FITTING = 0.8  # proposed uncertainty, as a share of the room between open fingers
+MOST_RADIUS_MM = 10.0  # largest radius that is proposed
+FITTING = 0.8  # proposed radius, as a share of `room_mm`
 DECIMALS = 4  # Of a vertex: 0.1 um, far below any tolerance of a drawing
 
 
@@ -50,19 +50,19 @@ class Answers(NamedTuple):
     """Settings that a drawing does not contain."""
 
     name: str  # of the part
-    radius_mm: float  # its centroid lies in this disc
-    turn_deg: float | None  # it is turned by at most this, or None for any angle
+    radius_mm: float  # of the disc in which the part's centroid lies
+    turn_deg: float | None  # the part is turned by at most this, either way; None: by any angle
     gripper: str  # one of `GRIPPERS`
     fingers: str  # one of `FINGERS`
-    distance_mm: float = 3.0  # the goal
+    distance_mm: float = 3.0  # of the goal, `schema.Goal`
     height_mm: float | None = None  # the part's thickness; None: unknown
     tips_mm: float | None = None  # of the finger tips above the table; None: the default height
 
 
 def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Face] = ()) -> str:
-    """The text of a job file for an outline from the file `source`, checked like every job.
+    """Returns the text of a job file for an outline that was read from the file `source`.
 
-    Each face on which a solid may lie becomes a hypothesis.
+    Each of `faces`, on which a solid may lie, becomes a hypothesis. The text is checked like every job.
 
     Raises:
         InputError: the part does not fit the gripper, or an answer is out of range.
@@ -121,13 +121,13 @@ def opening_of(gripper: str) -> float:
 
 
 def room_mm(imported: Imported, gripper: str) -> float:
-    """Distance of the part's centroid from the hand within which open fingers clear it at any angle [mm].
+    """Largest distance of the part's centroid from the hand at which open fingers clear it at any angle [mm].
 
-    Negative where the part, turned, is wider than the jaws open.
+    Negative if the jaws open less than twice the part's reach.
     """
     return 0.5 * opening_of(gripper) - reach(imported.outline_mm)
 
 
 def proposed_radius_mm(imported: Imported, gripper: str) -> float:
-    """Default radius of the disc that contains the centroid [mm]."""
+    """Proposed radius of the disc in which the centroid lies [mm], a whole number of at least 1."""
     return max(1.0, float(math.floor(min(MOST_RADIUS_MM, FITTING * room_mm(imported, gripper)))))

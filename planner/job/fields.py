@@ -1,7 +1,7 @@
-"""Fields of a job file as data: types, ranges and defaults, read and checked in one place.
+"""Fields of a job file as data: each has a type, a range and a default.
 
-A field knows its type, range and default; `read_section` turns one TOML table into checked values. An error
-of a field states what is wrong with the value; the caller adds the place.
+`read_section` turns one TOML table into checked values. The method `read` of a field returns a valid value
+and raises `InputError` for any other; the error states what is wrong, and the caller adds the place.
 """
 
 import difflib
@@ -23,7 +23,7 @@ REQUIRED: Final = object()  # Default of a required field
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A finite number from `low` to `high`; `above` and `below` exclude the bound itself."""
+    """A finite number from `low` to `high`; `above` excludes `low`, `below` excludes `high`."""
 
     low: float
     high: float
@@ -32,7 +32,7 @@ class Number:
     below: bool = False
 
     def read(self, value: Any) -> float:
-        """The value as float."""
+        """Returns a valid value as float."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"must be a number, not {shown(value)}")
         fits_low = value > self.low if self.above else value >= self.low
@@ -46,7 +46,7 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Integer:
-    """A whole number from `low` to `high`, or a special word, if one is given."""
+    """A whole number from `low` to `high`, or the text `word` if it is not empty."""
 
     low: int
     high: int
@@ -54,7 +54,7 @@ class Integer:
     word: str = ""
 
     def read(self, value: Any) -> Any:
-        """The value."""
+        """Returns a valid value."""
         advice = f'; or write "{self.word}"' if self.word else ""
         if self.word and value == self.word:
             return value
@@ -72,7 +72,7 @@ class Flag:
     default: Any = REQUIRED
 
     def read(self, value: Any) -> bool:
-        """The value."""
+        """Returns a valid value."""
         if not isinstance(value, bool):
             raise InputError(f"must be true or false, not {shown(value)}")
         return value
@@ -87,7 +87,7 @@ class Text:
     longest: int = 80
 
     def read(self, value: Any) -> str:
-        """The value."""
+        """Returns a valid value."""
         if not isinstance(value, str):
             raise InputError(f"must be a text in quotes, not {shown(value)}")
         if self.choices and value not in self.choices:
@@ -101,7 +101,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Numbers:
-    """A list of numbers, or of rows of `columns` numbers, each within `item`."""
+    """A list of `least` to `most` entries: numbers in the range of `item`, or rows of `columns` of them."""
 
     item: Number
     columns: int = 0
@@ -110,7 +110,7 @@ class Numbers:
     default: Any = REQUIRED
 
     def read(self, value: Any) -> Array:
-        """A read-only array, (K,) or (K, columns)."""
+        """Returns a valid list as a read-only array, (K,) or (K, columns)."""
         if not isinstance(value, list | tuple):
             raise InputError(f"must be a list {self._shape()}, not {shown(value)}")
         if not self.least <= len(value) <= self.most:
@@ -139,13 +139,13 @@ class Numbers:
 
 @dataclass(frozen=True, slots=True)
 class Poses:
-    """Poses [x, y, angle] by name; mm, mm, degrees, each number within `item`."""
+    """Poses [x, y, angle] by name [mm, mm, deg]; each number is in the range of `item`."""
 
     item: Number
     default: Any = REQUIRED
 
     def read(self, value: Any) -> dict[str, list[float]]:
-        """The poses, in the order of their names."""
+        """Returns valid poses, sorted by name."""
         if not isinstance(value, dict) or not 1 <= len(value) <= MOST_POSES:
             raise InputError(
                 f"must be 1 to {MOST_POSES} lines name = [x, y, angle], not {shown(value)}"
@@ -164,11 +164,14 @@ Field: TypeAlias = Number | Integer | Flag | Text | Numbers | Poses
 
 
 def read_section(table: Any, fields: Mapping[str, Field], section: str) -> dict[str, Any]:
-    """Checks one section; "" is the top level. A default of None stays None.
+    """Checks the keys and values of one section, or of the top level if `section` is "".
+
+    Returns:
+        The values by key, with defaults; a default of None is not checked.
 
     Raises:
-        InputError: not a section, or a value of the wrong type or out of range.
-        KeyNameError: unknown or missing keys.
+        InputError: the table is not a section, or a value is of the wrong type or out of range.
+        KeyNameError: a key is unknown or missing.
     """
     if not isinstance(table, dict):
         raise InputError(
@@ -184,10 +187,10 @@ def read_section(table: Any, fields: Mapping[str, Field], section: str) -> dict[
 
 
 def check_names(names: Iterable[str], valid: Iterable[str], section: str) -> None:
-    """Refuses the first name that is not valid, with the nearest valid one.
+    """Checks the names of keys, or of keys and sections if `section` is "".
 
     Raises:
-        KeyNameError: a name is not known.
+        KeyNameError: a name is not valid; proposes the nearest valid one.
     """
     valid = tuple(valid)
     for name in names:

@@ -6,9 +6,10 @@
     [hypothesis.part]           # as [part]
     [hypothesis.pressure]       # and [hypothesis.friction]: where they differ from the job's own
 
-Each entry is the document of a job with one part. `faces = "either"` in a part stands for two of them: the
-part, and the part turned over, whose outline is the mirror image. `[[stranger]]` entries are alike, but
-without a share: foreign parts, which the plan does not locate.
+Each entry, with the sections that it shares with the others, is the document of a job with one part.
+`faces = "either"` in a part stands for two hypotheses: the part, and the part turned over, whose outline is
+the mirror image. `[[stranger]]` entries are foreign parts, which the plan does not locate: they have the same
+keys, except for the share.
 """
 
 import math
@@ -36,10 +37,12 @@ _FIELDS: Mapping[str, Field] = {
 
 
 def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
-    """The share and the document of each part that a job's document names; a single one without entries.
+    """Returns the share and the document of each hypothesis of a job's document.
+
+    A document without `[[hypothesis]]` entries has one part, with share 1.
 
     Raises:
-        InputError: an entry is invalid, or the shares do not add up to 1.
+        InputError: an entry is invalid, the shares do not add up to 1, or [part] stands beside the entries.
     """
     common = {key: value for key, value in document.items() if key not in (KEY, FOREIGN)}
     if KEY not in document:
@@ -60,10 +63,10 @@ def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
 
 
 def foreign(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The document of each foreign part that a job's document names.
+    """Returns the document of each foreign part of a job's document.
 
     Raises:
-        InputError: an entry is invalid.
+        InputError: an entry is invalid, or states a share.
     """
     common = {key: value for key, value in document.items() if key not in (KEY, FOREIGN, "part")}
     result = _entries(FOREIGN, 1, document[FOREIGN], common) if FOREIGN in document else []
@@ -75,7 +78,14 @@ def foreign(document: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The canonical document of a part that lies on its other face; None where both faces look alike."""
+    """Returns the document of a part that lies on its other face; None where both faces look alike.
+
+    Args:
+        document: the canonical document of the part as stated.
+
+    Raises:
+        InputError: the part's limit surface is a quartic.
+    """
     part, pressure = dict(document["part"]), dict(document["pressure"])
     outline = np.array(part["outline_mm"])
     mirrored = np.concatenate([outline[:1], outline[:0:-1]]) * np.array([1.0, -1.0]) + 0.0
@@ -92,7 +102,7 @@ def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
         turned = TURN[:, None] * np.array(pressure["ellipsoid"]) * TURN + 0.0
         pressure["ellipsoid"] = turned.tolist()
     part |= {"name": f"{part['name']}, {TURNED_OVER}", "outline_mm": mirrored.tolist()}
-    # Its y axis would be left-handed: that of the picks turns, too.
+    # A mirrored frame is left-handed. So the datum's y axis is reversed, and y and angle of the picks in it.
     if part.get("datum") is not None:
         part["datum"] = _mirrored(part["datum"])
         picks = {name: _mirrored(pick) for name, pick in (part.get("picks") or {}).items()}
@@ -109,7 +119,7 @@ def _mirrored(pose: list[float]) -> list[float]:
 def _entries(
     key: str, least: int, entries: Any, common: Mapping[str, Any]
 ) -> list[tuple[float | None, dict[str, Any]]]:
-    """The share, if any, and the document of each entry of a list of parts."""
+    """Returns the share, or None, and the document of each entry of the list `key`."""
     if not isinstance(entries, list) or not least <= len(entries) <= MOST:
         raise InputError(f"must be {least} to {MOST} entries, each under [[{key}]]", section=key)
     numbered = enumerate(entries, start=1)
@@ -141,7 +151,10 @@ def _entry(
 
 
 def named(document: Mapping[str, Any], key: str, number: int, error: InputError) -> InputError:
-    """Adds the number of an entry to an error in it; an error in shared sections stays the same."""
+    """Adds the number of the list entry to an error about one of the entry's own sections.
+
+    An error about a section that entries share stays the same, except that a `FitError` names the entry.
+    """
     if key not in document:
         return error
     if error.section in SECTIONS and error.section in document[key][number - 1]:

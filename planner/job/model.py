@@ -1,8 +1,8 @@
 """The job file: all inputs of a plan, checked once, then frozen.
 
 A job is TOML for people (`load`, `parse`) and canonical JSON for the table (`Job.canonical`,
-`from_canonical`): the same keys, with every default written out. The text is exact, so its digest names the
-job.
+`from_canonical`): the same keys, with every default written out. The JSON text is exact, so its digest
+identifies the job.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from runtime.shell.errors import InputError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForeignPart:
-    """A foreign part: tables are tested with it, but not planned for it."""
+    """A foreign part: tables are tested with such parts, but no plan locates them."""
 
     part: schema.Part
     pressure: Pressure
@@ -43,7 +43,7 @@ class Hypothesis(ForeignPart):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
-    """A checked job. Two jobs are equal if their canonical texts are."""
+    """A checked job. Two jobs are equal if their canonical texts are equal."""
 
     seed: int
     part: schema.Part
@@ -82,7 +82,7 @@ class Job:
 
     @property
     def shares(self) -> tuple[float, ...]:
-        """Shares of the hypotheses among the parts, in the order of `alone`."""
+        """Fractions of the parts that are of each hypothesis, in the order of `alone`; their sum is 1."""
         return tuple(h.share for h in self.hypothesis) if self.hypothesis else (1.0,)
 
     @property
@@ -95,7 +95,7 @@ class Job:
         """Reads a job file (TOML, UTF-8) and applies changes in the form of `Job.replaced`.
 
         Raises:
-            InputError: it cannot be read, or see `parse`.
+            InputError: the file cannot be read; or see `parse`.
         """
         return parse(documents.read(path), str(path), changes)
 
@@ -108,9 +108,10 @@ class Job:
         return hashlib.sha256(self.canonical().encode()).digest()
 
     def replaced(self, where: str = "the changed job", /, **changes: Any) -> Job:
-        """A copy with other values, checked as in a file: `job.replaced(goal={"modes": 2}, seed=4)`.
+        """Returns a copy with other values: `job.replaced(goal={"modes": 2}, seed=4)`.
 
-        Errors name `where` as the place. Another `pressure.kind` drops the keys of the old one.
+        The copy is checked like a job file; errors name `where` as the place. A new `pressure.kind` drops
+        the keys that only the old kind has.
 
         Raises:
             InputError: see `parse`.
@@ -159,9 +160,9 @@ def parse(text: str, where: str = "job", changes: Mapping[str, Any] | None = Non
     """Parses a job from TOML text of the file `where`; `changes` are in the form of `Job.replaced`.
 
     Raises:
-        InputError: not valid TOML, a value of the wrong type, out of range or in conflict with another, or an
-            outline that is not a simple polygon.
-        KeyNameError: an unknown or missing key or section.
+        InputError: the text is not valid TOML; a value is of the wrong type, out of range or in conflict with
+            another; or an outline is not a simple polygon.
+        KeyNameError: a key or section is unknown or missing.
         FitError: the part does not pass between the open fingers in any orientation.
     """
     document = documents.changed(documents.from_toml(text, where), changes or {}, where)
@@ -172,13 +173,18 @@ def from_canonical(text: str, where: str = "job text") -> Job:
     """Reads a job back from its canonical text, exactly: `from_canonical(job.canonical()) == job`.
 
     Raises:
-        InputError: not valid JSON, or see `parse`.
+        InputError: the text is not valid JSON; or see `parse`.
     """
     return of_document(documents.from_json(text, where), where, drawn=False)
 
 
 def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
-    """Checks a document and freezes it; an outline is moved to its centroid only if `drawn` by a person.
+    """Returns the job of a document, checked and frozen.
+
+    Args:
+        document: the parsed job.
+        where: the job's file, for errors.
+        drawn: whether a person drew the outline, so that it has to be centred; the canonical form is centred.
 
     Raises:
         InputError: see `parse`.
@@ -190,7 +196,7 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 
 
 def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
-    """The job of a document, with as many hypotheses as it names parts and faces."""
+    """Returns the job of a document, with a hypothesis for each part and face if there are several."""
     results: list[tuple[float, Job]] = []
     stated = hypotheses.stated(document)
     listed = [alone for _, alone in stated]
@@ -217,7 +223,7 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 def _jobs(
     document: dict[str, Any], key: str, listed: list[dict[str, Any]], where: str, drawn: bool
 ) -> list[list[Job]]:
-    """The jobs of all faces of the parts that a document lists under a key."""
+    """Returns a list of jobs for each part that a document lists under a key: one job for each face."""
     results = []
     for number, alone in enumerate(listed, start=1):
         try:
@@ -228,7 +234,7 @@ def _jobs(
 
 
 def _on_faces(document: dict[str, Any], where: str, drawn: bool) -> list[Job]:
-    """The job of one part, and of the part turned over where it may lie on either face."""
+    """Returns the job of one part; and that of the part turned over, if this differs and is allowed for."""
     part = document.get("part")
     faces = part.get("faces") if isinstance(part, dict) else None
     job = _of_one(document, where, drawn)
@@ -270,7 +276,7 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
 
 
 def _document(job: Job) -> dict[str, Any]:
-    """A job as JSON types; several hypotheses replace part, pressure and friction."""
+    """Converts a job to JSON types; a list of several hypotheses replaces part, pressure and friction."""
     document: dict[str, Any] = _plain(asdict(job))
     if job.foreign:
         document[hypotheses.FOREIGN] = document.pop("foreign")
@@ -281,7 +287,7 @@ def _document(job: Job) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON types, without keys that are None."""
+    """Converts a value to JSON types, without the keys whose value is None."""
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items() if item is not None}
     if isinstance(value, list | tuple) and any(isinstance(item, Mapping) for item in value):

@@ -12,10 +12,12 @@ _WORD = re.compile(r"[A-Za-z][\w.-]*")
 
 
 def changes_of(overrides: Iterable[str]) -> dict[str, Any]:
-    """Parses texts "section.key=value" or "seed=value" for `Job.replaced`; the last one wins.
+    """Parses texts "section.key=value" or "seed=value" to changes in the form of `Job.replaced`.
+
+    The last value of a key counts.
 
     Raises:
-        UsageError: a text that cannot be read.
+        UsageError: a text states no value, or is not of this form.
     """
     changes: dict[str, Any] = {}
     for override in overrides:
@@ -33,10 +35,10 @@ def changes_of(overrides: Iterable[str]) -> dict[str, Any]:
 
 
 def value_of(name: str, text: str) -> Any:
-    """Parses a value of the key `name`: any TOML value, or a bare word.
+    """Parses the value of the key `name`: any TOML value, or a word without quotes.
 
     Raises:
-        UsageError: the text is neither.
+        UsageError: the text is neither, or `name` is not a key.
     """
     if not re.fullmatch(r"(\w+\.)?\w+", name):
         raise UsageError(f"{shown(name)} is not a key of a job; write it as section.key=value")
@@ -54,7 +56,7 @@ def value_of(name: str, text: str) -> Any:
 
 
 def split(text: str) -> tuple[str, list[str]]:
-    """Splits "name=value,value" at commas outside brackets and quotes.
+    """Splits "name=value,value" into the name and the values, at commas outside brackets and quotes.
 
     Raises:
         UsageError: the name or a value is missing.

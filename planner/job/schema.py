@@ -13,7 +13,7 @@ from runtime.table import DEFAULT_MODEL, GripperProfile, profile_of
 
 PLACE = Number(-10_000, 10_000)  # a coordinate, mm
 MOST_FRICTION = 2.0
-# Tables hold integers of um, urad, um/s and mN; a goal, a speed or a force is at least ten of them.
+# Tables hold integers in um, urad, um/s and mN; the least goal, speed or force is at least ten units.
 LEAST_MM, LEAST_DEG, LEAST_RATE = 0.01, 0.001, 0.1
 LEAST_STEP_MM = 0.001  # of a reading, which a table states in um
 MOST_OFF_MM = 20.0  # constant error of a width
@@ -33,7 +33,7 @@ class Part:
     outline_mm: Annotated[Outline, Numbers(PLACE, columns=2, most=MOST_VERTICES)]
     # Rotational order n: turns by 2 pi / n look the same, 1 = none.
     symmetry: Annotated[int, Integer(1, MOST_ORDER, default="auto", word="auto")]
-    # Distance of contours from the drawing's: moulded about 0.2, cut 0.1, cast 0.5; 0 = none.
+    # Distance of real contours from the drawn one: moulded about 0.2, cut 0.1, cast 0.5; 0 = none.
     tolerance_mm: Annotated[float, Number(0, 10, default=0.0)]
     # From the table to the part's top where the fingers close; None: not stated.
     height_mm: Annotated[float | None, Number(1, MM, above=True, default=None)]
@@ -63,21 +63,21 @@ class Gripper:
     model: Annotated[str, Text(default=DEFAULT_MODEL)]
     finger_length_mm: Annotated[float, Number(0, MM, above=True)]  # along x of the hand frame
     finger_width_mm: Annotated[float, Number(0, MM, above=True)]  # along y, the closing direction
-    # Between the inner faces, jaws fully open; None here and below: that of the model.
+    # Between the inner faces, jaws fully open. None, here and in the next two: the value of the model.
     opening_mm: Annotated[float, Number(0, MM, above=True, default=None)]
     resolution_mm: Annotated[float, Number(LEAST_STEP_MM, MM, default=None)]  # step of a reading
     noise_mm: Annotated[float, Number(0, 10, default=None)]  # std of a reading before its rounding
-    # Rate at which the opening closes; each finger moves at half of it. None here and below: moderate, and
-    # low, for the model.
+    # Rate at which the opening closes; each finger moves at half of it. None, here and in the next: the
+    # usual value of the model.
     speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=None)]
     force_n: Annotated[float, Number(LEAST_RATE, 10_000, default=None)]  # grip force
-    # Share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = the other one
-    # sticks.
+    # Share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = only this finger
+    # moves.
     upper_finger_share: Annotated[float, Number(0, 1, default=0.5)]
 
     @property
     def profile(self) -> GripperProfile:
-        """The profile of the gripper: that of its model, with the values of the job."""
+        """The profile of the gripper's model, with the values of the job in place of its own."""
         preset, stroke_um = profile_of(self.model), round(1e3 * self.opening_mm)
         steps = round(self.opening_mm / self.resolution_mm)
         counts = preset.counts and (preset.counts if steps == preset.steps else None)
@@ -102,8 +102,8 @@ def _interval(low: float, high: float) -> Numbers:
 class Doubt:
     """Constant errors of a cell: intervals about the values in the rest of the job.
 
-    With some probability one of them is off, anywhere in its interval but more often near the ends; the
-    others are at the middle of their intervals.
+    With probability `chance` one of the errors is off: anywhere in its interval, but more often near the
+    ends. All others are at the middle of their intervals.
     """
 
     chance: Annotated[float, Number(0, 1, default=0.8)]  # that something is off
@@ -147,15 +147,15 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Actions:
-    """The hand placements to choose from: each angle at each centre, and those that a belief suggests."""
+    """The placements of the hand to choose from: each angle at each centre, and proposals of a belief."""
 
     # Angles of the hand's x axis in the world.
     angles_deg: Annotated[tuple[float, ...], Numbers(Number(-360, 360), most=1_000)]
     # (K, 2) positions of the hand in the world, read-only.
     centers_mm: Annotated[Array, Numbers(PLACE, columns=2, most=1_000)]
-    # "belief": every node also considers placements relative to its own belief.
+    # "belief": every node also considers placements that it derives from its belief.
     proposals: Annotated[str, Text(("belief", "none"), default="belief")]
-    # "belief": parts may be pushed before a squeeze, as their belief suggests; None: they are not.
+    # "belief": the hand may push the part before a squeeze, as the belief suggests; None: it does not.
     pushes: Annotated[str | None, Text(("belief", "none"), default=None)]
 
 
@@ -163,10 +163,10 @@ class Actions:
 class Goal:
     """When a part counts as located.
 
-    Of kind "pose": sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9); "tolerances": x, y and theta each
-    within its own (paper, VII); "modes": the pose is one of at most `modes`; "orientation": theta within its
-    tolerance, at any position; "identity": no pose, only the hypothesis. Angles are taken under the
-    part's symmetry.
+    Kind "pose": sqrt(dx^2 + dy^2) + rho dtheta < distance (paper eq. 9). "tolerances": x, y and theta are
+    each within a tolerance (paper, VII). "modes": the pose is, as for "pose", within the distance of one of
+    at most `modes` poses. "orientation": theta is within its tolerance, at any position. "identity": the
+    hypothesis is known, at any pose. Angles that differ by a turn of the part's symmetry are equal.
     """
 
     kind: Annotated[
@@ -182,8 +182,8 @@ class Goal:
     # Bound on theta, for "tolerances" and "orientation".
     tolerance_deg: Annotated[float, Number(LEAST_DEG, 180, default=5.0)]
     modes: Annotated[int, Integer(1, 8, default=1)]  # most poses that a leaf may leave open
-    # Share of the parts that may lie under an open finger coming down, where no placement clears
-    # all of them: for an uncertainty wider than the jaws open.
+    # Largest share of the parts on which an open finger may come down if no placement clears all parts,
+    # since the uncertainty is wider than the jaws open.
     crash_share: Annotated[float, Number(0, 0.05, default=0.0)]
     # What a plan minimises.
     minimise: Annotated[str, Text(("seconds", "squeezes"), default="seconds")] = "seconds"
@@ -195,7 +195,7 @@ class Goal:
 class Search:
     """How the tree is searched.
 
-    Methods for comparison are the paper's: "paper" (Algorithms 1 to 3) and "sensorless" (no branching).
+    The methods "paper" (Algorithms 1 to 3) and "sensorless" (no branching) are the paper's, for comparison.
     """
 
     method: Annotated[str, Text(("closed-loop", "paper", "sensorless"), default="closed-loop")]
@@ -205,7 +205,7 @@ class Search:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Limits of the cell that the runtime enforces."""
+    """Limits of the cell, which the runtime enforces, and values of the model of time."""
 
     # ((x_min, y_min), (x_max, y_max)) that the hand may be placed in, world frame.
     work_area_mm: Annotated[
@@ -217,9 +217,9 @@ class Cell:
     squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # tips while squeezing
     arm_speed_mm_s: Annotated[float, Number(LEAST_RATE, 10_000, default=250.0)]
     max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # of closing
-    # `runtime.table.timing.DEFAULTS` where None; so the job's text does not change with them.
+    # None: the value of `runtime.table.timing.DEFAULTS`, here and below; the job's text does not state it.
     arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)]
-    # Tips between two squeezes of one part; just above it if None.
+    # Tips between two squeezes of one part; None: just above the part.
     regrasp_height_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]
     arm_answer_s: Annotated[float | None, Number(0, 10, default=None)]  # overhead of each motion
     jaw_answer_s: Annotated[float | None, Number(0, 10, default=None)]  # overhead of each stroke
@@ -264,7 +264,7 @@ _STATED: Mapping[str, Mapping[str, Field]] = {
     },
     "part": {"faces": Text(("either",), default=None)},
     "uncertainty": {"orientation": Text(("unknown",), default=None)},
-}  # Keys that the records hold in another form
+}  # Keys of the job file that the records hold in another form, or lack
 
 FIELDS: Mapping[str, Mapping[str, Field]] = {
     name: {
@@ -283,7 +283,7 @@ LIMIT_SURFACE: Mapping[str, Field] = {
     "quartic": Numbers(Number(-1e9, 1e9), least=15, most=15, default=None),
     "certificate": Numbers(Number(-1e9, 1e9), columns=9, least=9, most=9, default=None),
     "rho_mm": Number(0, MM, above=True, default=None),
-}  # An identified limit surface: an ellipsoid, or a quartic with its certificate; and rho
+}  # An identified limit surface: rho, and an ellipsoid or a quartic with its certificate
 
 _FITTED: Mapping[str, Field] = {
     "limit_surface": Text(("ellipsoid", "quartic"), default="ellipsoid")
@@ -306,4 +306,4 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
 
 OPTIONAL_SECTIONS = ("pressure", "release", "doubt", "search", "cell", "delivery")
 ABSENT_SECTIONS = ("delivery",)
-"""Optional sections without defaults: left out, they have no effect."""
+"""Optional sections without defaults, which are None in a job that leaves them out."""

@@ -7,7 +7,8 @@
 
     [identification]            # its origin, for people; not read back
 
-A job takes it by `kind = "identified"` and `surface_file`, or inline, as a job in canonical form always does.
+A job of `kind = "identified"` names the file by `surface_file`, or contains the same keys, as the canonical
+form of a job always does.
 """
 
 from collections.abc import Mapping
@@ -41,11 +42,13 @@ _FIELDS: Mapping[str, Field] = {
 
 
 def dumps(values: Mapping[str, Any], identification: Mapping[str, Any]) -> str:
-    """The text of a surface file with values of `schema.LIMIT_SURFACE`; numbers are exact.
+    """Returns the text of a surface file; numbers are exact.
 
-    `identification` has texts, numbers and lists of texts about its origin.
+    Args:
+        values: of the keys of `schema.LIMIT_SURFACE`.
+        identification: texts, numbers and lists of texts about the origin of the surface.
     """
-    import tomlkit  # jobs that are read need it not
+    import tomlkit  # only writing a surface needs it, not reading a job
 
     kind = "quartic" if "quartic" in values else "ellipsoid"
     plain = {key: np.asarray(value).tolist() for key, value in values.items()}
@@ -54,10 +57,14 @@ def dumps(values: Mapping[str, Any], identification: Mapping[str, Any]) -> str:
 
 
 def load(path: Path) -> dict[str, Any]:
-    """Reads a surface file: the checked values of `schema.LIMIT_SURFACE`, None where absent.
+    """Reads a surface file.
+
+    Returns:
+        The checked values by the keys of `schema.LIMIT_SURFACE`; None where a key is absent.
 
     Raises:
-        InputError: the file or a key is missing, unreadable, unknown or out of range.
+        InputError: the file is missing or unreadable, a key is missing or unknown, a value is out of range,
+            or the surface is not shown to be convex.
     """
     document = documents.from_toml(documents.read(path, "check surface_file"), str(path))
     document.pop(IDENTIFICATION, None)
@@ -74,13 +81,14 @@ def load(path: Path) -> dict[str, Any]:
 
 
 def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
-    """Replaces `surface_file` by the content of the file, and checks an inline surface (in place).
+    """Replaces `surface_file` by the content of the file, or checks the surface stated in its place.
 
-    Other kinds than "identified" are left as they are. `surface_file` is relative to the job file `where`;
-    the canonical form (not `drawn`) may not refer to files.
+    Changes `pressure` in place, if its kind is "identified". `surface_file` is relative to the job file
+    `where`; the canonical form (not `drawn`) may not refer to files.
 
     Raises:
-        InputError: the file cannot be used, or the surface is stated twice, not at all or not convex.
+        InputError: the file cannot be used; or the surface is stated twice, or not at all, or is not shown
+            to be convex.
     """
     if pressure["kind"] != "identified":
         return
@@ -100,11 +108,12 @@ def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
 
 
 def check(values: Mapping[str, Any], section: str) -> None:
-    """Refuses anything but one convex limit surface.
+    """Checks that values state exactly one limit surface, which is shown to be convex.
 
     Raises:
         KeyNameError: rho, the surface or the certificate of a quartic is missing.
-        InputError: both an ellipsoid and a quartic, or not shown to be convex.
+        InputError: there are both an ellipsoid and a quartic, the ellipsoid is not symmetric positive
+            definite, or the certificate does not show that the quartic is convex.
     """
     ellipsoid, coefficients = values["ellipsoid"], values["quartic"]
     certificate = values["certificate"]
@@ -129,7 +138,7 @@ def check(values: Mapping[str, Any], section: str) -> None:
 
 
 def check_ellipsoid(A: Array, section: str) -> None:
-    """Refuses an A (3, 3) that is not symmetric positive definite."""
+    """Raises `InputError` for a matrix A (3, 3) that is not symmetric positive definite."""
     if not (A == A.T).all() or np.linalg.eigvalsh(A)[0] <= 0.0:
         problem = "must be a symmetric positive definite 3 x 3 matrix"
         raise InputError(problem, section=section, key="ellipsoid")

@@ -16,10 +16,10 @@ from runtime.shell.errors import InputError
 
 Outline: TypeAlias = Array
 
-REPEAT_MM = 1e-6  # Distance below which vertices are one vertex written twice
+REPEAT_MM = 1e-6  # Largest distance of two vertices that count as one vertex written twice
 
 CENTRED = 1e-6
-"""Distance of a centred outline's centroid from the origin, as a fraction of its reach."""
+"""Largest distance of a centred outline's centroid from the origin, as a fraction of the outline's reach."""
 
 
 class Canonical(NamedTuple):
@@ -30,7 +30,7 @@ class Canonical(NamedTuple):
 
 
 def canonical(points: ArrayLike) -> Canonical:
-    """Checks an outline (N, 2) as drawn [mm], makes it counter-clockwise and centres its area.
+    """Checks an outline (N, 2) as drawn [mm], makes it counter-clockwise and centres its area centroid.
 
     The first vertex stays the first.
 
@@ -51,7 +51,7 @@ def canonical(points: ArrayLike) -> Canonical:
 
 
 def checked(points: ArrayLike) -> Outline:
-    """Checks an outline (N, 2) that claims to be canonical [mm]; does not move it by a rounding error.
+    """Checks an outline (N, 2) [mm] that should be canonical, and returns it read-only, with equal numbers.
 
     Raises:
         InputError: see `canonical`; or the outline is clockwise or off centre.
@@ -109,7 +109,7 @@ def width(outline: Outline, angle: float) -> float:
 
 
 def min_width(outline: Outline) -> float:
-    """The least extent over all directions, mm: the narrowest jaws that the outline fits between.
+    """The least extent over all directions, mm: the narrowest opening of jaws that the outline fits between.
 
     The minima lie where one jaw is flush on an edge of the convex hull (Goldberg's diameter function, the
     paper's reference [12]).
@@ -130,7 +130,7 @@ def convex_hull(outline: Outline) -> Outline:
 
 
 def _cross_terms(outline: Outline) -> Array:
-    """x_i y_(i+1) - x_(i+1) y_i for each edge, (N,): twice its triangle with the origin."""
+    """x_i y_(i+1) - x_(i+1) y_i for each edge (N,): twice the area of the edge's triangle with the origin."""
     following = np.roll(outline, -1, axis=0)
     return np.asarray(outline[:, 0] * following[:, 1] - following[:, 0] * outline[:, 1])
 
@@ -179,7 +179,7 @@ def _check_simple(vertices: Outline) -> None:
 
 
 def offsets(outline: Outline) -> Array:
-    """Motion of each vertex (N, 2) for every mm that all edges move outwards: along the mitre."""
+    """Displacement of each vertex (N, 2), along its mitre, per mm by which all edges move outwards."""
     edges = np.roll(outline, -1, axis=0) - outline
     after = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(*edges.T)[:, None]
     before = np.roll(after, 1, axis=0)
@@ -187,7 +187,7 @@ def offsets(outline: Outline) -> Array:
 
 
 def grown(outline: Outline, mm: float) -> Outline:
-    """The outline with all edges moved outwards [mm], about its own centroid."""
+    """The outline with all edges moved outwards by `mm`, with its new centroid at the origin."""
     larger = outline + mm * offsets(outline)
     return np.asarray(larger - centroid(larger))
 
@@ -204,7 +204,7 @@ def simplified(outline: Outline, tolerance_mm: float) -> Outline:
     return result
 
 
-LEAST_TURN_DEG = 0.05  # below, a drawing counts as straight
+LEAST_TURN_DEG = 0.05  # turn of a rectangle below which it counts as parallel to the axes
 
 
 class Rectangle(NamedTuple):
@@ -215,7 +215,7 @@ class Rectangle(NamedTuple):
     turn_deg: float  # of the longer side from x, in (-90, 90]
 
     def text(self) -> str:
-        """States the sides, and the turn if there is one."""
+        """Describes the rectangle for people: the sides, and the turn if it is not parallel to the axes."""
         turned = min(abs(self.turn_deg), 90.0 - abs(self.turn_deg)) > LEAST_TURN_DEG
         sides = f"{self.length_mm:.1f} x {self.width_mm:.1f} mm"
         return sides + (f", turned by {self.turn_deg:.3g} degrees in the drawing" if turned else "")

@@ -1,7 +1,7 @@
 """Pressure of the part on the table: the distribution over which friction with the table is integrated.
 
-Everything is in the part's frame, whose origin is the outline's centroid. The centre of pressure need not lie
-there: then forces and torques are coupled in the limit surface.
+Everything is in the part's frame, whose origin is the outline's centroid. If the centre of pressure lies
+elsewhere, the limit surface couples forces and torques.
 """
 
 import math
@@ -18,10 +18,10 @@ from planner.part.outline import Outline, convex_hull
 Kind = Literal["boundary", "uniform", "points", "identified", "stated"]
 
 CELLS = 400
-"""Least number of pieces of a boundary or an area: 0.1 % in the friction integral, or better."""
+"""Least number of pieces of a boundary or an area: the friction integral is exact to 0.1 % or better."""
 HULL_CORNERS = 24
 """Most corners of a hull at which feet are tried; every few vertices of a dense curve suffice."""
-ON_EDGE = 1e-9  # tolerance for the part's centre beside a triangle, as a share of the triangle
+ON_EDGE = 1e-9  # tolerated distance of the part's centre outside a triangle, as a share of its area
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +48,7 @@ Support: TypeAlias = tuple[Array, Array]
 
 
 def support(pressure: Pressure, outline: Outline) -> Support:
-    """The pressure under an outline (N, 2) as weighted points, with exact centre and second moments.
+    """Returns the pressure under an outline (N, 2) as weighted points, with exact centre and second moments.
 
     Raises:
         ValueError: a limit surface replaces the pressure, so there is no distribution.
@@ -75,7 +75,7 @@ def stances(outline: Outline) -> Array:
     hull = convex_hull(outline)
     corners = hull[:: -(-len(hull) // HULL_CORNERS)]  # counter-clockwise, and so are the triangles
     if not shapely.contains_xy(shapely.polygons(corners), 0.0, 0.0):
-        # Most vertices of a curve are far from the chord.
+        # Most vertices may belong to one curve: take the farthest ones in evenly spread directions.
         turn = np.arange(HULL_CORNERS) * 2.0 * np.pi / HULL_CORNERS
         corners = hull[np.unique(np.argmax(hull @ np.stack([np.cos(turn), np.sin(turn)]), axis=0))]
     feet = corners[list(combinations(range(len(corners)), 3))]
@@ -86,7 +86,7 @@ def stances(outline: Outline) -> Array:
 
 
 def _boundary_support(outline: Outline) -> Support:
-    """Cuts each edge into equal pieces, two Gauss points each: exact up to third moments along an edge."""
+    """Cuts each edge into equal pieces of two Gauss points: exact up to third moments along an edge."""
     edges = np.roll(outline, -1, axis=0) - outline
     lengths = np.hypot(edges[:, 0], edges[:, 1])
     piece = lengths.sum() / CELLS
@@ -104,7 +104,7 @@ def _boundary_support(outline: Outline) -> Support:
 
 
 def _area_support(outline: Outline) -> Support:
-    """Cuts a triangulation into equal pieces, three points each: exact up to second moments."""
+    """Cuts each triangle of a triangulation into equal pieces of three points: second moments are exact."""
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.polygons(outline)))
     triangles = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]  # (T, 3, 2)
     total = shapely.area(parts).sum()

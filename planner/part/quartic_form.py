@@ -3,8 +3,8 @@
     H(F) = sum_k a_k F^e_k                        the 15 monomials of degree 4, `EXPONENTS`
     z^T hess H(F) z = y^T Q y, y = kron(z, F)     Q certifies H if positive definite
 
-The matrices Q (9, 9) of quartics form a subspace of 24 of the 45 dimensions, and 9 of those do not affect
-y^T Q y.
+The symmetric matrices Q (9, 9) have 45 dimensions. Those that belong to a quartic form a subspace of 24
+dimensions, and 9 of these do not affect y^T Q y.
 """
 
 import itertools
@@ -26,7 +26,7 @@ _MONOMIAL = {tuple(powers): k for k, powers in enumerate(EXPONENTS.tolist())}
 
 
 def _tensor_index() -> Array:
-    """(15, 9, 9): 1 where an entry of the symmetric 4-tensor T_aibj belongs to the coefficient, else 0."""
+    """(15, 9, 9): 1 where an entry of the 4-tensor T_aibj of H belongs to the coefficient, else 0."""
     index = np.zeros((15, 3, 3, 3, 3))
     for axes in itertools.product(range(3), repeat=4):
         count = Counter(axes)
@@ -54,14 +54,20 @@ def _null_space(rows: Array) -> Array:
 
 
 def gram(coefficients: Array) -> Array:
-    """12 T, (..., 9, 9): one of the Q with y^T Q y = z^T hess H z; symmetric, not always definite."""
+    """Returns Q = 12 T (..., 9, 9) of quartics (..., 15), T the 4-tensor of H.
+
+    It satisfies y^T Q y = z^T hess H z, but it need not be positive definite.
+    """
     return np.asarray(
         np.tensordot(12.0 * np.asarray(coefficients) / _MULTIPLICITY, _ENTRIES, axes=1)
     )
 
 
 def coefficients_of(certificate: Array) -> Array:
-    """The coefficients (..., 15) of H = F^T hess H(F) F / 12 = y^T Q y / 12 at z = F, linear in Q."""
+    """Returns the coefficients (..., 15) of the quartics H that matrices Q (..., 9, 9) certify.
+
+    H = F^T hess H(F) F / 12 = y^T Q y / 12 at z = F is linear in Q.
+    """
     return np.asarray(np.tensordot(certificate, _ENTRIES / 12.0, axes=([-2, -1], [1, 2])))
 
 

@@ -8,18 +8,18 @@ import shapely
 
 from planner.part.outline import Outline, simplified
 
-TURNS = 8  # highest order that is tried
-TOLERANCE_MM = 0.05  # Distance of boundaries that count as the same: far less than a count
-FEW = 400  # vertices between which distances are measured; the cost is quadratic
-MOST_ORDER = 1000  # that a table can state
-SOME = 16  # vertices, by radius from least to greatest, that are turned first
+TURNS = 8  # largest n of the turns by k / n of a circle that `nearest_turn` tries
+TOLERANCE_MM = 0.05  # Largest distance of boundaries that count as the same: far less than a count
+FEW = 400  # most vertices of outlines whose distance is measured; the cost is quadratic
+MOST_ORDER = 1000  # highest order that a table can state
+SOME = 16  # number of vertices, spread from the least to the greatest radius, that are tried first
 
 
 class Turn(NamedTuple):
-    """A turn after which a part looks nearly the same, but which is no symmetry of it."""
+    """A turn after which a part looks nearly the same, although the part lacks this symmetry."""
 
     degrees: float  # about the centroid
-    apart_mm: float  # largest distance of the outline from the turned one
+    apart_mm: float  # Hausdorff distance of the outline from the turned one
 
 
 def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
@@ -35,9 +35,9 @@ def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
 def has_order(outline: Outline, n: int) -> bool:
     """Whether each turn by a multiple of 2 pi / n takes a centred outline (N, 2) onto itself.
 
-    All n - 1 turns are tested: a nearly round part passes any small one. `TOLERANCE_MM` bounds the distance
-    of a turned vertex from the boundary, and so that of a vertex from the turned boundary, by the inverse
-    turn.
+    All n - 1 turns are tested, since a nearly round part passes any small one. `TOLERANCE_MM` bounds the
+    distance of turned vertices from the boundary. As the inverse turns are tested too, it also bounds the
+    distance of vertices from the turned boundary.
     """
     return _maps_onto_itself(_boundary(outline), outline, n, TOLERANCE_MM)
 
@@ -45,7 +45,7 @@ def has_order(outline: Outline, n: int) -> bool:
 def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_MM) -> bool:
     """Whether some turn takes a centred outline (M, 2) onto another (N, 2), to within a tolerance.
 
-    The turn takes a farthest vertex to a farthest vertex, so only such turns are tried.
+    Such a turn takes the vertex farthest from the centre to one that is as far, so only these are tried.
     """
     boundary, far = _boundary(other), np.hypot(*other.T)
     x, y = outline[np.argmax(np.hypot(*outline.T))]
@@ -56,7 +56,10 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
 
 
 def nearest_turn(outline: Outline, symmetry: int) -> Turn:
-    """The turn by a fraction of a circle, no symmetry of the outline, after which it differs least."""
+    """Returns the turn by k / n of a circle, n up to `TURNS`, after which an outline differs least.
+
+    Turns under its `symmetry`, the rotational order, are excluded.
+    """
     outline = _with_few_vertices(outline)
     ring, result = shapely.linearrings(outline), []
     for parts in range(2, TURNS + 1):
@@ -70,7 +73,7 @@ def nearest_turn(outline: Outline, symmetry: int) -> Turn:
 
 
 def _with_few_vertices(outline: Outline) -> Outline:
-    """An outline of at most `FEW` vertices, as near to the given one as possible."""
+    """Simplifies an outline to at most `FEW` vertices, with a tolerance that doubles until they suffice."""
     tolerance_mm = 0.1 * TOLERANCE_MM
     while len(outline) > FEW:
         outline, tolerance_mm = simplified(outline, tolerance_mm), 2.0 * tolerance_mm
@@ -82,8 +85,8 @@ def _maps_onto_itself(
 ) -> bool:
     """Whether every turn by a multiple of 360 / `n` degrees maps an outline onto itself.
 
-    A few vertices are tried before all of them, and the angles that fail most often before the others. An
-    outline between two circles within the tolerance passes every turn.
+    To refuse soon, it tries a few vertices before all of them, and the angles that fail most often first. An
+    outline between two circles that differ by no more than the tolerance passes every turn.
     """
     radii = np.hypot(*outline.T)
     if radii.max() - shapely.distance(boundary, shapely.Point(0.0, 0.0)) <= tolerance_mm:

@@ -4,10 +4,13 @@ import math
 
 MARGIN_MM = 1.0
 """Least depth of the finger tips below the part's top: the arm has errors, and a rim may be rounded."""
-HIGHEST_MM = 8.0  # Height of the tips for a part of unknown height, or a high one
+HIGHEST_MM = 8.0  # Height of the tips above the table for a part of unknown height, or a high part
 
 
 def tips_height_mm(height_mm: float | None) -> float:
-    """Height of the tips above the table: half the part's height, at most `HIGHEST_MM`."""
+    """Height of the tips above the table: half the part's height, within two limits.
+
+    It is at most `HIGHEST_MM`, and at least `MARGIN_MM` below the part's top; so it may be negative.
+    """
     top_mm = math.inf if height_mm is None else height_mm
     return min(HIGHEST_MM, 0.5 * top_mm, top_mm - MARGIN_MM)

@@ -1,4 +1,4 @@
-"""Times of a cell from its journals: the arm's acceleration, and the response times of arm and jaws."""
+"""Estimates the arm's acceleration and the response times of arm and jaws from the journals of a cell."""
 
 import math
 from collections.abc import Sequence
@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from runtime.table import CLEAR_MM, Phases, Schedule, Table, Timing, job_of, trapezoid_s
 
-LEAST_SQUEEZES = 20
+LEAST_SQUEEZES = 20  # in a journal
 LEAST, MOST = 10.0, 100_000.0  # range of accelerations tried [mm/s2]
-HALVINGS = 60
+HALVINGS = 60  # of the interval of accelerations
 
 
 class Timed(NamedTuple):
@@ -17,15 +17,16 @@ class Timed(NamedTuple):
 
     node: int
     width_mm: float
-    last: bool  # of its part
+    last: bool  # whether it is the last squeeze of the part
     phases: Phases
 
 
 def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
-    """Values for the job's section `cell`; keys about which the journal has no data are missing.
+    """Returns values for the keys of a job's section [cell], without the keys for which data are missing.
 
-    The ways up have two lengths, to the retreat height and to just above the part: their difference in time
-    gives the acceleration, the rest is the response time.
+    The hand rises by two heights: to the retreat height after the last squeeze of a part, and to just above
+    the part after the others. The difference between the two times gives the acceleration; what remains of
+    the shorter time is the response time of the arm.
     """
     timing, result = Schedule.of(table, job_of(table)).timing, dict[str, float]()
     if len(squeezes) < LEAST_SQUEEZES:
@@ -59,13 +60,13 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
 
 
 def _opened_s(table: Table, timing: Timing, squeeze: Timed) -> float:
-    """Seconds that the hand, as it rises, waits for jaws that open for the next part."""
+    """Seconds that the jaws take to open for the next part, while the hand rises."""
     next_mm = table.nodes[0].squeeze.opening_um / 1e3
     return timing.opening_s(squeeze.width_mm, next_mm, _speed(table, squeeze))
 
 
 def _acceleration(gap_s: float, low_mm: float, high_mm: float, speed_mm_s: float) -> float:
-    """Acceleration of an arm that takes `gap_s` longer for the longer of two ways, by bisection."""
+    """The acceleration [mm/s2] with which an arm takes `gap_s` longer for the longer of two ways."""
     least, most = LEAST, MOST
     for _ in range(HALVINGS):
         middle = math.sqrt(least * most)
@@ -75,7 +76,7 @@ def _acceleration(gap_s: float, low_mm: float, high_mm: float, speed_mm_s: float
 
 
 def _jaws(table: Table, timing: Timing, squeeze: Timed) -> float:
-    """Response time of the jaws: measured seconds of closing beyond those of the strokes."""
+    """Response time of the jaws in one squeeze [s]: measured time of closing less the time of the strokes."""
     node, speed = table.nodes[squeeze.node], _speed(table, squeeze)
     contact = None if node.contact_um is None else node.contact_um / 1e3
     stated_s = timing.close_s(node.squeeze.opening_um / 1e3, contact, squeeze.width_mm, speed)

@@ -1,4 +1,4 @@
-"""Cells for a refit: their possible errors and ranges, and trials in them."""
+"""Simulated cells for a refit: the ranges of their constant errors, and trials in them."""
 
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
@@ -21,15 +21,15 @@ from planner.world import ContactWorld
 from runtime.table import Table
 
 LEAST_FRICTION = 0.05
-SLIPPERY, ROUGH = 1.0 / 3.0, 1.5  # ends of the range of friction, in the job's bounds
-UNEVEN = 0.1  # least doubt of the fingers' share, either way
-OFFSET_MM = 1.5  # least doubt of the error of widths, either way
-FEET = 20  # sets of three feet, besides those that plans doubt
-INMOST = 0.4  # least distance of such feet from the centre, as a fraction of the way to the corner
+SLIPPERY, ROUGH = 1.0 / 3.0, 1.5  # ends of the range of friction, as multiples of the job's bounds
+UNEVEN = 0.1  # least half-width of the range of the fingers' share
+OFFSET_MM = 1.5  # least half-width of the range of the constant error of widths
+FEET = 20  # sets of three feet, besides those of `doubt.pressure = "any"`
+INMOST = 0.4  # least distance of these feet from the centre, as a share of that of the corner
 
 
 class Quantity(NamedTuple):
-    """An uncertain quantity, by its key in [doubt] or [friction], over an interval."""
+    """An uncertain quantity with its interval; `key` is the key in [doubt] or [friction]."""
 
     key: str
     low: float
@@ -37,14 +37,14 @@ class Quantity(NamedTuple):
 
 
 class Space(NamedTuple):
-    """The quantities of a cell, and the number of its limit surfaces."""
+    """The uncertain quantities of a cell, and the number of limit surfaces that it may have."""
 
     quantities: tuple[Quantity, ...]
     surfaces: int
 
     @classmethod
     def of(cls, job: Job, surfaces: int) -> Self:
-        """All quantities that may be off in a job: its doubts, widened to usual ones."""
+        """The quantities in which a cell may differ from its job: doubts, widened to usual ones; friction."""
         doubt, friction = job.doubt, job.friction
         usual = {
             "finger_share": UNEVEN,
@@ -70,17 +70,17 @@ class Space(NamedTuple):
 
     @property
     def bounds(self) -> Array:
-        """Lower and upper ends (2, d)."""
+        """Lower and upper ends of the intervals (2, d)."""
         return np.array([[q.low for q in self.quantities], [q.high for q in self.quantities]])
 
     def column(self, key: str) -> int:
-        """The column of a quantity."""
+        """The column of a quantity in arrays of points."""
         return [quantity.key for quantity in self.quantities].index(key)
 
     def draw(self, n: int, rng: np.random.Generator) -> Array:
-        """Draws points (n, d + 1) of the uniform prior; the last column is the number of the surface.
+        """Draws points (n, d + 1) from the prior; the last column is the number of the limit surface.
 
-        Half of the cells have the job's surface.
+        The quantities are uniform. Half of the points have surface 0, that of the job.
         """
         low, high = self.bounds
         points = rng.uniform(low, high, (n, len(low)))
@@ -90,7 +90,7 @@ class Space(NamedTuple):
         return np.column_stack([points, surface if self.surfaces > 1 else np.zeros(n)])
 
     def density(self, points: Array) -> Array:
-        """The prior's density (n,) at points, up to a factor."""
+        """The density (n,) of the prior at points (n, d + 1), up to a factor."""
         low, high = self.bounds
         inside = ((points[:, :-1] >= low) & (points[:, :-1] <= high)).all(axis=1)
         least, most = (self.column(f"finger_part_{end}") for end in ("min", "max"))
@@ -100,7 +100,7 @@ class Space(NamedTuple):
 
 
 def _on_feet(job: Job) -> list[Surface]:
-    """Limit surfaces of parts on three feet, each of them between the centre and a corner of the hull."""
+    """Limit surfaces of parts on three feet; each foot lies between the centre and a corner of the hull."""
     corners, rng = stances(job.part.outline_mm), np.random.default_rng(FEET)
     feet = rng.choice(corners, FEET) * rng.uniform(INMOST, 1.0, (FEET, 3, 1))
     pressures = ({"kind": "points", "points_mm": np.round(places, 6).tolist()} for places in feet)
@@ -111,10 +111,10 @@ def _on_feet(job: Job) -> list[Surface]:
 class Off(Disturbance):
     """Disturbance of a cell that gives all its parts the same traits, except for their outlines."""
 
-    all_alike: Traits | None = None  # (1,)
+    all_alike: Traits | None = None  # (1,) of all parts; None: as planned
 
     def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:  # noqa: ARG002
-        """The traits of n parts."""
+        """The traits (n,) of n parts."""
         traits = np.repeat(as_planned(1) if self.all_alike is None else self.all_alike, n)
         if job.part.tolerance_mm:
             traits["deviation"] = traits_of(job, n, rng)["deviation"]
@@ -123,9 +123,9 @@ class Off(Disturbance):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """Simulated cells that run a table of one job; a point (d + 1,) states the latent parameters of one.
+    """Simulated cells that run a table of one job; a point (d + 1,) states the latent parameters of a cell.
 
-    Its first d entries are the quantities of `space`, the last is the index of the limit surface.
+    The first d entries of a point are the quantities of `space`; the last is the index of the limit surface.
     """
 
     job: Job
@@ -161,7 +161,7 @@ class Cells:
         }
 
     def surface_entries(self) -> Array:
-        """The nominal limit surfaces as rows of entries (surfaces, k)."""
+        """The nominal limit surfaces (surfaces, k), one a row: the entries of their matrices."""
         surfaces = (self.simulator.surface, *self.simulator.others)
         return np.array([limit_surface.nominal(surface).ravel() for surface in surfaces])
 

@@ -1,4 +1,4 @@
-"""Findings of a posterior about a cell: a sentence for each quantity, and the resulting job."""
+"""Findings of a posterior about a cell: a sentence for each quantity, and resulting changes of the job."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -11,8 +11,8 @@ from planner.mechanics.limit_surface import LimitSurface
 from planner.refit.cells import Cells, Quantity
 from planner.refit.posterior import Posterior
 
-LEARNED = 0.4  # of the prior's standard deviation, above which nothing was learned
-ENDS = (0.05, 0.95)  # interval stated in sentences and jobs
+LEARNED = 0.4  # least spread, as a share of the prior's, of a quantity that counts as not learned
+ENDS = (0.05, 0.95)  # quantiles that bound the interval in sentences and jobs
 KEPT_DOUBT = 0.1  # share of particles with friction beyond the learned bounds
 SURE = 0.8  # probability above which another limit surface replaces the job's
 OFF_MM = 0.5  # distance of the fingers' meeting point above which they need repair
@@ -119,7 +119,7 @@ def surface_shares(posterior: Posterior) -> Any:
 
 
 def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
-    """Changes of the job by section and key; values without data stay the same."""
+    """Changes of the job by section and key; values that the journals do not determine are left out."""
     record = {
         finding.quantity: finding for finding in findings(posterior, cells) if finding.learned
     }
@@ -139,7 +139,10 @@ def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any
 
 
 def _friction(learned: Mapping[str, Finding], job: Job) -> dict[str, Any]:
-    """Learned bounds of friction: ranges for their lower and upper ends."""
+    """The keys of [friction] that change, if a bound was learned.
+
+    The new bounds are the 5 % quantile of the least and the 95 % quantile of the greatest friction.
+    """
     keys = ("finger_part_min", "finger_part_max")
     if not any(key in learned for key in keys):
         return {}
@@ -153,7 +156,7 @@ def _friction(learned: Mapping[str, Finding], job: Job) -> dict[str, Any]:
 
 
 def _pressure(posterior: Posterior, cells: Cells) -> tuple[dict[str, Any], str]:
-    """The keys of [pressure] that change, and the other pressures that remain doubted."""
+    """The keys of [pressure] that change, and the new value of `pressure` in [doubt]."""
     shares = surface_shares(posterior)
     best = int(np.argmax(shares))
     if best == 0:

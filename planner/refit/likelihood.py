@@ -1,11 +1,11 @@
 """Likelihood of observations in a cell: a synthetic likelihood (Wood 2010) of scores, learned by simulation.
 
-Each outcome of a part has scores: the rates at which its log probability grows with each feature of the
-cell. Their sums over all parts, one statistic for each feature, are nearly normal and sufficient to
-distinguish neighbouring cells. The mean of the statistics in a cell is regressed on its features, over
-simulated sets of as many parts as were observed; the residuals of the regression, misfit included, give the
-scatter. Scores and regression use different sets, or chance would be taken for a slope. Bad scores make a
-likelihood less sharp, never too sure.
+Each outcome of a part has scores: the rates at which the log probability of the outcome grows with each
+feature of the cell. The sums of the scores over all parts, one statistic for each feature, are nearly normal
+and sufficient to distinguish neighbouring cells. The mean of the statistics is regressed on the features of
+the cell, over simulated sets of as many parts as were observed; the residuals of the regression, misfit
+included, give the scatter. Scores and regression use different sets, or chance would be taken for a slope.
+Bad scores make a likelihood less sharp, never too sure.
 """
 
 from dataclasses import dataclass
@@ -17,19 +17,19 @@ from scipy.sparse import csr_array
 from planner.arrays import Array, IntArray
 from planner.refit.outcomes import LINE
 
-RARE = 30.0  # simulated outcomes below which a score is shrunk to 0
-CURVED = 3  # cells per coefficient above which squares and products are regressed on, too
+RARE = 30.0  # simulated parts with an outcome below which the scores of the outcome shrink to 0
+CURVED = 3  # cells per coefficient above which the regression includes squares and products
 RIDGE = 1e-6  # of the regression, in units of the features' variance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Likelihood:
-    """Gaussian likelihood of a cell with k features, from k statistics whose mean is regressed on p terms."""
+    """Gaussian likelihood of a cell with k features: k statistics, whose mean is regressed on p terms."""
 
     centre: Array  # (k,) of the features
     scale: Array  # (k,)
     curved: bool  # whether the terms include squares and products
-    statistics: Array  # (k,)
+    statistics: Array  # (k,) of the observed parts
     slopes: Array  # (p, k)
     whiten: Array  # (k, k) whitens the scatter
     doubt: Array  # (p, p) covariance of the slopes, in units of the scatter
@@ -40,9 +40,9 @@ class Likelihood:
 
         Args:
             features: (m, k) of the simulated cells.
-            shown: (m, 2, n, d) two sets of n parts in each, with the numbers of each part's outcomes.
-            seen: (size,) how often n parts showed each outcome.
-            counts: number of unordered outcomes; the others are steps along lines, `LINE` on each.
+            shown: (m, 2, n, d) numbers of the d outcomes of n parts, in two sets of parts for each cell.
+            seen: (size,) number of observations of each outcome in n parts.
+            counts: number of outcomes without an order; the others are steps along lines, `LINE` on each.
         """
         centre, scale = features.mean(axis=0), features.std(axis=0) + 1e-12
         m, k = features.shape
@@ -68,9 +68,10 @@ class Likelihood:
 
 
 def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
-    """Scores (size + 1, k) of outcomes, from the outcomes (m, c) of cells (m, k); the last is 0: no outcome.
+    """Scores (size + 1, k) of outcomes, from outcomes `shown` (m, c) in cells with features (m, k).
 
-    Along a line they rise linearly, also beyond the steps of simulated parts.
+    The last row is 0, for parts without an outcome. Scores rise linearly along a line, also at steps that no
+    simulated part has.
     """
     ends = np.arange(0, shown.size + 1, shown.shape[1])
     often = csr_array((np.ones(shown.size), shown.ravel(), ends), shape=(len(shown), size + 1))
@@ -87,7 +88,7 @@ def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
 
 
 def _terms(features: Array, curved: bool) -> Array:
-    """Regressors of the means (n, p): 1, features (n, k), and their products with each other."""
+    """Regressors (n, p) of the means: 1, the features (n, k) and, if `curved`, their squares and products."""
     one, two = np.triu_indices(features.shape[1])
     products = features[:, one] * features[:, two] if curved else features[:, :0]
     return np.column_stack([np.ones(len(features)), features, products])

@@ -13,8 +13,8 @@ from planner.frames import wrap
 from runtime.table import Table, predicted_pose
 
 EMPTY_UM = 2000  # widths up to this may be those of an empty hand
-LINE = 250  # step of the residuals of measured poses
-STEP_MM = 0.1  # one of them
+LINE = 250  # number of steps of each residual of measured poses
+STEP_MM = 0.1  # size of a step
 
 
 class Seen(NamedTuple):
@@ -23,16 +23,16 @@ class Seen(NamedTuple):
     readings: IntArray  # (nodes, bins) count of each bin at each node
     parts: int  # number of parts that were squeezed
     leaves: IntArray  # (m,) the leaves of audited parts
-    residuals: Array  # (m, 3) measured less predicted poses there [mm, mm, rad]
+    residuals: Array  # (m, 3) measured less predicted poses of these parts [mm, mm, rad]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcomes:
-    """Numbering of all outcomes of a table's parts, from 0 to `size` - 1; `size` stands for none.
+    """Numbers all outcomes of a table's parts, from 0 to `size` - 1; `size` stands for no outcome.
 
-    A bin of readings at a node is one outcome, and so is each of the three numbers of a residual at a leaf,
-    in steps. Poses are compared only at leaves that were audited. The bins of a node form a row, and so do
-    the `LINE` steps of a residual; the rows of the nodes come first.
+    An outcome is a bin of readings at a node, or a step of x, y or theta of a residual at a leaf. Poses are
+    compared only at leaves that were audited. The bins of a node have consecutive numbers, and so have the
+    `LINE` steps of each coordinate of a residual; the nodes come first.
     """
 
     table: Table
@@ -48,7 +48,7 @@ class Outcomes:
         return self.table.gripper.bins * len(self.table.nodes)
 
     def of_parts(self, evaluation: Evaluation) -> IntArray:
-        """Outcomes of simulated parts, (n, d + 3): of their squeezes, then of their poses."""
+        """Numbers (n, d + 3) of the outcomes of simulated parts: of d squeezes, then of x, y and theta."""
         bins = np.maximum(bins_of(self.table, evaluation.steps), self._empty)
         place = self.table.gripper.bins * evaluation.path + bins
         read = np.where(evaluation.path < 0, self.size, place)
@@ -62,7 +62,7 @@ class Outcomes:
         return np.column_stack([read, lies])
 
     def of_seen(self, seen: Seen) -> Array:
-        """Count (size,) of each outcome in journals."""
+        """Number of observations (size,) of each outcome in journals."""
         bins = self.table.gripper.bins
         read = bins * np.arange(len(seen.readings))[:, None]
         read = read + np.maximum(np.arange(bins), self._empty)
@@ -73,15 +73,15 @@ class Outcomes:
 
     @property
     def _empty(self) -> int:
-        """The common bin of all readings that an empty hand may have.
+        """The bin that stands for all readings that an empty hand may have.
 
-        It carries no information: closed jaws read 0 in some grippers whatever the encoder's offset, in
-        others not.
+        Their differences carry no information: closed jaws read 0 in some grippers whatever the encoder's
+        offset is, in others they do not.
         """
         return self.table.gripper.bin_of(EMPTY_UM)
 
     def _lying(self, leaf: IntArray, residuals: Array) -> IntArray:
-        """Outcomes (m, 3) of residuals (m, 3) at leaves (m,)."""
+        """Numbers (m, 3) of the outcomes of residuals (m, 3) [mm, mm, rad] at audited leaves (m,)."""
         metric = metric_of_table(self.table)
         off = residuals.copy()
         off[:, 2] = metric.rho_mm * wrap(off[:, 2], metric.order)

@@ -1,8 +1,8 @@
 """The posterior of a cell given its journals: rounds of simulated cells that approach it.
 
-Each round's cells are drawn from the posterior estimated by the rounds before (sequential neural
-likelihood, Papamakarios et al. 2019, with a polynomial instead of the network), but wider; finally the
-posterior itself is drawn.
+The cells of each round are drawn from a widened posterior that the rounds before estimate (sequential neural
+likelihood, Papamakarios et al. 2019, with a polynomial instead of the network). Finally cells are drawn from
+the posterior itself.
 """
 
 from collections.abc import Callable
@@ -21,18 +21,18 @@ from planner.refit.outcomes import Outcomes, Seen
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 
-SURFACE_FEATURES = 2
+SURFACE_FEATURES = 2  # principal components that describe a limit surface
 WIDE = 0.25  # power of the likelihood for drawing rounds: twice as wide as the posterior
-EFFECTIVE = 15.0  # least number of cells at which chains start
-COARSE = 2  # reduction of simulated parts in the first half of the rounds
+EFFECTIVE = 15.0  # least effective number of cells at which chains start
+COARSE = 2  # factor by which the first half of the rounds simulates fewer parts
 DRAWN = 2_000  # cells of the posterior
-CHAINS = 300  # least number, since each chain learns its step width from the others
+CHAINS = 300  # least number of chains; the steps of a chain depend on the spread of the others
 STEPS = 200  # of each chain
-ROOM = 0.25  # margin beyond the range of cells tried where polynomials still hold
-ACROSS = 0.1  # share of long steps, the distance of two chains: from one mode to another
+ROOM = 0.25  # margin, as a share of the range of cells tried, in which the polynomials still hold
+ACROSS = 0.1  # share of steps as long as the distance of two chains, from one mode to another
 
 Task = tuple[Array, int, int]
-"""A cell to simulate: its point (d + 1,), pairs of sets of parts, and the seed."""
+"""A cell to simulate: its point (d + 1,), the number of pairs of sets of parts, and the seed."""
 
 
 class Effort(NamedTuple):
@@ -41,10 +41,10 @@ class Effort(NamedTuple):
     rounds: int = 7
     cells: int = 100  # in each round; twice as many in the first
     parts: int = 600  # in each cell, at least
-    parts_for_each: float = 4.0  # for each part observed
+    parts_for_each: float = 4.0  # in each cell for each part observed, at least
 
     def pairs_for(self, seen: Seen) -> int:
-        """Pairs of sets to simulate in each cell, each set as large as the observed one."""
+        """Number of pairs of sets to simulate in each cell; a set has as many parts as were observed."""
         return max(1, round(max(self.parts / seen.parts, self.parts_for_each) / 2.0))
 
 
@@ -71,7 +71,7 @@ def posterior(
     effort: Effort = USUAL,
     report: Report = silent,
 ) -> Posterior:
-    """Draws cells from the posterior, given what was seen."""
+    """Draws cells from their posterior given the observations `seen`."""
     rng = np.random.default_rng([seed, 0x504F53])
     outcomes = Outcomes(
         cells.program.table, np.isin(np.arange(len(cells.program.table.leaves)), seen.leaves)
@@ -105,7 +105,7 @@ def _log(
 
 
 def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray:
-    """Outcomes (pairs, 2, n, d) of pairs of sets of parts; the second set has as many audits as observed."""
+    """Outcomes (pairs, 2, n, d) of pairs of sets of parts; the second sets have as many audits as `seen`."""
     point, pairs, seed = task
     result = outcomes.of_parts(cells.run(point, 2 * pairs * seen.parts, seed))
     shown = result.reshape(pairs, 2, seen.parts, -1)
@@ -119,7 +119,8 @@ def _drawn(
 ) -> Array:
     """Draws (n, d + 1) from the prior times a likelihood, by chains that start at the best cells tried.
 
-    A step is along the difference of two other chains (differential evolution, ter Braak 2006).
+    A step goes along the difference of two random chains (differential evolution, ter Braak 2006). `log` is
+    the logarithm of the likelihood.
     """
     level = log(tried)
     weights = softmax(_power(level, EFFECTIVE) * level)
@@ -150,7 +151,10 @@ def _drawn(
 
 
 def _power(likelihoods: Array, effective: float) -> float:
-    """The highest power, up to 1, of likelihoods (n,) at which enough cells are effective."""
+    """The highest power, up to 1, of a likelihood at which the effective number of cells is large enough.
+
+    `likelihoods` (n,) are the logarithms at the cells, `effective` is the least number.
+    """
     effective = min(effective, 0.9 * len(likelihoods))
 
     def short(power: float) -> float:
@@ -160,7 +164,10 @@ def _power(likelihoods: Array, effective: float) -> float:
 
 
 def _features(cells: Cells) -> Callable[[Array], Array]:
-    """Maps points of cells to features (n, k): quantities, and properties of their limit surfaces."""
+    """Returns a function that maps points (n, d + 1) of cells to features (n, k).
+
+    The features are the quantities, and principal components of the limit surfaces.
+    """
     entries = cells.surface_entries()
     main = np.linalg.svd(entries - entries.mean(axis=0), full_matrices=False)
     alike = (main[0] * main[1])[:, :SURFACE_FEATURES]

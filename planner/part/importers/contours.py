@@ -1,4 +1,4 @@
-"""Contours from shapes: strokes joined, copies and holes recognised, one contour chosen."""
+"""Contours from the shapes of a drawing: joins strokes, recognises copies and holes, chooses one contour."""
 
 import math
 from collections.abc import Sequence
@@ -14,14 +14,14 @@ from planner.part.importers.pieces import Lost, Pieces, place, too_much
 from planner.part.importers.seams import Drawn
 from runtime.shell.errors import InputError, UsageError
 
-LISTED = 12
+LISTED = 12  # most contours that a message describes
 MOST = 2000  # Most contours of one drawing
-NEARLY = 0.1  # gap, as a share of its size, up to which an open outline was meant to be closed
+NEARLY = 0.1  # largest gap of an outline that is meant to be closed, as a share of its size
 LARGER_MM = 0.1  # distance that an unread shape must extend beyond a contour to surround it
 
 # ISO 216, A0 to A5
 SHEETS_MM = ((841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210))
-MARGINS_MM = 50.0  # both sides together: 20 mm to file it and 10 mm (ISO 5457), and some tolerance
+MARGINS_MM = 50.0  # of both sides: 20 mm for filing and 10 mm (ISO 5457), and some tolerance
 SHEET_SLACK_MM = 0.5
 
 
@@ -29,21 +29,25 @@ class Contour(NamedTuple):
     """A closed curve of a drawing."""
 
     points: Array  # (n, 2) [mm], not closed
-    note: str = ""  # how it was joined from several faces
-    ambiguity: str = ""  # why its lines may bound another contour; where, and what to do
+    note: str = ""  # how it was joined from several faces; "" for a single face
+    ambiguity: str = ""  # why and where its lines may bound another contour, and what to do; or ""
     area_mm2: float = 0.0  # enclosed area
     holes: int = 0  # how many contours lie inside it
     outer: bool = True  # whether it lies inside no other contour
 
 
 def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour], list[str]]:
-    """All contours of a drawing, outer before inner, larger before smaller; and notes.
+    """Finds all contours of a drawing.
 
-    Gaps of up to `join_mm` at ends of strokes are closed; crossing and overlapping lines are noded; faces
-    that share an edge are one contour.
+    Closes gaps of up to `join_mm` at ends of strokes, and nodes lines that cross or overlap. Faces that share
+    an edge form one contour.
+
+    Returns:
+        The contours, outer before inner ones and larger before smaller ones, and notes on the drawing.
 
     Raises:
-        InputError: there is no contour; the message says where the drawing is open.
+        InputError: there is no contour, and the message says where the drawing is open; or there are too
+            many.
     """
     alone, drawn = _sorted(pieces, join_mm)
     origin = drawn.origin
@@ -78,10 +82,10 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
 def choose(
     candidates: list[Contour], number: int | None, where: str, lost: Sequence[Lost] = ()
 ) -> tuple[Contour, list[str]]:
-    """The requested contour, or the only outer one; and notes.
+    """Returns contour `number`, counted from 1, or the only outer one if it is None; and notes.
 
     Raises:
-        UsageError: there is no such contour, or there are several to choose from; lists them.
+        UsageError: there is no such contour, or no number and several outer ones; lists them.
         InputError: the outline may be one of the `lost` shapes, or another contour of the same lines.
     """
     for shape in lost:
@@ -130,10 +134,10 @@ def listing(contours: list[Contour]) -> str:
 
 
 def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
-    """Separates isolated rings from all other lines; coordinates are relative to a local origin.
+    """Separates isolated rings (n, 2) from all other lines; coordinates are relative to a local origin.
 
-    A ring that crosses itself counts as isolated, too, unless its lines bound one region. Such a ring is
-    refused if it is chosen.
+    A ring that crosses itself also counts as isolated, unless its lines bound exactly one region. It is
+    refused later if it is chosen as the outline.
     """
     curves = [*pieces.rings, *pieces.strokes]
     if not curves:
@@ -171,9 +175,9 @@ def _hull(points: Array) -> shapely.Geometry:
 
 
 def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
-    """Whether a ring is the border of an ISO 216 sheet, or of its margins, around another ring.
+    """Whether a ring around another one is the border of an ISO 216 sheet, with or without its margins.
 
-    The smallest such border is wider than any gripper: its shorter side is that of A5 less margins.
+    The smallest such border is wider than any gripper opens: its shorter side is that of A5 less margins.
     """
     low, high = ring.min(axis=0), ring.max(axis=0)
     sides = np.sort(high - low)
@@ -193,7 +197,7 @@ def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
 
 
 def _without_copies(rings: list[Contour], tolerance_mm: float) -> list[Contour]:
-    """The rings without those that lie upon an earlier one."""
+    """Returns the rings, without those that lie on an earlier one within the tolerance."""
     lines = [shapely.LinearRing(ring.points) for ring in rings]
     boxes = shapely.bounds(lines)
     kept: list[int] = []
@@ -207,7 +211,10 @@ def _without_copies(rings: list[Contour], tolerance_mm: float) -> list[Contour]:
 
 
 def _nested(rings: list[Contour]) -> list[Contour]:
-    """For each ring the rings around it, by one point of each, since contours of a part do not cross."""
+    """Adds to each ring its area, the number of rings inside it, and whether it lies inside none.
+
+    Returns them with outer before inner ones, and larger before smaller ones.
+    """
     faces = [noding.face(ring.points) for ring in rings]
     tree = shapely.STRtree(faces)
     inner, outer = tree.query(faces, predicate="within")
@@ -243,7 +250,7 @@ def _no_contour(loose: list[Array], origin: Array, lost: Sequence[Lost], where: 
 def _around(loose: list[Array], rings: list[Array]) -> bool:
     """Whether open lines surround all rings: an open outline with closed holes.
 
-    A single chain may be open at any width, several must nearly close.
+    A single chain of lines may have a gap of any width; several chains must nearly close.
     """
     if not loose:
         return False
@@ -259,11 +266,11 @@ class Gap(NamedTuple):
     """The place where a contour is open."""
 
     point: Array  # (2,) an end of a line [mm]
-    width_mm: float  # to the nearest end of another
+    width_mm: float  # distance to the nearest other end
 
 
 def _chains(lines: list[Array]) -> list[Array]:
-    """Merges lines where exactly two of them meet."""
+    """Merges lines to chains (n, 2), at the points where exactly two lines meet."""
     merged = shapely.line_merge(
         shapely.multilinestrings([shapely.linestrings(line) for line in lines])
     )
@@ -271,7 +278,7 @@ def _chains(lines: list[Array]) -> list[Array]:
 
 
 def _gap(lines: list[Array]) -> Gap:
-    """The smallest distance between ends of merged lines."""
+    """The narrowest gap between the ends of chains of lines."""
     ends = np.array([chain[k] for chain in _chains(lines) for k in (0, -1)])
     gaps = cKDTree(ends).query(ends, k=2)[0][:, 1]
     apart = np.where(gaps > 0.0, gaps, np.inf)  # where three lines meet, two ends have no gap
@@ -280,7 +287,7 @@ def _gap(lines: list[Array]) -> Gap:
 
 
 def _exceeds(box: Array, contour: Contour) -> bool:
-    """Whether a box contains a contour, and more."""
+    """Whether a box contains a contour and extends beyond it."""
     low, high = contour.points.min(axis=0), contour.points.max(axis=0)
     beyond = np.concatenate([low - box[0], box[1] - high])
     return bool((beyond > -LARGER_MM).all() and (beyond > LARGER_MM).any())

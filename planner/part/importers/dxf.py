@@ -1,4 +1,4 @@
-"""DXF drawings, by ezdxf: lines, arcs, polylines, splines, ellipses, in blocks or not, of the model space."""
+"""Reads DXF drawings by ezdxf: lines, arcs, polylines, splines, ellipses and blocks of the model space."""
 
 from __future__ import annotations
 
@@ -27,12 +27,17 @@ UNITS_MM = {
     13: 1e-3,
     14: 100.0,
 }
-"""$INSUNITS (Autodesk's DXF reference, HEADER) in mm; omitted ones do not measure parts."""
-MAX_DEPTH = 50
+"""Size in mm of the units that $INSUNITS states (Autodesk's DXF reference, HEADER); others suit no part."""
+MAX_DEPTH = 50  # of nested blocks
 
 
 def read(data: bytes, where: str, options: pieces.Options) -> pieces.Pieces:
-    """The shapes of a DXF file, which errors call `where`; raises the errors of `file.read_outline`."""
+    """Returns the shapes of a DXF file; `where` names the file in errors.
+
+    Raises:
+        UsageError: see `file.read_outline`; or there is no such layer.
+        InputError: see `file.read_outline`.
+    """
     document, auditor = _document(data, where)
     scale, notes = _scale(document, where, options.unit_mm)
     layer = options.layer
@@ -121,7 +126,7 @@ def _size(document: Drawing, space: Modelspace, where: str) -> int:
 
 
 def _elsewhere(document: Drawing) -> list[str]:
-    """Where the shapes are, if the model space has none."""
+    """Returns a note on each paper-space layout that holds shapes, for a model space without any."""
     counts = {
         layout.name: sum(entity.dxftype() != "VIEWPORT" for entity in layout)
         for layout in document.layouts

@@ -1,4 +1,4 @@
-"""Shapes that ezdxf removed from a damaged DXF file, or guessed, while reading it."""
+"""Shapes of a damaged DXF file that ezdxf removed, or whose numbers it guessed, while reading the file."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ GEOMETRY = re.compile(
     "MISSING_(SECTION|ENDSEC)|FOUND_TAG|REMOVED_(INVALID_GRAPHIC|ENTITY)|UNDEFINED_BLOCK|BLOCK_REFERENCE_CYCLE|"
     "INVALID_(INTEGER|FLOATING|ENTITY|EXTRUSION|MAJOR|VERTEX|MLINE_VERTEX|SPLINE|ELLIPSE|HATCH|MESH)"
 )
-"""Patterns of ezdxf's messages about shapes; all others are about styles, tables and objects."""
+"""Names of ezdxf's error codes that concern shapes; all others concern styles, tables and objects."""
 REMOVED = re.compile(r"(?:Removed|Deleted)(?: invalid| DXF| entity)* ([A-Z0-9_]+)\b")
 LINE = re.compile(r"near line:? (\d+)")
 SHAPE_SECTIONS = (b"BLOCKS", b"ENTITIES")
 
 
 class Losses(NamedTuple):
-    """Shapes that a repaired file lacks, or has with other values."""
+    """Effects of ezdxf's repairs on the shapes of a file."""
 
     lost: list[Lost]  # shapes that were removed, or whose numbers were guessed
     repairs: list[str]  # repairs, one sentence each
 
 
 def losses(auditor: Auditor, data: bytes) -> Losses:
-    """Filters the auditor's messages about shapes; `data` is the file."""
+    """Sorts the auditor's messages about shapes into losses and repairs; `data` is the file's content."""
     lost, repairs = list[str](), list[str]()
     for entry in (*auditor.errors, *auditor.fixes):
         if not GEOMETRY.search(AuditError(entry.code).name):

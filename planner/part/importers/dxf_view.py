@@ -43,9 +43,9 @@ ANNOTATION = re.compile(
 """Kinds of entities that are never an outline."""
 FILLED = frozenset({"HATCH", "MPOLYGON", "SOLID", "TRACE", "3DFACE", "MESH"})
 """Kinds of entities that are an outline only if they surround all others."""
-INVISIBLE = "invisible"  # ezdxf's reason
-LAYER = 8  # group code
-STRAIGHT = 1e-9  # sine below which an angle is zero
+INVISIBLE = "invisible"  # ezdxf's reason for not drawing a hidden entity
+LAYER = 8  # DXF group code of a layer's name
+STRAIGHT = 1e-9  # largest sine of an angle that counts as zero
 FAR = 1e4
 """Distance [units] beyond which shapes are drawn about a local origin.
 
@@ -66,7 +66,7 @@ class View(NamedTuple):
 def view(
     document: Drawing, scale: float, tolerance_mm: float, where: str, only: str | None
 ) -> View:
-    """The curves of the model space that are visible and plotted, or lie on the requested layer.
+    """The curves of the model space that are visible and plotted, or that lie on the layer `only`.
 
     `scale` is the size of a unit in mm, `tolerance_mm` the largest distance of a chord from its curve.
 
@@ -91,7 +91,7 @@ def view(
 
 
 def _write_out_arrays(document: Drawing) -> None:
-    """Replaces arrays in blocks by single INSERTs: ezdxf does not stretch their spacing with the block."""
+    """Replaces array INSERTs in blocks by single ones: ezdxf does not scale their spacing with the block."""
     for block in document.blocks:
         arrays = [each for each in block if isinstance(each, Insert) and each.mcount > 1]
         for array in [] if block.is_any_layout else arrays:
@@ -111,7 +111,7 @@ def _flattened(record: PathRecord, scale: float, tolerance_mm: float) -> Array:
 
 
 class _Viewer(Frontend):
-    """Draws the visible shapes, and records the others."""
+    """Draws the visible shapes by ezdxf, and records the other entities by kind or as lost."""
 
     def __init__(
         self, document: Drawing, recorder: Recorder, tolerance: float, where: str, only: str | None
@@ -157,7 +157,7 @@ class _Viewer(Frontend):
             layer.is_visible |= layer.layer.lower() == self._only
 
     def skip_entity(self, entity: DXFEntity, msg: str) -> None:
-        """Called by ezdxf for entities that it does not draw, with the reason."""
+        """Records an entity; ezdxf calls this for each entity that it does not draw, with the reason."""
         layer, block = layer_of(entity).lower(), self.ctx.current_block_reference_properties
         if layer == "0" and block is not None:
             layer = block.layer.lower()
@@ -167,7 +167,7 @@ class _Viewer(Frontend):
             self._lose(entity, msg)
 
     def draw_entity(self, entity: DXFGraphic, properties: Properties) -> None:
-        """Called by ezdxf for visible entities; otherwise hidden INSERTs end here."""
+        """Draws or records an entity; ezdxf calls this for visible entities and for INSERTs on any layer."""
         kind, layer = entity.dxftype(), properties.layer.lower()
         if isinstance(entity, Insert):
             self._draw_block(entity, properties)
@@ -228,7 +228,7 @@ class _Viewer(Frontend):
 
 
 def layer_of(entity: DXFEntity) -> str:
-    """The layer of an entity, known to ezdxf or not."""
+    """The name of an entity's layer, also for kinds of entities that ezdxf does not know."""
     if isinstance(entity, DXFTagStorage):
         tags = (tag for part in entity.xtags.subclasses for tag in part)
         return next((str(tag.value) for tag in tags if tag.code == LAYER), "0")
@@ -280,7 +280,7 @@ def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
 
 
 def _is_edge_on(shape: path.Path) -> bool:
-    """Whether a closed curve shows no area from above, though it stands upright."""
+    """Whether a closed curve has no area as seen from above, since it stands upright."""
     corners = np.array([tuple(point) for point in shape.control_vertices()]).reshape(-1, 3)
     if not len(corners) or not shape.is_closed or np.ptp(corners[:, 2]) <= STRAIGHT:
         return False
@@ -293,7 +293,7 @@ def _moved(shape: path.Path, origin: Vec3) -> path.Path:
 
 
 def _spline(entity: Spline, tolerance: float) -> Array:
-    """A B-spline as a polyline (n, 2), over its own domain: from knot p to the last but p, p its degree."""
+    """A B-spline of degree p as a polyline (n, 2), over its domain: from knot p to the last but p."""
     degree, knots = entity.dxf.degree, np.array(entity.knots)
     control = np.array([tuple(point)[:2] for point in entity.control_points], dtype=np.float64)
     weights = np.array(entity.weights if len(entity.weights) else np.ones(len(control)))
@@ -315,7 +315,7 @@ def _spline(entity: Spline, tolerance: float) -> Array:
 
 
 def _closed_spline(entity: Spline, tolerance: float) -> Array:
-    """The smooth closed curve through a spline's fit points as a polyline (n, 2)."""
+    """The smooth closed curve through a spline's fit points, as a polyline (n, 2)."""
     points = np.array([tuple(point)[:2] for point in entity.fit_points], dtype=np.float64)
     if len(points) < 2 or not _sane(points, 1.0):
         raise ValueError("no spline")
@@ -327,7 +327,7 @@ def _closed_spline(entity: Spline, tolerance: float) -> Array:
 
 
 def _span_by_span(curve: Callable[[Array], Array], knots: Array, tolerance: float) -> Array:
-    """A curve that is smooth between knots as a polyline (n, 2)."""
+    """Converts a curve that is smooth between its knots to a polyline (n, 2)."""
 
     def span(low: float, high: float, shares: Array) -> Array:
         return curve(low + (high - low) * shares)

@@ -1,4 +1,4 @@
-"""Outline files of any format, by suffix: read, one contour chosen, simplified, checked and centred."""
+"""Reads outline files of any format, by suffix: chooses one contour, simplifies, checks and centres it."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,7 +24,7 @@ READERS = {
 }
 SUFFIXES = tuple(READERS)
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
-"""Generous bounds on the extents of a part for fingers; beyond, the unit is wrong."""
+"""Generous bounds on the larger extent of a part for fingers; outside, the unit is probably wrong."""
 MOST_VERTICES = 2000
 LEAST_SHARE = 0.01  # least share of the parts that lie on a face
 
@@ -37,8 +37,8 @@ class Imported(NamedTuple):
     """An outline from a file."""
 
     outline_mm: Array  # (N, 2) counter-clockwise, centroid at the origin, read-only
-    symmetry: int  # its rotational order
-    size_mm: Array  # (2,) extent of its bounding box, as drawn
+    symmetry: int  # rotational order of the outline
+    size_mm: Array  # (2,) extent of the contour in x and y, as drawn
     notes: tuple[str, ...]  # notes on the drawing, one sentence each
     height_mm: float | None = None  # height of the solid; None for an outline
     holes_mm: tuple[Array, ...] = ()  # its inner contours, each (n, 2), in the outline's frame
@@ -81,10 +81,10 @@ def read_outline(path: Path, options: Options) -> Imported:
 
 
 def read_contours(path: Path, options: Options) -> list[Contour]:
-    """All contours of a drawing, in the order of their numbers, to choose one from.
+    """Returns all contours of a drawing; `Options.contour` is the number of one of them, from 1.
 
     Raises:
-        InputError: see `read_outline`.
+        UsageError, InputError: see `read_outline`.
     """
     with _pieces(path, options) as pieces, _noted(pieces):
         return contours.contours(pieces, options.tolerance_mm, str(path))[0]
@@ -92,7 +92,7 @@ def read_contours(path: Path, options: Options) -> list[Contour]:
 
 @contextmanager
 def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
-    """The shapes of a file, read within a time limit."""
+    """Reads the shapes of a file; the time limit includes the body of the `with` statement."""
     where = str(path)
     if not 1e-4 <= options.tolerance_mm <= 1.0:
         raise UsageError(f"--tolerance {options.tolerance_mm:g} is not between 0.0001 and 1 mm")
@@ -107,7 +107,7 @@ def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
 
 @contextmanager
 def _noted(pieces: Pieces) -> Iterator[None]:
-    """Adds the notes on a drawing to the error that refuses it."""
+    """Adds the notes on a drawing to an error that the body of the `with` statement raises."""
     try:
         yield
     except ExpectedError as error:
@@ -118,14 +118,14 @@ def _noted(pieces: Pieces) -> Iterator[None]:
 
 
 def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) -> list[Face]:
-    """Reads a solid as it lies on each of its stable faces, the commonest first.
+    """Reads the outlines of a solid as it lies on each of its stable faces, the commonest face first.
 
-    Fingers meet all faces at one height: that of the options, or the least `tips_mm` of their heights.
-    Faces whose silhouettes above it look alike are merged.
+    The finger tips have one height above the table on all faces: that of the options, or else `tips_mm` of
+    the least height of the solid on any face. Faces whose outlines look alike are merged.
 
     Raises:
         UsageError: the file is no solid.
-        ExpectedError: as `read_outline`; or the solid is not closed, or too thin on a face.
+        ExpectedError: see `read_outline`; or the solid is not closed, or too thin on a face.
     """
     where = str(path)
     if path.suffix.lower() != ".stl":
@@ -154,7 +154,7 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
 
 
 def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) -> Imported:
-    """The outline of a solid on a face; the convex hull of several contours, as flat jaws meet them."""
+    """The outline of a solid that lies on a face; for several outer contours their convex hull."""
     pieces = mesh.silhouette(face.solid, where, height_mm)
     result, notes = contours.contours(pieces, tolerance_mm, where)
     outer = [contour.points for contour in result if contour.outer]
@@ -168,7 +168,7 @@ def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) 
 
 
 def _alike(one: Imported, other: Imported) -> bool:
-    """Whether two faces of a solid look the same on the table."""
+    """Whether a solid on two of its faces has nearly the same height and outline."""
     assert one.height_mm is not None
     assert other.height_mm is not None
     return abs(one.height_mm - other.height_mm) < mesh.WIDER_MM and symmetry.congruent(
@@ -199,7 +199,7 @@ def _bytes(path: Path) -> bytes:
 def _checked(
     points: Array, holes: list[Array], where: str, tolerance_mm: float, notes: tuple[str, ...]
 ) -> Imported:
-    """The outline of a contour, with its holes and the drawing's datum in its frame."""
+    """Checks, simplifies and centres a contour; converts its holes and the datum to the outline's frame."""
     size = np.ptp(points, axis=0)
     if not SMALLEST_MM <= size.max() <= LARGEST_MM:
         problem = (

@@ -25,29 +25,34 @@ ROUNDS = 32  # chords of a rounded corner: error 3e-4 of its radius
 
 
 class Expression(NamedTuple):
-    """A list of a footprint that begins with a name."""
+    """A list in a footprint's S-expression; its first element is its name."""
 
     name: str
     values: list[object]  # the rest: words, texts, numbers and lists
 
     def parts(self) -> list["Expression"]:
-        """The non-empty lists in it."""
+        """The non-empty lists among the values."""
         return [Expression(_word(value[0]), value[1:]) for value in self.values if _is_list(value)]
 
     def has(self, name: str) -> bool:
-        """Whether there is a part of that name."""
+        """Whether one of the parts has this name."""
         return any(part.name == name for part in self.parts())
 
     def part(self, name: str) -> "Expression":
-        """The first part of that name; raises KeyError."""
+        """The first part with this name; raises `KeyError` if there is none."""
         return {part.name: part for part in reversed(self.parts())}[name]
 
     def numbers(self, name: str, count: int) -> Array:
-        """The first numbers (count,) of a part; raises KeyError, or ValueError for other values."""
+        """The first values (count,) of the part `name`.
+
+        Raises:
+            KeyError: there is no such part.
+            ValueError: see `first`.
+        """
         return self.part(name).first(count)
 
     def first(self, count: int) -> Array:
-        """The first values as numbers (count,); raises ValueError where they are not numbers."""
+        """The first values (count,); raises `ValueError` if they are not finite numbers."""
         values = [value for value in self.values[:count] if isinstance(value, int | float)]
         if len(values) != count or not all(map(math.isfinite, values)):
             written = " ".join(map(str, (self.name, *self.values)))[:40]
@@ -55,17 +60,19 @@ class Expression(NamedTuple):
         return np.array(values, dtype=np.float64)
 
     def layers(self) -> frozenset[str]:
-        """The layers that it is on, if stated."""
+        """The names of the layers that the list states."""
         stated = [part for part in self.parts() if part.name in ("layer", "layers")]
         return frozenset(_word(value) for part in stated for value in part.values)
 
 
 def read(data: bytes, where: str, options: pieces.Options) -> pieces.Pieces:
-    """The body's lines, arcs, circles, rectangles, polygons and curves; millimetres, unless stated otherwise.
+    """Returns the lines, arcs, circles, rectangles, polygons and curves of the body.
+
+    The file's unit is the millimetre, unless the options state another.
 
     Raises:
-        InputError: it is not a footprint, or one of its shapes is damaged.
-        InputError: it holds too many shapes, or none on the layer of the body.
+        InputError: the file is not a footprint, or one of its shapes is damaged.
+        InputError: the footprint holds too many shapes, or none on the layer of the body.
     """
     shapes = _shapes(data.decode("utf-8-sig", errors="replace"), where)
     if len(shapes) > pieces.MAX_SHAPES:
@@ -93,7 +100,7 @@ def read(data: bytes, where: str, options: pieces.Options) -> pieces.Pieces:
 
 
 def _shapes(text: str, where: str) -> list[Expression]:
-    """The expressions of a footprint that state their layers."""
+    """Parses a footprint and returns the lists that state their layers: its shapes and texts."""
     if not re.match(r"\s*\((footprint|module)\b", text):
         raise InputError("is not a KiCad footprint; export one, or a DXF", where=where)
     try:
@@ -153,7 +160,7 @@ def _circle(shape: Expression, tolerance: float) -> Array:
 
 
 def _bow(shape: Expression, tolerance: float) -> Array:
-    """An arc: through three points, or, before KiCad 6, by centre (`start`), end and angle."""
+    """An arc through three points; before KiCad 6, by its centre (`start`), one end (`end`) and angle."""
     start, end = shape.numbers("start", 2), shape.numbers("end", 2)
     if shape.has("angle"):
         return _arc(start, end, math.radians(float(shape.numbers("angle", 1)[0])), tolerance)
@@ -161,7 +168,7 @@ def _bow(shape: Expression, tolerance: float) -> Array:
 
 
 def _polygon(shape: Expression, tolerance: float) -> Array:
-    """Points and arcs in order, closed to the first point."""
+    """A closed polyline through points and arcs; the last point equals the first."""
     points = np.concatenate([_run(part, tolerance) for part in shape.part("pts").parts()])
     return np.concatenate([points, points[:1]])
 
@@ -211,7 +218,7 @@ def _arc(centre: Array, start: Array, turn: float, tolerance: float) -> Array:
 
 
 def _through(start: Array, middle: Array, end: Array, tolerance: float) -> Array:
-    """The arc through three points, a circle where it ends where it begins; their straight line if on one."""
+    """The arc through three points: a circle if the ends coincide, a line if all three lie on one."""
     if np.array_equal(start, end):
         return _arc(0.5 * (start + middle), start, math.tau, tolerance)
     one, other = (complex(*(point - start)) for point in (middle, end))

@@ -1,4 +1,4 @@
-"""STL solids, by trimesh: the silhouette that closing fingers meet, and the faces that a solid rests on."""
+"""Reads STL solids by trimesh: the silhouette that closing fingers meet, and the faces to rest on."""
 
 import io
 from types import ModuleType
@@ -11,7 +11,7 @@ from planner.part.importers.pieces import Options, Pieces, need_units, sorted_ou
 from planner.part.tips import tips_height_mm
 from runtime.shell.errors import InputError, UsageError
 
-FARTHEST_MM = 1e5  # from here on single precision, which STL files have, is 0.01 mm
+FARTHEST_MM = 1e5  # coordinate from which on single precision, that of STL files, is only 0.01 mm
 WIDER_MM = 0.1  # difference between heights or faces that is worth a note
 CRACK_MM = 1e-3  # Largest gap between triangles due to rounded vertices
 GRID_MM = 1e-4  # grid on which polygons are united
@@ -23,7 +23,7 @@ class Lying(NamedTuple):
     """A solid at rest on one of its stable faces."""
 
     share: float  # share of parts dropped in any orientation that come to rest on it
-    down: tuple[float, float, float]  # that face's outward normal, in the drawing
+    down: tuple[float, float, float]  # outward normal of this face, in the frame of the drawing
     solid: Any  # the trimesh, turned so that the face is down
 
 
@@ -33,10 +33,15 @@ def read(data: bytes, where: str, options: Options) -> Pieces:
 
 
 def lying(data: bytes, where: str, options: Options) -> list[Lying]:
-    """A solid on each facet of its convex hull that it can rest on, the commonest first, else by direction.
+    """Returns a solid on each facet of its convex hull that it can rest on, the commonest facet first.
 
     The share of a facet is the solid angle that it subtends at the centre of mass, plus that of the facets
-    that tip over onto it. That is quasi-static: bouncing and rolling are ignored.
+    from which the solid tips over onto it. This is quasi-static: bouncing and rolling are ignored. Facets of
+    equal share are sorted by their direction.
+
+    Raises:
+        UsageError: trimesh is not installed, or the unit is not stated.
+        InputError: the file cannot be read, or the solid is not closed.
     """
     trimesh = _trimesh(where)
     solid = _solid(trimesh, data, where, options)
@@ -52,13 +57,14 @@ def lying(data: bytes, where: str, options: Options) -> list[Lying]:
 
 
 def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
-    """The outline that closing fingers meet: the shadow of what a solid has above the finger tips.
+    """Returns the outline that closing fingers meet: the projection of a solid above the finger tips.
 
-    The tips are `height_mm` above the solid's lowest point, by default at the height for its thickness.
+    The tips are `height_mm` above the solid's lowest point; None: `tips_height_mm` of the solid's height, or
+    half the height of a solid that is too thin for tips.
 
     Raises:
-        UsageError: the tips are above or below the solid.
-        InputError: nothing is above the tips.
+        UsageError: the tips are not between the lowest and the highest point of the solid.
+        InputError: the solid is flat, or has no projection above the tips.
     """
     low, high = solid.bounds[:, 2].tolist()
     if low == high:
@@ -98,10 +104,13 @@ def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
 
 
 def _shadow(solid: Any, height: float, where: str) -> shapely.Geometry:
-    """The projection of the part of a solid above a height.
+    """The projection of a solid above a height.
 
-    It is the projection of the triangles there: a vertical line that enters a closed solid leaves it
-    through one. The section at the height is added where the surface is open.
+    For a closed solid it is the projection of the triangles above the height: a vertical line that enters
+    the solid leaves it through a triangle. If the surface is open, the section at the height is added.
+
+    Raises:
+        InputError: the surface has a hole at this height.
     """
     trimesh = _trimesh(where)
     cut = trimesh.intersections
@@ -148,9 +157,9 @@ def _patches(trimesh: ModuleType, surface: Any) -> list[shapely.Geometry]:
 
 
 def _union(polygons: list[shapely.Geometry]) -> shapely.Geometry:
-    """The union of polygons, cracks between them closed.
+    """The union of polygons, with the cracks between them closed.
 
-    It is computed on a grid: without one, GEOS loses some polygons whose edges nearly coincide.
+    The union is computed on a grid; without one, GEOS loses some polygons whose edges nearly coincide.
     """
     whole = shapely.union_all(polygons, grid_size=GRID_MM)
     wider = shapely.buffer(whole, CRACK_MM, join_style="mitre")

@@ -1,6 +1,7 @@
-"""Regions from lines that meet, cross or overlap: nodes, faces, and joined faces that share an edge.
+"""Finds the regions that lines bound, which may meet, cross or overlap.
 
-GEOS nodes the lines by snap rounding and finds the faces that they bound (`polygonize`).
+GEOS nodes the lines by snap rounding and finds the faces that they bound (`polygonize`). Faces that share an
+edge are joined to one region.
 """
 
 from collections.abc import Sequence
@@ -20,14 +21,14 @@ BESIDE_MM = 1e-5  # Largest distance of a noded line from the original
 
 
 class Region(NamedTuple):
-    """One face, or several that share edges, joined."""
+    """One face, or the union of several faces that share edges."""
 
     ring: Array  # (n, 2) outer boundary, not closed [mm]
-    seams: list[Array]  # lines (n, 2) that two of its faces share [mm]
+    seams: list[Array]  # lines (n, 2) that two faces of the region share [mm]
 
 
 def face(ring: Array) -> shapely.Geometry:
-    """The area that a ring (n, 2) encloses, also one that crosses itself."""
+    """The polygons that a ring (n, 2) encloses, which may cross itself."""
     return shapely.make_valid(shapely.Polygon(ring))
 
 
@@ -40,7 +41,7 @@ class Regions(NamedTuple):
 
 
 class _Ends(NamedTuple):
-    """Ends of chains that meet no other line."""
+    """Free ends of chains: those that meet no other line."""
 
     points: Array  # (n, 2)
     chain: IntArray  # (n,) index of the chain that ends there
@@ -48,10 +49,10 @@ class _Ends(NamedTuple):
 
 
 def regions(lines: Sequence[Array], join_mm: float) -> Regions:
-    """The regions that lines (n, 2) [mm] bound, with gaps of up to `join_mm` at their ends closed.
+    """Finds the regions that lines (n, 2) [mm] bound; closes gaps of up to `join_mm` at ends of lines.
 
-    Faces thinner than `join_mm` lie between two copies of one line; they are joined to their neighbours
-    without seams.
+    A face thinner than `join_mm` counts as the space between two copies of one line: it is joined to its
+    neighbours without a seam.
     """
     if not lines:
         return Regions([], [], 0.0)
@@ -76,7 +77,7 @@ def _coordinates(lines: Array) -> list[Array]:
 
 
 def _bridged(noded: shapely.Geometry, join_mm: float) -> shapely.Geometry:
-    """Noded lines with the narrow gaps at their free ends closed by lines."""
+    """Adds lines that close the gaps of up to `join_mm` at free ends to the noded lines."""
     chains = shapely.get_parts(shapely.line_merge(noded))
     ends = _free_ends(chains, join_mm)
     if not len(ends.points):
@@ -90,7 +91,7 @@ def _bridged(noded: shapely.Geometry, join_mm: float) -> shapely.Geometry:
 
 
 def _free_ends(chains: Array, join_mm: float) -> _Ends:
-    """The ends of chains where no other line begins, except those of short overshoots."""
+    """The ends of chains where no other line ends; not those of overshoots of up to `join_mm`."""
     points = np.concatenate(
         [shapely.get_coordinates(shapely.get_point(chains, index)) for index in (0, -1)]
     )
@@ -104,9 +105,13 @@ def _free_ends(chains: Array, join_mm: float) -> _Ends:
 
 
 def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[shapely.Geometry]]:
-    """The ends (n,) with another free end near them, the nearest first, and the lines between the two.
+    """Pairs free ends that are at most `join_mm` apart, the nearest first.
 
-    The two ends of a chain that is hardly longer than the gap belong to different neighbours.
+    The two ends of a chain that is hardly longer than the gap are not paired, since they belong to different
+    neighbours.
+
+    Returns:
+        Whether each end (n,) is paired, and the line between the two ends of each pair.
     """
     pairs = cKDTree(ends.points).query_pairs(join_mm, output_type="ndarray")
     gaps = np.hypot(*(ends.points[pairs[:, 0]] - ends.points[pairs[:, 1]]).T)
@@ -124,7 +129,10 @@ def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[
 def _to_nearest(
     tree: shapely.STRtree, ends: _Ends, k: int, join_mm: float
 ) -> shapely.Geometry | None:
-    """The shortest line, up to `join_mm`, from an end to another chain or to the far part of its own."""
+    """The shortest line from end `k` to another chain, or to its own chain away from the end.
+
+    None if it would be longer than `join_mm`, or if the end lies on the other chain.
+    """
     end, index = shapely.Point(ends.points[k]), int(ends.chain[k])
     near = tree.query(end, predicate="dwithin", distance=join_mm)
     lines = [tree.geometries[j] for j in near if j != index]
@@ -141,7 +149,7 @@ def _to_nearest(
 
 
 def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
-    """Joins faces that share an edge of their outer boundaries; `thin` ones leave no seams."""
+    """Joins faces that share an edge of their outer boundaries; edges of `thin` faces leave no seams."""
     segments, faces = _shared_edges(polygons)
     links = coo_array((np.ones(len(faces)), faces.T), shape=(len(polygons), len(polygons)))
     count, group = connected_components(links, directed=False)
@@ -162,7 +170,7 @@ def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
 
 
 def _shared_edges(polygons: Array) -> tuple[Array, IntArray]:
-    """Segments (n, 2, 2) that two outer boundaries share, and the indices (n, 2) of the two."""
+    """Segments (n, 2, 2) that two outer boundaries share, and the indices (n, 2) of the two polygons."""
     points, owner = shapely.get_coordinates(shapely.get_exterior_ring(polygons), return_index=True)
     same = owner[1:] == owner[:-1]
     first, second, owner = points[:-1][same], points[1:][same], owner[:-1][same]
@@ -177,7 +185,11 @@ def _shared_edges(polygons: Array) -> tuple[Array, IntArray]:
 
 
 def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> int | None:
-    """A line that bounds a region and continues beyond it, like an extension line; None without one."""
+    """Finds a line that bounds a region and continues beyond it, like an extension line.
+
+    Returns:
+        The index of the line in the tree `lines`, or None. The part beyond is one of the `loose` lines.
+    """
     if not loose:
         return None
     edges = shapely.linestrings(np.stack([region.ring, np.roll(region.ring, -1, axis=0)], axis=1))

@@ -20,16 +20,16 @@ MAX_POINTS = 500_000  # Most points of all shapes together, curves flattened
 SECONDS = 30.0  # Longest time for reading one file
 TOLERANCE_MM = 0.02
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "m": 1000.0}
-CLOSED = 0.1  # share of its length: a stroke whose ends are no further apart is a ring
-REPEAT_MM = 1e-6  # Distance below which points are the same, written twice
-LARGEST_MM = 1e10  # Largest coordinates; beyond, as on maps, a double does not resolve a micrometre
+CLOSED = 0.1  # largest gap between the ends of a ring, as a share of its length
+REPEAT_MM = 1e-6  # Largest distance of two points that count as one point written twice
+LARGEST_MM = 1e10  # Largest coordinate; beyond, as on maps, a double does not resolve a micrometre
 
 
 class Options(NamedTuple):
-    """How to read a file of any kind."""
+    """Options for reading a file of any format."""
 
-    units: str | None = None  # one of `UNITS_MM`, or None for that of the file
-    contour: int | None = None  # number of the contour, from 1, or None where there is only one
+    units: str | None = None  # one of `UNITS_MM`; None: the unit that the file states
+    contour: int | None = None  # number of the contour, from 1; None: the only outer one
     tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
     height_mm: float | None = None  # of the tips beside a solid; None: `tips.tips_height_mm`
     layer: str | None = None  # the layer of a DXF drawing to read; None for all visible ones
@@ -42,7 +42,7 @@ class Options(NamedTuple):
 
     @property
     def chord_mm(self) -> float:
-        """Largest distance of a chord from its curve: the other half is for removing vertices."""
+        """Largest distance of a chord from its curve: half the tolerance; vertex removal takes the rest."""
         return 0.5 * self.tolerance_mm
 
 
@@ -57,30 +57,30 @@ class Pieces(NamedTuple):
     """The shapes of one file."""
 
     rings: list[Array]  # closed curves, each (n, 2), first point not repeated [mm]
-    strokes: list[Array]  # open ones, each (n, 2) [mm]
+    strokes: list[Array]  # open curves, each (n, 2) [mm]
     notes: list[str]  # notes on the drawing, one sentence each
-    height_mm: float | None = None  # height of a solid
+    height_mm: float | None = None  # height of a solid; None for a drawing
     layers: tuple[str, ...] = ()  # of each ring, then of each stroke; empty where there are none
     lost: tuple[Lost, ...] = ()  # shapes that were not read
 
 
 def need_units(where: str, said: str) -> UnitsMissingError:
-    """The error about a file without a scale; `said` is the reason, as a clause about the file."""
+    """Returns the error about a file without a scale; `said` is the reason, a verb phrase about the file."""
     hint = "say what one unit is with --units mm, cm, in or m, or with --scale MM"
     return UnitsMissingError(f"{where}: {said}; {hint}")
 
 
 def too_much(where: str, what: str) -> InputError:
-    """The error about a file that would take too long."""
+    """Returns the error about a file that would take too long; `what` is the reason, a verb phrase."""
     return InputError(f"{what}; export the part's outline alone", where=where)
 
 
 def flattened(curve: Callable[[Array], Array], tolerance: float) -> Array:
-    """Points (n, 2) of a curve, both ends included, with chords within a tolerance of it.
+    """Returns points (n, 2) of a curve, both ends included, whose chords lie within a tolerance of the curve.
 
     `curve` takes (n,) parameters in [0, 1] and returns (n, 2) points in its own unit.
     """
-    n = 8  # so many that a curve does not cross its chord in all middles at once
+    n = 8  # enough chords that a curve does not cross all of them in their middles
     while True:
         points = curve(np.linspace(0.0, 1.0, 2 * n + 1))
         chords = 0.5 * (points[0:-1:2] + points[2::2])
@@ -99,9 +99,9 @@ class Curve(NamedTuple):
 def sorted_out(
     curves: Iterable[Array | Curve], join_mm: float, where: str, notes: list[str]
 ) -> Pieces:
-    """Sorts curves (n, 2) [mm] into rings, which end where they began, and strokes.
+    """Sorts curves (n, 2) [mm] into rings, whose ends are at most `join_mm` apart, and strokes.
 
-    A stroke that is hardly longer than `join_mm` is no ring, but part of a chain of strokes.
+    A curve that is hardly longer than `join_mm` is no ring, but part of a chain of strokes.
 
     Raises:
         InputError: a coordinate is not finite or too large, or there are too many points.
@@ -139,16 +139,20 @@ def place(point: Array) -> str:
 
 
 def counted(kinds: Counter[str]) -> str:
-    """Lists how many shapes there are of each kind."""
+    """Lists the number of shapes of each kind as text."""
     return ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
 
 
-REPEAT_S = 0.1
+REPEAT_S = 0.1  # time between two signals after the time limit
 
 
 @contextmanager
 def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
-    """Limits the time for reading a file; only in the main thread, where signals arrive."""
+    """Limits the time of the body of a `with` statement, if it runs in the main thread, where signals arrive.
+
+    Raises:
+        InputError: the time is over.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -159,8 +163,8 @@ def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
         )
 
     usual = signal.signal(signal.SIGALRM, stop)
-    # Repeatedly: Python drops an exception raised within a finalizer or a callback of the
-    # collector.
+    # The signal repeats, since Python drops an exception that is raised within a finalizer or a
+    # callback of the garbage collector.
     signal.setitimer(signal.ITIMER_REAL, seconds, REPEAT_S)
     try:
         yield

@@ -1,4 +1,4 @@
-"""Seams: lines inside a contour that two of its faces share, such as bend lines, and their meaning."""
+"""Interprets seams: lines inside a contour that two of its faces share, such as bend lines."""
 
 from typing import NamedTuple
 
@@ -9,31 +9,30 @@ from planner.arrays import Array
 from planner.part.importers import noding
 from planner.part.importers.pieces import place
 
-LISTED = 6
+LISTED = 6  # most seams that a note describes
 
 
 class Drawn(NamedTuple):
     """Lines of a drawing that may bound a contour, about a local origin."""
 
     lines: list[Array]  # each (n, 2) [mm]; a ring ends where it begins
-    layers: list[str]  # of each; "" in formats that have none
-    origin: Array  # (2,) [mm] in the drawing
-    tree: shapely.STRtree  # tolerance of the lines
+    layers: list[str]  # layer of each line; "" in formats without layers
+    origin: Array  # (2,) the local origin in the drawing [mm]
+    tree: shapely.STRtree  # spatial index of the lines
 
 
 class Meaning(NamedTuple):
-    """Meaning of the seams of a region; "" where they have none."""
+    """Meaning of the seams of a region, as texts for people; "" where there is nothing to say."""
 
     note: str = ""  # the faces that were joined, and the lines between them
-    ambiguity: str = ""  # why the contour may be another one, and what to do
+    ambiguity: str = ""  # why the outline may be another contour, and what to do
 
 
 def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: float) -> Meaning:
-    """The meaning of a region's seams; `loose` lines bound nothing.
+    """Interprets the seams of a region; `loose` are the lines that bound no face.
 
-    A region is ambiguous where closed contours overlap in it, where one of its lines continues beyond it
-    (like the extension line of a dimension), or where no single layer bounds it but one bounds another
-    region.
+    A region is ambiguous if closed contours overlap in it, if one of its lines continues beyond it (like the
+    extension line of a dimension), or if no single layer bounds it but one bounds another region.
     """
     if not region.seams:
         return Meaning()
@@ -75,7 +74,10 @@ def _named(points: Array, drawn: Drawn) -> str:
 
 
 def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str:
-    """A layer that alone bounds another region; "" where one bounds this region, or none bounds any."""
+    """Returns a layer whose lines alone bound another region.
+
+    Returns "" if the lines of one layer bound this region, or if no single layer bounds any region.
+    """
     face = noding.face(region.ring)
     near = drawn.tree.query(face, "dwithin", distance=join_mm)
     layers = sorted({drawn.layers[k] for k in near})

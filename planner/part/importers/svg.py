@@ -1,6 +1,7 @@
-"""SVG drawings as a viewer shows them: shapes, transforms and copies (`use`) resolved.
+"""Reads SVG drawings as a viewer shows them: resolves transforms and copies (`use`).
 
-The file is parsed by defusedxml, which refuses entities. The picture's y axis points down, the part's up.
+The file is parsed by defusedxml, which refuses entities. The y axis of the picture points down, that of the
+part up.
 """
 
 from xml.etree import ElementTree as Tree
@@ -25,13 +26,14 @@ from planner.part.importers.svg_values import (
 )
 from runtime.shell.errors import InputError
 
-ASPECT = 1e-3
+ASPECT = 1e-3  # tolerated relative difference of two scales
 
 
 def read(data: bytes, where: str, options: pieces.Options) -> pieces.Pieces:
-    """The shapes of an SVG file; see `dxf.read`. Without a unit its width and viewBox state the size.
+    """Returns the shapes of an SVG file; see `dxf.read`.
 
-    A length with a unit, such as 40mm, does not depend on the user unit.
+    If the options state no unit, the scale follows from the file's width, height and viewBox. A length with a
+    unit, such as 40mm, does not depend on the scale.
     """
     root, unit_mm, tolerance_mm = _root(data, where), options.unit_mm, options.chord_mm
     sheets = Sheets(root)
@@ -81,16 +83,16 @@ def _root(data: bytes, where: str) -> Tree.Element:
 
 
 def _box(page: Values) -> list[float] | None:
-    """The view box of the whole drawing; None where there is no usable one."""
+    """The view box of the whole drawing: x, y, width and height; None if there is no usable one."""
     try:
         box = page.box()
-    except InputError:  # with --units, nothing depends on it
+    except InputError:  # with --units, nothing depends on the view box
         return None
     return box if box and min(box[2:]) > 0.0 else None
 
 
 def _stated_scale(page: Values, box: list[float] | None, where: str) -> float | None:
-    """Millimetres of one user unit by the drawing's physical size and viewBox; None where one is missing."""
+    """Size of one user unit by the drawing's physical size and viewBox [mm]; None if one is missing."""
     scales = []
     for name, extent in zip(SIZES, box[2:] if box else (0.0, 0.0), strict=True):
         size = page.stated(name)
@@ -114,7 +116,7 @@ def _viewport(page: Values, box: list[float] | None) -> Viewport:
 
 
 def _states_lengths(root: Tree.Element) -> bool:
-    """Whether some shape's size or position has a physical unit."""
+    """Whether the size or position of some element below the root has a physical unit."""
     texts = (
         text
         for each in root.iter()

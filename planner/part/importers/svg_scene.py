@@ -1,4 +1,4 @@
-"""Visible shapes of an SVG drawing: walks the tree as a viewer does, with copies (`use`) expanded.
+"""Finds the visible shapes of an SVG drawing: walks the tree as a viewer does, and expands copies (`use`).
 
 Definitions (`defs`, `symbol`, `marker`, `mask`, `clipPath`, `pattern`) show only where a copy places them.
 """
@@ -19,12 +19,12 @@ from planner.part.importers.svg_values import Values, Viewport
 from runtime.shell.errors import InputError
 
 MAX_DEPTH = 100
-WIDE_MM = 1.0  # beyond, a stroke's width is noted: half of it is more than a count of most encoders
+WIDE_MM = 1.0  # a wider stroke is noted: half its width is more than a count of most encoders
 XLINK = "{http://www.w3.org/1999/xlink}href"
 SIZES = ("width", "height")
 GROUPS = frozenset({"svg", "g", "a", "switch", "use"})
 STRAYS = frozenset({"text", "image", "foreignObject"})
-CONDITIONS = ("requiredExtensions", "systemLanguage")  # elements of `switch` that a viewer draws
+CONDITIONS = ("requiredExtensions", "systemLanguage")  # attributes for which `switch` skips a child
 
 
 class Shape(NamedTuple):
@@ -32,14 +32,14 @@ class Shape(NamedTuple):
 
     kind: str  # one of `SHAPES`
     values: Values
-    matrix: Array  # (3, 3) from its user units to the drawing's
+    matrix: Array  # (3, 3) from the user units of the shape to those of the drawing
     window: shapely.Geometry | None  # visible window in the drawing's user units; None: all
 
 
 class Frame(NamedTuple):
-    """Properties that an element inherits from those around it."""
+    """Properties that an element inherits from the elements around it."""
 
-    matrix: Array  # (3, 3)
+    matrix: Array  # (3, 3) see `Shape`
     style: Style
     viewport: Viewport
     window: shapely.Geometry | None = None  # see `Shape`
@@ -54,9 +54,9 @@ class Scene:
     ) -> None:
         self.unseen = 0  # elements that are hidden, transparent or without paint
         self.cut = 0  # elements that a clip path, mask or viewport cuts
-        self.strays = Counter[str]()  # elements that are seen and no outlines
-        self.widest_mm = 0.0  # of all strokes that are seen
-        self.missing: list[str] = []  # what is copied and not there
+        self.strays = Counter[str]()  # visible elements that are no outlines, by kind
+        self.widest_mm = 0.0  # width of the widest visible stroke
+        self.missing: list[str] = []  # links of copies whose target the file lacks
         self._root, self._viewport, self._unit_mm, self._where = root, viewport, unit_mm, where
         self._namespace = str(root.tag).rpartition("}")[0]
         self._sheets = sheets
@@ -70,12 +70,12 @@ class Scene:
 
         Raises:
             InputError: an attribute is malformed.
-            InputError: there are too many, or an element contains itself.
+            InputError: there are too many elements, or an element contains itself.
         """
         return self._draw(self._root, Frame(np.eye(3), INHERITED, self._viewport), None)
 
     def notes(self) -> list[str]:
-        """Notes on the elements that are not among the shapes."""
+        """Notes on the elements that are left out, cut, or drawn with wide strokes, one sentence each."""
         notes = []
         if self.unseen:
             why = "hidden, transparent, out of sight, or neither filled nor stroked"
@@ -95,7 +95,7 @@ class Scene:
         return notes
 
     def _draw(self, element: Tree.Element, around: Frame, copy: Values | None) -> Iterator[Shape]:
-        """The shapes of one element; `copy` is the `use` that places it."""
+        """Yields the shapes of one element; `copy` is the `use` element that places it, or None."""
         kind = self._kind(element)
         if not (kind in SHAPES or kind in GROUPS or kind in STRAYS or (kind == "symbol" and copy)):
             return
@@ -141,7 +141,7 @@ class Scene:
         yield from self._draw(target, frame._replace(matrix=frame.matrix @ place), values)
 
     def _viewed(self, kind: str, frame: Frame, values: Values, copy: Values | None) -> Frame | None:
-        """The frame inside a group; None where it has no extent and shows nothing."""
+        """The frame inside a group; None if the group has no extent, so that it shows nothing."""
         if kind not in ("svg", "symbol"):
             return frame
         texts = {name: (copy and copy.style.get(name)) or values.style.get(name) for name in SIZES}
@@ -165,7 +165,7 @@ class Scene:
         return frame._replace(matrix=frame.matrix @ fit, viewport=inner, window=window)
 
     def _window(self, frame: Frame, values: Values, size: Viewport) -> shapely.Geometry | None:
-        """The visible window through a viewport at the element's x and y, and those around it."""
+        """The window that is visible through an element's viewport and all those around it; None: all."""
         width, height = size
         overflow = values.style.get("overflow", "hidden").split()
         if width is None or height is None or "visible" in overflow or "auto" in overflow:
@@ -192,6 +192,6 @@ class Scene:
             )
 
     def _kind(self, element: Tree.Element) -> str:
-        """An element's name in SVG; empty for other namespaces."""
+        """The name of an element without its namespace; "" if this is not that of the root."""
         namespace, _, name = str(element.tag).rpartition("}")
         return name if namespace == self._namespace else ""

@@ -22,23 +22,23 @@ INHERITED = {
     "stroke-opacity": "1",
     "stroke-width": "1",
 }
-"""Inherited properties, and their initial values."""
+"""Inherited properties with their initial values."""
 SKIPPED = (True, True)  # comments and white space, for tinycss2
 SHARE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(%?)\s*")
 SCREEN = {"", "all", "screen"}  # media whose style sheets count
 ELSEWHERE = {"print", "speech"}  # media whose style sheets do not count
-# rules that hide nothing
+# at-rules that hide no shape
 HARMLESS = {"charset", "font-face", "keyframes", "namespace", "page", "property"}
 
 Style = Mapping[str, str]
-"""The properties of one element, lower-case names; those of `INHERITED` are always there."""
+"""The properties of one element by name, including all of `INHERITED`."""
 
 
 class Sheets:
     """The style sheets of a drawing."""
 
     def __init__(self, root: Tree.Element) -> None:
-        self.unread: list[str] = []  # rules that may change what is seen
+        self.unread: list[str] = []  # rules that are not read and may change what is visible
         self._matcher = cssselect2.Matcher()
         self._empty = True
         for element in root.iter():
@@ -50,7 +50,7 @@ class Sheets:
         self._wrappers = {wrapper.etree_element: wrapper for wrapper in every}
 
     def style(self, element: Tree.Element, parent: Style) -> Style:
-        """The properties of an element, inherited ones included."""
+        """The properties of an element, with those that it inherits from the style `parent`."""
         rules = self._matcher.match(self._wrappers[element]) if self._wrappers else ()
         sheet = [declaration for *_, content in rules for declaration in content]
         inline = _declarations(element.get("style", ""))
@@ -72,7 +72,7 @@ class Sheets:
         return computed
 
     def _add_for(self, media: str, rules: list[tinycss2.ast.Node]) -> None:
-        """Adds the rules of some media, if a screen is one of them."""
+        """Adds the rules for the comma-separated `media` if a screen is one of them."""
         kinds = {kind.strip().lower() for kind in media.split(",")}
         if kinds & SCREEN:
             for rule in rules:
@@ -91,7 +91,7 @@ class Sheets:
             return
         try:
             selectors = cssselect2.compile_selector_list(rule.prelude)
-        except cssselect2.SelectorError:  # such a rule counts for nothing, says CSS
+        except cssselect2.SelectorError:  # CSS ignores such a rule
             return
         content = tinycss2.parse_blocks_contents(rule.content, *SKIPPED)
         if any(part.type == "qualified-rule" for part in content):
@@ -115,7 +115,7 @@ def paints(style: Style, stroke_width: float, where: str) -> bool:
 
 
 def strokes(style: Style, stroke_width: float, where: str) -> bool:
-    """Whether a shape that is visible is stroked."""
+    """Whether a shape, if it is visible, is stroked with some colour."""
     return stroke_width > 0.0 and _inks(style, "stroke", where)
 
 
@@ -129,7 +129,7 @@ def _inks(style: Style, what: str, where: str) -> bool:
 
 
 def _word(style: Style, name: str, where: str) -> str:
-    """A property in lower case."""
+    """The value of a property in lower case; raises `InputError` for a CSS variable."""
     text = style.get(name, "").strip()
     if "var(" in text:
         problem = (

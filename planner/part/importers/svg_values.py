@@ -1,4 +1,4 @@
-"""Numbers in SVG attributes: lengths, lists, transforms and view boxes. Malformed ones are refused."""
+"""Parses numbers in SVG attributes: lengths, lists, transforms and view boxes; refuses malformed ones."""
 
 import math
 import re
@@ -19,7 +19,7 @@ LIST = re.compile(rf"\s*(?:{NUMBER}{APART}{GAP})*")
 CALL = rf"([a-zA-Z]+)\s*\(\s*((?:{NUMBER}{APART}(?:px|deg|grad|rad|turn)?{GAP})*)\)"
 CALLS = re.compile(rf"\s*(?:{CALL}{GAP})*")
 PHYSICAL_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "q": 0.25}
-PIXEL_MM = 25.4 / 96  # CSS; size of a user unit without a view box
+PIXEL_MM = 25.4 / 96  # size of a CSS pixel: the user unit without a view box
 ARGUMENTS = {
     "matrix": (6,),
     "translate": (1, 2),
@@ -32,9 +32,9 @@ ARGUMENTS = {
     "skewx": (1,),
     "skewy": (1,),
 }
-# Percentages of these refer to the viewport's width,
+# Attributes whose percentages refer to the width of the viewport.
 ACROSS = frozenset({"x", "cx", "rx", "x1", "x2", "width"})
-# and of these to its height.
+# Attributes whose percentages refer to the height of the viewport.
 ALONG = frozenset({"y", "cy", "ry", "y1", "y2", "height"})
 PLACES = ACROSS | ALONG | {"r"}
 EDGES = {"left": "0%", "top": "0%", "center": "50%", "right": "100%", "bottom": "100%"}
@@ -44,7 +44,7 @@ ASPECT = re.compile(
 
 
 class Viewport(NamedTuple):
-    """Size to which percentages refer, in user units; None: unknown."""
+    """The size to which percentages refer, in user units; None: unknown."""
 
     width: float | None
     height: float | None
@@ -62,14 +62,14 @@ class Values(NamedTuple):
 
     style: Style
     viewport: Viewport
-    unit_mm: float  # size of one unit of the drawing's outermost system
+    unit_mm: float  # size of one user unit of the whole drawing
     where: str  # file and element, for errors
 
     def stated(self, name: str) -> Length | None:
-        """A length as written; None where it is not stated, or `auto`.
+        """The length `name` as written; None if it is not stated, or `auto`.
 
         Raises:
-            InputError: it is malformed.
+            InputError: the length is malformed.
         """
         text = self.style.get(name, "").strip()
         if text in ("auto", ""):
@@ -80,10 +80,10 @@ class Values(NamedTuple):
         return Length(float(parts[1]), (parts[2] or "").lower())
 
     def length(self, name: str) -> float | None:
-        """A length in user units; None where it is not stated, or `auto`.
+        """The length `name` in user units; None if it is not stated, or `auto`.
 
         Raises:
-            InputError: it is malformed, or a percentage of an unknown size.
+            InputError: the length is malformed, or a percentage of an unknown size.
         """
         stated = self.stated(name)
         if stated is None:
@@ -102,25 +102,25 @@ class Values(NamedTuple):
         return 0.01 * stated.value * whole
 
     def size(self, name: str) -> float:
-        """A length that is not negative, 0 where it is not stated."""
+        """The length `name`, 0 if it is not stated; raises `InputError` if it is negative."""
         value = self.length(name) or 0.0
         if value < 0.0:
             raise self.error(name, "is negative")
         return value
 
     def at(self, name: str) -> float:
-        """A coordinate, 0 where it is not stated."""
+        """The coordinate `name` in user units, 0 if it is not stated."""
         return self.length(name) or 0.0
 
     def numbers(self, name: str) -> list[float]:
-        """A list of plain numbers."""
+        """The list of numbers without units in the attribute `name`."""
         text = self.style.get(name, "")
         if not LIST.fullmatch(text):
             raise self.error(name, "is no list of numbers")
         return [float(number) for number in re.findall(NUMBER, text)]
 
     def transform(self) -> Array:
-        """The element's own transform (3, 3), of columns (x, y, 1)."""
+        """The transform (3, 3) that the element states, for columns (x, y, 1)."""
         for name in ("translate", "rotate", "scale"):
             if self.style.get(name, "none").strip() != "none":
                 raise self.error(name, "is not read, but transform is")
@@ -142,7 +142,7 @@ class Values(NamedTuple):
         return np.asarray(origin @ matrix @ np.linalg.inv(origin))
 
     def box(self) -> list[float] | None:
-        """The view box: least x and y, width and height; None where there is none."""
+        """The view box: least x and y, width and height; None if the element has none."""
         if not self.style.get("viewBox", "").strip():
             return None
         box = self.numbers("viewBox")

@@ -1,4 +1,4 @@
-"""CSV outlines: one vertex a line, two columns; a header such as `x_mm,y_mm` names their unit."""
+"""Reads CSV outlines: one vertex a line, in two columns; a header such as `x_mm,y_mm` names the unit."""
 
 import math
 import re
@@ -13,7 +13,7 @@ HEADER = re.compile(r"[\"']?([xy])(?:[_ \[(]+(mm|cm|in|m)[\])]?)?[\"']?", re.IGN
 
 
 def read(data: bytes, where: str, options: Options) -> Pieces:
-    """The single ring of a CSV file; see `dxf.read`.
+    """Returns the single ring of a CSV file; see `dxf.read`.
 
     Columns are separated by commas, semicolons (then a comma may be the decimal sign), tabs or spaces; lines
     that begin with # are skipped.
