@@ -249,7 +249,7 @@ def _check_pushes(method: str, proposals: str) -> None:
     if method != "closed-loop":
         problem = 'which the paper\'s methods do not know; leave method at "closed-loop"'
     elif proposals == "none":
-        problem = 'and hands must follow what was pushed; leave proposals at "belief", too'
+        problem = 'and grasp poses must follow what was pushed; leave proposals at "belief", too'
     else:
         return
     raise _conflict("actions", "pushes", f'is "belief", {problem}')

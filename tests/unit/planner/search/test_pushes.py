@@ -107,7 +107,7 @@ def test_a_job_that_states_that_nothing_is_pushed_is_the_job_that_does_not(job):
         ({"actions": {"pushes": "sometimes"}}, "pushes"),
         (
             {"actions": {"pushes": "belief", "proposals": "none"}},
-            "hands must follow what was pushed",
+            "grasp poses must follow what was pushed",
         ),
         ({**PUSHING, "search": {"method": "paper"}}, "which the paper's methods do not know"),
     ],
