@@ -69,7 +69,7 @@ class Workcell(Surroundings):
         return self.table.squeeze(hand)
 
     def gripped(self) -> None:
-        """Receives the event that the jaws have stopped at the part."""
+        """Tells the table that the jaws have stopped at the part, which then lies at its final pose."""
         self.table.gripped()
 
     def released(self) -> None:

@@ -93,7 +93,10 @@ def _intervals(job: Job) -> dict[str, Interval]:
 
 
 def _middles(job: Job, n: int) -> Traits:
-    """Traits (n,) at the middle of each doubt's interval, before the hand is calibrated."""
+    """Traits (n,) as planned, and in the middle of each interval of [doubt].
+
+    `across_mm` is not yet corrected for the calibration of the hand, see `_traits_of`.
+    """
     traits = as_planned(n)
     for name, interval in _intervals(job).items():
         traits[name] = 0.5 * sum(interval)

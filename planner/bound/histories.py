@@ -138,7 +138,10 @@ class Histories:
             self._lying[level + 1] = _together([self._lying[level + 1], *moved])
 
     def _located(self, poses: Array, start: IntArray) -> IntArray:
-        """Upper bound on the parts of each group that a claim of `modes` poses, as of the metric, locates."""
+        """Upper bound on the parts of each group of poses that one claim of `metric.modes` poses locates.
+
+        Group k has the rows from `start[k]` to `start[k + 1]` - 1.
+        """
         metric = self._metric
         most = most_located(poses, start, metric.weights(), metric.order, self._workers)
         return np.minimum(metric.modes * most, np.diff(start))

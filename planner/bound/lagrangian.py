@@ -1,14 +1,16 @@
-"""A lower bound from histories, by Lagrangian relaxation, and its confidence.
+"""A lower bound on the mean squeezes of any plan of a class, by Lagrangian relaxation, and its confidence.
 
-On a sample, a plan of a class (`leaves_term`, `overall_term`) costs at least L: the least cost of any plan
-that pays a price for every part that it claims and does not locate. The price is the multiplier
-of the class's constraint; the best unconstrained plan is found history by history. A plan is fixed before the
-sample is drawn, so Chernoff's inequality for a mean of independent numbers in [0, 1] (Hoeffding 1963,
-Theorem 1),
+A class of plans (`leaves_term`, `overall_term`) has a constraint on the parts that a plan claims and does not
+locate. The relaxation drops the constraint and charges a price, in squeezes, for each such part: the
+multiplier of the constraint. Without it the cheapest plan on a sample of parts is found history by history;
+its cost is a lower bound for every plan of the class on this sample.
+
+The best plan of the class does not depend on the sample, which may overstate what this plan costs and misses.
+Chernoff's inequality for a mean of independent numbers in [0, 1] (Hoeffding 1963, Theorem 1),
 
     P(mean - mu >= x) <= exp(-n KL(mu + x || mu)),
 
-bounds how far the sample may flatter that one plan; the prices may be chosen afterwards.
+bounds by how much. The price may be chosen after the sample is drawn.
 """
 
 import math

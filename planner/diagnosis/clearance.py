@@ -45,7 +45,10 @@ class Shortage(NamedTuple):
 
 
 def shortage(job: Job) -> Shortage | None:
-    """The shortage of a job's first squeeze; None where some placement is free of collision."""
+    """How much wider the jaws, or smaller the disc, would have to be for a first squeeze without collision.
+
+    None where some placement is free of collision.
+    """
     opening, radius = job.gripper.opening_mm, job.uncertainty.radius_mm
     if _is_free(job, opening, radius):
         return None

@@ -298,7 +298,7 @@ def _finger_size(job: Job, height: float) -> list[float]:
 
 
 def _add_jaws(spec: Any, job: Job, height: float) -> None:
-    """Adds two fingers on slides; one drive closes them, each by its share of the closing in the job."""
+    """Adds two fingers on slides; one drive closes them, each by the share that the job states."""
     gripper, tips, size = job.gripper, job.cell.squeeze_height_mm / 1e3, _finger_size(job, height)
     drive = spec.add_tendon(name="drive")
     for name, side in (("upper", 1.0), ("lower", -1.0)):

@@ -197,11 +197,13 @@ class Bound(NamedTuple):
 
     @classmethod
     def of(cls, total: float, parts: int) -> Self:
-        """The confidence sequence for the mean of independent weights in [0, 1], after any number of parts.
+        """Bounds of the mean of independent weights in [0, 1], one for each part, after any number of parts.
 
-        For a mean m and any p, (p / m)^S ((1 - p) / (1 - m))^(n - S) has expectation at most 1, so its
-        mixture over `PRIOR` exceeds 1 / ERROR at any time with probability ERROR at most (Ville 1939; Howard
-        et al. 2021, section 3.2, beta-binomial mixture).
+        The bounds are a confidence sequence. Let S be the sum of n weights and m their true mean. For any
+        constant p in (0, 1), (p / m)^S ((1 - p) / (1 - m))^(n - S) has expectation at most 1. So has its
+        mixture over p with the beta distribution `PRIOR`, which therefore ever exceeds 1 / ERROR with
+        probability ERROR at most (Ville 1939; Howard et al. 2021, section 3.2, beta-binomial mixture). The
+        bounds enclose all m for which it does not.
 
         Args:
             total: sum S of the weights.
@@ -337,7 +339,7 @@ def resumed(path: Path, identity: str, leaves: int) -> Sums:
 
 
 def keep(path: Path, identity: str, sums: Sums) -> None:
-    """Writes the file that `resumed` reads.
+    """Saves the sums of a study under its identity, for `resumed` to continue from.
 
     Raises:
         OutputError: the file cannot be written.

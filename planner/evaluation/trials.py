@@ -106,7 +106,7 @@ def encoder_of_table(table: Table) -> Encoder:
 
 
 class Step(NamedTuple):
-    """One squeeze of n parts, each at its own node, and the table's decisions."""
+    """One squeeze of each of n parts, each at a node of its own, and the table's decisions."""
 
     before: Array  # (n, 3) poses in the world before it [mm, mm, rad]
     after: Array  # (n, 3) poses after it, with the jaws closed

@@ -147,7 +147,7 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Actions:
-    """The placements of the hand to choose from: each angle at each centre, and proposals of a belief."""
+    """What a node may do: squeeze at each angle at each centre, or as proposed for its belief; push."""
 
     # Angles of the hand's x axis in the world.
     angles_deg: Annotated[tuple[float, ...], Numbers(Number(-360, 360), most=1_000)]

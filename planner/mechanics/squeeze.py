@@ -136,8 +136,8 @@ def _squeeze(
 ) -> tuple[float, int, int, int]:
     """Closes the fingers on one part at q (3,) in the hand frame [mm, mm, rad], modified into the final pose.
 
-    The fingers start `opening` [mm] apart; `_close_by` has set all else of the boundary. `trace` (rows,
-    4) receives poses and widths along the path; it may have no rows.
+    The fingers start `opening` [mm] apart. `_close_by` must have set their size, friction, shares and step
+    before. `trace` (rows, 4) receives poses and widths along the path; it may have no rows.
 
     Returns:
         Final width [mm], status, 1 where the squeeze was given up (else 0), rows of the trace.

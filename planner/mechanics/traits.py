@@ -62,7 +62,7 @@ def ordinary(traits: Traits) -> BoolArray:
 
 
 def by_hypothesis(traits: Traits) -> Iterator[tuple[int, slice | IntArray]]:
-    """Yields each hypothesis that occurs, with its rows; a slice of all if only the first occurs."""
+    """Yields each hypothesis that occurs, with its rows; a slice of all rows if only the first occurs."""
     which = traits["hypothesis"]
     if not which.any():
         yield 0, slice(None)

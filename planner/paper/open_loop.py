@@ -1,15 +1,16 @@
 """Algorithms 2 and 3 of the paper, OpenLoopSearch and OpenLoopSearchBFSExpand, as printed.
 
 The search goes through sequences of actions, breadth first, and ignores the outcomes of squeezes. The paper
-leaves four points open:
+leaves four points open, which are decided here as follows:
 
 - "while subtree depth < d" bounds the expansion: sequences of length d are judged, but not expanded.
-- Ties go to the first sequence. The root is not a sequence: the result has an action even if no action gains.
+- Of sequences of equal ratio the first is the result. The empty sequence is no candidate: the result has an
+  action even if every action lowers the ratio, unless no action is free of collision and kept.
 - Algorithm 3 keeps a successor whose ratio r is above alpha E.r, where E is the expanded element. The text
   of section VI drops a successor whose ratio is below alpha E.r. The two differ where both ratios are 0, as
   for a belief of two modes: there the printed algorithm would end the tree at once, so the text is used.
-- CollisionFree tests the whole belief. A learned detector errs, so a small share of collisions is tolerated
-  (`COLLIDING_SHARE`).
+- CollisionFree tests the whole belief. A learned detector errs, so a placement counts as free up to a share
+  of collisions (`COLLIDING_SHARE`).
 """
 
 import math

@@ -1,4 +1,7 @@
-"""Outcomes of a cell's parts, numbered: a reading at a node, or a measured pose at a leaf."""
+"""Numbers of observations, so that those of journals and of simulated parts are counted alike.
+
+An observation is a reading at a node, or at an audited leaf the measured less the predicted pose.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -165,7 +165,7 @@ def transform(pose: Array) -> str:
 
 
 def part(state: Array) -> int:
-    """The hypothesis of a state (3 or 4,), as from `planner.mechanics.traits.with_hypothesis`."""
+    """The number of the hypothesis in a state: its fourth entry, or 0 for a pose (3,)."""
     return int(state[3]) if len(state) > 3 else 0
 
 

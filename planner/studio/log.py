@@ -25,7 +25,10 @@ class Log(NamedTuple):
 
 
 def log_of(data: bytes) -> Log:
-    """Reads a log; others may write in the folder, so any content must be harmless."""
+    """Reads the log of a plan from any bytes, since others may write in the folder.
+
+    A line that is no valid record becomes a message.
+    """
     log, squeezes = Log("", [], "", {}, None, [], [], [], None), list[dict[str, Any]]()
     for line in data.decode("utf-8", "replace").splitlines():
         try:

@@ -138,7 +138,7 @@ class OpcUaServer(PlcServer):
     # -- what is shown --------------------------------------------------------------------------------
 
     def _watch(self, seen: Glance) -> None:
-        """Receives a glance from any thread."""
+        """Queues what the station shows, from any thread, for display to the clients."""
         self._glances.append(seen)
         self._loop.call_soon_threadsafe(self._news.set)
 

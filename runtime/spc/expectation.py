@@ -73,7 +73,11 @@ class ShiryaevRoberts:
         return sum(self.sums) / len(self.sums)
 
     def add(self, table: Table, part: Part) -> str | None:
-        """Adds one part; on an alarm returns the name of the likeliest other world, else None."""
+        """Adds one part; on an alarm, restarts the chart.
+
+        Returns:
+            On an alarm the name of the most likely of the other worlds, else None.
+        """
         gains = self.expected.gains(table, part)
         pairs = zip(self.sums, gains, strict=True)
         self.sums = [(1.0 + total) * exp(gain) for total, gain in pairs]

@@ -1,4 +1,7 @@
-"""Look-up of a reading: a gripper's calibration, the map of a node, and whether gripper and table fit."""
+"""From a reading to a branch: the gripper's calibration gives the width, a node's decision map the branch.
+
+Also checks whether a gripper fits a table.
+"""
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass

@@ -157,7 +157,11 @@ class Timing:
         return way_mm <= NEAR_MM and self.retreat_mm - self.regrasp_mm <= aside_mm
 
     def approach_mm(self, opening_mm: float, contact_mm: float | None, speed_mm_s: float) -> float:
-        """Opening at which closing jaws slow down from full speed; `opening_mm` where that saves nothing."""
+        """Opening at which closing jaws slow down from full speed.
+
+        `opening_mm` where that saves no time, or where `contact_mm`, the greatest width at which the jaws may
+        meet the part, is unknown.
+        """
         if contact_mm is None:
             return opening_mm
         near_mm = min(contact_mm + APPROACH_MM, opening_mm)

@@ -194,7 +194,7 @@ class Fingers(ABC):
         self._shown_s = self._now
 
     def _show(self, state: int) -> None:
-        """Sets the shown object state at once."""
+        """Lets the gripper report an object state from now on, without the lag of `_follow`."""
         self._flag = ObjectFlag(state, self._now, state, self._now)
 
     def _follow(self) -> None:

@@ -188,9 +188,9 @@ def table_geometry(table: tables.Table) -> Geometry:
 
 
 def warm_up(setting: Setting, seed: int) -> None:
-    """Squeezes, and pushes if the table does, once in separate worlds of all parts.
+    """Squeezes once in a new world of each part, and pushes if the decision table has pushes.
 
-    Kernels are thus compiled before anything waits for an answer.
+    This compiles the kernels before a client waits for an answer; the worlds are not used afterwards.
 
     Raises:
         UsageError: the world fails.

@@ -59,7 +59,7 @@ class TableTop:
         return self.part
 
     def squeeze(self, hand: Pose2) -> float | None:
-        """Receives the event that the fingers start to close at a hand pose.
+        """Receives the event that the fingers start to close at a pose of the hand.
 
         Returns:
             Encoder reading at which the part will stop the fingers, mm; None: nothing will.
@@ -94,7 +94,7 @@ class TableTop:
         self._held, self._lifted = None, False
 
     def carried(self, hand: Pose2, *, lifted: bool) -> bool:
-        """Moves the held part, if any, with the hand to a hand pose.
+        """Moves the held part, if any, with the hand to a pose of the hand.
 
         Returns:
             False if the lifted part has slipped out instead, else True.
@@ -121,7 +121,7 @@ class TableTop:
         self.pose = compose(start, push(relative(start, self.pose), opening_mm, way_mm))
 
     def placed(self, hand: Pose2, opening_mm: float) -> None:
-        """Counts a crash if open fingers that came down at a hand pose stand on the part."""
+        """Counts a crash if open fingers that came down at a pose of the hand stand on the part."""
         if self._held is not None or self._desk.holds("part_missing"):
             return
         collides = getattr(self._world, "collides", None)

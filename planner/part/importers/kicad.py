@@ -30,26 +30,26 @@ class Expression(NamedTuple):
     name: str
     values: list[object]  # the rest: words, texts, numbers and lists
 
-    def parts(self) -> list["Expression"]:
+    def children(self) -> list["Expression"]:
         """The non-empty lists among the values."""
         return [Expression(_word(value[0]), value[1:]) for value in self.values if _is_list(value)]
 
     def has(self, name: str) -> bool:
-        """Whether one of the parts has this name."""
-        return any(part.name == name for part in self.parts())
+        """Whether one of the lists among the values has this name."""
+        return any(child.name == name for child in self.children())
 
-    def part(self, name: str) -> "Expression":
-        """The first part with this name; raises `KeyError` if there is none."""
-        return {part.name: part for part in reversed(self.parts())}[name]
+    def child(self, name: str) -> "Expression":
+        """The first list among the values with this name; raises `KeyError` if there is none."""
+        return {child.name: child for child in reversed(self.children())}[name]
 
     def numbers(self, name: str, count: int) -> Array:
-        """The first values (count,) of the part `name`.
+        """The first values (count,) of the list `name`.
 
         Raises:
-            KeyError: there is no such part.
+            KeyError: there is no such list.
             ValueError: see `first`.
         """
-        return self.part(name).first(count)
+        return self.child(name).first(count)
 
     def first(self, count: int) -> Array:
         """The first values (count,); raises `ValueError` if they are not finite numbers."""
@@ -61,7 +61,7 @@ class Expression(NamedTuple):
 
     def layers(self) -> frozenset[str]:
         """The names of the layers that the list states."""
-        stated = [part for part in self.parts() if part.name in ("layer", "layers")]
+        stated = [part for part in self.children() if part.name in ("layer", "layers")]
         return frozenset(_word(value) for part in stated for value in part.values)
 
 
@@ -110,7 +110,7 @@ def _shapes(text: str, where: str) -> list[Expression]:
     except Exception as error:  # the parser asserts, recurses and looks up attributes
         problem = f"is a damaged KiCad footprint ({_reason(error)}); export it anew"
         raise InputError(problem, where=where) from error
-    return [part for part in Expression("", footprint).parts() if part.layers()]
+    return [part for part in Expression("", footprint).children() if part.layers()]
 
 
 def _nothing(shapes: list[Expression], left_out: str, where: str) -> InputError:
@@ -169,7 +169,7 @@ def _bow(shape: Expression, tolerance: float) -> Array:
 
 def _polygon(shape: Expression, tolerance: float) -> Array:
     """A closed polyline through points and arcs; the last point equals the first."""
-    points = np.concatenate([_run(part, tolerance) for part in shape.part("pts").parts()])
+    points = np.concatenate([_run(part, tolerance) for part in shape.child("pts").children()])
     return np.concatenate([points, points[:1]])
 
 
@@ -184,7 +184,7 @@ def _run(part: Expression, tolerance: float) -> Array:
 
 def _bezier(shape: Expression, tolerance: float) -> Array:
     """A cubic Bezier curve of four points."""
-    control = np.concatenate([part.first(2)[None] for part in shape.part("pts").parts()])
+    control = np.concatenate([part.first(2)[None] for part in shape.child("pts").children()])
     if len(control) != 4:
         raise ValueError(f"{len(control)} points of 4")
 
