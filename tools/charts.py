@@ -29,14 +29,14 @@ METHODS = {
 
 
 def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) -> Figure:
-    """Charts shares of located parts in the eight experiments of Table I: the paper's robot, simulations.
+    """Charts the shares of located parts in the experiments of Table I, by the paper's robot and simulated.
 
     As in the paper, a part counts if its stated pose is within the goal, even if the table says that the
     pose is not certain.
 
     Args:
         rows: results of `comparison.run`.
-        radii_mm: for each part, the radius of the disc in which its centre lies.
+        radii_mm: for each part, the radius of the disc in which its centre initially lies.
 
     Raises:
         ValueError: there is no row, or one without the paper's rate.
@@ -100,9 +100,10 @@ def _open_frame(axes: Axes, named: Literal["x", "y"], measured: Literal["x", "y"
 
 
 def calibration(kept: Mapping[str, Any]) -> Figure:
-    """Charts the shares of measured coordinates of pushes that lie in intervals of draws.
+    """Charts how well predicted pushes are calibrated: the share of measurements in predicted intervals.
 
-    `kept` is the result of `bench_contact.py`.
+    For x, y and turn, it plots the share of the measured coordinates in an interval over the share of the
+    simulated draws in it. `kept` is the result of `bench_contact.py`.
     """
     figure = canvas.blank(WIDTH_IN, 3.4)
     panels = canvas.panels(figure, 1, 3, 3)
@@ -121,7 +122,7 @@ def calibration(kept: Mapping[str, Any]) -> Figure:
 
 
 def worst_pushes(kept: Mapping[str, Any]) -> Figure:
-    """Draws the pushes that end farthest from the prediction; `kept` is the result of `bench_contact.py`."""
+    """Draws recorded pushes that end farthest from their prediction, out of results of `bench_contact.py`."""
     figure = canvas.blank(WIDTH_IN, 4.7)
     panels = canvas.panels(figure, 2, 4, len(kept["worst"]))
     turn = np.linspace(0.0, 2.0 * np.pi, 40)
@@ -145,6 +146,6 @@ def worst_pushes(kept: Mapping[str, Any]) -> Figure:
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
-    """Adds one legend for all panels."""
+    """Adds one legend above all panels, with the entries of `axes`."""
     style: dict[str, Any] = {"ncols": 4, "frameon": False, "fontsize": FONT}
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", **style)

@@ -27,7 +27,7 @@ Figures = dict[str, Any]
 
 
 class Row(NamedTuple):
-    """A part in a world."""
+    """A part with the world in which tables for it are evaluated: one row of a table of results."""
 
     name: str  # name of the row: an experiment of the paper, or a part
     part: str  # folder of `trees/`
@@ -79,12 +79,13 @@ def zoo_rows(trees: Path) -> list[Row]:
 
 
 def run(row: Row, method: Method, trees: Path, trials: int, workers: int | None = None) -> Figures:
-    """Compiles a row with a method, and evaluates the table by `trials` parts.
+    """Compiles the job of a row with a method, and evaluates its table by simulating `trials` parts.
 
     Returns:
-        Figures for JSON. `success_rate` counts parts that the table claims to have located and that lie
-        within the goal. `within_rate` counts all poses within the goal, claimed or not, as the paper does,
-        whose robot predicts a pose at every leaf. Without a plan, `no_plan` says why.
+        Figures for JSON. `success_rate` counts parts that the table reports as located and that lie within
+        the goal. `within_rate` counts all parts whose stated pose is within the goal, even if the table says
+        that the pose is not certain; the paper counts so, since its robot states a pose at every leaf. If
+        there is no plan, `no_plan` says why.
     """
     job = job_file.load(trees / row.part / "job.toml", changes_of((*row.job, *method.job)))
     figures: Figures = {"row": row.name, "part": row.part, "materials": row.materials}

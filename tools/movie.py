@@ -33,7 +33,7 @@ class Squeeze(NamedTuple):
 
 
 class Story(NamedTuple):
-    """The path of one part."""
+    """One part's way through the table: its squeezes, its leaf and the error there."""
 
     squeezes: list[Squeeze]
     leaf: int
@@ -41,7 +41,7 @@ class Story(NamedTuple):
 
 
 def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
-    """The SVG of the first replayed part that is located by this number of squeezes.
+    """Returns an SVG of the first replayed part that the table locates by exactly `squeezes` squeezes.
 
     Raises:
         ValueError: there is no such part.
@@ -55,10 +55,10 @@ def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
 
 
 def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> Story | None:
-    """Simulates a part from a pose (3,) in the world, without scatter.
+    """Simulates a part through the table from a pose (3,) in the world, with nominal friction.
 
     Returns:
-        The path, or None if the part is not located by exactly so many `squeezes`, or a node drags it.
+        Its way, or None if it is not located by exactly `squeezes` squeezes, or if a node drags it.
     """
     surface = simulator.nominal(1, MU).surfaces[0]
     profile, target, result = table.gripper.profile, 0, list[Squeeze]()
@@ -89,13 +89,13 @@ def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> 
 
 
 class Track(NamedTuple):
-    """A value at moments, for an animation."""
+    """Keyframes of one animated attribute: its values and their times."""
 
     times: list[float]  # [s]
     values: list[str]
 
     def keys(self, total_s: float) -> str:
-        """The moments as SMIL's keyTimes."""
+        """The times as SMIL's `keyTimes`: fractions of `total_s`."""
         return ";".join(f"{min(time / total_s, 1.0):.4f}" for time in self.times)
 
     def text(self) -> str:
@@ -171,5 +171,5 @@ def _belief(poses: Array) -> dict[str, object]:
 
 
 def _seen(begin: float, full: float, fading: float, gone: float, total_s: float) -> Track:
-    """An opacity that rises once and falls once."""
+    """Keyframes of an opacity: 0 until `begin`, 1 from `full` to `fading`, and 0 from `gone` on."""
     return Track([0.0, begin, full, fading, gone, total_s], ["0", "0", "1", "1", "0", "0"])

@@ -64,7 +64,7 @@ HANDLED = (
 
 @dataclass
 class Watch:
-    """Observes every command to the devices, and reports one that no recent reading justifies."""
+    """Observes all commands to gripper and arm; records a finding where no recent reading precedes one."""
 
     cell: VirtualCell | None = None
     read_s: float = -math.inf
@@ -111,7 +111,7 @@ class Watch:
 
 
 class Pulse(Console):
-    """Measures the longest time for which the loop did not notify the service manager."""
+    """Measures the longest time between two phases, during which the service manager gets no notification."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
@@ -126,7 +126,7 @@ class Pulse(Console):
 
 
 class WatchedLink:
-    """A gripper's link with a watch; subclasses count transactions, and report them to the watch."""
+    """A gripper's link that reports to a `Watch`; subclasses count and report its transactions."""
 
     def __init__(self, link: Any, watch: Watch) -> None:
         self.endpoint, self.close, self.transactions = link.endpoint, link.close, 0
@@ -198,7 +198,7 @@ def watched(cell: VirtualCell, watch: Watch, report: Report) -> tuple[Gripper, W
 
 
 class Records:
-    """A journal in memory; the replay checks each record as soon as it is written."""
+    """A journal that only keeps a digest; a replay checks each record as it is written."""
 
     def __init__(self, table: Table, plan: RunOptions) -> None:
         self.digest = hashlib.sha256()
@@ -244,7 +244,7 @@ class Soak:
     handled: tuple[RunOptions, ...] = HANDLED
 
     def plan(self, seed: int) -> RunOptions:
-        """Draws the options of the run with a seed."""
+        """Draws the options of a run by its seed: how it handles parts."""
         return random.Random(f"{seed}/plan").choice(self.handled)
 
     def squeeze_s(self) -> float:
@@ -253,7 +253,7 @@ class Soak:
 
 
 def run(soak: Soak, seed: int, faults: Listed | None = None) -> Counts:
-    """Runs one cell until a part ends in a fault or all parts are done; `faults` replaces random ones."""
+    """Simulates one cell until a part ends in a fault or all are done; `faults` replaces random faults."""
     plan = soak.plan(seed)
     watch, records, counts = Watch(), Records(soak.table, plan), Counts(seed)
     faults = faults or (Seeded(seed) if soak.faults else None)
@@ -292,7 +292,7 @@ def run(soak: Soak, seed: int, faults: Listed | None = None) -> Counts:
 
 
 def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts) -> Outcome:
-    """Runs one part, counts and checks it."""
+    """Runs one part, adds it and what is wrong with it to `counts`, and returns its outcome."""
     before = len(cell.works.desk.met)
     part = cell.scene.next_part()
     began = cell.clock.now()
@@ -307,7 +307,7 @@ def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts)
 
 
 def _count(table: Table, cell: VirtualCell, result: PartResult, counts: Counts) -> None:
-    """Counts a part; for a leaf also its error and the table's prediction."""
+    """Adds a part to `counts`; if it is located, also whether it misses the goal, counted and predicted."""
     truth = cell.scene.truth()
     counts.sums.update(
         parts=1,

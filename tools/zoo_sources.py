@@ -50,7 +50,7 @@ def kept_aside(name: str) -> bool:
 
 
 def trivial(outline: np.ndarray) -> bool:
-    """Whether an outline is a rectangle or a circle up to a rim of `SAME_MM`."""
+    """Whether an outline is a rectangle or a circle, to within about `SAME_MM` along its boundary."""
     part = shapely.Polygon(outline)
     box, (x, y) = part.minimum_rotated_rectangle, part.centroid.coords[0]
     disc = shapely.Point(x, y).buffer(math.sqrt(part.area / math.pi), quad_segs=64)
@@ -60,7 +60,7 @@ def trivial(outline: np.ndarray) -> bool:
 
 
 def footprints() -> Iterator[tuple[str, np.ndarray]]:
-    """The largest contour of every footprint's body."""
+    """Yields the name and the largest body contour of every footprint; leaves out invalid ones."""
     for path in sorted(FOOTPRINTS.glob("*.pretty/*.kicad_mod")):
         try:
             read = read_outline(path, Options(contour=1, tolerance_mm=TOLERANCE_MM))

@@ -1,4 +1,4 @@
-"""An ABB arm behind an open_abb server: straight moves with deadlines, and none after a silence.
+"""Driver of an ABB arm behind an open_abb server: straight moves with deadlines, none after a silence.
 
 The server has no stop command and answers nothing while the arm moves; a motion fault shows as silence. So a
 silence makes the arm's state unknown, and `Arm` refuses everything from then on.
@@ -26,7 +26,7 @@ CONNECT_TRIES = 3
 
 
 class _CutOffError(ArmError):
-    """The server disconnected, which is normal on a fresh connection (see `over`)."""
+    """The server closed the connection, as it may just after connecting; `over` then connects again."""
 
 
 class Arm(UprightArm):

@@ -65,7 +65,7 @@ def turn_between(p: Quaternion, q: Quaternion) -> float:
 
 
 def between(a: Pose, b: Pose, share: float) -> Pose:
-    """The pose at a share of the way from a to b: position linear, rotation along the shortest arc."""
+    """Interpolates from pose a (share 0) to pose b (share 1): linear position, shortest-arc rotation."""
     sign = 1.0 if sum(p * q for p, q in zip(a.rotation, b.rotation, strict=True)) >= 0.0 else -1.0
     half = turn_between(a.rotation, b.rotation) / 2.0
     near, far = 1.0 - share, share
@@ -87,7 +87,7 @@ _FLANGE = _about(1, math.pi / 2.0)  # the flange's z is the sixth axis, which li
 
 
 def forward(joints_deg: Joints) -> Pose:
-    """Flange pose in the base frame."""
+    """Forward kinematics: the flange's pose in the base frame."""
     j1, j2, j3, j4, j5, j6 = (math.radians(angle) for angle in joints_deg)
     at = Pose(0.0, 0.0, BASE_TO_SHOULDER, _about(2, j1))
     for axis, angle, link in (
@@ -109,16 +109,17 @@ def within_limits(joints_deg: Joints) -> bool:
 
 
 def inverse(flange: Pose) -> Joints | None:
-    """Joints that bring the flange to a pose, elbow up, facing the target; None if it is out of reach."""
+    """Inverse kinematics, elbow up and facing the target; None without a solution in the working ranges."""
     return next((joints for joints in _solutions(flange) if within_limits(joints)), None)
 
 
 def track(
     joints_deg: Joints, start: Pose, target: Pose, share: float = 1.0
 ) -> Iterator[Joints | None]:
-    """Yields the joints along the first `share` of a straight way of the flange, whole turns counted.
+    """Follows a straight path of the flange from given joints, and yields the joints at each step.
 
-    Joints beyond their working range are yielded, too. The last value is None if the way leaves the reach.
+    It stops at the fraction `share` of the path. Joints are continuous, so they may exceed a full turn, and
+    also their working ranges. Where the path leaves the reach, None is yielded and the path ends.
     """
     path, turn = math.dist(start[:3], target[:3]), turn_between(start.rotation, target.rotation)
     steps = max(math.ceil(path * share / STEP_MM), math.ceil(turn * share / STEP_RAD), 1)
@@ -139,7 +140,7 @@ def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
 
 
 def _solutions(flange: Pose) -> list[Joints]:
-    """Joints that bring the flange to a pose, elbow up, facing the target: one for each way of the wrist.
+    """Solves the inverse kinematics, elbow up and facing the target: one solution for each wrist position.
 
     Working ranges are not checked; the list is empty if the pose is out of reach.
     """
@@ -163,7 +164,8 @@ def _solutions(flange: Pose) -> list[Joints]:
 def _wrist_angles(wrist: Quaternion) -> list[Vector]:
     """Decomposes a rotation into X-Y-X turns, rad.
 
-    There are two solutions, that with the smaller turn of axis 4 first; one where axes 4 and 6 are in line.
+    There are two solutions, the one with the smaller turn of axis 4 first. If axes 4 and 6 are in line, there
+    is only one, with axis 4 at zero.
     """
     axes: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     along, side, up = (rotate(wrist, axis) for axis in axes)

@@ -123,7 +123,7 @@ class Arm(UprightArm):
         return self._look("/rw/rapid/execution").get("ctrlexecstate") == "running"
 
     def _start(self) -> None:
-        """Starts the program; it moves nothing before a request."""
+        """Sets the program pointer to the module, starts the program and waits for it; nothing moves yet."""
         self._rws.post("/rw/mastership/edit/request", {})
         try:
             where = {"module": MODULE, "routine": ROUTINE, "userlevel": "FALSE"}

@@ -42,7 +42,7 @@ class Setup(NamedTuple):
         return compose(invert(self.base or IDENTITY), self.work_object)
 
     def hand_at(self, flange: Pose) -> Pose:
-        """Pose of the hand on the table for a pose of the flange in the base frame."""
+        """Converts a pose of the flange in the base frame to the pose of the hand in the table's frame."""
         return compose(invert(self.table), compose(flange, self.tool))
 
 
@@ -90,9 +90,13 @@ def within_sphere(setup: Setup) -> Callable[[Pose], bool]:
 def obstacle(
     start: Pose, target: Pose, setup: Setup, reaches: Callable[[Pose], bool] = within_irb_120
 ) -> str:
-    """Why the hand cannot go a straight way in the work object frame, or an empty string.
+    """Returns why the hand cannot move straight from `start` to `target`; an empty string if it can.
 
-    `reaches` says whether the flange can be at a pose in the base frame; without that frame it is not used.
+    Args:
+        start: pose of the hand in the work object frame.
+        target: likewise; only the target has to be within the work area.
+        setup: frames and limits.
+        reaches: whether the flange can be at a pose in the base frame; not used if the base is unknown.
     """
     if setup.area is not None:
         low, high = setup.area[:3], setup.area[3:]
@@ -110,7 +114,7 @@ def obstacle(
 
 
 class Wrist(NamedTuple):
-    """Angle of the wrist when the joints were last read.
+    """The last axis and the hand when the joints were last read; predicts the last axis elsewhere.
 
     The angle of a hand that points down grows with axis 1, which looks up, and falls with the last axis,
     which looks down: except for axis 1, the sum of hand angle and last axis is constant.
@@ -121,7 +125,7 @@ class Wrist(NamedTuple):
     y_mm: float
 
     def moved(self, x_mm: float, y_mm: float, setup: Setup) -> float:
-        """Sum of hand angle and last axis at a place, rad; `whole_rad` where the arm's base is unknown."""
+        """Predicts the sum of hand angle and last axis at a place, rad; constant if the base is unknown."""
         if setup.base is None:
             return self.whole_rad
         turn = _bearing(x_mm, y_mm, setup) - _bearing(self.x_mm, self.y_mm, setup)
@@ -136,7 +140,7 @@ class Wrist(NamedTuple):
 
 
 def _bearing(x_mm: float, y_mm: float, setup: Setup) -> float:
-    """Direction of axis 1 for a place of the hand, rad, if the tool lies on the last axis."""
+    """Angle of axis 1 with the hand at a place, rad; assumes that the tool lies on the last axis."""
     seen = compose(setup.table, Pose(x_mm, y_mm, 0.0, IDENTITY.rotation))
     return math.atan2(seen.y_mm, seen.x_mm)
 

@@ -58,7 +58,7 @@ class Rws:
         self._count = 0
 
     def state(self, path: str, **query: str) -> list[State]:
-        """Reads a resource; returns the states in the answer, at least one.
+        """Reads a resource; returns its `state` records, at least one.
 
         Raises:
             RwsError: no answer in time, a refusal, or no such resource.

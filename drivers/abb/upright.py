@@ -1,7 +1,8 @@
-"""Common part of all arms whose hand points straight down: checks, and counting of whole turns.
+"""Base class of drivers for arms whose hand points straight down: checks motions and counts whole turns.
 
-Targets are quaternions or similar, which have no whole turns, and controllers turn the shortest way. So whole
-turns of the hand are counted from motion to motion, and compared with the last axis.
+Controllers take a target's rotation as a quaternion or the like, which does not distinguish whole turns, and
+turn the shortest way. So the driver counts the hand's whole turns from motion to motion, and compares them
+with the last axis.
 """
 
 import math
@@ -171,7 +172,7 @@ class UprightArm(ABC):
         self._at, self._angle_rad = target, target.angle_rad
 
     def _overturn(self, start: ArmPose, target: ArmPose) -> str:
-        """Why the hand cannot turn so far; empty if it can. From beyond the range it may be turned back."""
+        """Why the hand cannot turn to the target; empty if it can, as when it turns back into its range."""
         if abs(target.angle_rad - start.angle_rad) > MOST_TURN_RAD:
             return "half a turn or more, which the controller may go either way; go it in several motions"
         assert self._wrist is not None  # since the first pose
@@ -191,7 +192,7 @@ class UprightArm(ABC):
     def _lose(
         self, reason: str, kind: type[ArmError] = ArmError, look_at: str = "the pendant"
     ) -> ArmError:
-        """Makes the state unknown from now on; returns the error that says so."""
+        """Marks the arm's state as unknown for good; returns the error for the caller to raise."""
         self._unknown = reason
         return kind(
             f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at {look_at}"

@@ -1,1 +1,1 @@
-"""Camera: measures a tag's pose on a known plane, and judges whether its part lies at the leaf's pose."""
+"""Camera: measures a part by its tag, and judges whether the part lies where the planner's table says."""

@@ -15,7 +15,7 @@ from drivers.ports import Arm, PoseOfHand
 
 
 class ArmRig(Protocol):
-    """Test rig: an arm that stands at (0, 0, 100) mm, hand down, 0 rad."""
+    """Test rig that an author supplies: starts an arm at (0, 0, 100) mm, hand down, 0 rad."""
 
     far_mm: float  # x of an unreachable place; within 100 mm of the middle all places are reachable
 
@@ -82,7 +82,7 @@ class ArmContract:
                 assert math.remainder(seen[3] - a, math.tau) == pytest.approx(0.0, abs=0.003)
 
     def test_nothing_is_known_against_a_short_way_in_the_middle(self, rig: ArmRig) -> None:
-        """`obstacle` reports none, and moves nothing."""
+        """For a short motion within the work area, `obstacle` reports none, and nothing moves."""
         with rig.open() as arm:
             assert arm.obstacle((0.0, 0.0, 60.0, 0.0), (10.0, 5.0, 60.0, 3.0)) == ""
         assert rig.moves == 0

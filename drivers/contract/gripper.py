@@ -13,7 +13,7 @@ from drivers.ports import Gripper, ObjectState
 
 
 class GripperRig(Protocol):
-    """Test rig: a device that is not activated yet, with open jaws."""
+    """Test rig that an author supplies: starts a device with open jaws, not activated yet."""
 
     contact_um: int  # width at which the jaws stop after `put_part`
 

@@ -23,7 +23,7 @@ REPEATING = "repeating a write whose answer was lost"
 
 
 class Reading(NamedTuple):
-    """One reading of all informative registers."""
+    """One reading of the gripper: its states, its positions in thousandths, and the control registers."""
 
     initialised: Initialised
     grip: Grip
@@ -45,7 +45,7 @@ class Reading(NamedTuple):
 
     @property
     def object(self) -> ObjectState:
-        """The object state; its direction follows from target and position, since no register has it."""
+        """Whether a part stopped the fingers, and in which direction: that from position to target."""
         if not self.ready or self.moving:
             return ObjectState.NONE
         if self.grip is not Grip.CAUGHT:

@@ -59,7 +59,8 @@ class Gripper(PolledGripper[Reading, int]):
     def activate(self) -> None:
         """Resets and activates: the jaws sweep fully open and closed; a held part is dropped.
 
-        The reset clears a latched fault. An active gripper without a fault is left unchanged.
+        The reset clears a latched fault. An active gripper without a major fault is left unchanged; an
+        activation in progress is only waited for.
         """
         seen = self._read()
         if seen.activated and not is_major(seen.fault):
@@ -157,7 +158,10 @@ class Gripper(PolledGripper[Reading, int]):
         )
 
     def _send(self, image: dict[str, int]) -> None:
-        """Writes the command image. Speed and force have no echo: only the answer shows that they arrived."""
+        """Writes the output block with the values of `image`, and repeats it until it is acknowledged.
+
+        Reading back does not suffice, since the input block does not contain speed and force.
+        """
         block = pack(OUTPUT_FIELDS, image)
         self._repeat(lambda: self._link.write(block), lambda: self._arrived(image))
         self._image = image

@@ -57,10 +57,10 @@ class UrcapLink(StreamLink):
         return pack(INPUT_FIELDS, {**seen, "gFLT": seen["gFLT"] & 0x0F})
 
     def write(self, block: bytes) -> None:
-        """Writes the output block, once, in one line; what starts a motion comes last.
+        """Writes the output block, once, in one line; GTO 1, which starts a motion, comes last.
 
-        ACT is sent only if it differs from the value read: a gripper that lost power meanwhile would start
-        its activation sweep.
+        ACT is sent only in a block without rGTO, and only if it differs from the value last read: otherwise a
+        gripper that lost power meanwhile would start its activation sweep.
         """
         image = unpack(OUTPUT_FIELDS, block)
         if image["rGTO"]:

@@ -115,7 +115,7 @@ class Gripper(PolledGripper[Input, Output]):
         return Output.of(self._link.read("plc_sync_output"))
 
     def _thousandths(self, name: str) -> int:
-        """A parameter in um or um/s."""
+        """Reads a parameter in mm or mm/s; returns it in um or um/s."""
         return round(1000 * self._link.read(name)[0])
 
     def _width_um(self, position_um: int) -> int:
@@ -139,7 +139,9 @@ class Gripper(PolledGripper[Input, Output]):
     # -- commands and their outcomes --------------------------------------------------------------
 
     def _command(self, output: Output, asked: Output, seen: Input, budget_s: float) -> Output:
-        """Sends a command as an edge of the control word; returns the output as sent.
+        """Sends a command so that the control word has an edge; starts the move that `wait` waits for.
+
+        Returns the output as sent.
 
         Args:
             output: the command.
@@ -155,7 +157,7 @@ class Gripper(PolledGripper[Input, Output]):
         return output
 
     def _send(self, output: Output) -> None:
-        """Sends a request, and repeats a lost write; without an edge, a repetition is not a new command."""
+        """Writes an output, and repeats a lost write, which is safe: without an edge it is no new command."""
         write = partial(self._link.write, "plc_sync_output", *output)
         self._repeat(write, lambda: self._asked() == output)
 
@@ -231,7 +233,7 @@ def _edge(motion: Control) -> Control:
 
 
 def _moves(seen: Input, asked: Output) -> bool:
-    """Whether the fingers move: the last motion was requested, and its end is not reported yet."""
+    """Whether a motion is under way: the last output requests one, and its end is not reported yet."""
     under_way = asked.control & schunk.MOTIONS and not seen.status & schunk.OUTCOMES
     return bool(seen.status & Status.READY and under_way)
 

@@ -158,9 +158,9 @@ class Arm(UprightArm):
 
 
 def _pacing(motion: Motion) -> tuple[str, float]:
-    """Arguments of `movel` for a motion, and its longest duration without ramps, s.
+    """Returns the pacing argument of `movel` for a motion, and the motion's duration without ramps, s.
 
-    The speed of `movel` is that of the tool's point; a motion that mostly turns gets a duration instead.
+    `movel` limits only the speed of the tool's point, so a motion that mostly turns gets a duration instead.
     """
     path_s = math.dist(motion.start[:3], motion.target[:3]) / motion.speed_mm_s
     turn_s = abs(motion.target.angle_rad - motion.start.angle_rad) / motion.turn_rad_s
@@ -177,7 +177,7 @@ def _objection(seen: Reading) -> str:
 
 
 def _hold(seen: Reading) -> str:
-    """What keeps the program from continuing; empty if the controller reports nothing."""
+    """Why a program of this driver does not continue; empty if the controller reports no reason."""
     paused = "the program is paused on the pendant; stop it there"
     return _stop(seen) or (paused if seen.runtime_state in PAUSED else _slider(seen))
 

@@ -32,7 +32,7 @@ def stop() -> bytes:
 
 
 def pose(frame: Pose) -> str:
-    """A pose in URScript: m, and a rotation vector in rad."""
+    """Formats a pose (mm, quaternion) as a URScript literal `p[...]`: m, and a rotation vector in rad."""
     numbers = (*(value / 1000.0 for value in frame[:3]), *rotation_vector(frame.rotation))
     return "p[" + ", ".join(f"{number:.7f}" for number in numbers) + "]"
 

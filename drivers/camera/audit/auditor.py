@@ -1,4 +1,4 @@
-"""One audit: takes a picture, checks the camera, measures the part, and compares it with its leaf."""
+"""Audits one part: takes a picture, checks the camera, and compares measured and predicted pose."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -55,7 +55,7 @@ class Answer:
 def judge(
     goal: GoalSpec, predicted: Iterable[Pose2], measured: Pose2, sigma_mm: float, sigma_rad: float
 ) -> Answer:
-    """Compares a measured pose with the nearest of the predicted poses.
+    """Judges whether a measured pose is within the goal, compared with the nearest of the predicted poses.
 
     Args:
         goal: goal of the table.
@@ -65,7 +65,8 @@ def judge(
         sigma_rad: standard deviation of the measured angle.
 
     Returns:
-        "pass" or "fail", or "unknown" where the error is within `COVERAGE` standard deviations of the limit.
+        The answer. Its verdict is "unknown" if the distance of the poses is within `COVERAGE` standard
+        deviations of the goal's limit, otherwise "pass" or "fail".
     """
     pose = min(predicted, key=lambda pose: distance(goal, pose, measured))
     off, bound = distance(goal, pose, measured), threshold(goal)
@@ -101,7 +102,10 @@ class Auditor:
     pictures: Path | None = None
 
     def audit(self, part: int, predicted: Pose2, until: float, name: str | None = None) -> Answer:
-        """Judges one part; the verdict is "unknown", with a reason, where camera or measurement fail.
+        """Takes a picture and judges one part.
+
+        The verdict is "fail" if the tag of another part is seen, and "unknown", with a reason, if no tag file
+        is for the named part, or if the camera or the measurement fails.
 
         Args:
             part: number of the part.
@@ -145,6 +149,6 @@ class Auditor:
         return answer if path is None else replace(answer, picture=str(path))
 
     def _carrier(self, seen: Collection[int]) -> Subject | None:
-        """The part whose tag is seen; None if no part's tag is seen, or tags of several parts."""
+        """The only part of the table whose tag is seen; None if there is no such part, or several."""
         having = [each for each in self.subjects if each.tag.number in seen]
         return having[0] if len(having) == 1 else None

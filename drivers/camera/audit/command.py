@@ -79,10 +79,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
-    """Answers all questions on standard input; restarts the process when it has grown too large.
+    """Answers the cell's questions on standard input; restarts the process when it has grown too large.
 
-    Faulty files or a faulty camera never stop the cell: every verdict is then "unknown", with the reason, and
-    the command raises the error after the last question.
+    A faulty file or camera does not stop the cell: every verdict is then "unknown", with the reason, and
+    the error is raised only after the last question.
     """
     cv2.setNumThreads(1)
     full = service.limit_memory(options.memory_mb)
@@ -109,7 +109,7 @@ def read(
 
 
 def digest_of(tree: Path) -> str | None:
-    """Returns the SHA-256 of a table; None for a refused file, for which `read` raises the error."""
+    """Returns the SHA-256 of a table's file; None if the file is invalid, for which `read` then raises."""
     try:
         return load(tree).digest
     except TableError:

@@ -158,8 +158,8 @@ def _answered(
 ) -> dict[str, object]:
     """Returns the fields of the answer to a line.
 
-    If the question names a table, and either another one than the auditor's or no pose, the answer holds the
-    digest of the auditor's table.
+    A question may state the digest of its table. If that is another table than the auditor's, or if the
+    question has no pose, nothing is judged, and the answer holds the digest of the auditor's table.
     """
     try:
         asked = strict_json.parse(line)

@@ -1,4 +1,4 @@
-"""Subjects of an audit, read from a table: goal, poses of the leaves, and outline of a part."""
+"""The parts that an audit judges, read from a table: goal, tag, predicted poses and outline."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ SAME_RAD = 2e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """A part that an audit judges."""
+    """A part that an audit judges: its goal, its tag and what the table predicts."""
 
     goal: GoalSpec
     tag: PartTag
@@ -29,10 +29,10 @@ class Subject:
 
 
 def from_table(path: Path, tags: Sequence[PartTag]) -> tuple[Subject, ...]:
-    """Reads the subjects of a table's file, one for each tag; passes on errors of the table's reader.
+    """Reads the parts to judge from a table, one for each tag; passes on errors of the table's reader.
 
     Raises:
-        InputError: several tags for a single part, or a tag for an unknown part.
+        InputError: there are several tags but the table is for one part, or a tag's part is not in the table.
     """
     table = load(path).table
     names = [hypothesis.name for hypothesis in table.hypotheses]

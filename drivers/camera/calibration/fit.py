@@ -23,7 +23,7 @@ ZERO: Pose2 = (0.0, 0.0, 0.0)
 
 
 class Touched(NamedTuple):
-    """A pose known to the arm, and the picture of a tag there."""
+    """A picture of a part with its tag, and the part's pose in the arm's world frame, mm, mm, rad."""
 
     picture: Path
     pose: Pose2
@@ -57,7 +57,7 @@ def calibrate(
     from_below: bool,
     height_mm: float,
 ) -> Fitted:
-    """Calibrates a camera.
+    """Calibrates lens and pose of a camera, the uncertainty of measured places, and the reference tags.
 
     Args:
         camera: name or serial number of the camera.
@@ -124,7 +124,7 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
 
 
 def read_poses(path: Path) -> tuple[Touched, ...]:
-    """Reads poses known to the arm from a CSV file; raises InputError where it cannot be read.
+    """Reads pictures and known poses of a part from a CSV file; raises InputError if it cannot be read.
 
     Its columns are `picture`, a path relative to the file, `x_mm`, `y_mm` and, if needed, `theta_rad`.
     """

@@ -20,7 +20,7 @@ INTRINSICS = 9
 
 
 class LensFit(NamedTuple):
-    """A lens, and the pose of the board on the table."""
+    """Result of `fit`: the lens and the camera's pose to the board on the table, with their covariance."""
 
     lens: Lens  # the lens
     pose: Array  # (6,) rotation vector and translation of the first board in the camera, rad and mm
@@ -102,7 +102,10 @@ def _check_residuals(rms_px: float, view_rms_px: Array, views: Sequence[BoardVie
 
 
 def _cofactor(slopes: Sequence[Array]) -> Array:
-    """Covariance of intrinsics and first pose at unit rms, other poses eliminated (Schur complement)."""
+    """Covariance of the intrinsics and the first pose, for residuals of unit rms.
+
+    The poses of the other views are eliminated by Schur complements.
+    """
     normal = slopes[0].T @ slopes[0]
     for other in slopes[1:]:
         block = other.T @ other

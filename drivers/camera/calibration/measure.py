@@ -35,7 +35,7 @@ def measure(
     tag: PartTag,
     near: Pose2 | None = None,
 ) -> Measured:
-    """Measures the part that carries a tag.
+    """Measures the part's pose by its tag, which has to be the only tag in view beside the fixed ones.
 
     Args:
         picture: (h, w), to explain a tag that is not seen.
@@ -85,10 +85,10 @@ def print_corners(side_mm: float) -> Array:
 
 
 def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Sighting | None:
-    """Returns the part's tag, leaving out the fixed tags; None if no tag remains.
+    """Returns the sighting of the part's tag; None if only fixed tags, or none, are seen.
 
     Raises:
-        PictureError: several tags remain, or only a tag of another number.
+        PictureError: beside the fixed tags, several tags are seen, or one of another number.
     """
     loose = [tag for tag in seen if tag.number not in fixed]
     ours = [tag for tag in loose if tag.number == number]

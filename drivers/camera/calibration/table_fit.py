@@ -24,7 +24,7 @@ GRID = (17, 11)  # grid of the uncertainty, across and down the picture
 
 
 class Residuals(NamedTuple):
-    """Corners of boards on the table, and their measured deviations."""
+    """Fitted corners of boards on the table, and how far the camera measures each from there."""
 
     places: Array  # (n, 2) mm
     off: Array  # (n, 2) mm
@@ -36,7 +36,9 @@ class Residuals(NamedTuple):
 
 
 def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> View:
-    """Returns the view in a frame on the table, below the board's middle, x to the right of the print.
+    """Converts the board's pose to the camera's view of the table.
+
+    The origin of the world is on the table, below the board's middle; x points to the right of the print.
 
     Args:
         lens: the lens.
@@ -80,7 +82,7 @@ def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float
 
 
 def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 0.0) -> Residuals:
-    """Deviations of the corners of boards on the table from a rigid motion of the board.
+    """Fits the pose of each board on the table, and returns how far its measured corners deviate from it.
 
     Raises:
         InputError: the rms deviation is too large.
@@ -102,9 +104,10 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
 
 
 def trust(fitted: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
-    """Uncertainty of places, on a grid over the visible part of the table.
+    """Computes the standard deviation of measured places on a grid over the visible part of the table.
 
-    It is the motion of a place whose pixel stays the same while lens and pose vary.
+    It is that of the place on the table that a fixed pixel shows, when lens and pose of the camera vary
+    according to their covariance.
 
     Args:
         fitted: lens and the table board's pose, with their covariance.
@@ -137,7 +140,7 @@ def trust(fitted: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
 
 
 def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, float, float]:
-    """Pose of a tag in its part's frame, and the standard deviations of its place (mm) and angle (rad).
+    """Averages a tag's pose in its part's frame; with standard deviations of place (mm) and angle (rad).
 
     Args:
         parts: known poses of the part.

@@ -88,7 +88,16 @@ def _sample(picture: Picture, spots: Array) -> Array | None:
 
 
 def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
-    """Returns the edge's offset in each profile, (..., k) levels -> (...), and whether there is an edge."""
+    """Locates the edge in each profile of grey levels across a side.
+
+    Args:
+        levels: (..., k) grey levels.
+        offsets: (k,) places along a profile, px.
+        window: half the width of the window around the edge, px.
+
+    Returns:
+        (...) offsets of the edges, px, and whether the contrast suffices for an edge.
+    """
     slope = np.clip(np.diff(levels, axis=-1), 0.0, None)
     middles = 0.5 * (offsets[1:] + offsets[:-1])
     near = np.abs(middles) <= window
@@ -105,7 +114,11 @@ def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
 
 
 def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float] | None:
-    """Offset, slope and rms of a line through a side's edge; None where too little of it is seen."""
+    """Fits a line to the edge points of a side without outliers.
+
+    Returns:
+        Offset, slope and rms residual; None if too few points remain.
+    """
     kept = sharp.copy()
     for _ in range(4):
         if kept.sum() < LEAST_SHARE * len(edge):
@@ -120,7 +133,7 @@ def _line(along: Array, edge: Array, sharp: Mask) -> tuple[float, float, float] 
 
 
 def _crossings(origins: Array, headings: Array) -> Array:
-    """Intersections (4, 2) of each line with the line before: the corners at which the sides begin."""
+    """Intersects each side's line with that of the side before it; returns the corners, (4, 2)."""
     before, turned = np.roll(origins, 1, axis=0), np.roll(headings, 1, axis=0)
     gap = before - origins
     bend = headings[:, 0] * turned[:, 1] - headings[:, 1] * turned[:, 0]

@@ -16,7 +16,7 @@ from drivers.planar import Pose2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A lens at a place: p_camera = rotation p_world + translation."""
+    """A lens and its pose: p_camera = rotation p_world + translation."""
 
     lens: Lens  # the lens
     rotation: Array  # (3, 3)

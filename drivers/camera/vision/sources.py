@@ -159,7 +159,7 @@ class Stream(Source):
         self._thread.start()
 
     def picture(self, until: float) -> Picture:
-        """The second frame from now."""
+        """Waits for the second frame from now, since the first may have been exposed before the call."""
         with self._changed:
             wanted = self._frames + FRESH_FRAMES
             while self._frame is None or self._frames < wanted:

@@ -71,7 +71,7 @@ def check(site: Path) -> Found:
 
 
 def _faults(path: Path, target: str, pages: dict[Path, Page]) -> list[str]:
-    """Faults of a target within the site."""
+    """Why a link from the page at `path` leads nowhere within the site; empty if it is valid."""
     parts = urlsplit(target)
     if parts.scheme in ("data", "mailto"):
         return []
