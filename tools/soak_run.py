@@ -64,7 +64,7 @@ HANDLED = (
 
 @dataclass
 class Watch:
-    """Observes all commands to gripper and arm; records a finding where no recent reading precedes one."""
+    """Observes commands to gripper and arm; records as findings those that no recent reading justifies."""
 
     cell: VirtualCell | None = None
     read_s: float = -math.inf
@@ -198,7 +198,7 @@ def watched(cell: VirtualCell, watch: Watch, report: Report) -> tuple[Gripper, W
 
 
 class Records:
-    """A journal that only keeps a digest; a replay checks each record as it is written."""
+    """A journal that keeps only the digest of its records; a replay checks each record as it is written."""
 
     def __init__(self, table: Table, plan: RunOptions) -> None:
         self.digest = hashlib.sha256()
@@ -220,7 +220,7 @@ class Records:
 
 @dataclass
 class Counts:
-    """Counts of one run or many."""
+    """Results of one run, or their sums over many: counts, extremes and findings."""
 
     seed: int
     sums: Counter[str] = field(default_factory=Counter)  # those of `SUMMED`
@@ -235,7 +235,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Soak:
-    """Common data of all runs; each run draws its options from `handled`."""
+    """Table, setting and options of a soak test; each run draws how it handles parts from `handled`."""
 
     setting: Setting
     table: Table

@@ -20,7 +20,7 @@ INTRINSICS = 9
 
 
 class LensFit(NamedTuple):
-    """Result of `fit`: the lens and the camera's pose to the board on the table, with their covariance."""
+    """Result of `fit`: the lens and the pose of the table's board in the camera, with covariance."""
 
     lens: Lens  # the lens
     pose: Array  # (6,) rotation vector and translation of the first board in the camera, rad and mm

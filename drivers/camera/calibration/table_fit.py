@@ -106,8 +106,8 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
 def trust(fitted: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
     """Computes the standard deviation of measured places on a grid over the visible part of the table.
 
-    It is that of the place on the table that a fixed pixel shows, when lens and pose of the camera vary
-    according to their covariance.
+    It is that of the place on the table that a fixed pixel shows, in the worst direction, when lens and pose
+    of the camera vary according to their covariance.
 
     Args:
         fitted: lens and the table board's pose, with their covariance.

@@ -16,7 +16,7 @@ WINDOW_SQUARES = 0.11
 
 
 class BoardView(NamedTuple):
-    """A board in a picture."""
+    """Corners of a board that were found in one picture."""
 
     name: str  # of the picture
     # (n, 2) corners on the board, mm from its middle, x right and y down as one reads it
