@@ -54,7 +54,7 @@ class Exchange:
         return refusal
 
     def put(self, *steps: Mapping[str, int]) -> Glance:
-        """Writes registers in uninterrupted steps (`Station.put`); returns the station's state then."""
+        """Writes registers in uninterrupted steps (`Station.put`); returns the state after them."""
         with self._lock:
             for changes in steps:
                 self._station.put(changes, self._clock.now())

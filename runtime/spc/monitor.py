@@ -177,8 +177,8 @@ def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
 def branch_shares(table: Table) -> list[list[float]]:
     """Predicted shares of each node's branches.
 
-    They are counted from the trials that the evaluation recorded at the leaves below each branch. None is
-    zero. At a node that no trial reached they are the branches' probabilities in the table.
+    They are counted from the trials that the evaluation recorded at the leaves below each branch. No share
+    is zero. At a node that no trial reached they are the branches' probabilities in the table.
     """
     reached = [0] * len(table.nodes)
 

@@ -30,7 +30,7 @@ class Stand(NamedTuple):
         return self._replace(x_mm=x_mm, y_mm=y_mm)
 
     def turn_from(self, place: "Stand") -> float:
-        """Angle, rad, that turns a plan so that planned grasp pose `place` gets this pose's angle."""
+        """Angle, rad, that turns a plan so that its grasp pose `place` gets this pose's angle."""
         return remainder(self.angle_rad - place.angle_rad, tau)
 
 
