@@ -95,7 +95,7 @@ class Journal:
             raise
 
     def _verify(self) -> Verified:
-        """Verifies the file, and only then cuts an incomplete line at its end; returns the state."""
+        """Verifies the file, then cuts off an incomplete last line; returns the state at its end."""
         start = end = files.start_of(self.path)
         with open(self._file, "rb", closefd=False) as file:
             for entry, end in follow(self.path, file, start, torn=True):
@@ -181,7 +181,7 @@ class Journal:
             )
 
     def _keep_apart(self) -> str:
-        """Continues in `files.broken_of`; returns what that file contains, as text for a message."""
+        """Redirects further records to `files.broken_of`; returns, as text, what that file holds."""
         before = self._file
         self._failed = True
         try:
@@ -224,7 +224,7 @@ class Journal:
         return sealed(body.encode("ascii"))
 
     def _rotate(self, header: Mapping[str, object]) -> None:
-        """Seals the file, and begins the next one with a header."""
+        """Ends the file with a seal, keeps it as a segment, and starts a new file with the given header."""
         with interrupts.whole():
             number = self._end.segments + 1
             self._append("seal", {"segment": number})
@@ -240,7 +240,7 @@ class Journal:
             self._full_bytes = len(line) + self._segment_bytes
 
     def _take_back(self) -> None:
-        """Removes a line that was written in part, or completely but not counted yet."""
+        """Truncates the file to its counted records, after a write that failed or was interrupted."""
         with contextlib.suppress(OSError):
             if os.fstat(self._file).st_size > self._end.size:
                 os.ftruncate(self._file, self._end.size)

@@ -12,7 +12,7 @@ UNITS = {"um": ("mm", 1e3), "urad": ("rad", 1e6)}  # units in records, and in ro
 
 
 def column(field: str) -> str:
-    """The column of a record's field: its name, with the unit of rows (`x_mm` for `x_um`)."""
+    """Returns the name of the CSV column for a field of a record: `x_mm` for `x_um`."""
     name, _, unit = field.rpartition("_")
     return f"{name}_{UNITS[unit][0]}" if unit in UNITS else field
 
@@ -35,7 +35,7 @@ Row = dict[str, object]
 def rows(entries: Iterable[Entry]) -> Iterator[Row]:
     """Yields one row for each squeeze of a journal, in order.
 
-    The columns `PART` are None for a part without an outcome.
+    The columns named in `PART`, which describe the part's end, are None for a part without an outcome.
     """
     run, table, part = 0, "", []
     for entry in entries:

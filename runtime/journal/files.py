@@ -26,12 +26,12 @@ MOST_SEAL_BYTES = 4096
 
 
 def next_of(path: Path) -> Path:
-    """The segment that a rotation is about to move to a journal's place."""
+    """Path of the new file, `J.next`, that a rotation writes before it takes the place of the journal `J`."""
     return path.with_name(f"{path.name}.next")
 
 
 def broken_of(path: Path) -> Path:
-    """The file that keeps the records of a run whose journal was moved or truncated."""
+    """Path of `J.broken`, which keeps the records of a run whose journal `J` was moved or truncated."""
     return path.with_name(f"{path.name}.broken")
 
 
@@ -45,10 +45,10 @@ def exists(path: Path) -> bool:
 
 
 def check_whole(path: Path) -> list[Path]:
-    """The sealed segments of a journal; checks that none is missing.
+    """Lists the sealed segments of a journal, oldest first, and checks that none is missing.
 
     Raises:
-        JournalError: a segment is missing, or `J.broken` holds records of a run.
+        JournalError: a segment is missing, or the file `broken_of(path)` exists.
     """
     if os.path.lexists(broken_of(path)):
         raise JournalError(
@@ -64,7 +64,7 @@ def check_whole(path: Path) -> list[Path]:
 
 
 def start_of(path: Path) -> Verified:
-    """State of a journal at the beginning of its own file, by the seal of the last segment.
+    """State of a journal before the first record of its own file, read from the last segment's seal.
 
     Raises:
         JournalError: a segment is missing, or the last one does not end with its seal.
@@ -175,7 +175,7 @@ def displacement(path: Path, file: int, size: int) -> str:
 
 
 def copy_aside(path: Path, file: int, size: int) -> tuple[int, int]:
-    """Starts a journal's `J.broken` with the first `size` bytes of its open file, as far as available.
+    """Creates a journal's `J.broken` and copies the first `size` bytes of the journal's open file into it.
 
     Returns:
         The descriptor of `J.broken`, locked, and its length: `size` or, for a truncated journal, 0.

@@ -16,7 +16,7 @@ _TABLE = frozenset({"journal_version", "table_base64"})
 
 
 def log_of(journal: Path) -> Path:
-    """The log beside a journal."""
+    """Path of the log of installations that belongs to a journal."""
     return journal.with_name(f"{journal.name}.installed")
 
 

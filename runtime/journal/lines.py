@@ -22,7 +22,7 @@ Entry = Mapping[str, object]
 
 
 class Verified(NamedTuple):
-    """State of a verified journal."""
+    """State of a verified journal after one of its records: digest, counts, and whether the run ended."""
 
     head: str = GENESIS  # digest of the last record, which the next one has to hold
     records: int = 0  # number of records

@@ -21,7 +21,7 @@ UNDECIDED = {outcome.value for outcome in Outcome} - DECIDED.keys()
 
 
 class Last(Enum):
-    """State of the hand after a part's latest record."""
+    """What the hand was doing when a part's latest record was written."""
 
     AWAY = "away"  # it touches nothing
     PUSHING = "pushing"  # between the first push before a squeeze and that squeeze's place
@@ -30,7 +30,7 @@ class Last(Enum):
 
 
 class Finding(NamedTuple):
-    """A statement of a record that does not follow from the records before it."""
+    """A contradiction: what the record number `seq` states does not follow from the records before it."""
 
     seq: int
     sentence: str

@@ -10,7 +10,7 @@ from runtime.table import Phases, phases_of, takt_figures, takt_text, time_of
 
 
 class Times(NamedTuple):
-    """Times of the parts of a journal."""
+    """Statistics of the time that the parts of a journal took."""
 
     parts: int  # with an outcome and seconds
     squeezes: int
@@ -46,7 +46,7 @@ class Times(NamedTuple):
 
 
 def times_of(entries: Iterable[Entry], takt_s: float | None = None) -> Times:
-    """Times from the records of outcomes; those without seconds are skipped.
+    """Computes the statistics from the records of outcomes; records without seconds are skipped.
 
     Raises:
         ValueError: a record's seconds are invalid.

@@ -89,7 +89,7 @@ class Objects(Console):
         say(sentence, sys.stderr)
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
-        """Prints the part's object."""
+        """Prints the result of a part as one JSON object (`as_object`)."""
         say(json.dumps(as_object(self._table, result, seen, self._journal)))
 
 
@@ -126,7 +126,7 @@ def as_object(
 
 
 def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
-    """The datum and the picks of a located part, where the job names them."""
+    """Poses of the drawing's datum and of the picks on a located part; empty if the job names no datum."""
     frames = answer.frames_of(table)
     leaf = result.leaf_of(table)
     if leaf is None or frames[leaf.hypothesis].datum is None:
@@ -136,7 +136,7 @@ def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
 
 
 def _names(table: Table, leaf: Leaf | None, seen: Sighting | None) -> dict[str, object]:
-    """The predicted and the true hypothesis; empty for a table of a single part."""
+    """Names of the part as identified and as it truly is; empty if the table is for a single part."""
     if not table.hypotheses:
         return {}
     said = None if leaf is None else table.name_of(leaf)

@@ -103,7 +103,7 @@ class Monitor(Console):
         self._console.note(f"live page: http://{server.address}/{open_to}")
 
     def _say_goodbye(self) -> None:
-        """Waits until a page in use has read how the run ended.
+        """Waits up to `FAREWELL_S` until a page that is open in a browser has read how the run ended.
 
         Without this the page could not distinguish the end from a lost connection.
         """
@@ -116,7 +116,7 @@ class Monitor(Console):
 
 
 def ended(tally: Tally) -> tuple[str, str]:
-    """Grade and sentence of a run's end, for `Status.end`."""
+    """Grade of how a run ended ("good", "fair" or "poor") and a sentence, for `Status.end`."""
     count, located = tally.parts, tally.outcomes[Outcome.LEAF]
     figures = f"{count} part{'s' * (count != 1)}, {located} located"
     if tally.outcomes[Outcome.FAULT] or tally.outcomes[Outcome.ABORTED]:

@@ -14,7 +14,7 @@ SHOWN_LOSSES = 6
 
 
 class Loss(NamedTuple):
-    """Parts that were lost in the same way after the same number of squeezes; details are of the latest."""
+    """Group of parts lost in the same way after equally many squeezes; details are those of the latest."""
 
     kind: str  # an outcome, "audit" or "delivery"
     squeeze: int  # number of squeezes before the loss
@@ -83,7 +83,7 @@ class Shift:
         self._losses[key] = Loss(*key, node, width_mm, reason, part["part"], before + 1)
 
     def as_object(self) -> dict[str, object]:
-        """The counts in the form of JSON; `losses` begins with the costliest."""
+        """The counts in the form of JSON; `losses` begins with the way of losing parts that lost most."""
         self._renew()
         losses = sorted(self._losses.values(), key=lambda loss: -loss.parts)[:SHOWN_LOSSES]
         timed = self._timed

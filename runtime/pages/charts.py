@@ -83,12 +83,12 @@ def histogram(
     span: tuple[float, float],
     unit: str,
 ) -> str:
-    """Histogram of values over bands of the axis.
+    """Histogram of values, drawn over shaded and named intervals of the axis.
 
     Args:
         label: description for screen readers.
         counts: values and their counts; heights are square roots of the counts.
-        bands: of the axis, named where there is room.
+        bands: the shaded intervals; names without room are left out.
         span: ends of the axis.
         unit: of the values.
     """
@@ -127,7 +127,7 @@ def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
 
 
 def _apart(bands: Sequence[Band], span: tuple[float, float]) -> list[tuple[float, str]]:
-    """Names of bands, each after its place in percent of a span; names that would overlap are left out."""
+    """Returns the position (percent of the span) and name of each band, without names that would overlap."""
     shown: list[tuple[float, str]] = []
     low, high = span
     for band in sorted(bands):

@@ -66,13 +66,13 @@ def page(
 
 
 def verdict(grade: str, sentence: str, lead: str = "") -> str:
-    """The verdict at the top of a page; `grade` is "good", "fair" or "poor"."""
+    """HTML of a sentence in the style of its `grade` ("good", "fair" or "poor"), after a bold `lead`."""
     strong = f"<strong>{escape(lead)}</strong> " if lead else ""
     return f'<p class="verdict {grade}">{strong}{escape(sentence)}</p>'
 
 
 def cards(figures: Iterable[tuple[str, str, str]]) -> str:
-    """Figures in large letters: for each its name, value and note."""
+    """HTML of key figures in large letters; each figure is a name, a value and a note."""
     items = (
         f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd>"
         f'<dd class="note">{escape(note)}</dd></div>'
@@ -112,6 +112,6 @@ def table(
 
 
 def folded(summary: str, *content: str) -> str:
-    """Content that is shown on demand."""
+    """HTML that shows only a summary until the reader unfolds the content."""
     inner = "\n".join(content)
     return f"<details><summary>{escape(summary)}</summary>\n{inner}\n</details>"

@@ -49,7 +49,7 @@ class AddressSpace:
         self._shown: dict[str, Value] = {}
 
     async def build(self, values: Iterable[tuple[str, Value]], methods: Iterable[Method]) -> None:
-        """Adds the nodes: a variable for each value, the methods, and the states."""
+        """Creates the nodes: the two state machines, a variable for each value, and the methods."""
         self._index = await self._server.register_namespace(NAMESPACE)
         self._nodes[""] = await self._add_object(self._server.nodes.objects, SYSTEM)
         for machine in (MACHINE, AUTOMATIC):
@@ -67,7 +67,7 @@ class AddressSpace:
         )
 
     async def show(self, values: Iterable[tuple[str, Value]], change: Change | None) -> None:
-        """Writes the values that have changed, and reports a change of the state."""
+        """Writes the values that have changed, and sends clients an event if the state has changed."""
         for path, value in values:
             if self._shown[path] != value:
                 await self._write(path, value)

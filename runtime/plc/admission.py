@@ -30,7 +30,7 @@ class ListeningServer(Server):
     """asyncua's server on an already listening socket."""
 
     async def listen(self, listener: socket.socket) -> None:
-        """Like `Server.start`, which creates a socket."""
+        """Starts the server as `Server.start` does, but on the given socket instead of a new one."""
         await self._setup_server_nodes()
         await self.iserver.start()
         host, port = listener.getsockname()[:2]
@@ -68,7 +68,7 @@ class GuardedServer(InternalServer):
         return Session(self, self.aspace, self.subscription_service, name, user=user)
 
     def register_server(self, server: Any, conf: Any = None) -> None:
-        """Refuses: this is no discovery server, and the client is not authenticated yet."""
+        """Refuses the service: this is no discovery server, and the client is not authenticated yet."""
         del server, conf
         raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
 
@@ -97,7 +97,7 @@ class GuardedServer(InternalServer):
 
 
 class Session(InternalSession):
-    """A client's session, which `caller` holds while the client's methods are called."""
+    """A client's session; while the client calls methods, the context variable `caller` holds it."""
 
     iserver: GuardedServer
 

@@ -17,14 +17,15 @@ _NAMES = {Outcome.LEAF: "located", Outcome.REJECT: "rejected", Outcome.UNRESOLVE
 
 
 class Exchange:
-    """A station that two threads use.
+    """A station with a lock, for use by the server's thread and by the run's thread.
 
     Args:
         station: the station.
         clock: a clock of real time, for the heartbeats.
 
     Attributes:
-        watch: called with each new glance, in order and by the thread that caused it; must not block.
+        watch: function called with each new visible state of the station (`Glance`), in order, by the thread
+            that caused it; the function must not block.
         connected: whether there is a client that may write.
     """
 
@@ -41,19 +42,19 @@ class Exchange:
     # -- the server's side ----------------------------------------------------------------------------
 
     def read(self, address: int, count: int) -> list[int] | Refusal:
-        """See `Station.read`."""
+        """Reads registers, see `Station.read`."""
         with self._step() as station:
             return station.read(address, count, self._clock.now())
 
     def write(self, address: int, values: list[int]) -> Refusal | None:
-        """See `Station.write`."""
+        """Writes registers and wakes the run, see `Station.write`."""
         with self._step() as station:
             refusal = station.write(address, values, self._clock.now())
         self._wake()
         return refusal
 
     def put(self, *steps: Mapping[str, int]) -> Glance:
-        """Several calls of `Station.put` without interruption; returns the glance after them."""
+        """Writes registers in uninterrupted steps (`Station.put`); returns the state after them."""
         with self._lock:
             for changes in steps:
                 self._station.put(changes, self._clock.now())
@@ -63,12 +64,12 @@ class Exchange:
         return seen
 
     def confirm(self) -> None:
-        """See `Station.confirm`."""
+        """Clears the error that the station shows, see `Station.confirm`."""
         with self._step() as station:
             station.confirm()
 
     def disconnect(self) -> None:
-        """See `Station.disconnect`."""
+        """Ends enabling and notes that no client may write, see `Station.disconnect`."""
         with self._step() as station:
             station.disconnect()
         self.connected = False
@@ -78,7 +79,7 @@ class Exchange:
 
     @property
     def glance(self) -> Glance:
-        """See `Station.glance`."""
+        """The station's visible state, see `Station.glance`."""
         with self._lock:
             return self._station.glance
 
@@ -88,13 +89,13 @@ class Exchange:
             self._news.get(timeout=max(seconds, 0.0))
 
     def finish(self, answer: Answer) -> None:
-        """See `Station.finish`; does nothing without a current part."""
+        """Ends the current part, if there is one, and presents its answer, see `Station.finish`."""
         with self._step() as station:
             if station.order is not None:
                 station.finish(answer)
 
     def end(self) -> None:
-        """See `Station.end`."""
+        """Refuses all later triggers, see `Station.end`."""
         with self._step() as station:
             station.end()
 

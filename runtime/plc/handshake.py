@@ -35,7 +35,7 @@ class Event(Enum):
 
 
 class Error(IntEnum):
-    """Errors of the handshake in `error_id`; smaller numbers are exit codes of a fault."""
+    """Errors of the handshake in the register `error_id`; its smaller values are exit codes of a fault."""
 
     NONE = 0
     NOT_ENABLED = 101
@@ -56,7 +56,7 @@ class Signals(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """Result of an event: the next state, and an error. If there is an error, the state stays the same."""
+    """Result of an event: the next state and an error. An event with an error leaves the state unchanged."""
 
     following: State
     error: Error = Error.NONE

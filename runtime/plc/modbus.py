@@ -61,7 +61,7 @@ class ModbusServer(PlcServer):
         return True
 
     def leave(self, connection: "Connection") -> None:
-        """Removes a connection; without its writer the exchange is disconnected."""
+        """Removes a connection; if it was the one that may write, reports the PLC as disconnected."""
         if connection in self._connections:
             self._connections.remove(connection)
         if self._writer is connection:
@@ -69,9 +69,10 @@ class ModbusServer(PlcServer):
             self.exchange.disconnect()
 
     def may_write(self, connection: "Connection") -> bool:
-        """Whether a connection, which is about to write, is the writer.
+        """Whether a connection that is about to write may do so: only one, the writer, may.
 
-        It becomes the writer if there is none, or if the writer is older than `PANEL_S` and never wrote.
+        The connection becomes the writer if there is none, or if the writer has been connected for
+        more than `PANEL_S` and never wrote.
         """
         writer, panel_since_s = self._writer, self.clock.now() - PANEL_S
         if writer is None or (not writer.has_written and writer.began_s < panel_since_s):

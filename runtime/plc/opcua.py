@@ -48,7 +48,7 @@ logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # of messages by all cl
 
 
 class Security(NamedTuple):
-    """Data for an encrypted endpoint."""
+    """What an encrypted endpoint needs: the server's key and certificate, and the trusted clients."""
 
     identity: Identity
     trust: Trust
@@ -124,7 +124,7 @@ class OpcUaServer(PlcServer):
     # -- the master -----------------------------------------------------------------------------------
 
     def _may_command(self, session: Session) -> bool:
-        """Whether a session is the master; without a master, the session becomes it until it ends."""
+        """Whether a session may give commands; the first that asks becomes the only one, until it ends."""
         if self._master is None:
             self._master = session
             self.exchange.connected = True
@@ -138,7 +138,7 @@ class OpcUaServer(PlcServer):
     # -- what is shown --------------------------------------------------------------------------------
 
     def _watch(self, seen: Glance) -> None:
-        """Queues what the station shows, from any thread, for display to the clients."""
+        """Queues a new state of the station, for `_show`; may be called by any thread."""
         self._glances.append(seen)
         self._loop.call_soon_threadsafe(self._news.set)
 
@@ -149,7 +149,7 @@ class OpcUaServer(PlcServer):
             await self._show()
 
     async def _show(self) -> None:
-        """Updates the values, glance by glance."""
+        """Writes the queued states of the station to the address space, one after the other."""
         async with self._showing:
             while self._glances:
                 change = self._panel.see(self._glances.popleft())
@@ -187,10 +187,10 @@ class OpcUaServer(PlcServer):
     def _method(
         self, path: str, inputs: Arguments, outputs: Arguments, act: Act, *, commands: bool
     ) -> Method:
-        """A method for asyncua, which does not check arguments.
+        """Wraps `act` as an OPC UA method that checks its arguments, which asyncua does not.
 
-        The method checks its arguments and, if it commands, that the caller is the master; it returns after
-        the displayed values are updated.
+        If `commands` is true, it refuses callers other than the session that may give commands. It returns
+        after the displayed values are updated.
         """
 
         async def call(parent: ua.NodeId, *given: ua.Variant) -> list[ua.Variant] | ua.StatusCode:

@@ -1,4 +1,4 @@
-"""The panel of an OPC UA server: values by path, derived from the glances at a station.
+"""The values that an OPC UA server shows, by path, derived from the states of a station.
 
 A path consists of the browse names below the object `VisionSystem`. The module does not use OPC UA's library.
 """
@@ -38,7 +38,7 @@ class Configuration(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A transition of the displayed state."""
+    """A transition between two displayed states of the vision system."""
 
     left: vision.VisionState
     entered: vision.VisionState
@@ -50,14 +50,14 @@ class Change(NamedTuple):
 
 
 class Panel:
-    """Follows a station, and keeps the latest results and the counts since the start of the process.
+    """Values for OPC UA clients: a station's state, the latest results, and counts since the process started.
 
     Attributes:
         offers: the recipes, by the numbers of their tables.
         configuration: the current configuration.
         results: the latest results, by their ids.
         job: the job of the current part or of the waiting result; otherwise the last one.
-        seen: the last glance.
+        seen: the latest state of the station.
     """
 
     def __init__(
@@ -74,11 +74,11 @@ class Panel:
 
     @property
     def state(self) -> vision.VisionState:
-        """The displayed state."""
+        """The state of the vision system (OPC 40100-1) that clients see."""
         return vision.view(self.seen).state
 
     def see(self, seen: Glance) -> Change | None:
-        """Receives a glance at the station; returns the change of the displayed state, if any."""
+        """Takes in a new state of the station; returns the change of the displayed state, if any."""
         before, self.seen = self.seen, seen
         if vision.waits(seen) and not vision.waits(before):
             self._finish(seen.answer, self.offers[seen.in_use].parts)

@@ -18,7 +18,7 @@ HEARTBEAT_LIMIT_S = 3.0
 
 
 class Register(NamedTuple):
-    """One value of the map; its value in `unit` is the integer times `scale`."""
+    """One value of the register map, an integer; times `scale` it is the quantity in `unit`."""
 
     name: str
     type: str  # "bool", "uint16", "uint32" or "int32"
@@ -117,7 +117,7 @@ MAP = WRITTEN + READ
 
 
 def as_json() -> dict[str, object]:
-    """The map for machines, as printed by `--plc-map json`; `values` explains codes."""
+    """The register map in the form of JSON, as printed by `--plc-map json`; `values` names codes."""
     errors = {str(error.value): error.name.lower().replace("_", " ") for error in Error}
     outcomes = {str(code): name for code, name in enumerate(OUTCOMES)}
     registers = {register.name: register._asdict() for register in MAP}

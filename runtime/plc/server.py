@@ -16,7 +16,7 @@ STOPPING_S = 10.0  # until its thread has ended; later it is abandoned
 
 
 class PlcServer(ABC):
-    """Serves an exchange; leaving the context ends the server and closes its sockets."""
+    """Serves an exchange in a thread of its own, from entering the context until leaving it."""
 
     def __init__(self, exchange: Exchange, clock: SystemClock) -> None:
         self.exchange, self.clock = exchange, clock

@@ -51,7 +51,7 @@ _ADDRESSES = {register.address: register for register in WRITTEN}
 
 
 class Glance(NamedTuple):
-    """Visible state of a station at one moment."""
+    """Snapshot of a station: what its observers may see."""
 
     state: State
     order: Order | None
@@ -170,13 +170,13 @@ class Station:
         return content if content and len(content) == count else Refusal.ADDRESS
 
     def tick(self, now: float) -> None:
-        """Ends enabling when the PLC's heartbeat has stopped for too long."""
+        """Disables triggers if the PLC's heartbeat has stopped for longer than `HEARTBEAT_LIMIT_S`."""
         if self.enabled and self._beats and now - self._beat_s > HEARTBEAT_LIMIT_S:
             self._standing = True
             self._disable(Error.HEARTBEAT)
 
     def disconnect(self) -> None:
-        """Ends enabling after the writing connection is lost.
+        """Disables triggers after the connection that writes is lost.
 
         The other registers keep their levels, so that the next write causes no false edge.
         """
@@ -198,7 +198,7 @@ class Station:
 
     @property
     def glance(self) -> Glance:
-        """The visible state after the last access."""
+        """The current state, as a snapshot for observers."""
         part, tables = (self.order, self._answer), (self._table, self._in_use)
         return Glance(self.state, *part, self.enabled, self._ended, self.error_id, *tables)
 

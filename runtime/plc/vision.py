@@ -32,7 +32,7 @@ class VisionState(Enum):
 
     @property
     def outer(self) -> str:
-        """Name of the state of the outer machine."""
+        """Name of the state in the specification's top-level state machine."""
         return "Operational" if self.automatic else self.value
 
 
@@ -50,7 +50,7 @@ class PackMLState(IntEnum):
 
 
 class Row(NamedTuple):
-    """A state of each of the two standards, and the condition under which both are shown."""
+    """A row of `VIEW`: a state of each of the two standards, and the condition for showing both."""
 
     state: VisionState
     packml: PackMLState
@@ -59,7 +59,7 @@ class Row(NamedTuple):
 
 
 def waits(seen: Glance) -> bool:
-    """Whether a result waits to be taken."""
+    """Whether a result waits for the PLC to take it."""
     return SIGNALS[seen.state].result_valid
 
 
@@ -94,7 +94,7 @@ VIEW: tuple[Row, ...] = (
 
 
 def view(seen: Glance) -> Row:
-    """The first row of `VIEW` whose condition holds for a glance at the station."""
+    """The states to show for a station: the first row of `VIEW` whose condition holds."""
     return next(row for row in VIEW if row.holds(seen))
 
 
@@ -111,7 +111,10 @@ STOP_REASONS: Mapping[int, str] = {
 
 
 def stop_reason(before: Glance, after: Glance) -> int | None:
-    """Why a change stops the line: a key of `STOP_REASONS` or another exit code; None where it does not."""
+    """Why the station's change from `before` to `after` stops the line; None if it does not stop it.
+
+    A reason is a key of `STOP_REASONS` or another exit code.
+    """
     stops = {VisionState.ERROR, VisionState.HALTED, VisionState.PREOPERATIONAL}
     left, entered = view(before).state, view(after).state
     if entered not in stops or left is entered or left is VisionState.ERROR:

@@ -21,10 +21,10 @@ CLIP = 3.0  # clip of deviations, in standard deviations: a single outlier is a 
 
 @dataclass(slots=True)
 class Cusum:
-    """Page's cumulative sums of a standardised deviation, both ways (Biometrika 41, 1954).
+    """CUSUM chart for a shift of a mean, upwards or downwards (Page, Biometrika 41, 1954).
 
-    Each deviation adds its log-likelihood ratio of a shift to no shift, so that deviations with large scatter
-    weigh little.
+    Each deviation adds the log-likelihood ratio of a shift to no shift, given its own standard deviation; so
+    deviations with large scatter weigh little.
     """
 
     shift: float  # shift to be detected, in the unit of the deviations
@@ -133,7 +133,7 @@ def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[fl
 
 
 def _cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, float]]:
-    """Pairs of observed and expected counts; cells of small expectation are pooled."""
+    """Returns pairs of an observed and an expected count; cells of small expected count are pooled."""
     total, whole = sum(counts), sum(shares)
     if total == 0 or whole <= 0.0:
         return []

@@ -14,7 +14,7 @@ RECENT = 120  # squeezes whose chart values are kept
 
 
 class Drift:
-    """The charts of a table during a run, and whether a refit would pay."""
+    """The control charts of a table, fed during a run; `add` returns whether a refit would pay."""
 
     def __init__(self, table: Table) -> None:
         self._courses = {name: deque[float](maxlen=RECENT) for name in ("wider", "narrower")}

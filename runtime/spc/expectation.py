@@ -30,7 +30,7 @@ Shares = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """Shares of readings in several worlds, the planned one first."""
+    """Predicted histograms of each node's readings in several worlds; the planned world is the first."""
 
     table_sha256: str  # digest of the table's file
     names: tuple[str, ...]
@@ -50,7 +50,7 @@ class Expectation:
             )
 
     def gains(self, table: Table, part: Part) -> list[float]:
-        """Log-likelihood ratio of a part in each other world to the planned one, at most `CLIP`."""
+        """Log-likelihood ratio of a part's readings, at most `CLIP`: each other world to the planned one."""
         places = [(each.node, table.gripper.bin_of(each.width_um)) for each in part.squeezes]
         planned, *others = (sum(log(shares[n][c]) for n, c in places) for shares in self.shares)
         # A clipped ratio, like the ratio itself, has a mean of at most one.
@@ -59,7 +59,7 @@ class Expectation:
 
 @dataclass(slots=True)
 class ShiryaevRoberts:
-    """Control chart: the mean Shiryaev-Roberts statistic of all worlds but the planned one."""
+    """Control chart of readings: mean Shiryaev-Roberts statistic of all worlds but the planned one."""
 
     expected: Expectation
     sums: list[float] = field(default_factory=list)
@@ -69,7 +69,7 @@ class ShiryaevRoberts:
 
     @property
     def value(self) -> float:
-        """The chart's value; the chart alarms from `LIMIT` on."""
+        """The mean statistic; the chart alarms when it reaches `LIMIT`."""
         return sum(self.sums) / len(self.sums)
 
     def add(self, table: Table, part: Part) -> str | None:

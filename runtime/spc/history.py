@@ -103,7 +103,7 @@ def read(paths: Sequence[Path]) -> History:
 
 
 def by_leaf(parts: Iterable[Part]) -> list[tuple[int, list[Part]]]:
-    """Leaves at which parts ended, by rising index, each with its parts."""
+    """Groups parts by the leaf at which they ended; returns pairs of a leaf's index and its parts."""
     result: dict[int, list[Part]] = {}
     for part in parts:
         if part.leaf is not None:

@@ -136,7 +136,7 @@ def failure_share(predicted: Prediction) -> float:
 
 
 def deviation(table: Table, squeeze: Squeezed) -> tuple[float, float]:
-    """Deviation of a width from its branch's expectation, and its standard deviation, um.
+    """Read width minus the branch's expected width, and the standard deviation of that difference, um.
 
     A rejected width is compared with the nearest branch. If none is near, the deviation is 0 and its standard
     deviation infinite.
@@ -163,7 +163,7 @@ def standardised(table: Table, part: Part) -> tuple[float, ...]:
 
 
 def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
-    """Standard deviations of a leaf's pose, mm, mm, rad, at least a share of the goal."""
+    """Standard deviations of a leaf's pose, mm, mm, rad, each at least a share of the goal's distance."""
     moments = leaf.covariance
     floor_mm = FLOOR_SHARE * table.goal.distance_um / 1000.0
     floor_rad = floor_mm * 1000.0 / max(table.goal.rho_um, 1)
@@ -177,8 +177,8 @@ def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
 def branch_shares(table: Table) -> list[list[float]]:
     """Predicted shares of each node's branches.
 
-    They are counted from the trials of the evaluation at the table's leaves, which are many more than the
-    particles of the beliefs, and none is zero. A node that no trial reached has the branches' probabilities.
+    They are counted from the trials that the evaluation recorded at the leaves below each branch. No share
+    is zero. At a node that no trial reached they are the branches' probabilities in the table.
     """
     reached = [0] * len(table.nodes)
 

@@ -154,7 +154,7 @@ def _charts(
     alarms: Sequence[Alarm],
 ) -> Iterator[Series]:
     def heading(chart: str) -> str:
-        """The sentence of the chart's first alarm, or that all is well."""
+        """Heading of a chart: the sentence of its first alarm, or that all is well."""
         sentences = (alarm.sentence for alarm in alarms if alarm.chart.startswith(chart))
         first = next(sentences, STEADY[chart])
         return first[0].upper() + first[1:]
@@ -178,7 +178,7 @@ def _charts(
 
 
 def failures(history: History) -> Series:
-    """Shares of failures in groups of audited parts: the p-chart."""
+    """The p-chart: share of failures in each group of `GROUP` audited parts."""
     judged = [part.verdict == "fail" for part in history.parts if part.verdict in ("pass", "fail")]
     groups = [judged[k : k + GROUP] for k in range(0, len(judged), GROUP)]
     expected = monitors.failure_share(history.table.predicted)
@@ -191,7 +191,7 @@ def failures(history: History) -> Series:
 
 
 def _judged(parts: Sequence[Part]) -> tuple[int, int]:
-    """How many parts passed, and how many were judged to pass or fail."""
+    """Returns the number of parts that passed, and of those that passed or failed."""
     passed = sum(part.verdict == "pass" for part in parts)
     return passed, passed + sum(part.verdict == "fail" for part in parts)
 

@@ -40,7 +40,7 @@ def encode(table: Table) -> bytes:
 
 
 def names_table(data: bytes) -> bool:
-    """Whether data begins as a table's file of any format; the rest may be damaged."""
+    """Whether data begins like a table's file, of whatever format version; the rest may be damaged."""
     return MAGIC.encode() in data[:BEGINNING]
 
 
@@ -116,7 +116,7 @@ def _packed(table: Table) -> bytes:
 
 
 def _records(section: Section, sections: Mapping[str, tuple[Any, ...]]) -> Records:
-    """The records of a section from its values; empty where the section is absent.
+    """Builds the records of a section from decoded values; empty if the section is absent.
 
     Raises:
         TableError: a field is missing, or a value is not of its field's type.

@@ -55,9 +55,9 @@ def successes_of(leaf: Leaf) -> int:
 def validate_figures(table: Table) -> None:
     """Checks that the figures of a table can be those of one evaluation.
 
-    A leaf's success must be a share of whole trials, and quantiles of its errors must not exceed the goal's
-    distance if as many trials met the goal. The whole table must not have more successes than its leaves, and
-    its shares of success and REJECT must not exceed 1 together.
+    A leaf's success must be a share of whole trials. A quantile of the leaf's errors, such as the median,
+    must not exceed the goal's distance if that share of the trials met the goal. The whole table must not
+    have more successes than its leaves, and its shares of success and REJECT must not exceed 1 together.
 
     Raises:
         TableError: a figure contradicts the others; the message names the figure or its leaf.
@@ -106,7 +106,7 @@ def _validate_predicted(table: Table) -> None:
 
 
 def _validate_errors(index: int, leaf: Leaf, goal: GoalSpec) -> None:
-    """Checks that a quantile of the errors is within the goal's distance if as many trials met the goal."""
+    """Checks that a leaf's median and 95th percentile of errors agree with its number of successes."""
     if goal.kind not in ("pose", "modes") or not leaf.trials:
         return
     successes = successes_of(leaf)

@@ -40,7 +40,7 @@ class Field(NamedTuple):
     name: str = ""  # the attribute's, dotted for nested records
 
     def bounds(self, table: Any) -> tuple[int, int]:
-        """The least and the greatest value of the field in a table, or length for text and bytes."""
+        """Returns the least and the greatest allowed value or, for text and bytes, the allowed lengths."""
         least, most = (
             bound if isinstance(bound, int) else attrgetter(bound)(table)
             for bound in (self.least, self.most)

@@ -35,10 +35,10 @@ def error_mm(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
 
 
 def distance(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
-    """Error of a prediction in the goal's metric, to compare with `threshold`.
+    """Error of a predicted pose in the goal's metric; the goal is met if it is below `threshold`.
 
-    It is `error_mm` for the kinds "pose" and "modes", else the largest deviation in units of its tolerance; 0
-    for "identity".
+    For the kinds "pose" and "modes" it is `error_mm`; for "identity" it is 0; for other kinds it is the
+    largest ratio of a coordinate's deviation to its tolerance.
     """
     if goal.kind in ("pose", "modes"):
         return error_mm(goal, predicted, true)
@@ -50,7 +50,7 @@ def distance(goal: GoalSpec, predicted: Pose2, true: Pose2) -> float:
 
 
 def threshold(goal: GoalSpec) -> float:
-    """Upper limit of `distance`: the goal's distance in mm, or 1 for tolerances."""
+    """The limit that `distance` must stay below: the goal's distance in mm for "pose" and "modes", else 1."""
     return goal.distance_um / 1e3 if goal.kind in ("pose", "modes") else 1.0
 
 

@@ -1,8 +1,9 @@
 """Checks that the last squeeze could hold the part of the embedded job at a leaf's pose.
 
 A held part touches both jaws. So its outline, at the leaf's pose, must reach the faces of both fingers
-between their ends, and must not extend to just behind a face. Both are checked up to the leaf's error and the
-job's doubts. The outline may continue farther behind a face: a finger may stand in a slot.
+between their ends, and must not extend to just behind a face. Both are checked with an allowance for the
+leaf's error and for the uncertainties (doubts) that the job states. The outline may continue farther behind a
+face: a finger may stand in a slot.
 """
 
 from collections.abc import Iterator
@@ -42,7 +43,7 @@ class Shape(NamedTuple):
 
 
 class Slack(NamedTuple):
-    """Largest errors of the cell according to the job's doubts; 0 where the job states none."""
+    """Largest errors of hand and jaws by the uncertainties (doubts) in the job; 0 where it states none."""
 
     place_mm: float
     turn_rad: float
@@ -53,7 +54,7 @@ class Slack(NamedTuple):
 
 
 class Grip(NamedTuple):
-    """Jaws closed on a part; lengths in mm."""
+    """Place of the closed jaws' faces, and how far it may be off; lengths in mm."""
 
     hand: Pose2  # in the world, where the jaws release the part
     half_length: float  # of a finger

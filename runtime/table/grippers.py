@@ -147,7 +147,7 @@ def selectable() -> dict[str, GripperProfile]:
 
 
 def doubt_um(resolution_um: float, noise_um: float) -> float:
-    """Default doubt about a gripper's widths, um: three times the larger of resolution and noise."""
+    """Assumed largest error of a gripper's widths, um: three times the larger of resolution and noise."""
     return DOUBT_STEPS * max(resolution_um, noise_um)
 
 

@@ -83,7 +83,7 @@ class Segments(NamedTuple):
         return REJECT if width_um < 0 else self.branches[bisect_right(self.starts_um, width_um) - 1]
 
     def intervals(self) -> list[tuple[int, int, int]]:
-        """Intervals of widths that are not `REJECT`: least and greatest width, um, and branch."""
+        """Intervals of widths that select a branch: least and greatest width, um, and the branch."""
         ends = [start - 1 for start in self.starts_um[1:]]  # the last segment is a `REJECT`
         return [
             (start, end, branch)
@@ -93,7 +93,7 @@ class Segments(NamedTuple):
 
 
 class DecisionMap(NamedTuple):
-    """The branch of every settled reading of a closing motion at a node."""
+    """The rule that assigns a branch or `REJECT` to every settled reading at a node."""
 
     unfelt: Segments  # without an object felt
     felt: Segments  # with an object felt
@@ -113,14 +113,18 @@ class DecisionMap(NamedTuple):
 
 
 def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
-    """The branch of every settled reading of a closing motion at a node: the whole rule (decision 0056).
+    """Builds the rule that assigns a branch or `REJECT` to every settled reading at a node (decision 0056).
 
-    A width means the branch with the nearest expected width, the lower of two equally near, among those
-    whose interval contains the width and which the flag admits. A branch that does not reach down to width 0,
-    or is expected at `HELD_UM` or more, is a grip, and never read at width 0; any other means that nothing is
-    held. With an object felt only grips are admitted. With none felt only widths up to the gripper's
-    `empty_um` are admitted: nothing was held or, where no branch means that, a grip was not felt. Anything
-    else is `REJECT`.
+    A branch is a grip if its interval excludes width 0 or its expected width is `HELD_UM` or more; any other
+    branch means that nothing is held. Candidates are the branches whose interval contains the width.
+
+    - With an object felt, only grips are candidates, and none at width 0.
+    - With none felt, a width above the gripper's `empty_um` is `REJECT`. Otherwise the candidates are the
+      branches that mean nothing held or, without such a candidate, the grips (not at width 0): a grip was not
+      felt.
+
+    The candidate with the nearest expected width is chosen, the lower index of two equally near; without a
+    candidate the reading is `REJECT`.
     """
     grips = [(number, branch) for number, branch in enumerate(node.branches) if branch.grip]
     empties = [(number, branch) for number, branch in enumerate(node.branches) if not branch.grip]
@@ -145,7 +149,7 @@ def _cuts(branches: list[tuple[int, Branch]]) -> set[int]:
 
 
 def _nearest(branches: list[tuple[int, Branch]], width_um: int) -> int:
-    """The branch whose interval contains a width; of several, the one with the nearest expected width."""
+    """The branch with the nearest expected width of those whose interval contains a width, or `REJECT`."""
     within = [
         (abs(width_um - branch.expected_um), number)
         for number, branch in branches
@@ -160,10 +164,10 @@ def _segments(starts: list[int], branches: list[int]) -> Segments:
 
 
 def decide(decided: DecisionMap, width_um: int, felt: bool) -> int:
-    """Looks up one settled reading by bisection.
+    """Returns the branch that one settled reading selects.
 
     Args:
-        decided: the map of the node.
+        decided: the decision map of the node.
         width_um: the true width.
         felt: whether the closing jaws stopped at an object, not at the end of their way.
 

@@ -43,7 +43,7 @@ KINDS = ("pose", "tolerances", "modes", "orientation", "identity")
 
 
 class Place(NamedTuple):
-    """A place of the hand's centre in the world."""
+    """Position of the hand's centre in the world."""
 
     x_um: Annotated[int, Field("hand's centre", *X)]
     y_um: Annotated[int, Field("hand's centre", *Y)]
@@ -105,7 +105,7 @@ class Squeeze(NamedTuple):
 
     @property
     def commands(self) -> tuple[int, int, int, int, int, int]:
-        """Commands for a controller: place, angle, opening, speed and force."""
+        """The values that a controller needs: x, y, angle, opening, speed and force, in the table's units."""
         place = self.x_um, self.y_um, self.angle_urad
         return *place, self.opening_um, self.speed_um_s, self.force_mn
 
@@ -137,7 +137,7 @@ class Branch(NamedTuple):
 
 
 class Node(NamedTuple):
-    """One decision: the pushes before a squeeze, the squeeze, and its outcomes by rising width."""
+    """Inner node of the tree: the pushes before a squeeze, the squeeze, and its branches by rising width."""
 
     squeeze: Squeeze
     branches: tuple[Branch, ...]
@@ -152,7 +152,7 @@ class Node(NamedTuple):
         return self.release or self.squeeze.place
 
     def release_point(self, branch: int) -> Place | None:
-        """The place to which the hand drags a part before the release, by the branch of the reading.
+        """Position to which the hand drags a held part before it opens, if the reading selected `branch`.
 
         Returns:
             None where the part is not dragged: after `REJECT`, if it is not held, or without a release.
@@ -166,7 +166,7 @@ class Node(NamedTuple):
 
 
 class LeafPose(NamedTuple):
-    """A pose of a part at a leaf, and the hypothesis that goes with it."""
+    """One possible pose of the part at a leaf, and which part it is (its hypothesis)."""
 
     x_um: Annotated[int, Field("pose", -FAR)]
     y_um: Annotated[int, Field("pose", -FAR)]
@@ -175,7 +175,7 @@ class LeafPose(NamedTuple):
 
 
 class Leaf(NamedTuple):
-    """An end of the tree: the predicted pose of the part in the world, and its success rate."""
+    """Leaf of the tree: the predicted pose of the part in the world, and its success rate in trials."""
 
     x_um: Annotated[int, Field("predicted pose", -FAR)]
     y_um: Annotated[int, Field("predicted pose", -FAR)]

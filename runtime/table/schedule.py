@@ -12,7 +12,7 @@ from runtime.table.turning import may_turn, turned_pose
 
 
 class Stand(NamedTuple):
-    """Place and angle of the hand above the table."""
+    """Pose of the hand in the plane: position and angle."""
 
     x_mm: float
     y_mm: float
@@ -20,17 +20,17 @@ class Stand(NamedTuple):
 
     @classmethod
     def at(cls, action: Squeeze | Push) -> Self:
-        """The stand after the hand has come down for an action."""
+        """The hand's pose at the start of a squeeze or push."""
         return cls(action.x_um / 1e3, action.y_um / 1e3, action.angle_urad / 1e6)
 
     def moved(self, way_mm: float) -> Self:
-        """The stand after a way along the hand's x axis."""
+        """The hand's pose after it has moved `way_mm` along its own x axis."""
         x_mm = self.x_mm + way_mm * cos(self.angle_rad)
         y_mm = self.y_mm + way_mm * sin(self.angle_rad)
         return self._replace(x_mm=x_mm, y_mm=y_mm)
 
     def turn_from(self, place: "Stand") -> float:
-        """Angle, rad, by which a plan is turned about the origin to give its stand `place` this angle."""
+        """Angle, rad, that turns a plan so that its grasp pose `place` gets this pose's angle."""
         return remainder(self.angle_rad - place.angle_rad, tau)
 
 
@@ -80,7 +80,7 @@ class Schedule:
         *,
         first: bool,
     ) -> tuple[Phases, Stand, float]:
-        """The phases of one squeeze and their times.
+        """Computes the seconds of the phases of one squeeze.
 
         Args:
             squeezed: its node and outcome.
@@ -142,8 +142,8 @@ class Schedule:
 
 
 def close_alike(table: Table) -> bool:
-    """Whether the job says that each finger makes half of the closing.
+    """Whether the job states that both fingers move equally far when the jaws close.
 
-    Then a hand turned by half a turn squeezes alike.
+    If so, a squeeze with the hand turned by 180 degrees has the same effect.
     """
     return section(job_of(table) or {}, "gripper").get("upper_finger_share") == 0.5

@@ -34,7 +34,7 @@ def text(summary: Mapping[str, float]) -> str:
 
 
 def _within(rising: list[tuple[float, int]], parts: int) -> float:
-    """The least time within which `parts` parts are done."""
+    """The least time within which `parts` parts are done, from rising pairs of a time and its parts."""
     done = 0
     for taken, many in rising:
         done += many

@@ -47,7 +47,7 @@ def trapezoid_s(way_mm: float, speed_mm_s: float, acceleration_mm_s2: float) -> 
 
 
 class Phases(NamedTuple):
-    """Seconds of one squeeze, one phase after the other."""
+    """Seconds that each phase of one squeeze takes."""
 
     push_s: float = 0.0  # pushes before it
     travel_s: float = 0.0  # travel above its place, while the jaws move to its opening
@@ -85,7 +85,7 @@ def time_of(value: object) -> float:
 
 
 class Visit(NamedTuple):
-    """What the time of one squeeze depends on."""
+    """Motions of hand and jaws in one squeeze, from which `Timing.squeeze` computes its time."""
 
     way_mm: float  # of the hand, from its last place
     turn_rad: float  # of the hand, either way
@@ -157,10 +157,10 @@ class Timing:
         return way_mm <= NEAR_MM and self.retreat_mm - self.regrasp_mm <= aside_mm
 
     def approach_mm(self, opening_mm: float, contact_mm: float | None, speed_mm_s: float) -> float:
-        """Opening at which closing jaws slow down from full speed.
+        """Opening, mm, at which closing jaws slow down from full speed to `speed_mm_s`.
 
-        `opening_mm` where that saves no time, or where `contact_mm`, the greatest width at which the jaws may
-        meet the part, is unknown.
+        It is `opening_mm`, the jaws' first opening, if fast closing saves no time, or if `contact_mm`, the
+        greatest width at which the jaws may meet the part, is unknown (None).
         """
         if contact_mm is None:
             return opening_mm
@@ -172,7 +172,7 @@ class Timing:
     def close_s(
         self, opening_mm: float, contact_mm: float | None, width_mm: float, speed_mm_s: float
     ) -> float:
-        """Seconds of closing to where the jaws stop, until the reading is accepted."""
+        """Seconds from the start of closing until the jaws stop at `width_mm` and the reading is accepted."""
         near_mm = max(self.approach_mm(opening_mm, contact_mm, speed_mm_s), width_mm)
         fast_s = (opening_mm - near_mm) / max(self.fastest_mm_s, speed_mm_s)
         between_s = self._between_s if near_mm < opening_mm else 0.0
@@ -184,7 +184,7 @@ class Timing:
         return CLEAR_MM / speed_mm_s + answer_s
 
     def opening_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
-        """Seconds of the jaws' way from clear of a part to the next opening; meanwhile the hand may move."""
+        """Seconds in which jaws clear of the part move to the next opening; the hand may move meanwhile."""
         stroke_mm = abs(next_mm - width_mm - CLEAR_MM)
         return stroke_mm / (max(self.fastest_mm_s, speed_mm_s) if self.streams else speed_mm_s)
 
@@ -218,7 +218,7 @@ class Timing:
         )
 
     def squeeze(self, visit: Visit) -> Phases:
-        """The phases of one squeeze, from and to the hand at its height of travel."""
+        """Computes the seconds of each phase of one squeeze, from and to the hand's height of travel."""
         high_mm = self.retreat_mm if visit.from_retreat else self.regrasp_mm
         way_mm = visit.way_mm
         if visit.from_retreat and self.comes_down(way_mm, visit.turn_rad):
@@ -239,12 +239,12 @@ class Timing:
 
     @property
     def _between_s(self) -> float:
-        """Seconds of the change from one stroke to the next."""
+        """Seconds lost between the fast and the slow stroke of closing."""
         return self.poll_s if self.streams else self.jaw_answer_s
 
 
 def checked(limits: Limits, job: Mapping[str, Any] | None) -> tuple[dict[str, float], int]:
-    """The values of a job's cell for the keys of `DEFAULTS`, and the regrasp height in um.
+    """Returns the cell's values for the keys of `DEFAULTS`, stated or default, and the regrasp height in um.
 
     Raises:
         TableError: a value of the job is impossible.

@@ -85,7 +85,7 @@ def screen(loaded: Table, outlines: Outlines, seen: Mapping[str, Any]) -> str:
 
 
 def _signs(seen: Mapping[str, Any]) -> Iterator[str]:
-    """Signs that need attention: alarms of the charts, and whether the cell differs from the plan."""
+    """Yields HTML warnings: one for each alarm of the control charts, and one if a refit would pay."""
     for alarm in seen["charts"]["alarms"]:
         yield verdict("fair", f"{_capital(alarm['sentence'])} (part {alarm['number']}).")
     if seen["refit_pays"]:
@@ -162,7 +162,7 @@ def _named(loss: Mapping[str, Any]) -> str:
 
 
 def picture(loaded: Table, outlines: Outlines, node: int, width_mm: float | None) -> str:
-    """Draws the fingers where a part was lost, and the part as planned, to scale, as SVG.
+    """Draws, as SVG and to scale, the fingers at the squeeze that lost a part, and the part as predicted.
 
     Args:
         loaded: the table.
@@ -197,7 +197,7 @@ def _moved(drawn: str, x_um: int, y_um: int, angle_urad: int) -> str:
 
 
 def _usual(loaded: Table, node: int, width_mm: float | None) -> int:
-    """The leaf that most parts reach from the branch with the nearest width."""
+    """Index of the likeliest leaf below a node's branch whose expected width is nearest to `width_mm`."""
     branches = loaded.nodes[node].branches
     target = max(branches, key=lambda branch: branch.probability_ppm).target
     if width_mm is not None:

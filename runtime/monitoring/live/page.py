@@ -30,7 +30,7 @@ class Parts(NamedTuple):
 
 
 def pages(table: Table, name: str, status: Status) -> Pages:
-    """The pages of a run's server, by path: each a media type, and a function that returns the content.
+    """Returns, by URL path, the media type of each page of a run and a function that returns its content.
 
     Args:
         table: the table.
@@ -98,7 +98,7 @@ def tree(table: Table, outlines: list[list[list[float]]]) -> dict[str, Any]:
 
 
 def _columns(rows: list[dict[str, Any]], *names: str) -> dict[str, list[Any]]:
-    """Columns by name: a large table written by rows would repeat each name thousands of times."""
+    """Converts rows to one list for each name; as JSON this is shorter than names in every row."""
     return {name: [row[name] for row in rows] for name in names}
 
 

@@ -159,7 +159,7 @@ class PageServer:
             self._clients[client] = thread
 
     def _disconnect(self, client: socket.socket) -> None:
-        """Ends a connection, and so its thread, unless it has ended already."""
+        """Shuts down a client's connection, if it is still open; this also ends its thread."""
         with self._lock, contextlib.suppress(OSError):
             if self._clients.pop(client, None) is not None:
                 client.shutdown(socket.SHUT_RDWR)

@@ -38,7 +38,7 @@ class Verdict(StrEnum):
 
 
 class Bounds(NamedTuple):
-    """A share, and its bounds with confidence 1 - `ERROR` at any look."""
+    """A share of failures, and confidence bounds that hold at all looks together, at level 1 - `ERROR`."""
 
     low: float
     share: float
@@ -52,7 +52,7 @@ class SequentialTest:
     limit: float  # largest acceptable share of failures, between 0 and 1
 
     def evidence(self, failures: int, parts: int, share: float) -> float:
-        """Logarithm of the mixture's likelihood ratio against a share of failures."""
+        """Logarithm of the likelihood ratio of the mixture over s to a true share m = `share` of failures."""
         a, b = _SHAPE, _SHAPE * (1.0 - self.limit) / self.limit  # most sensitive about the limit
         mixed = _beta(a + failures, b + parts - failures) - _beta(a, b)
         return mixed - _times_log(failures, share) - (parts - failures) * log1p(-share)
@@ -76,7 +76,7 @@ class SequentialTest:
         return Bounds(low, least / parts, high)
 
     def _crossing(self, failures: int, parts: int, outside: float, inside: float) -> float:
-        """The boundary between an excluded share and one that is not, by bisection."""
+        """Finds a bound by bisection between a share that the test excludes and one that it does not."""
         for _ in range(60):
             middle = 0.5 * (outside + inside)
             if 0.0 < middle < 1.0 and self.evidence(failures, parts, middle) < -log(ERROR):
@@ -88,7 +88,7 @@ class SequentialTest:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """State of a study after some parts."""
+    """State of an acceptance study after some parts: counts, and the verdict so far."""
 
     limit: float
     parts: int = 0  # parts that count
@@ -138,7 +138,7 @@ def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
 
 
 class Planned(NamedTuple):
-    """Number of parts that a study needs."""
+    """Numbers of parts after which a study accepts a cell."""
 
     least: int  # without a single failure
     likely: int | None  # with probability `POWER`; None where no number suffices

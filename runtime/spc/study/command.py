@@ -143,7 +143,7 @@ def _of_measurements(options: argparse.Namespace) -> int:
 
 
 def _say_crossed(options: argparse.Namespace, studies: Mapping[str, Crossed]) -> int:
-    """Prints crossed studies only; returns the exit code of the worst that is known."""
+    """Prints crossed studies; returns the exit code for the one with the largest known %GRR."""
     fields = {"crossed": {name: study.fields() for name, study in studies.items()}}
     say_result(options.json, fields, crossed_words(studies))
     known = [study.percent for study in studies.values() if study.percent is not None]
@@ -179,7 +179,7 @@ def _readings(path: Path) -> list[list[list[float]]]:
 
 
 def _limit(options: argparse.Namespace, confidence_ppm: int) -> float:
-    """Largest acceptable share of failures."""
+    """Largest acceptable share of failures: by the option --required, else by the goal's confidence."""
     limit = 1.0 - options.required if options.required is not None else 1.0 - confidence_ppm / PPM
     if not 0.0 < limit < 1.0:
         raise UsageError(

@@ -110,7 +110,7 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
 
 
 def by_truth(history: History) -> History:
-    """A history whose parts are judged by their true poses in the simulated cell."""
+    """Copy of a history in which the true pose, known in simulation, decides whether a part passes."""
     return replace(history, parts=tuple(_judged(history.table, part) for part in history.parts))
 
 
@@ -137,7 +137,7 @@ def expected_failures(table: Table) -> float | None:
 
 
 def parts_of_leaves(table: Table) -> int | None:
-    """Number of parts for a type-1 study at each of the most frequent leaves; None: unknown."""
+    """Number of parts after which each of the most frequent leaves has enough for a type-1 study, or None."""
     trials = sorted((leaf.trials for leaf in table.leaves), reverse=True)
     total, seen = sum(trials), 0
     for count in trials:

@@ -65,12 +65,12 @@ class Spread(NamedTuple):
 
     @property
     def gauge(self) -> float:
-        """GRR: repeatability and reproducibility."""
+        """GRR: standard deviation of repeatability and reproducibility together."""
         return sqrt(self.repeatability**2 + self.reproducibility**2)
 
     @property
     def total(self) -> float:
-        """TV: gauge and parts."""
+        """TV: standard deviation of gauge and parts together."""
         return sqrt(self.gauge**2 + self.part**2)
 
     def percent(self, value: float) -> float | None:
@@ -100,7 +100,7 @@ Readings = Sequence[Sequence[Sequence[float]]]
 
 @dataclass(frozen=True, slots=True)
 class Crossed:
-    """A crossed study, evaluated by both methods."""
+    """A crossed study, evaluated by analysis of variance and by the average-and-range method."""
 
     parts: int
     appraisers: int
