@@ -222,9 +222,9 @@ def _short(grade: Grade, success: float, open_share: float) -> str:
 
 
 def _files(arguments: argparse.Namespace, text: str) -> Files:
-    """Chooses the files to write: the job file is the one asked for, or the first free numbered name.
+    """Chooses the files to write: the job file is the one asked for, or has the first free name.
 
-    A job file that has the same text already may be written again.
+    A name is free, too, if its file already has the text `text`.
 
     Raises:
         UsageError: the job file asked for exists and has another text.

@@ -100,7 +100,7 @@ def standard_cases(job: Job) -> list[Case]:
 
 
 def believed_cases(job: Job) -> list[Case]:
-    """Cases that the job states to be possible: each uncertain quantity at the ends of its interval."""
+    """Cases that the job holds possible: each of its uncertain quantities at the ends of its interval."""
     doubt, share, tolerance_mm = job.doubt, job.gripper.upper_finger_share, job.part.tolerance_mm
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     cases = list[Case]()

@@ -1,4 +1,4 @@
-"""Evaluation of a table in a world over many trials (paper VII): the only judge of a plan.
+"""Evaluation of a table in a world over many simulated trials (paper VII).
 
 The trials run the table as the runtime does; they use nothing of the planner's belief.
 """

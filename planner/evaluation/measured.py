@@ -113,7 +113,7 @@ def _errors_um(error_mm: Array) -> tuple[int, int]:
 
 
 def _open(leaf: tables.Leaf, states: Array, metric: Metric) -> tables.Leaf:
-    """The leaf, with those main poses of its parts as alternatives that its predicted pose does not reach."""
+    """The leaf; its alternatives are the main poses of its parts that are not its predicted pose."""
     predicted = np.array([*tables.predicted_pose(leaf), leaf.hypothesis])
     alternatives = [
         tables.LeafPose(*pose_of(mode.pose), mode.hypothesis[0])
