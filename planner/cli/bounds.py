@@ -1,4 +1,4 @@
-"""The options --bound of plan-compile and plan-report, and the certificate that they ask for."""
+"""The options --bound and --bound-dense: a proved lower bound on the squeezes of any plan as good."""
 
 import argparse
 
@@ -10,7 +10,7 @@ from runtime.table import Table
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Adds the options that ask for a certificate; `bound_of` reads them."""
+    """Adds the options --bound and --bound-dense; `bound_of` reads them."""
     text = (
         "prove a lower bound on the squeezes of any plan that is as good, on a sample of so many parts "
         f"(default: {PARTS}); takes seconds to minutes; more parts tighten the bound"
@@ -27,7 +27,10 @@ def bound_of(
     workers: int | None = None,
     report: Report = silent,
 ) -> Certificate | None:
-    """The certificate that the options ask for, if any; the other arguments as for `certify`."""
+    """Proves a lower bound on squeezes if the options ask for it, else returns None.
+
+    The other arguments are as for `certify`.
+    """
     if not (arguments.bound or arguments.bound_dense):
         return None
     return certify(job, table, arguments.bound or PARTS, arguments.bound_dense, workers, report)

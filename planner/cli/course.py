@@ -39,7 +39,7 @@ def counted(_seconds: float, done: int, total: int) -> float | None:
 
 
 def of_time(expected_s: float) -> Whole:
-    """A function for work that should end after a time [s]; the share is unknown once it takes longer."""
+    """A function that returns the share of an expected time [s] that has passed; None once it is over."""
     return lambda seconds, _done, _total: seconds / expected_s if seconds < expected_s else None
 
 
@@ -84,7 +84,7 @@ class _Course:
         self.known = False  # whether the share is current
 
     def heard(self, done: int, total: int) -> None:
-        """Records how much of a stage is done."""
+        """Updates the share of the whole work from the state of the current stage."""
         result = self._whole(self.seconds, done, total)
         self.known = result is not None and result < 1.0
         if result is not None:
@@ -118,7 +118,8 @@ def _spaced(
 ) -> Report:
     """A report that writes lines to standard error, at least `pause_s` apart.
 
-    `last_s` stands for the time of the line before the first; `line` formats a stage and its detail.
+    The first line is written `pause_s` after `last_s`, in seconds since the beginning. `line` formats the
+    course, a stage and its detail.
     """
 
     def report(name: str, done: int, total: int, detail: str = "", /) -> None:

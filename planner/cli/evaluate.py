@@ -227,7 +227,7 @@ def _name_of_world(arguments: argparse.Namespace) -> str:
 
 
 def _spread(value: str) -> float:
-    """A standard deviation, for argparse."""
+    """Parses a number that is not negative, a standard deviation, for argparse."""
     spread = number(value)
     if spread < 0.0:
         raise argparse.ArgumentTypeError(f"{value} is negative")
@@ -260,7 +260,7 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None) -> list[
 
 
 def _named(identities: leaves.Identities) -> list[str]:
-    """States how often the right part was named, and which part was named for which."""
+    """Lines on the names given to parts: the share of right ones, and each confusion with its count."""
     figures = identities.figures()
     message = f"of the parts that were named ({figures['named_rate']:.2%})"
     lines = [f"{identities.right:7.2%}  right, {message}"]
@@ -290,7 +290,7 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
 
 
 def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
-    """Counts of parts that ended at one leaf but lay at the pose of another."""
+    """Lines with the number of parts that ended at one leaf, but lay at the pose of another or of none."""
     lines: list[str] = []
     for row in confused[:MOST_ROWS]:
         truth = "where no leaf is" if row.truth == leaves.NO_LEAF else f"at leaf {row.truth}"
@@ -328,7 +328,7 @@ def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None) -> str:
 
 
 def _block(head: str, lines: list[str], rows: int = 0) -> list[str]:
-    """Lines under one head; of `rows` rows in total, those beyond `MOST_ROWS` are only counted."""
+    """Indents lines under a head; if `rows` exceeds `MOST_ROWS`, adds a line that counts the rest."""
     more = [f"and {rows - MOST_ROWS} more; see --json"] if rows > MOST_ROWS else []
     return [f"{head if k == 0 else '':11s}{line}" for k, line in enumerate([*lines, *more])]
 

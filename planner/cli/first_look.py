@@ -90,7 +90,7 @@ def parser() -> Parser:
 
 
 class Files(NamedTuple):
-    """The files that are written."""
+    """Paths of the job file, the table and the picture that the command writes."""
 
     job: Path
     table: Path
@@ -188,7 +188,10 @@ def _answered(
     spared: Spared,
     report: Report,
 ) -> Answer:
-    """The answer for a plan: its evaluation, those of `trials` parts in each other world, what limits it."""
+    """The answer for a plan: its figures, its weakest assumption in other worlds, and what limits it.
+
+    Each of the other worlds is tried with `trials` parts, until `limit` is over.
+    """
     figures, lines, limits = plan.evaluation.summary(), list[Line](), list[str]()
     with spared("other worlds"):
         lines = tried(plan.table, job, plan.evaluation, trials, Threads(), report, limit)
@@ -207,7 +210,10 @@ def _answered(
 
 
 def _short(grade: Grade, success: float, open_share: float) -> str:
-    """The grade of a plan, but "cut" or "unknown" for a plan that is poor since its search is unfinished."""
+    """The grade of a plan; "cut" or "unknown" in place of "poor" if the unfinished search explains it.
+
+    `open_share` is the share of parts for which the search is unfinished.
+    """
     if grade != "poor" or not open_share:
         return grade
     if open_share > MOST_OPEN:
@@ -216,7 +222,9 @@ def _short(grade: Grade, success: float, open_share: float) -> str:
 
 
 def _files(arguments: argparse.Namespace, text: str) -> Files:
-    """The files to write: the job file asked for, or the first name that is free or has the same text.
+    """Chooses the files to write: the job file is the one asked for, or has the first free name.
+
+    A name is free, too, if its file already has the text `text`.
 
     Raises:
         UsageError: the job file asked for exists and has another text.

@@ -32,7 +32,7 @@ Read = TypeVar("Read")
 
 
 class Setting(NamedTuple):
-    """The settings a job begins with."""
+    """Answers from which a job file is drafted, and the assumptions made where none was given."""
 
     answers: Answers
     assumed: list[str]  # what was assumed because it was not stated
@@ -50,7 +50,7 @@ def progress_of(
 
 
 def imported_of(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
-    """The outline, with the assumptions made: the largest contour, and mm if the drawing states no unit."""
+    """Reads the outline, by default the largest contour in mm; also returns notes on what is assumed."""
     options = shell.drawing_of(arguments)
     options = options._replace(contour=options.contour or LARGEST)
     imported, notes = in_mm(read_outline, arguments.drawing, options)
@@ -70,7 +70,7 @@ def in_mm(
 
 
 def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
-    """The answers that a job needs, from the arguments or by default, and what was assumed."""
+    """Collects the answers for a job from the arguments, with defaults where they state none."""
     taken, restrictions = list[str](), list[str]()
     rooms = {name: room_mm(imported, name) for name in GRIPPERS}
     gripper, usual = arguments.gripper, next(iter(GRIPPERS))
@@ -120,7 +120,7 @@ def check_thickness(imported: Imported) -> None:
 def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
     """Plans within the time until an answer [s], less a reserve for what follows the plan.
 
-    If that time is too short and the caller `patient`, plans once more, within `SLOW_S`.
+    If that time yields no plan and `patient` is set, plans once more, within `SLOW_S`.
 
     Raises:
         NoPlanError: the time does not suffice, or no plan exists.

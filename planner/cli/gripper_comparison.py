@@ -1,4 +1,4 @@
-"""Comparison of grippers: one plan for each gripper that opens wide enough, in one table."""
+"""Compares grippers for one part: a plan for each that opens wide enough, a printed row for each."""
 
 import argparse
 from textwrap import wrap

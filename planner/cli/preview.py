@@ -27,7 +27,10 @@ FINENESS = 1e-3  # of the part's size: detail that a drawn contour may leave out
 
 
 def preview(words: Sequence[str]) -> dict[str, Any]:
-    """What a page draws for arguments of `squeezetree try`; `error` says why they are refused, or is None."""
+    """Contours, outline, jaws and defaults for arguments of `squeezetree try`, as JSON types.
+
+    `error` says why the arguments are refused, or is None.
+    """
     shown: dict[str, Any] = {"contours": [], "error": None}
     try:
         arguments = _parsed(words)
@@ -54,7 +57,7 @@ def preview(words: Sequence[str]) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Answers lines of standard input until it ends."""
+    """Prints the preview for each line of standard input, a JSON list of arguments; ends with the input."""
     out, sys.stdout = sys.stdout, sys.stderr  # libraries may print
     with contextlib.suppress(BrokenPipeError):  # the client was killed meanwhile
         for line in sys.stdin:

@@ -30,7 +30,7 @@ DEEPEST_MM = 1.0  # Depth at which a finger may start: coordinates on an edge ar
 
 
 class Drawn(NamedTuple):
-    """Displacements of n pushes over many draws of the mechanics."""
+    """Ranges of the displacements of n pushes, each simulated with many draws of the mechanics."""
 
     bounds: Array  # (n, 6) low and high of x, y [mm] and the angle [degrees]
     given_up: int  # number of pushes cut short, over all draws
@@ -95,7 +95,7 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
 
 
 def exact(job: Job) -> Job:
-    """The job with the quartic limit surface, if it presses on the rim or the area; else the job unchanged.
+    """The job with a quartic limit surface if its pressure is on the rim or uniform; else unchanged.
 
     The quartic predicts pushes better than the ellipsoid, but takes ten times as long: too long for plans,
     not for a list of pushes.
@@ -112,7 +112,7 @@ def drawn(
     draws: int,
     rng: np.random.Generator,
 ) -> Drawn:
-    """Simulates each push `draws` times with `draw`; returns the quantiles `SHARES` of its displacement."""
+    """Simulates each push `draws` times; returns the quantiles `SHARES` of its displacements."""
     n, given_up = len(paths.angles), 0
     bounds, some = np.empty((n, 3, 2)), max(AT_ONCE // draws, 1)
     for start in range(0, n, some):
@@ -128,7 +128,7 @@ def drawn(
 def draw(
     simulator: Simulator, job: Job, paths: Paths, radius_mm: float, rng: np.random.Generator
 ) -> Pushed:
-    """Simulates each of n paths once, with scatter, friction and doubts drawn as the job believes."""
+    """Simulates each of n pushes once, with start, friction and latent parameters drawn from the job."""
     if job.doubt.start_mm:
         paths = tips.scattered(paths, job.doubt.start_mm, radius_mm, job.part.outline_mm, rng)
     n = len(paths.angles)

@@ -138,7 +138,7 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
 
 
 def _measured(path: Path, parts: Sequence[PartLog]) -> None:
-    """Adds the residuals from a CSV file of audited parts to `parts`."""
+    """Sets the residuals of `parts`, measured less predicted poses, from a CSV file of audited parts."""
     rows = list(csv.DictReader(documents.read(path).splitlines()))
     try:
         for row in rows:
@@ -175,7 +175,7 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
 
 
 def timed(parts: Sequence[PartLog]) -> list[Timed]:
-    """All squeezes of those parts for which the journal states the times of every squeeze."""
+    """Squeezes with their durations, of the parts for which the journal times every squeeze."""
     return [
         Timed(node, width_um / 1e3, number + 1 == len(part.squeezes), phases)
         for part in parts
@@ -189,7 +189,7 @@ def timed(parts: Sequence[PartLog]) -> list[Timed]:
 def _preview(
     cells: Cells, posterior: Posterior, seed: int, scheduler: Scheduler
 ) -> tuple[float, float]:
-    """Shares of wrong and of rejected parts that the table gives in the learned cell."""
+    """Mean shares of wrong and of rejected parts, simulated in cells drawn from the posterior."""
     number, parts = PREVIEW
     jobs = [(cells, point, parts, seed + k) for k, point in enumerate(posterior.cells[:number])]
     tried = list(scheduler.map(_run, jobs))
@@ -202,7 +202,7 @@ def _run(job: tuple[Cells, Any, int, int]) -> Evaluation:
 
 
 def edited(text: str, changed: Mapping[str, Mapping[str, Any]]) -> str:
-    """The text of a job file with other values; everything else, comments too, stays as written.
+    """Replaces values in the text of a job file; everything else, comments too, stays as written.
 
     A section whose `kind` is stated anew loses its other keys, except `wishart_dof`.
     """

@@ -203,7 +203,7 @@ def answer(as_json: bool, figures: Mapping[str, Any], *lines: str) -> None:
 
 @contextmanager
 def spared(what: str, notes: list[str], debug: bool = False) -> Iterator[None]:
-    """Context of optional work: a failure, or Ctrl-C, becomes a note.
+    """Context of optional work: an exception or Ctrl-C in it is caught, and added to `notes`.
 
     Args:
         what: the work, in the words of the note.

@@ -77,7 +77,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
 
 
 def _rng(arguments: argparse.Namespace, job: Job, *stream: int) -> np.random.Generator:
-    """A random generator for one stream of draws, from the stated seed or the job's."""
+    """A random generator of the option --seed, else of the job's seed; each `stream` is independent."""
     seed = job.seed if arguments.seed is None else arguments.seed
     return np.random.default_rng([seed, *stream] if stream else seed)
 

@@ -67,14 +67,14 @@ class Order(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """The result of one job."""
+    """The table of one job of a sweep, or the error in place of it."""
 
     table: bytes | None  # bytes of the decision table; None if there is none
     figures: dict[str, Any]  # from `figures_of` or, without a table, `_failure`
 
 
 def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list[Order]:
-    """One order for every combination of the swept values; the last name's value changes fastest.
+    """A job for every combination of the swept values; the last name's value changes fastest.
 
     `sweeps` are texts "section.key=value,value"; the common overrides are applied first.
 
@@ -102,7 +102,7 @@ def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list
 def outcomes(
     orders: Sequence[Order], settings: Settings, scheduler: Scheduler, report: Report
 ) -> Iterator[Outcome]:
-    """Compiles the orders and yields their outcomes in order.
+    """Compiles the jobs of a sweep and yields their outcomes in order.
 
     On a cluster a job is a task with one thread. On this machine jobs run one after the other, each with all
     threads: parallel processes would each load the kernels, for no gain in speed.
@@ -131,7 +131,7 @@ def _of_job(number: int, jobs: int, report: Report) -> Report:
 
 
 def compiled(settings: Settings, order: Order, report: Report | None = None) -> Outcome:
-    """Compiles one order, in any process; an error becomes its outcome."""
+    """Compiles one job of a sweep, in any process; an error is returned as its outcome."""
     if order.refusal is not None:
         return Outcome(None, order.refusal)
     started = time.perf_counter()

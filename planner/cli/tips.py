@@ -32,7 +32,7 @@ ARCS = 256  # Segments of a quarter circle of the outline offset by the radius
 
 
 class Beside(NamedTuple):
-    """Round tips moved clear of the part."""
+    """Paths of pushes whose tips start clear of the part, and how far each overlapped before."""
 
     paths: Paths
     overlap_mm: Array  # (n,) overlap of the deepest tip as stated; 0 where clear
@@ -71,7 +71,9 @@ def paths(stated: Mapping[str, Array], centroid: Array) -> Paths:
 
 
 def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Beside:
-    """Pushers of round tips, each shifted by the shortest way that clears its deepest tip.
+    """Shifts the start of each push so that its round tips no longer overlap the part.
+
+    Each shift is the shortest that clears the deepest tip; it is repeated while another tip overlaps.
 
     Raises:
         InputError: a tip overlaps the part by its diameter or more, or no place beside it is free.
@@ -94,9 +96,9 @@ def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Besid
 def scattered(
     paths: Paths, std_mm: float, radius_mm: float, outline: Array, rng: np.random.Generator
 ) -> Paths:
-    """Pushers with normally distributed errors of their start in x and y.
+    """Shifts each path by normally distributed errors (`std_mm`) of its start in x and y.
 
-    Each is shifted as a whole, and cleared of the part again; without a free place it starts as stated.
+    Tips that then overlap the part are moved clear of it; if no place is free, the path starts as stated.
     """
     off = std_mm * rng.standard_normal((len(paths.points), 2))
     shift, inside = _way_out(paths.points + off[:, None], radius_mm, outline)
@@ -106,7 +108,7 @@ def scattered(
 
 
 def _way_out(points: Array, radius_mm: float, outline: Array) -> tuple[Array, IntArray]:
-    """Shifts that clear pushers of round tips, about points (n, K, 2), of the part.
+    """Shifts that clear n pushers of the part, each of K round tips centred at `points` (n, K, 2).
 
     Each round moves a pusher until its deepest tip is clear.
 
@@ -134,7 +136,7 @@ def _moved(paths: Paths, shift: Array) -> Paths:
 
 
 def _depth(points: Array, radius_mm: float, outline: Array) -> Array:
-    """Overlap (n, K) of tips about points (n, K, 2) with the part, negative where they are clear [mm]."""
+    """Overlap (n, K) of round tips at `points` (n, K, 2) with the part; negative where clear [mm]."""
     part, centres = shapely.Polygon(outline), shapely.points(points)
     away = shapely.distance(part.exterior, centres)
     return np.asarray(radius_mm - np.where(shapely.contains(part, centres), -away, away))

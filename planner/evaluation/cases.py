@@ -30,7 +30,7 @@ EVERYTHING = "all of them"
 
 
 class Condition(NamedTuple):
-    """A condition under which a world does not occur: a quantity stays on one side of a bound."""
+    """An assumption about the cell that rules out a case: a quantity stays on one side of a bound."""
 
     quantity: str
     side: str = ""  # "above" or "below"; "" where the quantity is the whole condition
@@ -100,7 +100,7 @@ def standard_cases(job: Job) -> list[Case]:
 
 
 def believed_cases(job: Job) -> list[Case]:
-    """Cases that the job believes possible: each of its doubts at the ends of the doubt's interval."""
+    """Cases that the job holds possible: each of its uncertain quantities at the ends of its interval."""
     doubt, share, tolerance_mm = job.doubt, job.gripper.upper_finger_share, job.part.tolerance_mm
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     cases = list[Case]()
@@ -135,7 +135,7 @@ def believed_cases(job: Job) -> list[Case]:
 
 
 def _stands(case: Case, job: Job) -> bool:
-    """Whether the job of a case is valid; a share above 1 or an outline thinner than its tolerance is not."""
+    """Whether the changes of a case leave `job` valid; a finger share above 1, for instance, does not."""
     try:
         case.job(job)
     except InputError:
@@ -144,13 +144,13 @@ def _stands(case: Case, job: Job) -> bool:
 
 
 def offset_cases(job: Job) -> list[Case]:
-    """The two cases in which the encoder's zero is off by `OFFSET` grains, to either side."""
+    """Two cases in which the encoder's zero is off by `OFFSET` times its resolution, to either side."""
     offset = OFFSET * encoder_of(job).grain_mm
     return [Case(f"encoder {mm:+.2f} mm", {}, Disturbance(mm)) for mm in (-offset, offset)]
 
 
 def noise_cases(job: Job) -> list[Case]:
-    """Cases for advice: each of the job's sources of noise switched off, and at the end all of them."""
+    """Cases that show what each noise costs: one source of noise after another switched off, then all."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     sources = [Case("pressure", {"pressure": {"wishart_dof": STEADY_DOF}})]
     if high > low:
@@ -224,16 +224,16 @@ def friction(low: float, high: float, broken: Condition | None = None) -> Case:
 
 
 def _one_friction(name: str, side: str, mu: float) -> Case:
-    """The case of a single friction `mu`, excluded if friction stays on one `side` of it."""
+    """The case of constant friction `mu`; it is ruled out if friction stays on `side` of `mu`."""
     return Case(name, _bounds(mu, mu), broken=Condition("friction", side, mu))
 
 
 def uneven(job: Job, share: float, centred: bool) -> Case:
-    """The case of fingers that close unevenly: the upper one makes this share of the closing.
+    """The case of fingers that close unevenly: the upper one makes `share` of the closing.
 
-    The fingers meet (planned share - share) (opening - width) beside the planned place, which no width
-    reveals. If `centred`, a calibration on the part's narrowest side has removed the shift, so that only the
-    effect of an uneven squeeze on the part remains.
+    The fingers then meet beside the planned place, by (planned share - `share`) (opening - width). No width
+    reveals this shift. If `centred`, the hand is calibrated such that the shift vanishes at the part's
+    narrowest width; only the effect of an uneven squeeze on the part remains.
     """
     off = (job.gripper.upper_finger_share - share) * closing_mm(job)
     changes = {"gripper": {"upper_finger_share": share}}
@@ -248,7 +248,7 @@ def outline_off(job: Job, mm: float) -> Case:
 
 
 def _share(share: float, more: bool) -> Condition:
-    """The condition that the upper finger's share of the way stays below `share` if `more`, else above it."""
+    """The condition that the upper finger's share stays below `share`; if not `more`, above it."""
     side = "below" if more else "above"
     return Condition("the upper finger's share of the way", side, 100.0 * share, " %")
 
@@ -259,7 +259,7 @@ def _beside(share: float, more: float) -> list[float]:
 
 
 def _other_surface(job: Job) -> list[Case]:
-    """The case of the other form of limit surface, fitted to the same pressure; none if no form is fitted."""
+    """The case of a quartic limit surface in place of an ellipsoid, or the reverse; empty for other forms."""
     form = job.pressure.limit_surface
     if form is None:
         return []

@@ -14,7 +14,7 @@ from planner.mechanics.traits import Traits
 
 @dataclass(frozen=True, slots=True)
 class Disturbance:
-    """Errors of the cell that the plan does not know."""
+    """Errors of a simulated cell's encoder and arm that the plan does not assume."""
 
     encoder_offset_mm: float = 0.0  # added to every width before it is read
     placement_mm: float = 0.0  # standard deviation of the hand's x and y, drawn for every squeeze
@@ -45,9 +45,9 @@ class Disturbance:
         Args:
             job: the parts.
             n: their number.
-            rng: draws hypotheses and doubts.
-            foreign: whether the world is no contact world, but has errors of its own: parts then get only
-                their hypotheses, unless the doubts are believed.
+            rng: draws the hypothesis of each part and its latent parameters.
+            foreign: whether the world is another one than the contact world, with errors of its own. Unless
+                `believed`, only the hypotheses are then drawn.
         """
         if self.believed:
             traits = traits_of(job, n, rng)

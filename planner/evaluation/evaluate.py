@@ -1,4 +1,4 @@
-"""Evaluation of a table in a world over many trials (paper VII): the only judge of a plan.
+"""Evaluation of a table in a world over many simulated trials (paper VII).
 
 The trials run the table as the runtime does; they use nothing of the planner's belief.
 """
@@ -24,7 +24,7 @@ SEED_TRIALS = 0x4556414C
 
 
 class Chunk(NamedTuple):
-    """A number of trials with their own random stream."""
+    """Trials that share one random stream; the unit of work of a scheduler."""
 
     number: int
     trials: int
@@ -39,7 +39,7 @@ def chunks_of(trials: int) -> list[Chunk]:
 def run_chunk(
     program: Program, job: Job, world: World | Worlds, seed: int, cell: Disturbance, chunk: Chunk
 ) -> Evaluation:
-    """Runs the trials of a chunk, in its own world if `world` is a supply; callable in any process."""
+    """Runs the trials of one chunk, in any process; `Worlds` supply a separate world for each chunk."""
     rng = np.random.default_rng([seed, chunk.number, SEED_TRIALS])
     part_world = world.world(chunk.number) if isinstance(world, Worlds) else world
     return Cell(program, job, part_world, cell, rng).run(chunk.trials)
@@ -109,5 +109,5 @@ def sweep(
 
 
 def worst_of(lines: Iterable[Line]) -> Line | None:
-    """The case with most confident wrong answers; None if there are no cases."""
+    """The line whose trials have the most confident wrong answers; None if there are no lines."""
     return max(lines, key=lambda line: line.evaluation.wrong.sum(), default=None)

@@ -21,7 +21,7 @@ from runtime.table import Table
 def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
 ) -> Iterator[dict[str, Any]]:
-    """Yields, for each of `friction_cases`, its name and, for each node, the readings counted by bin."""
+    """Yields the name of each of `friction_cases`, with a histogram of the readings at each node."""
     for case, result in sweep(table, job, friction_cases(job), trials, seed, scheduler, report):
         rows = readings(result, table)
         lines = [{str(number): int(row[number]) for number in np.flatnonzero(row)} for row in rows]
@@ -29,7 +29,7 @@ def expected(
 
 
 def readings(evaluation: Evaluation, table: Table) -> IntArray:
-    """Counts (nodes, bins) of the readings at each node."""
+    """Histograms (nodes, bins) of an evaluation's readings at each node of the table."""
     squeezed = evaluation.path >= 0
     size = (len(table.nodes), table.gripper.bins)
     places = size[1] * evaluation.path[squeezed] + bins_of(table, evaluation.steps[squeezed])

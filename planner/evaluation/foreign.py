@@ -22,7 +22,7 @@ SCALES, DISC_SIDES = (0.9, 1.1), 60  # relative sizes of generated foreign parts
 
 
 class Answer(NamedTuple):
-    """A leaf that answers a foreign part, and the widths read on the way to the leaf."""
+    """A resolved leaf in which trials of a foreign part ended, and the widths read on the way there."""
 
     leaf: int
     part: str | None  # the name in the answer; None where only one part may come
@@ -38,7 +38,7 @@ class Answer(NamedTuple):
         return max((round(abs(theirs - ours), 2) for theirs, ours in pairs), default=None)
 
     def line(self) -> str:
-        """The result as one line of text."""
+        """The leaf, its share and the widths of both parts as one line of text."""
         named = "" if self.part is None else f" as {self.part}"
         message = f"           {self.share:7.2%}  at leaf {self.leaf}{named}, by {_listed(self.widths_mm)} mm"
         if self.apart_mm is not None:
@@ -47,7 +47,7 @@ class Answer(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """The table's answers to one foreign part."""
+    """Trials of one foreign part, and the leaves that took it for a part of the job."""
 
     name: str
     evaluation: Evaluation
@@ -60,7 +60,7 @@ class Tried(NamedTuple):
 
     @property
     def often(self) -> bool:
-        """Whether the share answered exceeds `OFTEN`."""
+        """Whether more than a share `OFTEN` of the foreign part's trials ended in a resolved leaf."""
         return self.answered > OFTEN
 
     def figures(self) -> dict[str, Any]:
@@ -77,7 +77,7 @@ class Tried(NamedTuple):
         }
 
     def lines(self) -> list[str]:
-        """States the share answered and, if it is too large, each answer with its widths and its part."""
+        """The share answered as text and, if it exceeds `OFTEN`, a line for each answer."""
         message = (
             f"foreign    {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
         )

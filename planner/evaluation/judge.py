@@ -21,7 +21,7 @@ class Verdict(NamedTuple):
 
 
 def metric_of_table(table: Table) -> Metric:
-    """The metric that the table states, for any kind of goal."""
+    """The metric of poses, with its tolerance, by which the table's goal is judged."""
     goal, (x_um, y_um, theta_urad) = table.goal, table.goal.tolerance
     distance_mm, rho_mm = goal.distance_um / 1e3, goal.rho_um / 1e3
     tolerance = (x_um / 1e3, y_um / 1e3, theta_urad / 1e6)
@@ -31,7 +31,7 @@ def metric_of_table(table: Table) -> Metric:
 
 
 def states_of(table: Table, leaf: Leaf) -> Array:
-    """The poses (m, 3), any of which makes a leaf right; (m, 4) with hypotheses, where there are several."""
+    """All poses (m, 3) that a leaf answers with; (m, 4) with their hypotheses, if the table has several."""
     poses = np.array(poses_of(table.goal, leaf))
     return np.column_stack([poses, hypotheses_of(table.goal, leaf)]) if table.hypotheses else poses
 
@@ -50,7 +50,7 @@ def main_poses(poses: Array, metric: Metric) -> list[Mode]:
 
 
 def claimed(table: Table, leaf: IntArray) -> BoolArray:
-    """Mask (n,) of the indices (n,) of leaves that claim to know the pose; False for negative indices."""
+    """Whether each of n leaves, given by index, is resolved (n,); False for negative indices."""
     known = np.array([leaf.resolved for leaf in table.leaves])
     return np.asarray((leaf >= 0) & known[np.maximum(leaf, 0)])
 

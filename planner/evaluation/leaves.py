@@ -38,7 +38,7 @@ class Reliability(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Share of the leaves whose prediction holds; 1 where there are none."""
+        """Share of the rows whose prediction holds; 1 if there are no rows."""
         return sum(row.holds for row in self.rows) / len(self.rows) if self.rows else 1.0
 
     def figures(self) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def reliability(table: Table, evaluation: Evaluation) -> Reliability:
 
 
 class Confusion(NamedTuple):
-    """Parts that ended in one leaf but lay at the pose of another."""
+    """Number of parts that ended in one leaf, but lay at the pose of another leaf or of none."""
 
     leaf: int  # where they ended
     truth: int  # the leaf nearest to their pose; `NO_LEAF` if none is within the goal
@@ -135,7 +135,7 @@ class Identities(NamedTuple):
 
 
 def identities(table: Table, evaluation: Evaluation) -> Identities:
-    """Compares the names that resolved leaves give with the true hypotheses."""
+    """Counts the parts of each hypothesis by the name that their leaf gave them."""
     number = len(table.hypotheses)
     said = np.array([leaf.hypothesis for leaf in table.leaves])[np.maximum(evaluation.leaf, 0)]
     said = np.where(evaluation.resolved, said, number)
@@ -159,7 +159,7 @@ def nearest_leaf(table: Table, poses: Array) -> IntArray:
 
 
 def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:
-    """Confused pairs of leaves, the most frequent first; trials whose leaf was right are left out."""
+    """Counts trials with a wrong leaf by the leaf reached and the leaf nearest to the part, most first."""
     failed = (evaluation.leaf >= 0) & ~evaluation.within
     ended = evaluation.leaf[failed].tolist()
     truth = nearest_leaf(table, evaluation.states[failed]).tolist()

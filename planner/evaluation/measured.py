@@ -44,7 +44,7 @@ def with_figures(
 
 
 def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:
-    """The table with the overall figures of its evaluation as its prediction."""
+    """The table with success rate, squeezes and errors of its evaluation stored as its prediction."""
     figures = evaluation.summary()
     median_um, p95_um = _errors_um(evaluation.error_mm[evaluation.resolved])
     predicted = tables.Prediction(
@@ -113,7 +113,7 @@ def _errors_um(error_mm: Array) -> tuple[int, int]:
 
 
 def _open(leaf: tables.Leaf, states: Array, metric: Metric) -> tables.Leaf:
-    """The leaf with the main poses of its parts, other than its predicted one, as alternatives."""
+    """The leaf; its alternatives are the main poses of its parts that are not its predicted pose."""
     predicted = np.array([*tables.predicted_pose(leaf), leaf.hypothesis])
     alternatives = [
         tables.LeafPose(*pose_of(mode.pose), mode.hypothesis[0])
@@ -142,7 +142,7 @@ def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node,
 def _branches(
     node: tables.Node, numbers: list[int], gripper: tables.GripperSpec
 ) -> list[tables.Branch]:
-    """The remaining branches of a node, which do not take over the widths of removed ones."""
+    """The branches `numbers` of a node, confined to their own widths, with shares that again add up to 1."""
     if len(numbers) == len(node.branches):
         return list(node.branches)
     meant = [each for part in tables.decision_map(node, gripper) for each in part.intervals()]

@@ -155,7 +155,7 @@ class RigidWorld:
         return widths[-1]
 
     def _blocked(self) -> bool:
-        """Whether the jaws would stand still even without friction."""
+        """Sets friction to 0, simulates on, and returns whether the jaws still do not close."""
         width = self._width()
         self.model.geom_friction[self.model.geom_priority > 0, 0] = 0.0
         mujoco.mj_step(self.model, self.data, round(WINDOW_S / self.model.opt.timestep))

@@ -42,12 +42,12 @@ class Evaluation:
 
     @property
     def error_mm(self) -> Array:
-        """(n,) audit metric of the leaf's pose against the true pose; infinite without a leaf."""
+        """(n,) audit metric from the true pose to the leaf's nearest pose; infinite without a leaf [mm]."""
         return self._verdict.error_mm
 
     @property
     def within(self) -> BoolArray:
-        """(n,) whether the leaf's pose is within the goal of the true pose."""
+        """(n,) whether some pose of the leaf is within the goal of the true pose."""
         return self._verdict.within
 
     @cached_property
@@ -57,7 +57,7 @@ class Evaluation:
 
     @cached_property
     def seconds(self) -> Array:
-        """(n,) estimated times [s]; computed on first use, since that takes longer than the squeezes."""
+        """(n,) duration of each trial, estimated by the table's model of time [s]; computed on first use."""
         return seconds_of(self.table, self.path, self.reading, self.branch)
 
     @property

@@ -53,7 +53,7 @@ MOST_ROWS = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sums:
-    """Sums over a number of parts. The weights of a part's copies add up to 1."""
+    """Weighted counts of outcomes over many parts; the weights of one part's copies add up to 1."""
 
     parts: int  # number of parts.
     visits: Array  # (L,) weight that ended in each leaf.
@@ -97,7 +97,7 @@ NAMES = tuple(field.name for field in fields(Sums))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """What the chunks of a study have in common; a call with a chunk's number runs it, in any process."""
+    """A simulation of many parts in chunks; a call with a chunk's number runs it, in any process."""
 
     program: Program  # the table.
     job: Job  # the true parts and gripper.
@@ -162,7 +162,7 @@ def _sum(group: IntArray, weight: Array, groups: int) -> Array:
 
 
 def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Array:
-    """(leaves + 1,) sum over parts of the squared weight of a part in a leaf; last: in all leaves."""
+    """Sums (leaves + 1,) of squared weights of parts in each leaf; last, of their weights in all leaves."""
     key, inverse = np.unique(part * leaves + leaf, return_inverse=True)
     once = _sum(inverse, weight, len(key))
     whole = _sum(part, weight, 0)
@@ -225,7 +225,7 @@ class Bound(NamedTuple):
 
 
 def continued(study: Study, sums: Sums, parts: int, scheduler: Scheduler) -> Iterator[Sums]:
-    """Continues a study.
+    """Runs the chunks of a study that `sums` lacks, until at least `parts` parts are done.
 
     Args:
         study: the study.

@@ -41,9 +41,14 @@ def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray
 
 
 def _seconds(schedule: Schedule, gripper: GripperSpec, key: list[int], *, first: bool) -> float:
-    """Seconds of a squeeze.
+    """Seconds that one squeeze of a part takes; 0 if there is none.
 
-    `key` is node, steps and branch of the squeeze before it, the same of this squeeze, and the node after it.
+    Args:
+        schedule: times the motions of the arm and the jaws.
+        gripper: converts steps to a width.
+        key: node, steps and branch of the squeeze before, the same of this one, and the part's next node;
+            a negative node stands for none.
+        first: whether this is the first squeeze of its part, so that the one before is of another part.
     """
     came, current, after = _squeezed(gripper, key[:3]), _squeezed(gripper, key[3:6]), key[6]
     if came is None or current is None:

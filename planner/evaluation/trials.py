@@ -36,7 +36,7 @@ def placement_of(action: Squeeze | Push) -> Array:
 
 
 class Lookup(NamedTuple):
-    """Step functions, one a row, for vectorised lookup: their segments are concatenated to arrays."""
+    """Step functions from width to branch, stored as arrays so that many widths are looked up at once."""
 
     start: IntArray  # (s,) ascending: first width of each segment [um], plus `SPAN` for each row before
     branch: IntArray  # (s,) the branch of widths from there on, or `REJECT`
@@ -106,7 +106,7 @@ def encoder_of_table(table: Table) -> Encoder:
 
 
 class Step(NamedTuple):
-    """One squeeze of each of n parts, each at a node of its own, and the table's decisions."""
+    """Result of squeezing n parts once, each at its own node: poses, readings and branches taken."""
 
     before: Array  # (n, 3) poses in the world before it [mm, mm, rad]
     after: Array  # (n, 3) poses after it, with the jaws closed

@@ -39,7 +39,7 @@ VECTOR = ("node", "width_um", "object_flag", "outcome", "index", "release_x_um",
 
 
 class Run(NamedTuple):
-    """An interval of widths that a node reads as one branch; widths in no run are REJECT."""
+    """An interval of widths at a node that leads to one branch; widths in no run are rejected."""
 
     object_flag: int  # FELT or NOT_FELT
     first_um: int  # least width
@@ -88,7 +88,7 @@ def _compared(segments: Segments, opening_um: int) -> list[int]:
 
 
 def _next(table: Table, node: Node, branch: int) -> tuple[int, int]:
-    """The outcome after a branch, and the index of the next node or of the leaf; -1 for REJECT."""
+    """What follows a branch: the outcome, and the index of the next node or of the leaf; -1 for REJECT."""
     if branch == REJECT:
         return REJECTED, -1
     target = node.branches[branch].target

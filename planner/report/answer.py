@@ -39,7 +39,7 @@ class Answer(NamedTuple):
         return ", ".join(filter(None, parts)) + "."
 
     def lines(self) -> list[str]:
-        """The complete answer, its sentence first."""
+        """The answer as lines: the sentence, warnings, shares, error, effort, weakest assumption, limits."""
         figures, shares = self.figures, shares_of(self.figures)
         low, high = figures["success_ci95"]
         others = {"wrong": shares.wrong, "given up": shares.unresolved, "rejected": shares.rejected}

@@ -19,7 +19,7 @@ LEAST_SHARES = (0.0, 0.001, 0.005, 0.01, 0.03, 0.1, 0.3)
 
 
 class Way(NamedTuple):
-    """One outcome of a node, as a row of text."""
+    """One branch of a node: its widths, the panel it leads to and how many parts took it."""
 
     key: str  # of the panel it leads to
     low_mm: float
@@ -29,7 +29,7 @@ class Way(NamedTuple):
 
 
 class Place(NamedTuple):
-    """A node or a leaf, and what follows it."""
+    """A node or a leaf as a page shows it, with the subtrees below it."""
 
     panel: Panel
     line: Line | None  # branch that leads to it; None for the root
@@ -43,13 +43,13 @@ class Place(NamedTuple):
 
     @property
     def light_words(self) -> str:
-        """States how many places are folded away."""
+        """Text for the number of subtrees that are folded away."""
         shares = [place.line.share for place in self.light if place.line]
         return f"1 more, {shares[0]}" if len(shares) == 1 else f"{len(shares)} more"
 
 
 class Tree(NamedTuple):
-    """The whole tree."""
+    """All nodes and leaves of a table, nested for a page."""
 
     root: Place
     places: list[Place]  # nodes, then leaves
@@ -58,7 +58,7 @@ class Tree(NamedTuple):
 
 
 def tree_of(table: Table, job: Job, beliefs: Replay, log: RunLog | None) -> Tree:
-    """The branches of a table, with the counts of a journal's parts if there is one."""
+    """Nests the nodes and leaves of a table; with `log`, also counts the parts of its journal there."""
     return _Places(table, job, beliefs, log).tree()
 
 
@@ -182,7 +182,7 @@ class _Places:
 
 
 def span_of(ways: list[Way]) -> tuple[float, float]:
-    """The range of widths in the chart of a node [mm]."""
+    """Least and greatest width of a node's chart, which covers its outcomes `ways` with a margin [mm]."""
     low, high = min(way.low_mm for way in ways), max(way.high_mm for way in ways)
     return max(low - MARGIN_MM, 0.0), high + MARGIN_MM
 

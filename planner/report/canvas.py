@@ -165,7 +165,7 @@ def transform(pose: Array) -> str:
 
 
 def part(state: Array) -> int:
-    """The number of the hypothesis in a state: its fourth entry, or 0 for a pose (3,)."""
+    """Index of the hypothesis of a state (4,), which is its last entry; 0 for a pose (3,)."""
     return int(state[3]) if len(state) > 3 else 0
 
 

@@ -22,7 +22,7 @@ class Row(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """All compared quantities, and the names of the two plans or runs."""
+    """The comparison of two plans, or of two runs, row by row, with their names."""
 
     this: str
     other: str
@@ -38,9 +38,10 @@ class Plan(NamedTuple):
 
 
 def of_plans(this: Plan, other: Plan, trials: int) -> Comparison:
-    """Compares two plans, each evaluated in the cell of its job.
+    """Compares two plans by the figures of their tables, and by the fields in which their jobs differ.
 
-    The number of trials is that behind the figures of its table; `trials`, if it has no figures.
+    Each table is evaluated in the cell of its job, with as many trials as its stored figures have; with
+    `trials` if it has none.
     """
     columns = [dict(_plan_figures(plan, trials)) for plan in (this, other)]
     jobs = [_flat(json.loads(plan.job.canonical())) for plan in (this, other)]

@@ -142,7 +142,7 @@ def page(
 
 
 def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:
-    """Data for the page's script: targets of widths, and the parts of a journal."""
+    """Data for the page's script: at each node, which width leads where; and the parts of the journal."""
     nodes = {
         place.panel.key: {
             "span_mm": dict(zip(("low", "high"), span_of(place.ways), strict=True)),
@@ -155,7 +155,7 @@ def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:
 
 
 def _row(name: str, figures: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """The name of a world and its figures, with the shares of all parts in percent as texts."""
+    """A row of the page's table: a world's name, and its figures with shares in percent as texts added."""
     return name, {**figures, "shares": _shown(figures)}
 
 
@@ -201,7 +201,7 @@ def _section(name: str, table: dict[str, Any], head: str = "[{}]") -> list[str]:
 
 
 def _parts(table: Table, log: RunLog) -> list[dict[str, Any]]:
-    """Parts of a journal: failed ones first, then the latest, in their order."""
+    """At most `LISTED` parts of a journal, in its order: the latest failed ones, then the latest others."""
     failed = [number for number, part in enumerate(log.parts) if part.failed][-LISTED:]
     rest = [number for number, part in enumerate(log.parts) if not part.failed]
     shown = sorted(failed + rest[len(rest) - min(len(rest), LISTED - len(failed)) :])
@@ -229,7 +229,7 @@ def _part(table: Table, part: PartLog) -> dict[str, Any]:
 
 
 def _rejects(table: Table, job: Job, log: RunLog, beliefs: Replay, reach: float) -> list[Reject]:
-    """The latest rejected readings of a journal."""
+    """Pictures of the latest rejected readings of a journal, at most `REJECTS`."""
     jaws, result = jaws_of(job.gripper), []
     for part, squeeze in log.rejects()[-REJECTS:]:
         node, width_mm = squeeze.node, squeeze.width_um / 1e3

@@ -23,7 +23,7 @@ SIZE_IN = (7.4, 5.0)
 
 
 def figure(data: Normalised, fits: Sequence[Identified], title: str) -> Figure:
-    """Draws the pairs and the results for each kind of surface."""
+    """Draws measured pairs of wrench and twist, with the limit surface of each fit and its errors."""
     result = canvas.blank(*SIZE_IN)
     grid = result.subplots(2, 3)
     for axes, plane in zip(grid[0], SECTIONS, strict=True):
@@ -36,7 +36,7 @@ def figure(data: Normalised, fits: Sequence[Identified], title: str) -> Figure:
 
 
 def turn(V: Array) -> Array:
-    """Share of turning in unit twists (K, 3), as an angle: 0 translation, 90 a turn to the left [deg]."""
+    """Arcsine of the rotation in unit twists (K, 3): 0 for translation, 90 for rotation to the left [deg]."""
     return np.asarray(np.degrees(np.arcsin(np.clip(V[:, 2], -1.0, 1.0))))
 
 

@@ -1,7 +1,7 @@
 """Mean pose of the parts of each leaf in the stated cell, compared with the leaf's answer.
 
-A leaf's pose is within the goal of most parts over all cells that the job's doubts allow. In the stated cell,
-the mean of the parts may therefore lie elsewhere, on purpose.
+The stated cell has the values that the job states, without their uncertainty. The pose of a leaf is chosen
+for all cells that the job believes possible, so in the stated cell it may differ from the mean on purpose.
 """
 
 import math
@@ -28,7 +28,7 @@ class Mean(NamedTuple):
 
     @property
     def deliberate(self) -> bool:
-        """Whether the leaf's pose differs from the mean on purpose."""
+        """Whether the mean is more than `WORTH_TELLING_MM` from the leaf's pose, which is then on purpose."""
         return self.apart_mm > WORTH_TELLING_MM
 
 

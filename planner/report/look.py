@@ -18,7 +18,7 @@ SQUEEZES = range(1, 4)  # most of them beside each other on a page
 
 
 class Scene(NamedTuple):
-    """Possible poses of the parts at one moment, and the pose of one of them."""
+    """The belief before the first squeeze, or after one of the squeezes, and one part at that time."""
 
     number: int  # of the squeeze; 0 before the first one
     belief: Array  # (m, 3 or 4) states of the parts, as `with_hypothesis`
@@ -32,7 +32,7 @@ class Scene(NamedTuple):
 
     @property
     def caption(self) -> str:
-        """The moment in words."""
+        """Text: which squeeze, its reading, and the share of parts that are left."""
         if not self.number:
             return "Before: all parts"
         squeeze = f"Squeeze {self.number} at {self.angle_deg:.0f}°"
@@ -47,9 +47,9 @@ class Step(NamedTuple):
 
 
 def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> list[Step]:
-    """The path from the root to a leaf that most parts take.
+    """The path from the root to the leaf in which most parts end.
 
-    The length of the path is one of `squeezes`, if some part takes such a path.
+    If possible, only paths with a number of squeezes in `squeezes` are considered.
     """
     results: list[tuple[int, list[Step]]] = []
     waiting: list[tuple[int, list[Step]]] = [(0, [])]
@@ -67,7 +67,7 @@ def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> 
 def scenes(
     table: Table, job: Job, beliefs: Replay, squeezes: Collection[int] = SQUEEZES
 ) -> list[Scene]:
-    """The moments before the first squeeze and after each, on the likeliest path."""
+    """Scenes on the likeliest path: one before the first squeeze, and one after each squeeze."""
     whole = likeliest_path(table, beliefs, squeezes)
     # The path ends before a squeeze at which no part takes its branch, such as where all are rejected.
     path = list(takewhile(lambda at: np.any(beliefs.visits[at.node].branch == at.branch), whole))
@@ -95,7 +95,7 @@ def scenes(
 
 
 def _one_part(beliefs: Replay, path: list[Step]) -> list[int]:
-    """For each node of a path, the index of the same part among the parts at this node."""
+    """Chooses a part that takes the whole path; returns its index among the parts at each node of it."""
     part, numbers = 0, list[int]()
     for step in reversed(path):
         part = int(np.flatnonzero(beliefs.visits[step.node].branch == step.branch)[part])

@@ -29,7 +29,7 @@ class Replay(NamedTuple):
 
 
 def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
-    """Runs parts through the table of a job; the seed determines poses, mechanics and encoder noise."""
+    """Runs `trials` parts through a table and records them at each node and leaf; `seed` fixes all draws."""
     rng = np.random.default_rng([seed, 0x5245504C])
     program = Program.of(table)
     cell = Cell(program, job, world_of(job, seed, ContactWorld), NONE, rng)

@@ -30,7 +30,7 @@ class Squeezed(NamedTuple):
 
 @dataclass(slots=True)
 class PartLog:
-    """One part; `outcome` stays "cut short" where the journal has no outcome."""
+    """What a journal says of one part; `outcome` is "cut short" if the journal ends before it."""
 
     part: int
     squeezes: list[Squeezed] = field(default_factory=list)
@@ -72,7 +72,7 @@ class RunLog(NamedTuple):
         return Counter(part.outcome for part in self.parts)
 
     def times(self, takt_s: float | None = None) -> dict[str, float]:
-        """Figures of the parts' seconds, as from `takt_figures`, and the number of timed parts; or empty."""
+        """Number of timed parts, and figures of their seconds by `takt_figures`; empty if none is timed."""
         seconds = Counter(part.seconds for part in self.parts if part.seconds is not None)
         return {"parts": seconds.total(), **takt_figures(seconds, takt_s)} if seconds else {}
 

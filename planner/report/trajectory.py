@@ -47,7 +47,7 @@ class Squeezed(NamedTuple):
 
 
 def along(states: Array, widths_mm: Array) -> Array:
-    """The states (n, 4) of a squeeze (k, 4) at widths (n,) within it, interpolated between its steps."""
+    """Interpolates the recorded states (k, 4) of a squeeze at given widths (n,); returns states (n, 4)."""
     latest = states[::-1]  # of states of the same width, the last counts
     rising, rows = np.unique(latest[:, 3], return_index=True)
     columns = [np.interp(widths_mm, rising, latest[rows, j]) for j in range(3)]

@@ -23,7 +23,7 @@ from runtime.table import Leaf, Table, predicted_pose
 
 
 class Sizes(NamedTuple):
-    """Half widths, and the distance between neighbours."""
+    """Half widths of the elements of a tree, and the least distance between neighbours."""
 
     panel: float  # half the width of a panel
     label: float  # half the width of a branch's label
@@ -48,7 +48,7 @@ class Layout(NamedTuple):
 
 @dataclass(slots=True)
 class _Subtree:
-    """A target of the table with its children; all places are relative to its middle."""
+    """A node or leaf with the subtrees below it; all positions are relative to its middle."""
 
     target: int
     contour: dict[int, tuple[float, float]]  # least and greatest place used in each slot
@@ -87,7 +87,7 @@ def _subtree(table: Table, target: int, depth: int, sizes: Sizes) -> _Subtree:
 def _row(
     subtrees: list[_Subtree], margin: float
 ) -> tuple[list[float], dict[int, tuple[float, float]]]:
-    """Places of subtrees beside each other, as close together as possible, and their common contour."""
+    """Packs subtrees side by side without overlap; returns their positions and their common contour."""
     xs: list[float] = []
     merged: dict[int, tuple[float, float]] = {}
     for subtree in subtrees:
@@ -163,7 +163,7 @@ class Drawing(NamedTuple):
 
 
 def drawing(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -> Drawing:
-    """Arranges the panels of a table, given its job and its beliefs."""
+    """Lays out the tree of a table; its panels show the poses of the replayed parts `beliefs`."""
     tree = _Tree(table, job, beliefs, style)
     along = tree.layout.rows * (PANEL + style.gap) + 2 * EDGE
     across = tree.layout.width + 2 * EDGE
@@ -184,7 +184,7 @@ def picture(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -
 
 
 class _Tree:
-    """Common data of the panels of one table; a target is a node, or ~leaf."""
+    """Builds the panels and lines of a table's tree; a target is a node's index, or ~index of a leaf."""
 
     def __init__(self, table: Table, job: Job, beliefs: Replay, style: Style) -> None:
         self.table, self.beliefs, self.style = table, beliefs, style
@@ -278,7 +278,7 @@ class _Tree:
 
 
 def names_parts(table: Table) -> bool:
-    """Whether leaves must name one of several parts."""
+    """Whether the job has several parts and its goal requires that leaves name the part."""
     return bool(table.hypotheses) and table.goal.identify
 
 

@@ -30,14 +30,14 @@ class Weakest(NamedTuple):
     success: float  # share of parts located there
 
     def text(self) -> str:
-        """The result as text."""
+        """The world's name and its shares as text."""
         if self.wrong >= GOOD_WRONG:
             return f"{self.name} ({percent(self.wrong)} wrong)"
         return f"{self.name} ({percent(self.success)} located, {percent(self.wrong)} wrong)"
 
 
 class Verdict(NamedTuple):
-    """The verdict on a plan."""
+    """The grade of a plan, with a sentence, conditions and warnings."""
 
     grade: Grade
     sentence: str
@@ -85,9 +85,9 @@ def _harm(line: Line) -> tuple[float, float]:
 
 
 def _conditions(lines: Sequence[Line]) -> list[str]:
-    """The assumptions without which wrong answers are too many, the most harmful first.
+    """Texts of the assumptions whose violation gives too many wrong answers, the most harmful first.
 
-    Among conditions on one side of a quantity, the strictest stands for all.
+    Of several bounds on the same side of a quantity, only the strictest is stated.
     """
     failing = [line for line in lines[1:] if float(line.evaluation.wrong.mean()) >= GOOD_WRONG]
     strictest: dict[tuple[str, str], Condition] = {}
@@ -183,14 +183,14 @@ USUAL = 0.9  # share of located parts below which a cell needs attention
 
 
 class CellResult(NamedTuple):
-    """The verdict on a cell."""
+    """The grade of a cell, with a sentence."""
 
     grade: Grade
     sentence: str
 
 
 def cell_result(table: Table, log: RunLog) -> CellResult:
-    """The verdict on the cell of a journal: the outcomes of its parts, and the commonest reject."""
+    """Grades a cell by its journal; states the outcomes of parts and the node that rejected most of them."""
     total = len(log.parts)
     if not total:
         return CellResult("fair", "no part was begun")
@@ -216,7 +216,7 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
 
 
 def reject_text(table: Table, node: int, width_um: int) -> str:
-    """States a reading without a branch, and the widths that were planned there."""
+    """Text of a rejected reading: the width read at a node, and the widths that were planned there."""
     read_mm = width_um / 1e3
     spans = planned_spans(table.nodes[node])
     planned = ", ".join(f"{low:.1f} to {high:.1f}" for low, high in spans)
@@ -225,7 +225,7 @@ def reject_text(table: Table, node: int, width_um: int) -> str:
 
 
 def planned_spans(node: Node) -> list[tuple[float, float]]:
-    """The widths that a node has branches for, adjacent intervals merged [mm]."""
+    """Intervals of width that lead to a branch of a node, adjacent ones merged [mm]."""
     spans: list[tuple[float, float]] = []
     for branch in sorted(node.branches, key=lambda branch: branch.low_um):
         low, high = branch.low_um / 1e3, branch.high_um / 1e3

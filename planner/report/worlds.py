@@ -39,8 +39,8 @@ def tried(
 ) -> list[Line]:
     """The evaluation `planned` in the table's own world, followed by evaluations in further worlds.
 
-    Each of these breaks one assumption of plans, or sets a doubt of the job to an end of its interval. The
-    last worlds are left out when the limit is over. `planned` is as from `evaluation_of`.
+    Each of these breaks one assumption of plans, or sets one uncertain quantity of the job to an end of its
+    interval. Once `limit` is over, no further world is tried. `planned` is as from `evaluation_of`.
     """
     seed, (stated, *others) = job.seed + SEED_FIGURES, _cases(job)
     lines = [Line(stated, planned)]

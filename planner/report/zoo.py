@@ -38,7 +38,7 @@ Figures = dict[str, Any]
 
 
 class Item(NamedTuple):
-    """An outline to plan, fit to be sent to another machine."""
+    """An outline to plan, with the rest of its job; pickles, so that another machine can plan it."""
 
     name: str  # key
     outline_mm: list[list[float]]  # (N, 2)

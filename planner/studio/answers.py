@@ -40,7 +40,7 @@ TEXT = ("text/plain; charset=utf-8", (".toml", ".jsonl", ".csv", ".txt"))
 
 
 class Answer(NamedTuple):
-    """A response."""
+    """An HTTP response: its body, content type, security policy and status code."""
 
     body: bytes
     kind: str = JSON
@@ -132,7 +132,7 @@ class Answers:
         return _object({"plan": self.plans.begin(drawing, arguments)})
 
     def stop(self, query: dict[str, str], _body: bytes) -> Answer:
-        """Asks a plan to end with the result so far."""
+        """Asks the plan in `query` to end with the result so far."""
         self.plans.stop(query.get("plan", ""))
         return _object({})
 

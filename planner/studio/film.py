@@ -34,7 +34,7 @@ def film(table: Table, parts: Sequence[Mapping[str, Any]], number: str) -> dict[
 
     Args:
         table: the table of the run.
-        parts: of the plan's log, with `path` and `squeezes`.
+        parts: the simulated parts in the plan's log, each with its `path` and `squeezes`.
         number: number of the part.
 
     Raises:

@@ -11,7 +11,7 @@ MOST_LINES = 40
 
 
 class Log(NamedTuple):
-    """Content of a log that a page shows."""
+    """State of a plan as its log tells it, for a page to show."""
 
     drawing: str
     commands: list[str]

@@ -101,7 +101,7 @@ class Plans:
         (self.folder.path / written_for(name)["stop"]).touch()
 
     def all(self) -> list[Plan]:
-        """All plans with a log, the latest first."""
+        """All plans of the folder that have a log, the one whose log changed last first."""
         there = {file.name for file in self.folder.files()}
         logs = [self.folder.path / name for name in there if name.endswith(LOG)]
         plans = []

@@ -25,7 +25,7 @@ PICTURE = ".look.svg"  # suffix
 
 
 def written_for(name: str) -> dict[str, str]:
-    """The files of a plan, by kind, without the drawing."""
+    """Names of the files that belong to a plan, by kind; the drawing is not among them."""
     suffixes = {
         "log": ".plan.jsonl",
         "job": ".toml",
@@ -56,7 +56,7 @@ def beginning(name: str) -> str:
 
 
 def typed(words: Sequence[str]) -> str:
-    """The command line for the words of a command."""
+    """The command line that a user would type in a shell for the words of a command."""
     apart = [
         part for word in words for part in (word.split("=", 1) if word[:2] == "--" else [word])
     ]
@@ -106,7 +106,7 @@ def try_others(files: Mapping[str, str]) -> None:
 
 
 def _ended(words: Sequence[str], stop: str, *, aside: bool = False) -> int:
-    """Runs a command and returns its exit code; the file `stop` interrupts the command.
+    """Runs a command and returns its exit code; interrupts it as Ctrl-C once the file `stop` exists.
 
     With `aside`, the command runs at low priority and its output is discarded.
     """

@@ -18,7 +18,7 @@ class Trial(NamedTuple):
     confidence: float  # share of the parts that the job requires
 
     def command(self, value: float, job: str, folder: str) -> list[str]:
-        """The words after `squeezetree` that plan for a value, with the table in a folder."""
+        """The command, without `squeezetree`, that plans with a value and writes the table to a folder."""
         return ["plan", job, "-o", folder, "--vary", f"{self.key}={value:g}", *EFFORT]
 
     def result(self, value: float, summary: Path) -> dict[str, Any]:

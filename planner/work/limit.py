@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 
 class Limit:
-    """A budget of time, and a request to end early; work checks both between its steps."""
+    """Says when work should end: its budget of time is spent, or an early end was requested."""
 
     def __init__(
         self, budget_s: float = math.inf, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Starts counting the time; the clock returns seconds."""
+        """Starts a budget of seconds, unlimited by default; `clock` returns the time in seconds."""
         self.budget_s = budget_s
         self.reserve_s = 0.0  # part of the budget that is kept for the work that follows
         self.asked = False  # whether to end at once
@@ -26,7 +26,7 @@ class Limit:
 
     @property
     def left_s(self) -> float:
-        """Seconds of the budget that are left before the reserve; infinite without a budget."""
+        """Seconds of the budget that are left, less the reserve for later work; infinite without a budget."""
         return self.budget_s - self.reserve_s - self.spent_s
 
     @property
@@ -49,5 +49,5 @@ class Limit:
         return heard
 
     def over(self, kept_s: float = 0.0) -> bool:
-        """Whether to end now: an end was requested, or less than `kept_s` is left before the reserve."""
+        """Whether to end now: an end was requested, or `left_s` is less than `kept_s`."""
         return self.asked or self.left_s < kept_s
