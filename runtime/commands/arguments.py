@@ -76,7 +76,7 @@ class PrintedMap(argparse.Action):
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Builds the argument parser of `grasp-runtime`."""
     text = "Localise parts by executing a decision table on a cell."
     built = Parser(prog="grasp-runtime", description=text, epilog=EPILOG)
     add = built.add_argument

@@ -49,7 +49,7 @@ is told by grasp-calibrate camera --help, tag --help and pictures --help.
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Builds the argument parser of `grasp-calibrate`."""
     built = Parser(
         prog="grasp-calibrate", description="Measure the parameters of a cell.", epilog=EPILOG
     )

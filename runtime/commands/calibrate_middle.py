@@ -41,7 +41,7 @@ times in all. What the table of --tree allows (area, heights, arm speed) holds h
 
 
 def add_to(subcommands: Any, codes: str) -> None:
-    """Adds the command with its arguments to `grasp-calibrate`."""
+    """Adds the subcommand `middle`, with its arguments, to `grasp-calibrate`."""
     parser = subcommands.add_parser(
         NAME,
         help="where the fingers meet, with a block held fast",

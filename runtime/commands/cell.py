@@ -93,7 +93,7 @@ def _virtual(
 
 
 def _default_world(table: Table, console: Console) -> str:
-    """The contact world if it can run here, else the rehearsal, with a note that says so."""
+    """Name of the contact world if it can run here, else of the rehearsal, which a note then states."""
     missing = [name for name in PLANNER_NEEDS if find_spec(name) is None]
     if table.job is not None and not missing:
         return CONTACT_WORLD

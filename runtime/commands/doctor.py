@@ -32,7 +32,7 @@ MARKS = {Verdict.GOOD: "ok  ", Verdict.WARNING: "WARN", Verdict.BAD: "BAD "}
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Builds the argument parser of `grasp-doctor`."""
     text = "Check a cell before it runs; moves nothing."
     built = Parser(prog="grasp-doctor", description=text, epilog=EPILOG)
     add = built.add_argument

@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Builds the argument parser of `grasp-evidence`."""
     text = "Sign a table with its calibration and job, and check that nothing was changed since."
     built = Parser(prog=NAME, description=text, epilog=EPILOG)
     subcommands = built.add_subparsers(required=True, metavar="key | pack | verify")

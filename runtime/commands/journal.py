@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Builds the argument parser of `grasp-journal`."""
     text = "Read, verify, replay and export the journals of grasp-runtime."
     built = Parser(prog="grasp-journal", description=text, epilog=EPILOG)
     subcommands = built.add_subparsers(required=True, metavar="show | verify | replay | export")
@@ -185,7 +185,7 @@ def _since(text: str) -> object:
 
 
 def _line(entry: Entry) -> str:
-    """Number, time, kind and the remaining fields of a record that fit a line."""
+    """A record as a line for people: number, time, kind, and the fields that are not in `HIDDEN`."""
     message = " ".join(
         f"{name}={_short(value)}" for name, value in entry.items() if name not in HIDDEN
     )

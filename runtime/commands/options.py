@@ -110,7 +110,7 @@ def _check_manual(arguments: argparse.Namespace) -> None:
 
 
 def views(arguments: argparse.Namespace) -> Views:
-    """Views of the run besides the console."""
+    """Options of the run's status and live page, from --http, --takt, --shifts and --journal."""
     return Views(arguments.http, arguments.takt, arguments.shifts, arguments.journal)
 
 

@@ -189,7 +189,7 @@ class PlcRun:
             yield self._parts
 
     def _ended_withdrawn(self, journal: Journal) -> bool:
-        """Ends a part whose enable was withdrawn before anything moved; returns whether there was one."""
+        """Answers a trigger with a fault if the PLC has withdrawn the enable; returns whether it did so."""
         seen = self._exchange.glance
         if seen.order is None or seen.enabled:
             return False
@@ -198,7 +198,7 @@ class PlcRun:
         return True
 
     def _await_taken(self) -> None:
-        """Ends the run: triggers are ignored, and the last result stays until it is taken."""
+        """Ignores further triggers; waits, after a stop only briefly, until the last result is taken."""
         self._exchange.end()
         with suppress(KeyboardInterrupt):  # the error that ended the run has priority
             while self._exchange.glance.state in OPEN and not self._stopped:
@@ -215,7 +215,7 @@ class PlcRun:
             self._wait(self._left(until))
 
     def _left(self, until: float) -> float:
-        """Seconds left for a PLC; 0 once it has disconnected."""
+        """Seconds until the time `until` if a PLC is connected, else 0."""
         return until - self._clock.now() if self._exchange.connected else 0.0
 
     def _wait(self, seconds: float = inf) -> None:
@@ -287,7 +287,7 @@ def _opc_ua(
 
 
 def _offers(recipes: Sequence[Recipe]) -> list[Offer]:
-    """The tables by their file names, numbered where two have the same name."""
+    """The tables that OPC UA offers, by file name; a number precedes a name that two tables have."""
     names = Counter(recipe.path.stem for recipe in recipes)
     return [
         Offer(

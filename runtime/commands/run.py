@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """One call of the command; `stack` closes everything that it opens."""
+    """One call of `grasp-runtime` with its table; `stack` closes everything that the call opens."""
 
     arguments: argparse.Namespace
     recipe: Recipe
@@ -122,7 +122,7 @@ class _Asked:
         return tally.exit_code
 
     def _plc(self) -> "PlcRun":
-        """Holds the address for a PLC, and prepares the further tables that it may select."""
+        """Prepares the run that a PLC triggers: binds the address, loads the further tables for it."""
         from runtime.commands import plc  # with a server, which no other run has to load
 
         arguments = self.arguments
@@ -216,7 +216,7 @@ class _Asked:
         crash.begin(journal, begun, data, self.recipe.header, policy)
 
     def _look_back(self, clock: SystemClock) -> tuple[Journal | None, Replay | None]:
-        """Opens the journal, and looks for a run in it that broke off; returns None for what is missing."""
+        """Returns the journal and the run in it that broke off; None for each that does not exist."""
         arguments = self.arguments
         if not files.exists(arguments.journal):
             return None, None

@@ -17,7 +17,7 @@ NAME = "squeezetree"
 
 
 class Program(NamedTuple):
-    """The program of a subcommand."""
+    """A command of this package that a subcommand of `squeezetree` runs."""
 
     name: str  # name as installed
     purpose: str  # its purpose
@@ -83,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parser() -> Parser:
-    """The command's arguments; a subcommand's arguments belong to its program."""
+    """Builds the parser of `squeezetree`; a subcommand's own arguments are left to its program."""
     text = f"{_described()}\n{NAME} COMMAND --help tells more."
     built = Parser(prog=NAME, usage=f"{NAME} COMMAND ...", epilog=EPILOG, description=text)
     built.add_argument("--version", action="version", version=f"{NAME} {metadata.version(NAME)}")

@@ -24,7 +24,7 @@ def accepts(host: str, port: int) -> bool:
 
 
 def check_controllers(addresses: Iterator[str], listens: Accepts = accepts) -> Iterator[Finding]:
-    """Checks each UR controller that the addresses of gripper and arm name, once."""
+    """Checks which ports are open on each UR controller that the addresses of gripper and arm name."""
     seen = set()
     for address in addresses:
         try:

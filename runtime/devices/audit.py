@@ -1,4 +1,4 @@
-"""Runs the auditor as a separate process, which answers a JSON line for each part with a JSON line.
+"""Runs the auditor, a program that judges each located part's pose, as a process that speaks JSON lines.
 
 ```
 -> {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0}

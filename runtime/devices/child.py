@@ -64,7 +64,7 @@ class ChildProcess:
         """Sends a line, to which it adds the line end.
 
         Raises:
-            TimeoutError: the child did not take all of it until then; the next call sends the rest first.
+            TimeoutError: the child had not taken all of it by `until`; the next call sends the rest first.
         """
         pipe, self._unsent = self._input.fileno(), self._unsent + line + b"\n"
         while self._unsent:
@@ -77,7 +77,7 @@ class ChildProcess:
         """Waits for the child's next line, and returns it without the line end.
 
         Raises:
-            TimeoutError: no line came until then.
+            TimeoutError: no line came by `until`.
             EOFError: the child has ended, or sends an endless line.
         """
         pipe = self._output.fileno()

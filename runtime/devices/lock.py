@@ -128,7 +128,7 @@ def _addresses(url: str) -> list[str]:
 
 
 def _unit(parts: SplitResult) -> str:
-    """Name of a unit behind a gateway; empty for the usual one."""
+    """Suffix of an identity for the Modbus unit behind a gateway; empty for the usual unit."""
     if parts.scheme not in GATEWAYS:
         return ""
     try:

@@ -31,11 +31,11 @@ def make(job: object, seed: int) -> "Rehearsal":
 
 
 class Rehearsal:
-    """Draws a branch by its probability and a width inside it; the part itself never moves.
+    """Simulates squeezes: draws a branch of the node by its probability, and a width inside it.
 
-    A squeeze at the place of the previous one is a repetition and ends at the same width, as do later
-    strokes of a regulated squeeze, and a re-squeeze. A squeeze that does not continue the previous part
-    starts a new one at the root.
+    The part never moves. A squeeze at the place of the previous one (a re-squeeze, or a later stroke of a
+    regulated squeeze) ends at the same width. A squeeze at a place of no child of the previous node starts a
+    new part at the root.
     """
 
     def __init__(self, table: Table, seed: int) -> None:
@@ -46,7 +46,7 @@ class Rehearsal:
         self._last, self._width_mm, self._status = 0, 0.0, "untouched"
 
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
-        """Squeezes a part at a pose in the hand frame [mm, mm, rad].
+        """Squeezes a part that lies at a pose in the hand's frame [mm, mm, rad].
 
         Returns:
             The same pose, the width in mm without encoder noise, and "grasped", or "untouched" where the
@@ -85,7 +85,7 @@ class Rehearsal:
         return [compose((x_mm, y_mm, angle), pose_hand) for angle in (angle_rad, angle_rad + pi)]
 
     def _width_um(self, node: Node, branch: Branch) -> float:
-        """A width of this branch, with a margin for encoder noise where the interval allows."""
+        """Draws a width of this branch, with a margin for encoder noise where the interval allows."""
         mine = node.branches.index(branch)
         meant = decision_map(node, self._table.gripper).either.intervals()
         low = min(start for start, _, number in meant if number == mine)

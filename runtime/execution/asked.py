@@ -61,7 +61,7 @@ ERRORS = {
 
 
 def refused(number: int) -> str:
-    """The line that answers with an error."""
+    """The protocol's answer for the error of that number in `ERRORS`."""
     return f"ERROR {number} {ERRORS[number]}"
 
 
@@ -87,7 +87,7 @@ class RefusedError(Exception):
 
 @dataclass
 class _Part:
-    """The current part."""
+    """The part that the robot is locating: its pending request, its squeezes so far, its deadline."""
 
     number: int
     requests: Requests
@@ -106,10 +106,10 @@ class _Part:
 
 
 class AskedParts:
-    """Answers the lines of one robot by a table, part after part.
+    """Answers the protocol lines of one robot by looking up a table, part after part.
 
-    The answer to `TABLE` has the first digits of `name`, the table's digest. The journal must already have
-    its header.
+    `name` is the table's digest, whose first digits the answer to `TABLE` contains. The caller has already
+    written the journal's header.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class AskedParts:
         return None if self._part is None else self._part.deadline
 
     def answer(self, line: str) -> str:
-        """Answers a line of the robot; both are without a line end.
+        """Returns the answer to a line of the robot; neither has a line end.
 
         Raises:
             JournalError: the journal cannot be written; the line then has no effect.
@@ -182,7 +182,7 @@ class AskedParts:
         return self._go_on(part)
 
     def _width(self, words: list[str]) -> str:
-        """Answers `WIDTH mm [OBJECT|NONE] [node]`."""
+        """Takes the width of `WIDTH mm [OBJECT|NONE] [node]` as the reading; returns the answer."""
         part, seen = self._due(words, 1)
         _check(NUMBER.fullmatch(words[0]) is not None, 10)
         width_um = round(1000 * float(words[0]))
@@ -194,7 +194,7 @@ class AskedParts:
         return self._read(part, reading_um, seen, " ".join(["WIDTH", *words]))
 
     def _counts(self, words: list[str]) -> str:
-        """Answers `COUNTS n OBJECT|NONE [node]`."""
+        """Takes the encoder count of `COUNTS n OBJECT|NONE [node]` as the reading; returns the answer."""
         part, seen = self._due(words, 2)
         _check(seen is not None and re.fullmatch(r"\d{1,9}", words[0]) is not None, 10)
         assert seen is not None
@@ -225,7 +225,7 @@ class AskedParts:
     # -- readings -------------------------------------------------------------------------------------
 
     def _due(self, words: list[str], least: int) -> tuple[_Part, ObjectState | None]:
-        """Checks a reading's words; returns the part whose reading is due, and the stated object state."""
+        """Checks the words of a reading; returns the part and the object state, None if not stated."""
         _check(self._part is not None and isinstance(self._part.request, Approach), 11)
         assert self._part is not None
         more = words[1:]
@@ -238,8 +238,8 @@ class AskedParts:
     def _state_of(self, reading_um: int, decided: DecisionMap) -> ObjectState:
         """Infers the object state from a width alone: the state for which the width has a branch.
 
-        If the decision is the same for both states, a width of at least `HELD_UM` means a held part. If each
-        state has a branch of its own, the state is that of no part.
+        If both states lead to the same decision, a width of at least `HELD_UM` means a held part. If they
+        lead to two different branches, the jaws count as empty.
         """
         width_um = self._calibration.width_um(reading_um)
         felt, unfelt = (decide(decided, width_um, felt) for felt in (True, False))
@@ -276,12 +276,12 @@ class AskedParts:
     # -- what follows ---------------------------------------------------------------------------------
 
     def _go_on(self, part: _Part) -> str:
-        """Takes the program's next request after the part was released; returns its line."""
+        """Moves on to the next request after a release; returns the line that states it to the robot."""
         part.request = next(part.requests)
         return self._follow(part)
 
     def _follow(self, part: _Part) -> str:
-        """Starts the next squeeze, or ends the part; returns its line."""
+        """Journals that the next squeeze begins or the part ends; returns the line for the robot."""
         request = part.request
         if isinstance(request, Done):
             self._end(request.result)

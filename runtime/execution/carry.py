@@ -149,7 +149,7 @@ def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | N
 
 
 def _same(delivery: Delivery, table: Table, leaf: Leaf) -> Iterator[Way]:
-    """Yields the equivalent paths, the one without any turn first."""
+    """Yields the equivalent ways to take and put down a leaf's part, the one without any turn first."""
     halves = (0.0, pi) if close_alike(table) else (0.0,)
     x_mm, y_mm, theta_rad = delivery.drop
     symmetry = table.goal_of(leaf.hypothesis).symmetry
@@ -192,7 +192,7 @@ def _refusal(
 
 
 def _turns(place: Pose2, near_rad: float, arm: Arm | None) -> list[Pose2]:
-    """The place with each angle, equal up to whole turns, to which the wrist can turn the hand there."""
+    """Copies of a place, one for each equal angle (up to whole turns) in the wrist's range there."""
     x_mm, y_mm, angle_rad = place
     low_rad, high_rad = (-inf, inf) if arm is None else arm.turn_range(x_mm, y_mm)
     return [(x_mm, y_mm, turn) for turn in same_turns(angle_rad, low_rad, high_rad, near_rad)]
@@ -203,7 +203,7 @@ def _carrying(delivery: Delivery, limits: Limits) -> Limits:
 
 
 def _grasp_node(table: Table) -> Node:
-    """A node with the root's squeeze from fully open jaws, and with one branch for any width."""
+    """The node of the last grasp: the root's squeeze from fully open jaws, with one branch for any width."""
     squeeze = table.nodes[0].squeeze._replace(opening_um=table.gripper.opening_um)
     widest_um = max(branch.high_um for node in table.nodes for branch in node.branches)
     return of_any_width(table.nodes[0], squeeze, widest_um)

@@ -1,4 +1,4 @@
-"""Applies the declared policy to a run that broke off, before any device is opened."""
+"""Decides by a policy (abort, resume, restart) what becomes of a run that broke off; opens no device."""
 
 import hashlib
 from collections.abc import Iterable, Mapping
@@ -39,9 +39,10 @@ def look(
     now: Entry,
     most_s: float,
 ) -> Replay | None:
-    """Looks for a run that broke off, and gives it up if that is the policy.
+    """Finds out whether a journal's last run broke off; gives such a run up, or returns it to be resumed.
 
-    Only a run that is given up is written to the journal.
+    With the policy `ABORT` the run is given up, which is journalled and raises an error. Otherwise nothing is
+    written to the journal.
 
     Args:
         journal: the open journal, without an incomplete last line.

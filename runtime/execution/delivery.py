@@ -49,7 +49,7 @@ class Delivery:
         return self
 
     def each(self) -> list[tuple[str, Self]]:
-        """The only delivery, with what messages call its part."""
+        """A list of one pair: the words by which messages name the part, and this delivery."""
         return [("the part", self)]
 
 
@@ -65,7 +65,7 @@ class Sorting:
         return {name: place.record() for name, place in self.named.items()}
 
     def of(self, hypothesis: int) -> Delivery | None:
-        """The delivery of a hypothesis; None if its part stays where it lies."""
+        """The delivery of the part with this index (hypothesis); None if that part stays where it lies."""
         return self.named.get(self.numbers[hypothesis])
 
     def each(self) -> list[tuple[str, Delivery]]:

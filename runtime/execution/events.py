@@ -39,7 +39,7 @@ class Sighting:
 
 @dataclass(slots=True)
 class Tally:
-    """Sums over a run's parts; keeps no single results."""
+    """Running totals over a run's parts: outcomes, squeezes, times, crashes; no single results."""
 
     takt_s: float | None = None  # the time within which parts should be done
     # whether the clock's seconds are those of the cell; False for a clock faster than real time
@@ -55,7 +55,7 @@ class Tally:
     seconds: Counter[float] = field(default_factory=Counter)
 
     def add(self, result: PartResult, seen: Sighting | None) -> None:
-        """Adds one part."""
+        """Adds a part's result and, in a simulated cell, the comparison with its true pose."""
         self.parts += 1
         self.squeezes += len(result.steps)
         self.outcomes[result.outcome] += 1

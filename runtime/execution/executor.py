@@ -71,7 +71,9 @@ PLAIN = RunOptions()
 
 
 class Executor:
-    """Executes one valid table in one cell, whose devices are connected and have not moved yet.
+    """Executes one valid table in one cell, part by part.
+
+    The caller has connected the devices, and has not moved them.
 
     Raises:
         TableError: the gripper cannot execute the table.
@@ -164,7 +166,7 @@ class Executor:
         return request.result
 
     def _squeeze(self, part: int, requests: Requests, approach: Approach) -> Release:
-        """Performs one squeeze, which begins and ends with the hand above the part; returns its release."""
+        """Performs one squeeze, starting and ending above the part; returns its `Release` request."""
         index, node, lap = approach.index, approach.node, Lap(self._cell.clock)
         if not approach.again:
             self._push(part, approach)

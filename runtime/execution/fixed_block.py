@@ -42,7 +42,7 @@ class Grip(NamedTuple):
 
 
 def gripping(table: Table, block_mm: float) -> Node:
-    """A node that squeezes the block gently, with the jaws opened for it, and has one branch for any width.
+    """Builds a node that squeezes a block gently, from jaws opened for it, with one branch for any width.
 
     Raises:
         InputError: the block is too wide for the gripper.
@@ -96,7 +96,7 @@ def measure(
 
 
 def _look(hand: Hand, node: Node, block_mm: float, about: Pose2) -> float:
-    """Measures roughly how far from `about`, along the hand's y, both fingers touch at once [mm]."""
+    """The rough offset from `about`, along the hand's y, at which both fingers touch at once [mm]."""
     below, above = (_grip(hand, node, about, off).width_mm for off in (-COARSE_MM, COARSE_MM))
     if below + above - 2.0 * block_mm < 2.0 * COARSE_MM:
         raise InputError(
@@ -129,11 +129,11 @@ def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
 
 
 def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Middle:
-    """Fits where the fingers meet to the grips at both angles of the hand.
+    """Computes where the fingers meet from the grips at both angles of the hand, by a line for each angle.
 
     Args:
         block_mm: the block's width.
-        halves: for each angle, the block's rough place along the hand's y [mm], and the grips.
+        halves: for each angle, the result of `_look` [mm], and the grips.
 
     Raises:
         InputError: the readings do not fit the block, or the fingers meet too far off the hand's middle.

@@ -52,7 +52,7 @@ class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
     `calibration` converts nominal to true widths. `arm_known` tells whether the arm stands where its last
-    acknowledged motion left it or, before the first motion, where it was first read. Every place is the one
+    acknowledged motion left it or, before the first motion, where it was first read. All places are those
     where the fingers meet; if they meet off the hand's middle, the arm is sent beside the place.
 
     Raises:
@@ -133,13 +133,17 @@ class Hand:
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float, *, first: bool) -> float:
-        """Chooses the angle to which to turn the hand, whole turns counted: the nearest in the wrist's range.
+        """Chooses the angle to which the hand turns for a squeeze: the nearest within the wrist's range.
 
-        Where the table's fingers close alike, an angle half a turn off the plan may be chosen instead: if the
-        wrist reaches the planned angle only the long way round, or if the hand stands in the outer half of
-        the wrist's range, and the turn leads back from the end with clearly less effort. The nearer the end,
-        the less a turn back counts. The choice holds for the rest of the part. In a cell whose fingers do not
-        close evenly, such a part ends elsewhere than planned.
+        Angles that differ by whole turns are distinct, as the wrist's range has ends. Where the table's
+        fingers close alike, the hand may be turned half a turn off the plan instead, in two cases:
+
+        - the wrist reaches the planned angle only by more than half a turn;
+        - the hand stands in the outer half of the wrist's range, and turning back from its end takes clearly
+          less effort. The nearer the end, the less effort a turn back counts as.
+
+        The choice holds for the rest of the part. In a cell whose fingers do not close evenly, such a part
+        ends elsewhere than planned.
 
         Args:
             x_mm: x of the squeeze.
@@ -148,7 +152,7 @@ class Hand:
             first: whether it is the part's first squeeze.
 
         Returns:
-            The chosen angle, rad; `angle_rad` itself where the wrist reaches neither.
+            The chosen angle, rad; `angle_rad` itself where the wrist reaches no such angle.
         """
         self._off_rad = 0.0 if first else self._off_rad
         low_rad, high_rad = self._turn_range(x_mm, y_mm)
@@ -222,7 +226,7 @@ class Hand:
         self._slide(x_mm, y_mm, self.limits.arm_speed_um_s)
 
     def push(self, push: Push) -> None:
-        """Comes down at the start of a push, with the jaws set for it, and moves to its end.
+        """Performs a push: lowers the jaws, already set to its opening, at its start; slides them to its end.
 
         Raises:
             GripperStateError: the jaws are no longer where they were set.
@@ -239,7 +243,7 @@ class Hand:
 
     @contextmanager
     def limited(self, limits: Limits) -> Iterator[None]:
-        """Context in which other limits apply: those of a delivery."""
+        """Context in which the hand obeys other limits, such as those of a delivery."""
         before, self.limits = self.limits, limits
         try:
             yield
@@ -247,7 +251,7 @@ class Hand:
             self.limits = before
 
     def release(self, squeeze: Squeeze) -> None:
-        """Opens the jaws at the part as wide as the squeeze requires, and waits for them."""
+        """Releases the part: opens the jaws to the squeeze's opening, and waits until they are there."""
         self.let_go(squeeze, squeeze)
         self.jaws.wait()
 
@@ -284,7 +288,7 @@ class Hand:
         return self.tighten(node, self.meet(node))
 
     def meet(self, node: Node) -> Settled:
-        """Closes the jaws at a node; with the least force if regulated.
+        """Closes the jaws by a node's squeeze until they settle; a regulated squeeze uses the least force.
 
         Returns:
             The reading of the last stroke, after which the arm still stood where it was sent.
@@ -309,7 +313,10 @@ class Hand:
         return self._checked(self.jaws.stroke(plan[-1]))
 
     def tighten(self, node: Node, reading: Settled) -> Settled:
-        """Raises a regulated squeeze's force, step by step, to that of the node; returns the last reading."""
+        """Raises a regulated squeeze's force, step by step, to that of the node; returns the last reading.
+
+        If the squeeze is not regulated or holds nothing, `reading` is returned unchanged.
+        """
         if not self._is_regulated(node) or reading.object is not ObjectState.CLOSING:
             return reading
         limit_ma, speed = self._handling.grip_current_ma, node.squeeze.speed_um_s / 1000
@@ -332,7 +339,10 @@ class Hand:
         return reading
 
     def _level(self, advance_mm: float) -> None:
-        """Moves the arm so that tips on an arc, `advance_mm` advanced, are at the squeeze height."""
+        """Moves the arm up or down so that tips advanced by `advance_mm` are at the squeeze height.
+
+        Does nothing if the tips move straight, not on an arc.
+        """
         if self._handling.arc is None:
             return
         x_mm, y_mm, z_mm, angle_rad = self._place()
@@ -364,7 +374,7 @@ class Hand:
         self._move_arm(target, speed_um_s)
 
     def _place(self) -> PoseOfHand:
-        """The place where the fingers meet, by where the arm was sent; if that is unknown, by its reading."""
+        """The place where the fingers meet, from the arm's last target; if that is unknown, from the arm."""
         return self.where() if self._sent_to is None else _beside(self._sent_to, -self.middle_mm)
 
     def _move_arm(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:

@@ -26,7 +26,7 @@ class Handling:
     middle_mm: float = 0.0
 
     def widths(self, table: Table) -> Calibration:
-        """Nominal to true widths: as measured, else the identity."""
+        """The map from nominal to true widths: the measured calibration, else the identity."""
         return self.calibration or Calibration(table.gripper.profile)
 
     def lifted(self, timing: Timing, calibration: Calibration) -> Timing:

@@ -45,7 +45,7 @@ class Held(NamedTuple):
         return f"{stands}{'hold' if self.certain else 'may hold'} something: {known}"
 
     def refusal(self, arm_mm: float, journal: Journal | None) -> GripperStateError:
-        """The error that refuses a run: what is held, the arm's height, the last run's end, the remedy."""
+        """Builds the error that refuses a run; it states what is held, the arm's height and the remedy."""
         before = "" if journal is None else _last_end(journal.path, journal.last_part)
         remedy = "start with --put-down: straight down where the arm stands, open, retreat"
         if not self.active:

@@ -18,9 +18,9 @@ GLANCE_S, LATE_S = 0.005, 0.3
 
 
 class Jaws:
-    """The jaws of one gripper.
+    """Opens and closes the jaws of one gripper, and tracks whether they may hold something.
 
-    `may_hold` is whether they may hold something: they have not opened since they last closed.
+    `may_hold` is true from a closing motion, and at first, until the jaws have opened.
 
     Args:
         gripper: the gripper.
@@ -45,7 +45,7 @@ class Jaws:
         return self.may_hold and self.asked is None
 
     def ready(self) -> GripperState:
-        """Reads the gripper, see `safety.ready_gripper`."""
+        """Reads the gripper and checks that it may be moved; raises as `safety.ready_gripper`."""
         return safety.ready_gripper(self.gripper, self.asked)
 
     def open(self, squeeze: Squeeze) -> None:
@@ -91,7 +91,7 @@ class Jaws:
         self.open_mm = self.width_mm(settled.width_um)
 
     def set_to(self, push: Push, squeeze: Squeeze) -> None:
-        """Moves the jaws, with nothing between them, to the opening of a push before a squeeze."""
+        """Sets empty jaws to the opening of a push, with speed and force of the squeeze that follows it."""
         request = self.calibration.nearest_um(push.opening_um)
         settled = self.stroke(Stroke(request, _slow(squeeze), squeeze.force_mn / 1000, 0.0))
         self.may_hold = False
@@ -144,7 +144,7 @@ class Jaws:
         return check_passed(self.stroke(stroke), stroke.request_um, self.calibration)
 
     def passes(self, stroke: Stroke) -> bool:
-        """Closes to an intermediate width as `arrives`, but returns just before the jaws get there."""
+        """Closes to an intermediate width as `arrives`, but returns while the jaws still move."""
         self.ready()
         self.may_hold, self.asked = True, stroke.request_um
         self.gripper.move(stroke.request_um, stroke.speed_mm_s, stroke.force_n)

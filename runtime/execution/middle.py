@@ -1,4 +1,4 @@
-"""The place where the fingers meet, as measured on a gauge block, and the error of a table that it causes."""
+"""Where the fingers meet, as measured on a gauge block, and how far that is from a table's places."""
 
 from math import hypot
 from typing import NamedTuple, Self
@@ -55,7 +55,7 @@ def off_mm(measured: Middle | None, table: Table) -> float:
 
 
 def left(measured: Middle, table: Table) -> dict[str, list[float]]:
-    """Doubts that remain after the correction by a measurement, as keys of `[doubt]`."""
+    """Ranges of `middle_mm` and `finger_share` that a measurement leaves, for a job's section `[doubt]`."""
     error_mm = SURE * measured.at(narrowest_mm(table))[1]
     more, spread = measured.share - _planned_share(table), SURE * measured.share_error
     return {

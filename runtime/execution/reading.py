@@ -39,7 +39,7 @@ def check_fresh(settled: Settled, requested_um: int) -> None:
 
 
 def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[int, int]) -> None:
-    """Checks that a settled closing motion's flag and current agree with its width.
+    """Checks that a settled closing motion's object flag agrees with its width, and its current is plausible.
 
     Raises:
         GripperStateError: the flag reports that nothing was met although the fingers are apart, or reports an

@@ -22,10 +22,10 @@ ABORT_REMEDY = "clear the cell, then start with --after-crash abort"
 
 
 def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None:
-    """The release that a broken run has not done yet, from its journal and the hand at rest.
+    """Finds the release that a broken run did not get to, from its journal and the hand at rest.
 
     Returns:
-        Node and branch, or None.
+        The node of the squeeze and the branch taken there; None if nothing is to be released.
 
     Raises:
         BrokenRunError: the hand does not stand where the run left it or holds something else, or the part may

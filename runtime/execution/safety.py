@@ -82,7 +82,7 @@ def stroke(
 
 
 def check_target(pose: PoseOfHand, limits: Limits) -> None:
-    """Checks a target of the arm.
+    """Checks that a target of the arm lies within the table's limits.
 
     Raises:
         MotionRefusedError: the target is not a number, lies outside the work area or the planned heights, or

@@ -24,7 +24,7 @@ CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
 
 
 def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> None:
-    """Makes sure that the gripper may be moved; the fingers sweep only with `activate`.
+    """Checks that the gripper may be moved; with `activate`, activates it if needed: the fingers sweep.
 
     Raises:
         GripperStateError: it is inactive or in fault, and must not be activated or stays so.
@@ -47,7 +47,7 @@ def run_journalled(
     options: RunOptions = PLAIN,
     broken: Replay | None = None,
 ) -> Tally:
-    """Prepares the gripper, runs parts until one ends the run, and writes the run's last record in any case.
+    """Prepares the gripper, runs up to `count` parts, and writes the run's last record in any case.
 
     Args:
         table: the table to execute.
@@ -59,6 +59,9 @@ def run_journalled(
         activate: whether a gripper that is inactive or in fault may be activated.
         options: options of the run.
         broken: a run that broke off, to continue.
+
+    Returns:
+        The totals over the parts.
 
     Raises:
         JournalError: the last record cannot be written.

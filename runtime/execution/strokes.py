@@ -27,7 +27,7 @@ class Stroke(NamedTuple):
 
 
 def is_regulated(squeeze: Squeeze, profile: GripperProfile, *, wanted: bool) -> bool:
-    """Whether a squeeze first closes with the least force; False where that is its force."""
+    """Whether a squeeze is regulated: this is wanted, and its force exceeds the gripper's least force."""
     return wanted and squeeze.force_mn > round(1000 * profile.force_n[0])
 
 

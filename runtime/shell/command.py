@@ -48,7 +48,7 @@ class Parser(argparse.ArgumentParser):
         self.exit(ExitCode.USAGE)
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        """Prints the text of --help; argparse would ignore a failure."""
+        """Prints a text of argparse, such as --help, so that `run` reports a failure to print it."""
         say_lines(message, file or sys.stderr)
 
     def add_common(self, json: str = "print one JSON object instead of text") -> None:
@@ -162,7 +162,7 @@ def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None)
 
 
 def say(line: str, file: TextIO | None = None) -> None:
-    """Prints a line at once, `cleaned`; an OSError is not raised, since it must not stop a cell.
+    """Prints a line at once, `cleaned`; raises no OSError, so that lost output cannot stop a cell.
 
     `run` reports at the command's end what standard output has lost.
     """
@@ -195,7 +195,7 @@ def tell(name: str, words: object) -> None:
 
 
 def sentence_of(error: BaseException) -> str:
-    """An error's sentence with its notes, in one line."""
+    """An error's message and its notes, joined into one line."""
     return one_line(
         "; ".join([str(error) or type(error).__name__, *getattr(error, "__notes__", ())])
     )

@@ -1,4 +1,4 @@
-"""Worlds by name, `module:factory`: `factory(subject, seed)` returns something that squeezes parts."""
+"""Finds worlds, simulations of squeezes, by name: `module:factory`, called as `factory(subject, seed)`."""
 
 import sys
 from collections.abc import Callable

@@ -87,7 +87,7 @@ def generate(path: Path) -> SigningKey:
 
     Raises:
         OutputError: one of the files exists or cannot be written; neither is left behind.
-        UsageError: the extra is missing.
+        UsageError: the extra for signatures is not installed.
     """
     from_library = _ed25519().Ed25519PrivateKey.generate()
     key, public = SigningKey(from_library), public_of(path)
@@ -110,7 +110,7 @@ def load_private(path: Path) -> SigningKey:
 
     Raises:
         InputError: it cannot be read, may be read by others, or is not an Ed25519 key without a passphrase.
-        UsageError: the extra is missing.
+        UsageError: the extra for signatures is not installed.
     """
     private = _ed25519().Ed25519PrivateKey
     data, mode = _read(path)
@@ -151,7 +151,7 @@ def parse_public(data: bytes) -> PublicKey:
 
     Raises:
         ValueError: there is no key, or none for Ed25519.
-        UsageError: the extra is missing.
+        UsageError: the extra for signatures is not installed.
     """
     public = _ed25519().Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_public_key

@@ -103,7 +103,7 @@ def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:
 
     Raises:
         PackError: the pack was changed, or signed by another key; the message says which.
-        UsageError: the extra is missing.
+        UsageError: the extra for signatures is not installed.
     """
     members = members_of(data, MEMBERS)
     for name in REQUIRED:
@@ -138,7 +138,7 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
 
     Raises:
         PackError: no pack covers it; the message says why each of them does not.
-        UsageError: the extra is missing.
+        UsageError: the extra for signatures is not installed.
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}
     reasons = []

@@ -12,7 +12,7 @@ CENTRE = (0.0, 0.0, 0.0)
 
 
 class PartFrames(NamedTuple):
-    """Frames that the job names, in the frame of the part's outline: mm, mm, rad."""
+    """Datum and named grasps (picks) of a part, in the frame of its outline: mm, mm, rad."""
 
     datum: Pose2 | None
     picks: dict[str, Pose2]

@@ -41,7 +41,7 @@ class Decision(NamedTuple):
 
 
 def decide(node: Node, decided: DecisionMap, width_um: int, seen: ObjectState) -> Decision:
-    """Decides what a settled reading means at a node.
+    """Looks up which branch of a node a settled reading takes, or `REJECT`.
 
     Args:
         node: the node.
@@ -73,7 +73,7 @@ ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """The recovery actions, in order: each is tried once per part, and the last one ends the part."""
+    """Actions after a reject or an unresolved leaf, in order; each is taken once, the last ends the part."""
 
     # after a squeeze that no branch explains
     on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
@@ -99,7 +99,7 @@ class Policy:
         return cls(rejected, unresolved)
 
     def texts(self) -> tuple[str, str]:
-        """The two lists of names that `of` reads."""
+        """The two lists of names, each a text with commas, from which `of` restores the policy."""
         return (
             ",".join(action.value for action in self.on_reject),
             ",".join(action.value for action in self.on_unresolved),

@@ -39,12 +39,12 @@ class Squeeze:
 
 @dataclass(frozen=True, slots=True)
 class Tighten:
-    """Request to raise the force to the node's: no branch has the reading, or the part is to be dragged."""
+    """Request to raise the force to the node's, as no branch has the reading or a drag follows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """Request to record the decided step, take the part to `point`, and release it."""
+    """Request to record the squeeze and its decision, drag the part to `point`, and release it."""
 
     index: int
     node: Node
@@ -55,7 +55,7 @@ class Release:
 
     @property
     def step(self) -> Step:
-        """The decided step."""
+        """The squeeze after which the part is released, with its reading and decision."""
         return self.steps[-1]
 
 
@@ -80,7 +80,7 @@ class Program:
         self._calibration, self._policy = calibration, policy
 
     def turned(self, turn_urad: int) -> Self:
-        """The program for parts whose plan is turned about the origin."""
+        """A copy of the program whose plan is turned about the origin by `turn_urad`."""
         program = copy(self)
         program.table = turned(self.table, turn_urad)
         return program
@@ -88,7 +88,7 @@ class Program:
     def part(
         self, number: int, state: TraversalState = START, steps: Sequence[Step] = ()
     ) -> Requests:
-        """The requests of a part, from its first squeeze or from its state after some steps.
+        """Generates the requests of a part, from its first squeeze or from the `state` that `steps` led to.
 
         Raises:
             GripperStateError: a reading contradicts a closing motion.
@@ -125,7 +125,7 @@ class Program:
 
 
 def released(requests: Requests, request: Request, reading: Reading) -> Release:
-    """Answers a request, and all that follow before the release, with one reading; returns the release."""
+    """Runs a program up to its `Release`, which is returned; `reading` answers squeeze and tightening."""
     while not isinstance(request, Release):
         request = requests.send(None if isinstance(request, Approach) else reading)
     return request
