@@ -76,7 +76,7 @@ class Ambiguity(NamedTuple):
         return record
 
     def line(self) -> str:
-        """The result as one line of text."""
+        """States the leaf's share, the poses of its parts, and a reason or remedy, in one line for people."""
         scatter = self.where.scatter
         if len(self.where.poses) == 1 and scatter < 1.0:
             why = "the plan was less sure of it than its trials: more particles of [search] may be"

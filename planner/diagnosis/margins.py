@@ -32,7 +32,7 @@ class Margins(NamedTuple):
         return self.wrong_rate > THIN
 
     def line(self) -> str:
-        """The result as one line of text."""
+        """States the margins and the remedy as a warning, in one line for people."""
         off = f"{self.off_mm:.2g} mm"
         return (
             f"thin margins: widths {off} off make {self.wrong_rate:.1%} of the answers wrong, since "
