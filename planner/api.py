@@ -83,11 +83,13 @@ class Table:
 
     @property
     def resolved(self) -> BoolArray:
-        """Whether each leaf (L,) claims to know the pose."""
+        """Whether each leaf (L,) is resolved: the table claims to know the pose of parts that end there."""
         return claimed(self.record, np.arange(len(self.record.leaves)))
 
     def lookup(self, nodes: IntArray, widths_mm: Array) -> Next:
-        """Looks up widths (n,) [mm] read at nodes (n,), with whichever object flag a branch exists for.
+        """Looks up to which nodes or leaves widths (n,) [mm] lead that are read at nodes (n,).
+
+        A branch counts whichever value of the object flag it is for.
 
         Raises:
             ValueError: a node is unknown, a width is out of range, or the arrays differ in length.

@@ -34,7 +34,7 @@ SEED_FIGURES = 0x46494755
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """A compiled job."""
+    """A decision table compiled from a job, with its tree and its evaluation."""
 
     table: Table  # the decision table, with the evaluation's figures
     root: Node  # the tree with its beliefs, for reports
@@ -53,7 +53,7 @@ def compile_job(
     limit: Limit | None = None,
     scheduler: Scheduler | None = None,
 ) -> Plan:
-    """Plans, lowers the tree to a table, and evaluates the table.
+    """Plans the squeezes of a job, converts the tree to a decision table, and evaluates the table.
 
     Args:
         job: the checked job.
@@ -89,7 +89,7 @@ def compile_job(
 
 
 def _by_the_paper(job: Job, workers: int | None, trials: int, say: Report) -> Planned:
-    """Plans by a method of the paper, which does not continue the search after trials."""
+    """Plans by one of the paper's methods: a single search, which does not continue after trials."""
     root = plan_paper(job, Simulator.of_job(job, workers), say)
     if not root.children:
         raise NoPlanError(

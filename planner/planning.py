@@ -46,7 +46,7 @@ AFTER_PASSES, AFTER_ROUND = 0.35, 0.7
 
 
 class Cut(NamedTuple):
-    """How a search was cut short."""
+    """Why a search was cut short, and the share of parts that it left unresolved."""
 
     asked: bool  # whether by a request, such as an interrupt; otherwise by the time budget
     open_share: float = 0.0  # share of all parts that end in unresolved leaves
@@ -57,7 +57,7 @@ class Cut(NamedTuple):
         return {"by": by, "open_share": share, "seconds_to_finish": None}
 
     def line(self) -> str:
-        """The result as one line of text."""
+        """States the cause and the share of parts left unresolved, in one line for people."""
         cause = "request" if self.asked else "the budget"
         return (
             f"CUT SHORT by {cause}: {self.open_share:.2%} of the parts end where the search is not done; "
@@ -67,7 +67,7 @@ class Cut(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """The result of planning."""
+    """A planned tree and its table, without the branches that no trial took."""
 
     root: Node
     table: Table  # leaves that trials refute are unresolved
@@ -83,7 +83,7 @@ class Rounds(NamedTuple):
     figures: int  # in the evaluation of the finished table
 
     def within(self, limit: Limit, root: Node, job: Job, workers: int) -> Rounds:
-        """Returns numbers for which the budget has time, and reserves this time in `limit`."""
+        """Returns these numbers, reduced to what the time budget allows, and reserves the time in `limit`."""
         table = lower(root, job)
         judged(job, 1, workers, table, 0)  # loads its kernels
         began_s = limit.spent_s
@@ -205,9 +205,9 @@ def finished(
 def judged(
     job: Job, trials: int, workers: int | None, table: Table, attempt: int, report: Report = silent
 ) -> Evaluation:
-    """Evaluates a table on fresh parts, with the closing step of the squeezes of the tree.
+    """Evaluates a table on newly drawn parts; the fingers close in the same steps as in planning.
 
-    The parts lie in a cell with the doubts of the job, except for the paper's methods.
+    The cell has constant errors as in the job's [doubt], or none for the paper's methods.
     """
     worlds = ContactWorlds.of_job(job, job.seed + SEED_WORLD + attempt, STEP_MM)
     seed, work = job.seed + SEED_EVALUATION + attempt, Threads(workers) if workers else Threads()

@@ -29,7 +29,7 @@ PINCHED = "as something thinner than a count is between the jaws and they read a
 
 
 class Gain(NamedTuple):
-    """The cost of one source of noise."""
+    """The success rate that a table gains without one source of noise."""
 
     source: str  # its name; `EVERYTHING` for the run without any noise
     success_rate: float  # success rate of the table without that source
@@ -41,7 +41,9 @@ class Gain(NamedTuple):
 def gains_without_noise(
     table: Table, job: Job, trials: int, scheduler: Scheduler | None = None, report: Report = silent
 ) -> list[Gain]:
-    """Runs a table without each source of its job's noise in turn; the table stays the same.
+    """Measures by how much the success rate of a table rises without each source of its job's noise.
+
+    The table stays the same; the sources are switched off one at a time.
 
     Returns:
         One gain for each source, the largest first, then that of the run without any noise.
@@ -80,7 +82,7 @@ def _noise_lines(gains: Sequence[Gain]) -> list[str]:
 
 
 class Advice(NamedTuple):
-    """The causes that limit a plan, and their remedies."""
+    """The share of parts that each cause keeps from being located, and the remedies."""
 
     failing: float  # share of the parts that are not located
     rejected: float  # share whose width no branch has
@@ -164,7 +166,10 @@ def counsel(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> Advice:
-    """Measures gains and margins of a plan of `planner.compile.compile_job`; returns the complete advice."""
+    """Returns the complete advice on a plan: also runs the trials that `gains` and `margins` need.
+
+    `table` and `evaluation` are those of a plan of `planner.compile.compile_job`.
+    """
     trials = min(len(evaluation.leaf), MOST_TRIALS)
     gains = gains_without_noise(table, job, trials, scheduler, report)
     margins = margins_of(table, evaluation, job, trials, scheduler, report)

@@ -31,7 +31,7 @@ class Alike(NamedTuple):
 
     @property
     def hopeless(self) -> bool:
-        """Whether no part can be located, however long the search."""
+        """Whether no search can help: the turned part is exactly alike, and possible, for all poses."""
         return self.exact and self.share >= ALL
 
     def line(self) -> str:
@@ -99,7 +99,7 @@ def _of_part(job: Job, alone: Job, index: int) -> Alike | None:
 
 
 def _share(turn: float, halfwidth: float) -> float:
-    """Share of the angles within +-`halfwidth` that stay within it after `turn` in one of both directions."""
+    """Share of the angles in +-`halfwidth` that remain there when turned by +`turn` or by -`turn` [rad]."""
     if halfwidth >= math.pi:
         return 1.0
     angles = np.linspace(-halfwidth, halfwidth, ANGLES)

@@ -36,7 +36,7 @@ class Separator(NamedTuple):
 
 
 class Whereabouts(NamedTuple):
-    """Where the parts of a leaf lie."""
+    """The main poses of the parts that end in a leaf, or their scatter about a single pose."""
 
     poses: Array  # (m, 3) main poses, the most frequent first [mm, mm, rad]
     shares: tuple[float, ...]  # (m,) share of the parts within the goal of each
@@ -57,7 +57,7 @@ class Whereabouts(NamedTuple):
 
 
 class Ambiguity(NamedTuple):
-    """A leaf in which a part may lie in several poses."""
+    """An unresolved leaf, with the poses of its parts and a squeeze that distinguishes two of them."""
 
     leaf: int  # its index
     share: float  # of all parts, those that end there
@@ -76,7 +76,7 @@ class Ambiguity(NamedTuple):
         return record
 
     def line(self) -> str:
-        """The result as one line of text."""
+        """States the leaf's share, the poses of its parts, and a reason or remedy, in one line for people."""
         scatter = self.where.scatter
         if len(self.where.poses) == 1 and scatter < 1.0:
             why = "the plan was less sure of it than its trials: more particles of [search] may be"
@@ -120,7 +120,7 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
 
 
 def whereabouts(here: Array, metric: Metric) -> Whereabouts:
-    """Finds the main poses of the parts `here` (n, 3), n >= 1, or the scatter about a single one.
+    """Finds the main poses of parts that lie at `here` (n, 3), n >= 1; of a single one also the scatter.
 
     A leaf may miss the goal although nearly all its parts lie at one pose. The other parts then lie at a
     second, rare pose, or scatter about the first.

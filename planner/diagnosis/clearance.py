@@ -22,11 +22,12 @@ WIDEST = 16.0  # largest opening tried, in units of the gripper's
 
 
 class Shortage(NamedTuple):
-    """Missing clearance of a job's first squeeze, at the best of its placements.
+    """What a job lacks for a first squeeze without collision: a wider opening, or a smaller disc.
 
     Attributes:
         missing_mm: opening that the jaws lack; 0 if they open wide enough.
-        radius_mm: largest radius of the disc for which the jaws open wide enough; None: there is none.
+        radius_mm: largest radius of the disc of initial positions for which the jaws open wide enough;
+            None: there is none.
     """
 
     missing_mm: float
@@ -45,9 +46,9 @@ class Shortage(NamedTuple):
 
 
 def shortage(job: Job) -> Shortage | None:
-    """How much wider the jaws, or smaller the disc, would have to be for a first squeeze without collision.
+    """Finds the least change of opening, or of disc, that allows a first squeeze without collision.
 
-    None where some placement is free of collision.
+    Returns None if some placement is free of collision already.
     """
     opening, radius = job.gripper.opening_mm, job.uncertainty.radius_mm
     if _is_free(job, opening, radius):
@@ -84,7 +85,7 @@ def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
 
 
 def _is_met(job: Job) -> bool:
-    """Whether all parts lie within the goal of one pose before any squeeze."""
+    """Whether a job has one hypothesis, and one pose has all initial poses within its goal."""
     poses = _poses(job.uncertainty.radius_mm, job.uncertainty.orientation_halfwidth_deg)
     return len(job.alone) == 1 and metric_of(job).mode(poses).ratio == 1.0
 

@@ -20,7 +20,7 @@ SEED_MARGINS = 0x4D415247
 
 
 class Margins(NamedTuple):
-    """Effect of a small offset of widths on a table."""
+    """Effect of a small constant error of the measured widths on the answers of a table."""
 
     off_mm: float  # size of the offset, which is tried to either side
     wrong_rate: float  # share of parts answered wrongly under the worse of both offsets
@@ -28,11 +28,11 @@ class Margins(NamedTuple):
 
     @property
     def thin(self) -> bool:
-        """Whether the margins deserve a warning."""
+        """Whether the offset makes enough answers wrong to deserve a warning."""
         return self.wrong_rate > THIN
 
     def line(self) -> str:
-        """The result as one line of text."""
+        """States the margins and the remedy as a warning, in one line for people."""
         off = f"{self.off_mm:.2g} mm"
         return (
             f"thin margins: widths {off} off make {self.wrong_rate:.1%} of the answers wrong, since "
@@ -58,7 +58,10 @@ def margins_of(
 
 
 def near_another(table: Table, evaluation: Evaluation) -> float:
-    """Share of the parts with a reading that an offset of up to `OFFSET` grains moves to another branch."""
+    """Share of the parts with a reading that a small offset of the widths moves to another branch.
+
+    The offset is at most `OFFSET` times the encoder's grain, the scatter of the readings of one width.
+    """
     encoder = encoder_of_table(table)
     lookup = Lookup.of([decision_map(node, table.gripper).either for node in table.nodes])
     squeezed = evaluation.path >= 0

@@ -30,10 +30,10 @@ class Reason(NamedTuple):
 
 
 def likeness(job: Job, cut: bool = False) -> Reason | None:
-    """Finds a turn by which the part's outline, or else its convex hull, hardly changes; None without one.
+    """Returns the reason that some turned part looks the same to the gripper; None if no turn does.
 
-    A turn of the hull is no proof, since fingers may reach the rest of the outline. So the hull is not
-    examined if `cut`: if the search was cut short.
+    Compares the outline, or else its convex hull, with itself after the turn. The hull is no proof, since
+    fingers may reach the rest of the outline; it is left out if the search was `cut` short.
     """
     outline, grain_mm = job.part.outline_mm, encoder_of(job).grain_mm
     hull = canonical(convex_hull(outline)).outline_mm  # about its own centroid

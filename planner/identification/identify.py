@@ -38,7 +38,7 @@ _QUARTIC_ROUNDS = 2
 
 
 class Normalised(NamedTuple):
-    """Pairs in the units of `planner.mechanics.limit_surface`."""
+    """Wrench-twist pairs with torques and angles scaled by rho, and with twists of length 1."""
 
     F: Array  # (K, 3) [fx, fy, tau / rho], still in N
     V: Array  # (K, 3) unit [vx, vy, omega rho]
@@ -170,7 +170,7 @@ def fit(
 
 
 def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: np.random.Generator) -> Fit:
-    """`fit` for wrenches without magnitude: scales them onto the surface and fits it again, several times."""
+    """Fits a surface to wrenches of unknown magnitude: scales them onto it and fits again, several times."""
     A, emphasis = np.eye(3), data.weights
     for _ in range(_SCALING_ROUNDS):
         scaled = Normalised(
@@ -196,8 +196,8 @@ def _ellipsoid_value(A: Array, F: Array) -> Array:
 def friction(data: Normalised) -> float:
     """Estimates mu N [N]: the mean force that slides the part without turning it.
 
-    The wrench of a unit twist v under the ellipsoid A has the power sqrt(v^T A^-1 v), which is 1 for a
-    translation.
+    Forces are rescaled in several rounds, until the ellipsoid A that is fitted to them gives unit
+    translations v the power sqrt(v^T A^-1 v) = 1, in root mean square over all directions.
     """
     scale = float(np.median(np.hypot(data.F[:, 0], data.F[:, 1])))
     for _ in range(_FRICTION_ROUNDS):
@@ -209,9 +209,9 @@ def friction(data: Normalised) -> float:
 def choose_ridge(
     data: Normalised, rho_mm: float, rng: np.random.Generator, tolerance: float = 1.0
 ) -> float:
-    """Returns the strongest of `RIDGES` whose error is within `tolerance` standard errors of the least.
+    """Chooses the strongest of `RIDGES` whose cross-validated error is nearly the least.
 
-    Errors are cross-validated.
+    It may exceed the least error by `tolerance` standard errors of that error.
     """
     count = len(data.F)
     errors = np.empty((len(RIDGES), count))

@@ -31,7 +31,7 @@ class Motions(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """The result of the identification."""
+    """The ellipsoid, and the friction of the tip, that are fitted to pushes."""
 
     surface: LimitSurface
     friction: float  # of the tip
@@ -77,7 +77,10 @@ def errors_mm(fitted: Fitted, motions: Motions, part: Simulator, radius_mm: floa
 def held_out_mm(
     motions: Motions, part: Simulator, radius_mm: float, splits: int, rng: np.random.Generator
 ) -> Array:
-    """Median errors (splits,) of random splits [mm]: each fits to one half and predicts the other."""
+    """Returns the median error of predicted motions that were held out of the fit, (splits,) [mm].
+
+    Each random split fits to one half of the motions and predicts the other half.
+    """
     n, errors = len(motions.moved), np.empty(splits)
     for split in range(splits):
         order = rng.permutation(n)
@@ -95,7 +98,11 @@ def _off(motions: Motions, part: Simulator, A: Array, friction: float, radius_mm
 
 
 def _ellipsoid(unknown: Array) -> Array:
-    """The positive definite matrix (3, 3) with first entry 1 whose Cholesky factor five unknowns state."""
+    """Builds a positive definite matrix (3, 3) with first entry 1 from five unknowns (5,).
+
+    They are entries of its Cholesky factor: the three below the diagonal, then the logarithms of the last
+    two on the diagonal.
+    """
     x, y, z, log_y, log_z = unknown
     L = np.array([[1.0, 0.0, 0.0], [x, np.exp(log_y), 0.0], [y, z, np.exp(log_z)]])
     return np.asarray(L @ L.T)

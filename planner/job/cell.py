@@ -7,7 +7,7 @@ from runtime.table import Area, GripperSpec, Limits, Timing
 
 
 def limits_of(job: Job, depth: int) -> Limits:
-    """The limits of a table of depth `depth`."""
+    """Returns the limits that the table of a job states: depth, force, speeds, work area and heights."""
     cell = job.cell
     (x_min, y_min), (x_max, y_max) = cell.work_area_mm
     return Limits(
@@ -24,7 +24,7 @@ def limits_of(job: Job, depth: int) -> Limits:
 
 
 def gripper_of(job: Job) -> GripperSpec:
-    """The gripper of a job, with the length and the width of its fingers, as a table states it."""
+    """Converts the gripper of a job to the form of a table: its profile, and the size of the fingers."""
     gripper = job.gripper
     fingers = (gripper.finger_length_mm, gripper.finger_width_mm)
     return GripperSpec.of(gripper.profile, *(round(1e3 * size) for size in fingers))

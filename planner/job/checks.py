@@ -256,7 +256,9 @@ def _check_pushes(method: str, proposals: str) -> None:
 
 
 def _grasp(delivery: dict[str, Any], part: dict[str, Any]) -> tuple[float, float]:
-    """The point (x, y) at which the hand takes the part, in the part's frame [mm].
+    """The point (x, y) at which the hand holds the part for delivery, in the part's frame [mm].
+
+    This is the position of the pick that [delivery] names, or the centroid if it names none.
 
     Raises:
         InputError: the grasp is none of the part's picks.
@@ -274,9 +276,9 @@ def _grasp(delivery: dict[str, Any], part: dict[str, Any]) -> tuple[float, float
 
 
 def _check_delivery(values: Values) -> None:
-    """Checks the width and the area, and that the hand can deliver the part within the area.
+    """Checks the width and the area of [delivery], and that the hand is inside the area at the drop.
 
-    One of the turns under the part's symmetry is enough.
+    The hand has to be inside for one of the turns that the part's symmetry allows.
     """
     delivery, opening = values["delivery"], values["gripper"]["opening_mm"]
     width = delivery["width_mm"]

@@ -121,7 +121,7 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Returns a copy of a document with values replaced, which `checked` has to check.
+    """Returns a copy of a job's document with values replaced; `checked` has not checked the new values.
 
     Args:
         document: stays as it is.

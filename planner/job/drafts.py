@@ -47,7 +47,7 @@ DECIMALS = 4  # Of a vertex: 0.1 um, far below any tolerance of a drawing
 
 
 class Answers(NamedTuple):
-    """Settings that a drawing does not contain."""
+    """Settings of a job that a drawing does not contain, such as the gripper and the finger material."""
 
     name: str  # of the part
     radius_mm: float  # of the disc in which the part's centroid lies

@@ -32,7 +32,7 @@ class Number:
     below: bool = False
 
     def read(self, value: Any) -> float:
-        """Returns a valid value as float."""
+        """Returns the value as float if it is valid; raises `InputError` otherwise."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"must be a number, not {shown(value)}")
         fits_low = value > self.low if self.above else value >= self.low
@@ -54,7 +54,7 @@ class Integer:
     word: str = ""
 
     def read(self, value: Any) -> Any:
-        """Returns a valid value."""
+        """Returns the value if it is valid; raises `InputError` otherwise."""
         advice = f'; or write "{self.word}"' if self.word else ""
         if self.word and value == self.word:
             return value
@@ -67,12 +67,12 @@ class Integer:
 
 @dataclass(frozen=True, slots=True)
 class Flag:
-    """Yes or no."""
+    """A boolean."""
 
     default: Any = REQUIRED
 
     def read(self, value: Any) -> bool:
-        """Returns a valid value."""
+        """Returns the value if it is valid; raises `InputError` otherwise."""
         if not isinstance(value, bool):
             raise InputError(f"must be true or false, not {shown(value)}")
         return value
@@ -87,7 +87,7 @@ class Text:
     longest: int = 80
 
     def read(self, value: Any) -> str:
-        """Returns a valid value."""
+        """Returns the value if it is valid; raises `InputError` otherwise."""
         if not isinstance(value, str):
             raise InputError(f"must be a text in quotes, not {shown(value)}")
         if self.choices and value not in self.choices:

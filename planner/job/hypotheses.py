@@ -119,7 +119,10 @@ def _mirrored(pose: list[float]) -> list[float]:
 def _entries(
     key: str, least: int, entries: Any, common: Mapping[str, Any]
 ) -> list[tuple[float | None, dict[str, Any]]]:
-    """Returns the share, or None, and the document of each entry of the list `key`."""
+    """Checks the list `key`; returns the share and the document of each entry.
+
+    The share is None where an entry states none; `common` are the sections that entries share.
+    """
     if not isinstance(entries, list) or not least <= len(entries) <= MOST:
         raise InputError(f"must be {least} to {MOST} entries, each under [[{key}]]", section=key)
     numbered = enumerate(entries, start=1)

@@ -27,7 +27,7 @@ from runtime.shell.errors import InputError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForeignPart:
-    """A foreign part: tables are tested with such parts, but no plan locates them."""
+    """A part that does not belong in the cell: plans do not locate it, but tables are tested with it."""
 
     part: schema.Part
     pressure: Pressure
@@ -36,7 +36,7 @@ class ForeignPart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis(ForeignPart):
-    """One of the parts that may lie on the table."""
+    """One of the kinds of parts, or faces of a part, that may lie on the table, and its share."""
 
     share: float  # fraction of all parts that come
 
@@ -147,7 +147,7 @@ def files(path: str | Path) -> list[Path]:
 
 
 def centroid_as_drawn(path: str | Path) -> Array:
-    """Position of the part's origin (2,) in the frame of `outline_mm` in the job file [mm].
+    """Returns the centroid (2,) of a job file's outline, in the coordinates of the file [mm].
 
     Raises:
         InputError: see `load`.
@@ -223,7 +223,7 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 def _jobs(
     document: dict[str, Any], key: str, listed: list[dict[str, Any]], where: str, drawn: bool
 ) -> list[list[Job]]:
-    """Returns a list of jobs for each part that a document lists under a key: one job for each face."""
+    """Returns for each part of the list `key` its jobs: one for each face on which it may lie."""
     results = []
     for number, alone in enumerate(listed, start=1):
         try:
@@ -234,7 +234,7 @@ def _jobs(
 
 
 def _on_faces(document: dict[str, Any], where: str, drawn: bool) -> list[Job]:
-    """Returns the job of one part; and that of the part turned over, if this differs and is allowed for."""
+    """Returns the job of one part, and that of its other face if it may lie on either and they differ."""
     part = document.get("part")
     faces = part.get("faces") if isinstance(part, dict) else None
     job = _of_one(document, where, drawn)

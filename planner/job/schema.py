@@ -100,7 +100,7 @@ def _interval(low: float, high: float) -> Numbers:
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """Constant errors of a cell: intervals about the values in the rest of the job.
+    """Constant errors that a cell may have, as intervals about the values in the rest of the job.
 
     With probability `chance` one of the errors is off: anywhere in its interval, but more often near the
     ends. All others are at the middle of their intervals.
@@ -147,7 +147,10 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Actions:
-    """What a node may do: squeeze at each angle at each centre, or as proposed for its belief; push."""
+    """Actions from which each node of the tree chooses: grasp poses for squeezes, and optional pushes.
+
+    The grasp poses are all pairs of an angle and a centre, and those that the node's belief suggests.
+    """
 
     # Angles of the hand's x axis in the world.
     angles_deg: Annotated[tuple[float, ...], Numbers(Number(-360, 360), most=1_000)]
@@ -193,7 +196,7 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """How the tree is searched.
+    """Method, number of particles and greatest depth of the search for the tree.
 
     The methods "paper" (Algorithms 1 to 3) and "sensorless" (no branching) are the paper's, for comparison.
     """

@@ -86,7 +86,10 @@ def stances(outline: Outline) -> Array:
 
 
 def _boundary_support(outline: Outline) -> Support:
-    """Cuts each edge into equal pieces of two Gauss points: exact up to third moments along an edge."""
+    """Returns an even pressure along the outline: two Gauss points for each of equal pieces of an edge.
+
+    Its moments along an edge are exact up to the third.
+    """
     edges = np.roll(outline, -1, axis=0) - outline
     lengths = np.hypot(edges[:, 0], edges[:, 1])
     piece = lengths.sum() / CELLS
@@ -104,7 +107,10 @@ def _boundary_support(outline: Outline) -> Support:
 
 
 def _area_support(outline: Outline) -> Support:
-    """Cuts each triangle of a triangulation into equal pieces of three points: second moments are exact."""
+    """Returns an even pressure over the area: three points for each of equal pieces of its triangles.
+
+    Its second moments are exact.
+    """
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.polygons(outline)))
     triangles = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]  # (T, 3, 2)
     total = shapely.area(parts).sum()

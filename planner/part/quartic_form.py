@@ -26,7 +26,11 @@ _MONOMIAL = {tuple(powers): k for k, powers in enumerate(EXPONENTS.tolist())}
 
 
 def _tensor_index() -> Array:
-    """(15, 9, 9): 1 where an entry of the 4-tensor T_aibj of H belongs to the coefficient, else 0."""
+    """Returns masks (15, 9, 9): the entries of the 4-tensor T of H that each of its coefficients fills.
+
+    The entry T_aibj has row 3 a + i and column 3 b + j; it is 1 in the mask of the monomial
+    F_a F_i F_b F_j, else 0.
+    """
     index = np.zeros((15, 3, 3, 3, 3))
     for axes in itertools.product(range(3), repeat=4):
         count = Counter(axes)
@@ -54,9 +58,9 @@ def _null_space(rows: Array) -> Array:
 
 
 def gram(coefficients: Array) -> Array:
-    """Returns Q = 12 T (..., 9, 9) of quartics (..., 15), T the 4-tensor of H.
+    """Returns for each quartic H (..., 15) a matrix Q (..., 9, 9) with y^T Q y = z^T hess H z.
 
-    It satisfies y^T Q y = z^T hess H z, but it need not be positive definite.
+    Q is 12 times the 4-tensor of H; it need not be positive definite.
     """
     return np.asarray(
         np.tensordot(12.0 * np.asarray(coefficients) / _MULTIPLICITY, _ENTRIES, axes=1)
@@ -83,7 +87,7 @@ HESSIAN_ROWS = FORM @ (np.eye(81) - 144.0 * COEFFICIENT_ROWS.T / _MULTIPLICITY @
 
 @cache
 def gauge() -> Array:
-    """Orthonormal directions (9, 9, 9) of Q that do not affect y^T Q y."""
+    """An orthonormal basis (9, 9, 9) of the changes of Q that leave y^T Q y the same."""
     return _null_space(FORM)
 
 

@@ -23,7 +23,10 @@ class Turn(NamedTuple):
 
 
 def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
-    """The largest n for which `has_order` holds, at most `MOST_ORDER` and the number of vertices."""
+    """The rotational order of an outline: the largest n for which `has_order` holds.
+
+    At most `MOST_ORDER` and at most the number of vertices are tried.
+    """
     boundary = _boundary(outline)
     return next(
         n
@@ -56,9 +59,9 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
 
 
 def nearest_turn(outline: Outline, symmetry: int) -> Turn:
-    """Returns the turn by k / n of a circle, n up to `TURNS`, after which an outline differs least.
+    """Returns the turn, of those that are no symmetry, after which an outline differs least from itself.
 
-    Turns under its `symmetry`, the rotational order, are excluded.
+    Tries turns by k / n of a circle, n up to `TURNS`; `symmetry` is the outline's rotational order.
     """
     outline = _with_few_vertices(outline)
     ring, result = shapely.linearrings(outline), []

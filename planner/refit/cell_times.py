@@ -13,7 +13,7 @@ HALVINGS = 60  # of the interval of accelerations
 
 
 class Timed(NamedTuple):
-    """One squeeze of a journal."""
+    """A squeeze of a journal: its node, the width, and the measured times of its phases."""
 
     node: int
     width_mm: float
@@ -22,7 +22,9 @@ class Timed(NamedTuple):
 
 
 def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
-    """Returns values for the keys of a job's section [cell], without the keys for which data are missing.
+    """Estimates response times, polling time and acceleration: values by key of a job's section [cell].
+
+    Keys for which data are missing are left out.
 
     The hand rises by two heights: to the retreat height after the last squeeze of a part, and to just above
     the part after the others. The difference between the two times gives the acceleration; what remains of
@@ -66,7 +68,7 @@ def _opened_s(table: Table, timing: Timing, squeeze: Timed) -> float:
 
 
 def _acceleration(gap_s: float, low_mm: float, high_mm: float, speed_mm_s: float) -> float:
-    """The acceleration [mm/s2] with which an arm takes `gap_s` longer for the longer of two ways."""
+    """The acceleration [mm/s2] at which an arm takes `gap_s` longer for `high_mm` than for `low_mm`."""
     least, most = LEAST, MOST
     for _ in range(HALVINGS):
         middle = math.sqrt(least * most)

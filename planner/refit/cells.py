@@ -44,7 +44,10 @@ class Space(NamedTuple):
 
     @classmethod
     def of(cls, job: Job, surfaces: int) -> Self:
-        """The quantities in which a cell may differ from its job: doubts, widened to usual ones; friction."""
+        """Returns the space of a job's cells: the intervals of their constant errors and friction.
+
+        The intervals are those of the job, widened to errors and friction that are usual in cells.
+        """
         doubt, friction = job.doubt, job.friction
         usual = {
             "finger_share": UNEVEN,
@@ -74,7 +77,7 @@ class Space(NamedTuple):
         return np.array([[q.low for q in self.quantities], [q.high for q in self.quantities]])
 
     def column(self, key: str) -> int:
-        """The column of a quantity in arrays of points."""
+        """The index of the column that holds the quantity `key` in arrays of points."""
         return [quantity.key for quantity in self.quantities].index(key)
 
     def draw(self, n: int, rng: np.random.Generator) -> Array:
@@ -109,12 +112,12 @@ def _on_feet(job: Job) -> list[Surface]:
 
 @dataclass(frozen=True, slots=True)
 class Off(Disturbance):
-    """Disturbance of a cell that gives all its parts the same traits, except for their outlines."""
+    """A disturbance that gives all parts the same latent parameters, except for errors of their outlines."""
 
     all_alike: Traits | None = None  # (1,) of all parts; None: as planned
 
     def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:  # noqa: ARG002
-        """The traits (n,) of n parts."""
+        """The latent parameters (n,) of n parts: equal ones, with an outline error drawn for each part."""
         traits = np.repeat(as_planned(1) if self.all_alike is None else self.all_alike, n)
         if job.part.tolerance_mm:
             traits["deviation"] = traits_of(job, n, rng)["deviation"]
@@ -135,7 +138,7 @@ class Cells:
 
     @classmethod
     def of(cls, job: Job, table: Table) -> Self:
-        """The cells of a job that run a decision table, for any pressure of their parts on the support."""
+        """Returns the cells of a job that run a decision table; parts may press on the support in any way."""
         any_pressure = job.replaced(doubt={"pressure": "any", "limit_surface": "stated"})
         simulator = Simulator.of_job(any_pressure, workers=1)
         if simulator.others:

@@ -21,7 +21,7 @@ DIGITS = {"finger_share": 4, "middle_mm": 3, "encoder_mm": 3, "encoder_gain": 5}
 
 
 class Finding(NamedTuple):
-    """Result for one quantity, in the form of the JSON output."""
+    """Posterior mean and 90 % interval of one quantity, in the form of the JSON output."""
 
     quantity: str
     mean: float
@@ -139,9 +139,10 @@ def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any
 
 
 def _friction(learned: Mapping[str, Finding], job: Job) -> dict[str, Any]:
-    """The keys of [friction] that change, if a bound was learned.
+    """The new values of [friction] by key; none if the journals determine neither bound.
 
-    The new bounds are the 5 % quantile of the least and the 95 % quantile of the greatest friction.
+    New bounds are the 5 % quantile of the least and the 95 % quantile of the greatest friction. A bound that
+    is not determined stays; if both are, `doubt` is at most `KEPT_DOUBT`.
     """
     keys = ("finger_part_min", "finger_part_max")
     if not any(key in learned for key in keys):

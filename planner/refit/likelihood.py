@@ -68,7 +68,10 @@ class Likelihood:
 
 
 def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
-    """Scores (size + 1, k) of outcomes, from outcomes `shown` (m, c) in cells with features (m, k).
+    """Estimates the scores (size + 1, k) of all outcomes from simulated cells.
+
+    The m cells have the features (m, k) and the numbers `shown` (m, c) of outcomes; the first `counts` of the
+    `size` outcomes have no order, the others are steps along lines.
 
     The last row is 0, for parts without an outcome. Scores rise linearly along a line, also at steps that no
     simulated part has.

@@ -1,4 +1,4 @@
-"""Numbers of observations, so that those of journals and of simulated parts are counted alike.
+"""Numbers the kinds of observations, so that journals and simulated parts can be counted alike.
 
 An observation is a reading at a node, or at an audited leaf the measured less the predicted pose.
 """
@@ -31,7 +31,7 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcomes:
-    """Numbers all outcomes of a table's parts, from 0 to `size` - 1; `size` stands for no outcome.
+    """Gives each outcome of a table's parts a number from 0 to `size` - 1; `size` stands for no outcome.
 
     An outcome is a bin of readings at a node, or a step of x, y or theta of a residual at a leaf. Poses are
     compared only at leaves that were audited. The bins of a node have consecutive numbers, and so have the
@@ -51,7 +51,7 @@ class Outcomes:
         return self.table.gripper.bins * len(self.table.nodes)
 
     def of_parts(self, evaluation: Evaluation) -> IntArray:
-        """Numbers (n, d + 3) of the outcomes of simulated parts: of d squeezes, then of x, y and theta."""
+        """Returns outcome numbers (n, d + 3) of simulated parts: of d squeezes, then of x, y and theta."""
         bins = np.maximum(bins_of(self.table, evaluation.steps), self._empty)
         place = self.table.gripper.bins * evaluation.path + bins
         read = np.where(evaluation.path < 0, self.size, place)
@@ -84,7 +84,7 @@ class Outcomes:
         return self.table.gripper.bin_of(EMPTY_UM)
 
     def _lying(self, leaf: IntArray, residuals: Array) -> IntArray:
-        """Numbers (m, 3) of the outcomes of residuals (m, 3) [mm, mm, rad] at audited leaves (m,)."""
+        """Returns the outcome numbers (m, 3) of residuals (m, 3) [mm, mm, rad] at audited leaves (m,)."""
         metric = metric_of_table(self.table)
         off = residuals.copy()
         off[:, 2] = metric.rho_mm * wrap(off[:, 2], metric.order)

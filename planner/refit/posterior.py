@@ -36,7 +36,7 @@ Task = tuple[Array, int, int]
 
 
 class Effort(NamedTuple):
-    """Amount of simulation."""
+    """The numbers of rounds, cells and parts that are simulated."""
 
     rounds: int = 7
     cells: int = 100  # in each round; twice as many in the first
@@ -105,7 +105,10 @@ def _log(
 
 
 def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray:
-    """Outcomes (pairs, 2, n, d) of pairs of sets of parts; the second sets have as many audits as `seen`."""
+    """Simulates pairs of sets of parts in one cell; returns their outcome numbers (pairs, 2, n, d).
+
+    The second set of each pair has at most as many audited parts as `seen`.
+    """
     point, pairs, seed = task
     result = outcomes.of_parts(cells.run(point, 2 * pairs * seen.parts, seed))
     shown = result.reshape(pairs, 2, seen.parts, -1)
@@ -151,9 +154,9 @@ def _drawn(
 
 
 def _power(likelihoods: Array, effective: float) -> float:
-    """The highest power, up to 1, of a likelihood at which the effective number of cells is large enough.
+    """The highest power of a likelihood, up to 1, that leaves an effective sample size of `effective`.
 
-    `likelihoods` (n,) are the logarithms at the cells, `effective` is the least number.
+    `likelihoods` (n,) are the logarithms at n cells; of `effective` at most 0.9 n is asked for.
     """
     effective = min(effective, 0.9 * len(likelihoods))
 

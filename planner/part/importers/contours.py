@@ -82,7 +82,7 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
 def choose(
     candidates: list[Contour], number: int | None, where: str, lost: Sequence[Lost] = ()
 ) -> tuple[Contour, list[str]]:
-    """Returns contour `number`, counted from 1, or the only outer one if it is None; and notes.
+    """Returns the contour `number`, from 1, or the only outer one for None; and notes on the choice.
 
     Raises:
         UsageError: there is no such contour, or no number and several outer ones; lists them.
@@ -165,7 +165,7 @@ def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
 
 
 def _is_wide(ring: Array, join_mm: float) -> bool:
-    """Whether a ring encloses more than a line drawn twice."""
+    """Whether a ring encloses more area than a line that is drawn twice, `join_mm` apart."""
     least = 0.5 * join_mm * float(shapely.LinearRing(ring).length) if len(ring) > 2 else 0.0
     return len(ring) > 2 and _hull(ring).area > least and float(noding.face(ring).area) > least
 

@@ -51,7 +51,7 @@ def losses(auditor: Auditor, data: bytes) -> Losses:
 
 
 def _among_shapes(words: str, data: bytes) -> bool:
-    """Whether the line named in a message lies in a section that holds shapes."""
+    """Whether the line that a message names, if any, lies in a section that holds shapes."""
     line = LINE.search(words)
     if line is None:
         return True

@@ -157,7 +157,7 @@ class _Viewer(Frontend):
             layer.is_visible |= layer.layer.lower() == self._only
 
     def skip_entity(self, entity: DXFEntity, msg: str) -> None:
-        """Records an entity; ezdxf calls this for each entity that it does not draw, with the reason."""
+        """Records as hidden or lost an entity that ezdxf does not draw; ezdxf calls this with the reason."""
         layer, block = layer_of(entity).lower(), self.ctx.current_block_reference_properties
         if layer == "0" and block is not None:
             layer = block.layer.lower()
@@ -207,7 +207,7 @@ class _Viewer(Frontend):
             self.lost.append(pieces.Lost(f"{_name(entity)}: {why}"))
 
     def _lose_around(self, entity: DXFGraphic, why: str) -> None:
-        """Records an entity that is an outline only if it surrounds all others."""
+        """Records an entity as lost, with its box: it may be the outline only if it surrounds the others."""
         box = bbox.extents([entity])
         if box.has_data:
             corners = np.array([tuple(box.extmin)[:2], tuple(box.extmax)[:2]])

@@ -34,7 +34,7 @@ DATUM_MM = 10_000.0  # Largest distance of a job's datum from its part
 
 
 class Imported(NamedTuple):
-    """An outline from a file."""
+    """A checked and centred outline from a file, with its symmetry, holes and datum."""
 
     outline_mm: Array  # (N, 2) counter-clockwise, centroid at the origin, read-only
     symmetry: int  # rotational order of the outline

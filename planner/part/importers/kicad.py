@@ -160,7 +160,10 @@ def _circle(shape: Expression, tolerance: float) -> Array:
 
 
 def _bow(shape: Expression, tolerance: float) -> Array:
-    """An arc through three points; before KiCad 6, by its centre (`start`), one end (`end`) and angle."""
+    """Converts an arc to a polyline (n, 2).
+
+    The arc is stated by three points; before KiCad 6, by its centre (`start`), one end (`end`) and angle.
+    """
     start, end = shape.numbers("start", 2), shape.numbers("end", 2)
     if shape.has("angle"):
         return _arc(start, end, math.radians(float(shape.numbers("angle", 1)[0])), tolerance)
@@ -174,7 +177,7 @@ def _polygon(shape: Expression, tolerance: float) -> Array:
 
 
 def _run(part: Expression, tolerance: float) -> Array:
-    """A point (1, 2) or an arc (n, 2) of a polygon."""
+    """Converts an element of a polygon to points: a vertex to (1, 2), an arc to a polyline (n, 2)."""
     if part.name == "xy":
         return part.first(2)[None]
     if part.name == "arc":

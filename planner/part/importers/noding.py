@@ -1,4 +1,4 @@
-"""Finds the regions that lines bound, which may meet, cross or overlap.
+"""Finds the regions that lines bound, even where the lines meet, cross or overlap.
 
 GEOS nodes the lines by snap rounding and finds the faces that they bound (`polygonize`). Faces that share an
 edge are joined to one region.
@@ -28,7 +28,7 @@ class Region(NamedTuple):
 
 
 def face(ring: Array) -> shapely.Geometry:
-    """The polygons that a ring (n, 2) encloses, which may cross itself."""
+    """The area that a ring (n, 2) encloses: several polygons if the ring crosses itself."""
     return shapely.make_valid(shapely.Polygon(ring))
 
 

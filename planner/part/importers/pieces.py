@@ -54,7 +54,7 @@ class Lost(NamedTuple):
 
 
 class Pieces(NamedTuple):
-    """The shapes of one file."""
+    """The shapes of one file, sorted into closed rings and open strokes."""
 
     rings: list[Array]  # closed curves, each (n, 2), first point not repeated [mm]
     strokes: list[Array]  # open curves, each (n, 2) [mm]
@@ -90,7 +90,7 @@ def flattened(curve: Callable[[Array], Array], tolerance: float) -> Array:
 
 
 class Curve(NamedTuple):
-    """A curve of a drawing that has layers."""
+    """A curve of a drawing, with the layer on which it lies."""
 
     points: Array  # (n, 2) [mm]
     layer: str

@@ -31,8 +31,8 @@ class Meaning(NamedTuple):
 def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: float) -> Meaning:
     """Interprets the seams of a region; `loose` are the lines that bound no face.
 
-    A region is ambiguous if closed contours overlap in it, if one of its lines continues beyond it (like the
-    extension line of a dimension), or if no single layer bounds it but one bounds another region.
+    A region is ambiguous in three cases: closed contours overlap in it; one of its lines continues beyond it,
+    like the extension line of a dimension; or a single layer bounds another region, and none this one.
     """
     if not region.seams:
         return Meaning()

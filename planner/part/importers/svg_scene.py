@@ -28,7 +28,7 @@ CONDITIONS = ("requiredExtensions", "systemLanguage")  # attributes for which `s
 
 
 class Shape(NamedTuple):
-    """A visible shape."""
+    """A visible shape of an SVG drawing, with its attributes, transform and visible window."""
 
     kind: str  # one of `SHAPES`
     values: Values
@@ -141,7 +141,7 @@ class Scene:
         yield from self._draw(target, frame._replace(matrix=frame.matrix @ place), values)
 
     def _viewed(self, kind: str, frame: Frame, values: Values, copy: Values | None) -> Frame | None:
-        """The frame inside a group; None if the group has no extent, so that it shows nothing."""
+        """The properties that the content of a group inherits; None if the group has no extent."""
         if kind not in ("svg", "symbol"):
             return frame
         texts = {name: (copy and copy.style.get(name)) or values.style.get(name) for name in SIZES}

@@ -51,7 +51,7 @@ class Viewport(NamedTuple):
 
 
 class Length(NamedTuple):
-    """A length as written."""
+    """A length as written in an attribute: a number and its unit."""
 
     value: float
     unit: str  # lower case; empty for user units
