@@ -130,7 +130,7 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class GripperState:
-    """One reading. Widths are nominal, see `GripperProfile`."""
+    """State of a gripper by one reading. Widths are nominal, see `GripperProfile`."""
 
     activated: bool  # whether it may be moved
     moving: bool  # whether the fingers are moving
