@@ -17,9 +17,9 @@ class EndlessError(OSError):
 
 
 class BoundedSocket:
-    """A connected socket with bounds, in the form in which `http.client` uses sockets.
+    """A connected socket with a deadline and a limit of received bytes, for use by `http.client`.
 
-    `allow` sets the bounds of the next exchange; before its first call, every transfer times out.
+    `allow` sets both for the next exchange; before its first call, every transfer times out.
 
     Args:
         connection: the socket, with TLS if used; closed with this object.
@@ -66,7 +66,7 @@ class BoundedSocket:
 def opener(
     until: float, most_bytes: int, now: Callable[[], float]
 ) -> urllib.request.OpenerDirector:
-    """Creates an object whose `open` works like `urllib.request.urlopen`, but with bounds.
+    """Creates an object whose `open` works like `urllib.request.urlopen`, with a deadline and a size limit.
 
     Args:
         until: deadline of all exchanges, by the clock `now`.
@@ -96,7 +96,7 @@ def opener(
 
 
 class _Incoming(io.RawIOBase):
-    """The incoming data of a bounded socket."""
+    """Unbuffered file of the data that a bounded socket receives; reading enforces its bounds."""
 
     def __init__(self, bounded: BoundedSocket) -> None:
         self._bounded = bounded

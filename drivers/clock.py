@@ -64,9 +64,10 @@ class Pace:
         self.clock.idle(POLL_S / self.time_scale, until)
 
     def looks(self, deadline: float) -> Iterator[float]:
-        """Yields the wall seconds left until a deadline before each read; ends after `LATE_LOOKS` late reads.
+        """Yields, before each read of the caller, the wall seconds left; ends after `LATE_LOOKS` late reads.
 
-        The late reads find data that arrived in time while this process was stopped.
+        A read is late if it begins at the deadline or after it. Late reads find data that arrived in time
+        while this process was stopped.
         """
         late = 0
         while late < LATE_LOOKS:
@@ -75,10 +76,10 @@ class Pace:
             yield left_s
 
     def deadline(self, seconds: float, simulated_s: float = LINK_TIMEOUT_S) -> float:
-        """The wall time at which a budget in device seconds is spent, plus a margin for one last poll.
+        """The wall time at which `seconds` of device time have passed, plus a margin for one last poll.
 
-        The margin of a simulated device faster than real time is `simulated_s`: a busy machine may delay the
-        process of the device, and a budget divided by the time scale leaves nothing for that.
+        The margin is `LINK_TIMEOUT_S`, or `simulated_s` for a simulated device that is faster than real time:
+        on a busy machine the process of such a device may be late by more than its scaled budget.
         """
         margin_s = LINK_TIMEOUT_S if self.time_scale <= 1.0 else simulated_s
         return self.clock.now() + seconds / self.time_scale + margin_s

@@ -28,7 +28,7 @@ MANUAL = "manual"  # the scheme of a person, which needs no host
 
 
 class Makes(NamedTuple):
-    """The makes of one kind of device: the opening function of each scheme."""
+    """Where to find the function that opens a device of one kind (grippers or arms), by scheme."""
 
     group: str  # group of entry points by which other packages add schemes
     kind: type  # the Protocol of opened devices
@@ -120,7 +120,7 @@ def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
 
 
 def manual_arm(url: str, pace: Pace, *, read_only: bool) -> Arm:
-    """Opens a hand moved by a person, and the simulated arm that follows the hand, if any.
+    """Opens an arm whose motions a person carries out, and the simulated arm that repeats them, if any.
 
     Raises:
         PortError: the address is not `manual` or `manual+` and the address of an arm, or that arm cannot be
@@ -157,7 +157,13 @@ class VirtualDevices(NamedTuple):
 
 
 def virtual(tree: Path, *, world: str, seed: int, report: Report = no_report) -> VirtualDevices:
-    """Creates the simulated cell of a table, and connects to its devices.
+    """Creates a simulated cell for a decision table, and connects to its devices.
+
+    Args:
+        tree: file of the decision table.
+        world: physics of the squeezes, `module:factory`.
+        seed: of every draw.
+        report: receives every retry and failure on the gripper's link.
 
     Raises:
         UsageError: the world cannot be loaded, or fails.

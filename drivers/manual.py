@@ -27,7 +27,7 @@ ALOFT: PoseOfHand = (0.0, 0.0, 1000.0, 0.0)
 
 
 class Person:
-    """The person at the terminal, the same for arm and gripper."""
+    """Questions to the person at the terminal; manual arm and manual gripper share one instance."""
 
     def __init__(self) -> None:
         self._read = b""
@@ -66,9 +66,9 @@ PERSON = Person()
 
 
 class ManualArm:
-    """A hand moved by a person, which a simulated arm may follow (`behind`).
+    """An arm whose motions a person carries out by hand; a simulated arm (`behind`) may repeat them.
 
-    Without such an arm, the pose of the hand is the target of the last motion.
+    Without a simulated arm, the pose is the target of the last motion.
     """
 
     def __init__(self, behind: Arm | None, *, read_only: bool) -> None:
@@ -87,13 +87,13 @@ class ManualArm:
         return (self._at or ALOFT) if self._behind is None else self._behind.pose()
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """The range of the simulated arm, or no limit: the wrist of a person is not modelled."""
+        """Least and greatest angle of the simulated arm, rad; infinite without one."""
         if self._behind is None:
             return -math.inf, math.inf
         return self._behind.turn_range(x_mm, y_mm)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
-        """The obstacle of the simulated arm, or none: no obstacle is known for a person."""
+        """Why the simulated arm cannot make a straight motion; empty if it can, or without such an arm."""
         return "" if self._behind is None else self._behind.obstacle(start, target)
 
     def move_linear(

@@ -20,7 +20,7 @@ Target = TypeVar("Target")
 
 @dataclass(frozen=True, slots=True)
 class Move(Generic[Seen, Target]):
-    """A requested move."""
+    """A requested move, and what `wait` needs to know about it."""
 
     target: Target  # in the form that the device echoes
     before: Seen  # the reading before it
@@ -30,7 +30,10 @@ class Move(Generic[Seen, Target]):
 
 
 class ReadOnlyLink:
-    """A link that refuses to write before any frame is built; `close` closes the given link."""
+    """Wraps a link: reads pass through, writes are refused before a frame is built.
+
+    `close` closes the wrapped link.
+    """
 
     def __init__(self, link: Any) -> None:
         self.endpoint = link.endpoint
@@ -175,7 +178,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         doing: str,
         check: Callable[[Seen, str], None] | None = None,
     ) -> Seen:
-        """Polls until a reading is `done`, and returns it.
+        """Polls until `done(reading)` is true; returns that reading.
 
         Raises:
             GripperFault: `check` refused a reading, or the deadline has passed.
@@ -222,7 +225,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
             seen = self._read()
 
     def _past_stale(self, seen: Seen) -> Seen:
-        """Reads on until a reading belongs to the last request and to no earlier one; returns the reading."""
+        """Reads until the fingers move, or `stale_s` after the request; returns the last reading."""
         while self._asked_at is not None and not self._state(seen, self._target(seen)).moving:
             until = self._asked_at + self.stale_s / self._pace.time_scale
             if self._pace.now() >= until:
@@ -254,7 +257,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
 
 
 def setting(value: float, ends: tuple[float, float], first: int, last: int) -> int:
-    """Converts a value to the greatest setting of a device that does not exceed it, or else to `first`.
+    """Greatest setting of a device whose value does not exceed `value`; `first` if there is none.
 
     Args:
         value: the value, in the unit of `ends`.

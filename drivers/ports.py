@@ -90,7 +90,7 @@ class GripperProfile:
         return _within(40.0, self.force_n)
 
     def fastest_grip_mm_s(self, force_n: float) -> float:
-        """Fastest rate of the width at which the gripper grips with a force."""
+        """Greatest closing speed (rate of the width) at which the gripper still exerts a force."""
         if self.grip_mm_s is None:
             return self.speed_mm_s[1]
         return max(self.grip_mm_s * force_n / self.force_n[1], self.speed_mm_s[0])
@@ -116,7 +116,10 @@ class GripperProfile:
         return round(width_um * self.steps / self.stroke_um)
 
     def counted_um(self, count: int) -> int:
-        """The width at a count, also beyond the counts of the open and closed jaws; needs `counts`."""
+        """Converts a position count of the device to a width; only for profiles with `counts`.
+
+        Counts beyond those of the open and closed jaws are converted likewise.
+        """
         assert self.counts is not None
         return self.reading_um(self.counts[1] - count)
 
@@ -127,7 +130,7 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class GripperState:
-    """One reading. Widths are nominal, see `GripperProfile`."""
+    """State of a gripper by one reading. Widths are nominal, see `GripperProfile`."""
 
     activated: bool  # whether it may be moved
     moving: bool  # whether the fingers are moving
@@ -230,9 +233,9 @@ class Arm(Protocol):
     ) -> None:
         """Moves in a straight line, and returns when the hand is at rest at the target.
 
-        Angles that differ by whole turns are different targets. Callers split half a turn or more, whose
-        direction an arm may not be able to choose, into several motions. The speed also limits turns: no
-        point within `radius_mm` of the hand's axis moves faster.
+        Angles that differ by whole turns are different targets. The caller must split half
+        a turn or more into several motions: an arm may not be able to choose its direction. The speed also
+        limits turns: no point within `radius_mm` of the hand's axis moves faster.
 
         Raises:
             ArmError: refused before anything was sent, or its state is unknown from now on.

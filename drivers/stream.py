@@ -83,7 +83,9 @@ class TcpStream:
 
 
 class SerialStream:
-    """A serial port, 8 data bits and 1 stop bit, held exclusively; a pseudo-terminal has no parity.
+    """A serial port with 8 data bits and 1 stop bit, locked (`flock`) while it is open.
+
+    On a pseudo-terminal, `parity` is ignored.
 
     Raises:
         PortError: no such device, no permission, not a serial port, or in use.

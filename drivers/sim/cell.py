@@ -44,7 +44,8 @@ class LoneGripper(Site):
 class Cell(Site):
     """A simulated cell: the gripper on the ports of its make, arm and scene on TCP ports.
 
-    All ports of the gripper lead to one device, and so do those of the arm: a host uses one port of each.
+    All ports of the gripper lead to the same device, and all ports of the arm to the same arm, so a client
+    must use only one port of each.
 
     Args:
         setting: part and world.

@@ -97,7 +97,7 @@ def serve(options: argparse.Namespace) -> int:
 
 
 def _refuse_other_devices(options: argparse.Namespace) -> None:
-    """Raises a UsageError if there are options that only a whole cell has."""
+    """Raises a UsageError if a lone gripper is given options that only a whole cell has."""
     for name in ("world", "faults", "middle", "block", "camera", "camera_views"):
         if getattr(options, name):
             word = name.replace("_", "-")

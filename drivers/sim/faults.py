@@ -11,7 +11,7 @@ from runtime.shell.errors import InputError, UsageError
 
 
 class Channel(StrEnum):
-    """A kind of events; beginning and length of a fault are counted in the events of one channel."""
+    """A kind of event that is counted; each fault begins and ends at counts of one channel."""
 
     LINE = "line"  # requests that reach the gripper's end of the line, and their answers
     GRIPPER = "gripper"  # the same requests; the registers or the device itself fail
@@ -20,7 +20,7 @@ class Channel(StrEnum):
 
 
 class Kind(NamedTuple):
-    """A class of faults."""
+    """A class of faults: its name, its channel, and the ranges of its random parameters."""
 
     name: str  # name in schedules
     channel: Channel  # its events
@@ -96,7 +96,10 @@ BEGINS = {Channel.LINE: 150, Channel.GRIPPER: 150, Channel.ARM: 30, Channel.SCEN
 
 
 class Fault(NamedTuple):
-    """One fault, which holds from event `at` to `at + length - 1` of part `part` (None: every part)."""
+    """A scheduled fault, in effect from event `at` to `at + length - 1` of a part.
+
+    Events are those of its channel, counted from 0 for each part; `part` is None for every part.
+    """
 
     kind: str
     part: int | None = None
@@ -116,7 +119,7 @@ class Fault(NamedTuple):
 
 
 class Listed:
-    """An explicit schedule."""
+    """A schedule that lists its faults."""
 
     def __init__(self, faults: Iterable[Fault] = ()) -> None:
         self._faults = tuple(faults)
@@ -149,7 +152,7 @@ def _random_fault(draw: random.Random, part: int) -> Fault:
 
 
 class Desk:
-    """Counts the events of a part and gives the faults that hold at the last event."""
+    """Tracks a fault schedule: counts the events of each channel, and returns the faults now in effect."""
 
     def __init__(self, schedule: Listed) -> None:
         self.met: list[str] = []  # names of all faults so far, in order

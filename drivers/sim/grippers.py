@@ -79,7 +79,7 @@ class Simulator:
     def driver(
         self, stream: Stream, pace: Pace, report: Report, profile: GripperProfile
     ) -> Gripper:
-        """Creates the driver, on the host's end of a serial line."""
+        """Creates the driver of the gripper on a stream, the host's end of the serial line."""
         return self.gripper(self.link(stream, pace, report), pace, report, profile)
 
 
@@ -89,7 +89,7 @@ class RobotiqSimulator(Simulator):
     def ports(
         self, device: Any, site: Site, line: Callable[..., Line]
     ) -> tuple[str, dict[str, str]]:
-        """Opens the ports of the device."""
+        """Opens a serial port, and TCP ports for RTU, Modbus TCP and the URCap."""
         path, _ = super().ports(device, site, line)
         rtu = open_port(self.slave(device, site.now, line()), site)
         slave = MbapSlave(GripperRegisters(device, site.now, TCP), line(checked=False), TCP.unit)

@@ -58,7 +58,7 @@ class Workcell(Surroundings):
     # -- what the fingers meet: drivers.sim.devices.jaws.Surroundings -------------------------------------
 
     def closing(self) -> float | None:
-        """Receives the event that the jaws start to close at the arm's true pose.
+        """Squeezes what lies between the jaws at the arm's true pose, if the hand is low enough.
 
         Returns:
             Width at which something will stop the jaws, mm; None: nothing will.
@@ -69,20 +69,21 @@ class Workcell(Surroundings):
         return self.table.squeeze(hand)
 
     def gripped(self) -> None:
-        """Tells the table that the jaws have stopped at the part, which then lies at its final pose."""
+        """Completes the squeeze: the jaws have stopped at the part, which lies at its final pose now."""
         self.table.gripped()
 
     def released(self) -> None:
-        """Receives the event that the jaws release the part."""
+        """Releases the part: it stays or, if it was lifted, falls."""
         self._let_go = True
         self.table.released()
 
     # -- the arm ----------------------------------------------------------------------------------
 
     def arm_stands(self) -> None:
-        """Receives the event that an arm instruction may be over; repeated calls change nothing.
+        """Applies the effect of the arm's last motion on the part; does nothing if there is no new motion.
 
-        If the hand has moved, it has carried what it holds, pushed the part, or come down on it.
+        It is called when an arm instruction may be over. The hand has carried what it holds, pushed the part,
+        or come down on it.
         """
         if self.arm.moves == self._moves:
             return
@@ -125,6 +126,6 @@ class Workcell(Surroundings):
         return self.table.truth() if what == "truth" else None
 
     def look(self) -> Look:
-        """The view of a camera under the table."""
+        """What a camera under the table has in view now."""
         self.gripper.advance(self.now())
         return self.table.look()

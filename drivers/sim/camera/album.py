@@ -32,12 +32,12 @@ SPREAD: tuple[Pose2, ...] = (
 
 
 def _field_mm(optics: Optics) -> float:
-    """Edge of a field of the board, mm, in proportion to the distance of the camera."""
+    """Edge of a square of the ChArUco board, mm: a fixed share of the camera's distance from the table."""
     return FIELD_SHARE * abs(float(optics.eye_mm[2]))
 
 
 def _on_table(optics: Optics) -> list[Card]:
-    """Placements of the board on the table: first in the middle, then all over it."""
+    """The board at each of several poses on the table: first in the middle, then all over it."""
     field, far = _field_mm(optics), abs(float(optics.eye_mm[2]))
     cells, below = board_cells(COLUMNS, ROWS), bool(optics.eye_mm[2] < 0.0)
     places = [(x * far, y * far, turn) for x, y, turn in SPREAD]

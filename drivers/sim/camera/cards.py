@@ -14,7 +14,7 @@ Cells = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Card:
-    """A grid of squares."""
+    """A printed rectangle of black and white squares with a white margin, at a pose in space."""
 
     cells: Cells  # (rows, columns) 1 = white, as printed
     cell_mm: float  # edge of a square
@@ -28,7 +28,7 @@ class Card:
 
     @property
     def half_mm(self) -> Array:
-        """Half of its extent along `right` and `down`, margin included, (2,)."""
+        """Half the width (along `right`) and half the height (along `down`) of the card with margin, (2,)."""
         rows, columns = self.cells.shape
         return 0.5 * self.cell_mm * np.array([columns, rows]) + self.margin_mm
 
@@ -55,7 +55,10 @@ def tag_cells(number: int) -> Cells:
 
 
 def board_cells(columns: int, rows: int) -> Cells:
-    """The (8 rows, 8 columns) squares of a ChArUco board: 8 by 8 a field, 6 by 6 a marker (DICT_4X4)."""
+    """The cells of a ChArUco board of `rows` x `columns` fields, (8 rows, 8 columns).
+
+    A field is 8 x 8 cells; the marker in every second field is 6 x 6 cells (DICT_4X4_250).
+    """
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_250)
     board = cv2.aruco.CharucoBoard((columns, rows), 8.0, 6.0, dictionary)
     drawn = board.generateImage((8 * columns, 8 * rows), marginSize=0, borderBits=1)

@@ -58,7 +58,11 @@ class Optics:
         return self.focal * bent + self.centre
 
     def _bend(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Brown and Conrady's distortion of rays at depth one: a factor of x and y, and a shift of each."""
+        """Distortion of rays (x, y, 1) by Brown and Conrady's model.
+
+        Returns:
+            Radial factor of both x and y, tangential shift of x, and tangential shift of y.
+        """
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x**2 + y**2
         radial = 1.0 + k1 * r2 + k2 * r2**2 + k3 * r2**3

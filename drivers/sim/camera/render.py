@@ -26,7 +26,7 @@ MOMENTS = np.random.default_rng(36).permutation(SAMPLES * SAMPLES)
 
 @dataclass(frozen=True, slots=True)
 class Flaws:
-    """Flaws of a picture."""
+    """Blur, noise, exposure, uneven light and compression that are added to a rendered picture."""
 
     blur_px: float = 0.7  # standard deviation of the lens's blur
     noise: float = 2.5  # standard deviation of the sensor's noise, grey levels of 255
@@ -100,7 +100,7 @@ def _draw(levels: Levels, optics: Optics, card: Card) -> None:
 
 
 def _tone(card: Card, along: Levels, across: Levels, behind: Levels) -> Levels:
-    """Tones at points of a card's plane, 0 to 1: of its squares, its margin, or the background."""
+    """Tones at points (along, across) [mm] of a card's plane: those of the card, or `behind` outside it."""
     rows, columns = card.cells.shape
     column = np.clip(np.floor(along / card.cell_mm + 0.5 * columns), -1, columns).astype(np.intp)
     row = np.clip(np.floor(across / card.cell_mm + 0.5 * rows), -1, rows).astype(np.intp)
@@ -131,7 +131,16 @@ def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:
 
 
 def _rays(optics: Optics, box: tuple[slice, slice], axes: Array) -> Iterator[tuple[float, Levels]]:
-    """Yields for each sample its moment of the exposure, 0 to 1, and the rays of a box, (3, h, w) on axes."""
+    """Yields one ray through each pixel of a box, once per sample of a pixel.
+
+    Args:
+        optics: the camera.
+        box: rows and columns of the pixels.
+        axes: (3, 3) basis of the ray directions, one axis a column.
+
+    Yields:
+        Moment of the sample as a share of the exposure, and ray directions, (3, height, width).
+    """
     rows, columns = box
     grid = optics.corner_rays[rows.start : rows.stop + 1, columns.start : columns.stop + 1] @ axes
     corners = np.ascontiguousarray(np.moveaxis(grid, -1, 0), np.float32)

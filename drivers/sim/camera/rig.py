@@ -36,7 +36,10 @@ class Rig:
         return bool(self.optics.eye_mm[2] < 0.0)
 
     def cards(self, part: Pose2 | None, number: int | None = None) -> list[Card]:
-        """Cards of all tags: the fixed ones, and that of the part with its usual number or another."""
+        """Cards of all tags: the fixed ones, and that on the part, if its pose is given.
+
+        `number` is the id of the part's tag; by default that of the rig.
+        """
         laid = list(self.references)
         if part is not None:
             laid.append((self.number if number is None else number, compose(part, self.on_part)))
@@ -47,14 +50,14 @@ class Rig:
         return lying(tag_cells(number), self.side_mm / 8.0, pose, face_down=self.below)
 
     def watcher(self, look: Callable[[], Look], seed: int) -> Callable[[], bytes]:
-        """Returns a function that takes a picture of `look()` as a JPEG file; the seed is of the noise."""
+        """Returns a function that renders the view `look()` as a JPEG file; `seed` is of the noise."""
         rng = np.random.default_rng([seed, 0x43414D])
         quality = self.flaws.jpeg_quality or 95
         _ = self.optics.corner_rays  # computed once, before the first request
         return lambda: jpeg(self.seen(look(), rng), quality)
 
     def seen(self, look: Look, rng: np.random.Generator) -> Picture:
-        """Renders the picture of a view; a foreign part has the tag number before the usual one."""
+        """Renders the picture of a view; the tag id of a foreign part is one less than `number`."""
         if look.covered:
             return render(self.optics, [], replace(self.flaws, gain=0.0), rng)
         number = self.number + look.hypothesis

@@ -32,7 +32,7 @@ TAKEN: dict[float, tuple[int, ...]] = {
 
 
 class Answer(NamedTuple):
-    """Result of an instruction."""
+    """What the server sends after an instruction, and when."""
 
     text: str | None  # what is sent; None: nothing
     ready_s: float  # time of the answer; infinity: never, RAPID execution has stopped
@@ -81,9 +81,9 @@ class HaltError(Exception):
 
 
 class ArmModel:
-    """State of the server and of its arm.
+    """State of the open_abb server and of its arm.
 
-    Each instruction is one event of the desk, whose current faults make it fail.
+    Each received instruction counts as one event of the fault schedule; the faults due at it take effect.
 
     Args:
         base: the arm's base frame in the world.
@@ -189,7 +189,7 @@ class ArmModel:
         return answer._replace(before=STALE) if "arm_stale_ack" in kinds else answer
 
     def _displace_hand(self, moment_s: float) -> None:
-        """Displaces the hand if such a fault begins.
+        """Displaces or turns the hand if a scheduled fault of that kind begins with this instruction.
 
         The controller knows the new pose, but did not command it.
         """
@@ -307,7 +307,12 @@ class ArmModel:
     def _profile(
         self, ways: tuple[float, float], speeds: tuple[float, float]
     ) -> tuple[float, float]:
-        """Durations of a linear motion and of its acceleration, s, for the slower of path and turn."""
+        """Durations of a linear motion and of its acceleration, s; the slower of path and turn decides.
+
+        Args:
+            ways: length of the path and angle of the turn, mm and deg.
+            speeds: of path and turn, mm/s and deg/s.
+        """
         if self._acceleration is None:
             return max(way / speed for way, speed in zip(ways, speeds, strict=True)), 0.0
         results = []

@@ -64,7 +64,9 @@ class ArmServer:
     async def _deliver(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, answer: Answer
     ) -> bool:
-        """Sends the acknowledgement when the instruction is over.
+        """Waits until the instruction is over, and sends its acknowledgement.
+
+        It never returns if the instruction stopped RAPID execution.
 
         Returns:
             Whether the client stays connected.

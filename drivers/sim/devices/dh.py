@@ -63,7 +63,7 @@ class DhModel(Fingers):
         self._forget()
 
     def _forget(self) -> None:
-        """Takes the state after a power failure: not initialised."""
+        """Resets to the state after a power failure: not initialised."""
         self._halt(Grip.AT_POSITION)
         self._show(Grip.AT_POSITION)
         self._initialised = Initialised.NO
@@ -89,7 +89,7 @@ class DhModel(Fingers):
         return self._settings.get(address, 0)
 
     def write(self, address: int, value: int, now_s: float) -> None:
-        """Writes a value that is `ALLOWED` to a register, and executes the command in it, if any."""
+        """Writes to a register, and executes the command in it, if any; the caller checks `ALLOWED`."""
         self.advance(now_s)
         self.writes += 1
         self._settings[address] = value
@@ -106,14 +106,17 @@ class DhModel(Fingers):
     # -- mishaps ----------------------------------------------------------------------------------
 
     def _dropped(self) -> None:
-        """Receives the event that the held part is lost: the fingers close on, to the requested position."""
+        """Called when the held part is lost: lets the fingers close on to the requested position."""
         if self._initialised is Initialised.YES:
             self._go(dropped=True)
 
     # -- motion -----------------------------------------------------------------------------------
 
     def _initialise(self, how: int) -> None:
-        """Starts the initialisation: the search for one end stop, or for both to learn the stroke."""
+        """Starts the initialisation: the fingers search for one end stop or, to learn the stroke, for both.
+
+        `how` is the value written to the register; `INITIALISE` is the search for one.
+        """
         self._initialised = Initialised.IN_PROGRESS
         self._show(Grip.MOVING)
         ends = [self._open_mm, 0.0]
@@ -134,7 +137,7 @@ class DhModel(Fingers):
         self._start(target, speed, (free, Grip.CAUGHT), meets=not dropped)
 
     def _arrived(self) -> None:
-        """Continues or finishes the initialisation."""
+        """Called when a stroke has ended: continues or finishes the initialisation, if it is in progress."""
         if self._initialised is not Initialised.IN_PROGRESS:
             return
         if self._stroke.rate < 0.0:

@@ -74,7 +74,7 @@ class GripperModel(Fingers):
         self._forget()
 
     def _forget(self) -> None:
-        """Takes the state after a power failure: all outputs are 0; the screw drive holds the jaws."""
+        """Resets to the state after a power failure: all outputs are 0; the screw drive holds the jaws."""
         self._output = bytearray(16)
         self._request = unpack(OUTPUT_FIELDS, self._output)
         self._show(robotiq.OBJ_MOVING)
@@ -93,7 +93,7 @@ class GripperModel(Fingers):
         return input_block(**self._fields(now_s))
 
     def _fields(self, now_s: float) -> dict[str, int]:
-        """Counts a request; returns the fields of the input block."""
+        """Returns the fields of the input block for one more request, which counts as an event."""
         self.next_request(now_s)
         self._refresh(now_s)
         request, state = self._request, self._flag.at(self._now)
@@ -126,7 +126,10 @@ class GripperModel(Fingers):
         self._obey(old)
 
     def next_request(self, now_s: float) -> None:
-        """Counts one more request, which ends a silence."""
+        """Counts one more request, and notes whether it ends a silence longer than `SILENCE_S`.
+
+        Reads within `CYCLE_S` of this request still report such a silence as a fault.
+        """
         super().next_request(now_s)
         # The register reports the silence until the next refresh, so the first answer does too.
         if now_s - self._heard_s > SILENCE_S:
@@ -157,7 +160,7 @@ class GripperModel(Fingers):
             self.fail(code, now_s)
 
     def _dropped(self) -> None:
-        """Receives the event that the held part is lost: the jaws close on, to the requested position."""
+        """Called when the held part is lost: lets the jaws close on to the requested position."""
         if self._ready() and self._request["rGTO"]:
             self._go(meets=False)
 
@@ -208,7 +211,7 @@ class GripperModel(Fingers):
             self._halt(robotiq.OBJ_MOVING)
 
     def _arrived(self) -> None:
-        """Continues the sweep, or finishes activation or release."""
+        """Called when a stroke has ended: continues the activation sweep, or ends activation or release."""
         if self._fault == FAULT_RELEASING:
             self._fault = FAULT_RELEASED
         elif self._status == robotiq.STA_ACTIVATING and self._meets:
@@ -222,7 +225,7 @@ class GripperModel(Fingers):
                 self._go()
 
     def _current(self) -> float:
-        """Motor current in counts of 10 mA: some while moving, a rise at contact, less to hold."""
+        """Motor current in counts of 10 mA: constant while moving, peak at contact, then decay to holding."""
         if self._ends_s < math.inf and self._stroke.rate:
             return CURRENT_MOVING
         if not self._gripping:

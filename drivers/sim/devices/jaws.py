@@ -11,10 +11,10 @@ from drivers.sim.faults import Channel, Desk, Fault, Listed
 
 
 class Surroundings:
-    """Interface for objects between the fingers; by default there are none."""
+    """What the fingers may meet; a subclass reacts to their motions. By default there is nothing."""
 
     def closing(self) -> float | None:
-        """Receives the event that the jaws start to close.
+        """Called when the jaws start to close; returns where they will meet something.
 
         Returns:
             Width at which something will stop the jaws, mm; None: nothing will.
@@ -22,10 +22,10 @@ class Surroundings:
         return None
 
     def gripped(self) -> None:
-        """Receives the event that the jaws have stopped at the object."""
+        """Called when the jaws have stopped at the object; does nothing by default."""
 
     def released(self) -> None:
-        """Receives the event that the jaws open again and release the object."""
+        """Called when the jaws open again and release the object; does nothing by default."""
 
 
 class Stroke(NamedTuple):
@@ -51,7 +51,10 @@ class Stroke(NamedTuple):
 
 
 class ObjectFlag(NamedTuple):
-    """The object state that a register shows: `old`, then 0 from `moving_s` on, then the outcome."""
+    """The object state that a register shows during a stroke: it follows the fingers with a lag.
+
+    It is `old` until `moving_s`, then `OBJ_MOVING`, and `outcome` from `outcome_s` on.
+    """
 
     old: int
     moving_s: float
@@ -69,7 +72,7 @@ class Fingers(ABC):
     """Fingers that move, meet something, hold and release it. Times never go back.
 
     Positions are in the device's steps, which grow (`CLOSING` = 1) or fall (-1) as the fingers close. Each
-    request that the device receives is one event of the desk, whose current faults disturb the device.
+    request that the device receives counts as one event of the fault schedule.
 
     Args:
         rng: draws the lags.
@@ -110,15 +113,15 @@ class Fingers(ABC):
 
     @abstractmethod
     def _arrived(self) -> None:
-        """Receives the event that the stroke has ended."""
+        """Called when a stroke has ended; a make continues what it was doing."""
 
     @abstractmethod
     def _dropped(self) -> None:
-        """Receives the event that the held part has slipped out."""
+        """Called when the held part has slipped out; a make lets the fingers close on."""
 
     @abstractmethod
     def _forget(self) -> None:
-        """Takes the state after a power failure: the fingers stay where they are."""
+        """Resets to the state after a power failure; the fingers stay where they are."""
 
     def advance(self, now_s: float) -> None:
         """Advances time to `now_s`."""
@@ -169,9 +172,9 @@ class Fingers(ABC):
         del code, now_s
 
     def _misread(self, position: int, most: int = MOST_COUNT) -> int:
-        """Returns the position, 0 to `most`, that the current faults report instead of a true one.
+        """Returns the position that the device reports for a true one: changed by the current faults, if any.
 
-        The values of faults are in 255ths of `most`.
+        Positions are from 0 to `most`; the values of the faults are in 255ths of it.
         """
         values = {fault.kind: round(fault.value * most / MOST_COUNT) for fault in self._faults}
         if "count_frozen" not in values or self._last is None:
@@ -194,11 +197,14 @@ class Fingers(ABC):
         self._shown_s = self._now
 
     def _show(self, state: int) -> None:
-        """Lets the gripper report an object state from now on, without the lag of `_follow`."""
+        """Sets the object state that the gripper reports from now on, without a lag."""
         self._flag = ObjectFlag(state, self._now, state, self._now)
 
     def _follow(self) -> None:
-        """Makes the shown object state follow the stroke that begins now, with random lags."""
+        """Schedules the reported object state for the current stroke: moving, then its outcome, each late.
+
+        The lags are random.
+        """
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
         shown = self._flag.at(self._now)
         self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
@@ -213,7 +219,7 @@ class Fingers(ABC):
     def _start(
         self, target: float, speed: float, outcomes: tuple[int, int] = (0, 0), *, meets: bool = True
     ) -> None:
-        """Sets the fingers in motion; a closing stroke asks once what it meets.
+        """Sets the fingers in motion; a closing stroke asks the surroundings once what it will meet.
 
         Args:
             target: end of the stroke if it meets nothing.

@@ -43,7 +43,7 @@ _COMMANDS = {command.value: command.name for command in Command}
 
 
 class Stop(NamedTuple):
-    """End of a motion: bits of the status, and an error or 0."""
+    """What the device reports at the end of a motion: bits of the status word, and an error (0: none)."""
 
     status: Status
     error: int = 0
@@ -95,7 +95,7 @@ class SchunkModel(Fingers):
         self._forget()
 
     def _forget(self) -> None:
-        """Takes the state after a power failure: an unacknowledged error, all control bits set ([DUMP])."""
+        """Resets to the state after a power failure: an unacknowledged error, all control bits 1 ([DUMP])."""
         self._settings = {name: one.unpack(bytes(216)) for name, one in PARAMETERS.items()}
         self._settings.update({name: (value,) for name, value in self._facts().items()})
         self._control, self._output = Control(0xFFFFFFFF), Output(Control(0xFFFFFFFF))
@@ -192,7 +192,7 @@ class SchunkModel(Fingers):
         return float(value)
 
     def next_request(self, now_s: float) -> None:
-        """Counts one more request, which ends a silence."""
+        """Counts one more request; a ready device fails if the silence before it exceeded `silence_s`."""
         super().next_request(now_s)
         lost_s = self._heard_s + self._silence_s
         if lost_s < now_s and self._status & Status.READY:
@@ -217,7 +217,7 @@ class SchunkModel(Fingers):
             self.fail(SUPPLY, now_s)
 
     def _dropped(self) -> None:
-        """Receives the event that the held part is lost: the fingers close on until they meet."""
+        """Called when the held part is lost: lets the fingers close on to the end of their range."""
         gripping = self._status & (Status.GRIPPED | Status.READY)
         if gripping == Status.GRIPPED | Status.READY:
             self._status &= ~(Status.GRIPPED | Status.SUCCESS)
@@ -233,9 +233,11 @@ class SchunkModel(Fingers):
     # -- commands ---------------------------------------------------------------------------------
 
     def _obey(self, output: Output) -> None:
-        """Executes a control word.
+        """Executes the commands in a control word.
 
-        A rising edge of a bit is a command; a set bit of a motion is one also when the repeat toggle changes.
+        A bit that changes to 1 is a command. When the repeat toggle changes, every bit of a motion that is 1
+        is a command again. `NO_FAST_STOP` stops the fingers when it changes to 0; while it is 0, other bits
+        are ignored.
         """
         old, new = self._control, output.control
         self._control, self._output = new, output
@@ -297,7 +299,7 @@ class SchunkModel(Fingers):
         self._status |= REACHED.status
 
     def _command(self, command: Control, output: Output) -> None:
-        """Executes one of `MOTIONS` with the position, speed and force of an output, or refuses it."""
+        """Executes a motion (one of `MOTIONS`) with the values of an output, or refuses it with a warning."""
         position_mm, speed_mm_s = output.position_um / 1000, output.velocity_um_s / 1000
         inside, percent = output.control & Control.GRIP_FROM_INSIDE, output.force_percent
         gripped = bool(self._status & Status.GRIPPED)

@@ -28,7 +28,7 @@ class UrModel:
     Args:
         arm: mechanics of the arm; only this controller moves it.
         base: the arm's base frame in the world, which programs use.
-        executed: called whenever time advances while no motion is under way.
+        executed: called at every `advance` to a moment at which no motion is under way.
     """
 
     def __init__(
@@ -121,7 +121,11 @@ class UrModel:
         return at_s
 
     def _speed(self, words: str, at_s: float) -> tuple[float, float]:
-        """Speeds of path and turn for the arm's model, mm/s and deg/s; the slower motion counts."""
+        """Speeds of path and turn that a `movel` asks for, mm/s and deg/s.
+
+        They follow from its duration `t`; without one, its speed `v` applies to the path, and the turn has no
+        limit.
+        """
         pacing = dict(re.findall(r"\b([avt])=([\d.]+)", words))
         if "t" not in pacing:
             return 1000.0 * float(pacing["v"]) * self.speed_fraction, math.inf

@@ -69,7 +69,7 @@ class _Session:
         self._names: list[str] = []
 
     def answer(self, kind: str, payload: bytes) -> bytes:
-        """The reply to one package."""
+        """The reply to one package; empty if the package is not understood."""
         if kind == "V":
             return _packed(kind, b"\1" if payload == b"\0\2" else b"\0")
         if kind == "v":
@@ -91,7 +91,7 @@ class _Session:
         return b""
 
     def data(self) -> bytes:
-        """One data package."""
+        """A data package with the current values of the output recipe."""
         fields = self._look()
         shown = (fields[name] for name in self._names)
         values = (struct.pack(">" + FORMATS[kind], *numbers) for kind, numbers in shown)

@@ -32,7 +32,7 @@ class World(Protocol):
 
 
 class Geometry(NamedTuple):
-    """Values of a job that the cell needs."""
+    """Gripper, heights, region of the part's pose, and arm acceleration of a job or decision table."""
 
     gripper: GripperProfile
     squeeze_height_mm: float
@@ -72,7 +72,11 @@ class Block(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """Inputs of a scene: `subject` is the job, or the table for a rehearsal."""
+    """What a simulated cell is made from: job, geometry and world.
+
+    `subject` is the job or, for a rehearsal (a world that draws widths without physics), the decision
+    table.
+    """
 
     subject: Any
     geometry: Geometry
@@ -86,7 +90,7 @@ class Setting(NamedTuple):
     pushing: bool = False  # whether the table pushes parts
 
     def make_worlds(self, seed: int) -> list[World]:
-        """Makes a world for each part.
+        """Makes one world for each possible part.
 
         Raises:
             UsageError: the factory fails, or a world lacks a method that the scene needs.
@@ -110,9 +114,12 @@ class Setting(NamedTuple):
 
 
 def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
-    """Reads a table or a job, and loads the world.
+    """Reads a decision table or a job file, and finds its world; returns the setting of a cell.
 
-    The world is `module:factory`; by default the planner's, or a rehearsal without the planner.
+    Args:
+        tree: file of the decision table; None: `job` is read.
+        job: the job file.
+        world: `module:factory`; None: the planner's world or, if the planner is missing, a rehearsal.
 
     Raises:
         UsageError: the world cannot be loaded, the planner is missing, or the table carries no job.
@@ -176,7 +183,7 @@ def _height_mm(job: Any) -> float | None:
 
 
 def table_geometry(table: tables.Table) -> Geometry:
-    """The `Geometry` that a table states."""
+    """The `Geometry` that a decision table states; a rehearsal's values where it states none."""
     limits = table.limits
     timing = tables.Schedule.of(table, tables.job_of(table)).timing
     regrasp_mm = timing.regrasp_mm
@@ -188,9 +195,9 @@ def table_geometry(table: tables.Table) -> Geometry:
 
 
 def warm_up(setting: Setting, seed: int) -> None:
-    """Squeezes once in a new world of each part, and pushes if the decision table has pushes.
+    """Compiles the kernels of the world, so that no client waits for that later.
 
-    This compiles the kernels before a client waits for an answer; the worlds are not used afterwards.
+    In a new world of each part it squeezes once and, if the decision table has pushes, pushes once.
 
     Raises:
         UsageError: the world fails.

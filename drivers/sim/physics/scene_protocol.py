@@ -22,7 +22,11 @@ MAX_LINE = 4096
 
 
 class Feeder:
-    """Feeder and ground truth of a simulated cell, over its line protocol."""
+    """Brings the parts of a simulated cell, and reads the ground truth about them.
+
+    Args:
+        ask: sends a request (`next_part`, `truth`) to the cell; returns the answer.
+    """
 
     def __init__(self, ask: Callable[[str], Mapping[str, object]]) -> None:
         self._ask = ask
@@ -46,7 +50,7 @@ class Feeder:
         return Truth(**{**said, **nowhere})
 
     def close(self) -> None:
-        """Disconnects; the cell continues."""
+        """Does nothing: there is no connection to close."""
 
 
 class Scene(Feeder):

@@ -1,4 +1,4 @@
-"""The part on the table and its motions by fingers, through a world; or a fixed block."""
+"""The part on the table, which the fingers move as a world computes; or a fixed block instead."""
 
 import math
 import random
@@ -14,7 +14,7 @@ BESIDE: Pose2 = (0.0, 70.0, 0.8)  # pose of a second part, in the frame of the f
 
 
 class Look(NamedTuple):
-    """The view of a camera under the table."""
+    """What a camera under the table has in view."""
 
     pose: Pose2 | None  # pose of the part; None: there is no part, or the world has no poses
     strange: bool = False  # whether it is another part than expected
@@ -45,7 +45,10 @@ class TableTop:
         self.next_part()
 
     def next_part(self) -> int:
-        """Puts the next part down; its pose depends only on seed and number."""
+        """Puts the next part on the table, and returns its number.
+
+        The pose depends only on seed and number.
+        """
         self.part += 1
         self.squeezes = self.crashes = self.drops = 0
         self.status = "untouched"
@@ -59,10 +62,10 @@ class TableTop:
         return self.part
 
     def squeeze(self, hand: Pose2) -> float | None:
-        """Receives the event that the fingers start to close at a pose of the hand.
+        """Starts a squeeze at a grasp pose; returns the width at which the part will stop the fingers.
 
         Returns:
-            Encoder reading at which the part will stop the fingers, mm; None: nothing will.
+            The width with encoder noise, mm; None: the fingers meet nothing, and the squeeze is complete.
         """
         self._desk.next(Channel.SCENE)
         for fault in self._desk.beginning(Channel.SCENE):
@@ -88,13 +91,13 @@ class TableTop:
         self.squeezes += 1
 
     def released(self) -> None:
-        """Receives the event that the fingers open: the part stays, or falls straight down if lifted."""
+        """Releases the part; if it was lifted, it falls straight down, which counts as a drop."""
         if self._held is not None and self._lifted:
             self.drops += 1
         self._held, self._lifted = None, False
 
     def carried(self, hand: Pose2, *, lifted: bool) -> bool:
-        """Moves the held part, if any, with the hand to a pose of the hand.
+        """Moves the held part, if any, with the hand to a grasp pose.
 
         Returns:
             False if the lifted part has slipped out instead, else True.
@@ -108,9 +111,14 @@ class TableTop:
         return True
 
     def pushed(self, start: Pose2, end: Pose2, opening_mm: float) -> None:
-        """Pushes the part if the hand went straight ahead (along its x) on the table with empty jaws.
+        """Pushes the part if the hand went straight ahead, along its x, on the table with empty jaws.
 
-        The part stays for any other motion of the hand, and in a world that cannot push.
+        The part stays after any other motion, and in a world that cannot push.
+
+        Args:
+            start: grasp pose before the motion.
+            end: grasp pose after it.
+            opening_mm: opening of the jaws.
         """
         push = getattr(self._world, "push", None)
         way_mm, aside_mm, turn_rad = relative(start, end)
@@ -121,7 +129,7 @@ class TableTop:
         self.pose = compose(start, push(relative(start, self.pose), opening_mm, way_mm))
 
     def placed(self, hand: Pose2, opening_mm: float) -> None:
-        """Counts a crash if open fingers that came down at a pose of the hand stand on the part."""
+        """Counts a crash if fingers that came down at a grasp pose collide with the part."""
         if self._held is not None or self._desk.holds("part_missing"):
             return
         collides = getattr(self._world, "collides", None)
@@ -143,7 +151,7 @@ class TableTop:
         }
 
     def look(self) -> Look:
-        """The view of a camera."""
+        """What the camera has in view now, with the effects of the current faults."""
         there = self.truthful and not self._desk.holds("part_missing")
         moved, two = self._desk.holds("camera_moved"), self._desk.holds("two_parts")
         wrong, covered = self._desk.holds("wrong_part"), self._desk.holds("camera_covered")
@@ -158,7 +166,7 @@ class TableTop:
         self.pose = (x + distance_mm * math.cos(bearing), y + distance_mm * math.sin(bearing), turn)
 
     def _drawn(self, part: int) -> int:
-        """Draws the hypothesis of a part, with the probabilities of the setting's shares."""
+        """Draws which of the possible parts lies there, by their shares; returns its index."""
         if not self._shares:
             return 0
         draw = random.Random(f"{self._seed}/hypothesis/{part}")
@@ -176,9 +184,10 @@ class Vice(TableTop):
     """A table without parts, to which the setting's block is fixed."""
 
     def squeeze(self, hand: Pose2) -> float | None:
-        """Closes until a finger touches the block, which stops both; returns the width read, mm.
+        """Counts a squeeze; returns the reading at which the first finger to touch the block stops both.
 
-        Returns None if the hand is beside the block.
+        Returns:
+            The width with encoder noise, mm; None: the hand is beside the block.
         """
         self.squeezes += 1
         needed_mm = self._needed(hand)

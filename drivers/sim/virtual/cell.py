@@ -58,7 +58,7 @@ class VirtualCell:
         return self.works.simulator.driver(self.serial(), self.pace, report, self.works.profile)
 
     def arm(self) -> Arm:
-        """Connects a driver, which knows the base frame, to the arm.
+        """Connects a driver to the arm, set up with the arm's base frame.
 
         Raises:
             ArmError: there is no answer.

@@ -51,7 +51,7 @@ class VirtualClock(Clock):
         self._now = max(self._now, moment)
 
     def idle(self, seconds: float, until: float) -> None:
-        """Advances to the next change of a device, by at least `seconds` and at most to `until`."""
+        """Advances to the next change of a watched device, at least by `seconds`, never beyond `until`."""
         change = min((watch() for watch in self._watched), default=math.inf) + AFTER_S
         self.advance(min(max(self._now + seconds, change), until))
 
@@ -72,5 +72,5 @@ class VirtualClock(Clock):
         return lambda: ended.append(True)
 
     def watch(self, next_change: Callable[[], float]) -> None:
-        """Registers a function that returns the time of a device's next change."""
+        """Adds a device whose changes `idle` waits for; `next_change` returns the time of the next one."""
         self._watched.append(next_change)

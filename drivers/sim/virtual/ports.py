@@ -93,7 +93,7 @@ class GripperPort(VirtualPort):
 
 @dataclass
 class ArmPort:
-    """The arm controller's network port; `connect` gives a connection to it."""
+    """Network port of the arm controller in virtual time; accepts clients and executes their strings."""
 
     controller: ArmModel  # executes instructions
     clock: VirtualClock

@@ -16,7 +16,7 @@ NETWORK_BYTE_S = 8 / 100e6  # 100 Mbit/s
 
 
 class Piece(NamedTuple):
-    """Bytes to send, `delay_s` later than usual."""
+    """Bytes of a reply that arrive together, `delay_s` later than without a fault."""
 
     data: bytes
     delay_s: float = 0.0
@@ -32,7 +32,7 @@ class UnpluggedError(OSError):
 
 @dataclass
 class Line:
-    """A line with the faults of a schedule."""
+    """The line between host and gripper; loses, delays and damages frames as the fault schedule says."""
 
     desk: Desk = field(default_factory=lambda: Desk(Listed()))
     rng: random.Random = field(default_factory=random.Random)  # draws the noise
@@ -52,7 +52,10 @@ class Line:
         return self.desk.holds("request_lost") is None
 
     def carries(self, frame: bytes, reply: bytes | None) -> list[Piece]:
-        """The bytes that come back to the host: echo and noise first, then the remains of the reply."""
+        """The pieces that reach the host after a request: echo and noise, if any, then the reply.
+
+        Current faults may lose, damage, delay or repeat the reply, which is None if the gripper is silent.
+        """
         faults = {fault.kind: fault for fault in self.desk.holding(Channel.LINE)}
         pieces = [Piece(frame)] if "echo" in faults else []
         if "noise" in faults:
@@ -89,7 +92,7 @@ def _cut(reply: bytes, length: int) -> bytes:
 
 @dataclass
 class Outbox:
-    """Schedules the delivery of pieces, one after the other; delayed pieces do not occupy the line."""
+    """Sends pieces over a line one after the other; a delayed piece does not hold up the others."""
 
     byte_s: float  # duration of a byte
     at: Callable[[float, Callable[[], object]], None]  # schedules a call for a moment

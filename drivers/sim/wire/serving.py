@@ -61,7 +61,7 @@ class Site:
         await asyncio.sleep(seconds / self._scale)
 
     def at(self, moment: float, happens: Callable[[], object]) -> None:
-        """Schedules a call for a moment of simulated time; must run on the loop."""
+        """Schedules a call for a moment of simulated time; only to be called on the event loop."""
         self._loop.call_at(self._start + moment / self._scale, happens)
 
     def call(self, function: Callable[..., Result], *arguments: object) -> Result:
@@ -110,11 +110,11 @@ class Site:
         return self.listen(serve, most_bytes=most_bytes)
 
     def shut(self, port: int) -> None:
-        """Accepts no further client at a port; must run on the loop."""
+        """Accepts no further client at a port; only to be called on the event loop."""
         self._servers.pop(port).close()
 
     def begin(self, work: Work) -> asyncio.Task[None]:
-        """Starts a task that serves a device, until it ends or the site is closed; must run on the loop."""
+        """Starts a task that serves a device until the site closes; only to be called on the event loop."""
         task = self._loop.create_task(self._guarded(work))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
