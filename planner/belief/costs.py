@@ -1,4 +1,4 @@
-"""Cost of actions in units of a typical squeeze: by seconds, or one for each squeeze.
+"""Cost of actions in units of a typical squeeze: by their seconds, or 1 for each squeeze.
 
 The seconds are those of the table's model of time (`runtime.table.timing`), from where the hand stands after
 the previous squeeze to the end of this one. A typical squeeze is the unit, so that the leaf heuristic, which
@@ -33,7 +33,7 @@ class Hand(NamedTuple):
 
 
 class Closing(NamedTuple):
-    """Closing of the jaws [mm]."""
+    """How the jaws close: their openings at the start, at the first contact and at the end [mm]."""
 
     opening_mm: float  # opening at the start
     contact_mm: float | None  # the greatest width at which they may meet the part; None: unknown
@@ -41,7 +41,7 @@ class Closing(NamedTuple):
 
 
 class Costs:
-    """Costs of squeezes, pushes and ways of the hand, by the objective of a job.
+    """Costs of squeezes, pushes and moves of the hand, by the objective of a job.
 
     Attributes:
         timing: of the cell; None where squeezes are counted.

@@ -1,4 +1,7 @@
-"""Draws latent parameters by the job's doubts, once for each part; they stay the same in all its squeezes."""
+"""Draws latent parameters of parts from the job's doubts, which are possible deviations from the plan.
+
+They are drawn once for each part and stay the same in all its squeezes.
+"""
 
 from collections.abc import Callable
 from functools import partial
@@ -41,7 +44,7 @@ def stated_of(job: Job, n: int, rng: Generator) -> Traits:
 
 
 def pushed_of(job: Job, n: int, rng: Generator) -> Traits:
-    """Draws the traits (n,) for listed pushes of parts about which nothing was measured.
+    """Draws the traits (n,) of parts that are pushed along listed paths and of which nothing was measured.
 
     The pressure distribution and the friction of the pusher are drawn independently. The limit surface
     scatters as much as the job's doubt allows. Jaws and encoder play no part.
@@ -82,7 +85,7 @@ def _traits_of(job: Job, n: int, rng: Generator) -> Traits:
 
 
 def _intervals(job: Job) -> dict[str, Interval]:
-    """The doubts that are intervals, by the trait that they concern."""
+    """The job's doubts that are intervals, by the name of the trait that each one bounds."""
     doubt = job.doubt
     return {
         "share": doubt.finger_share,
@@ -93,7 +96,7 @@ def _intervals(job: Job) -> dict[str, Interval]:
 
 
 def _middles(job: Job, n: int) -> Traits:
-    """Traits (n,) as planned, and in the middle of each interval of [doubt].
+    """Traits (n,) as planned, except that a trait with an interval in [doubt] has the interval's middle.
 
     `across_mm` is not yet corrected for the calibration of the hand, see `_traits_of`.
     """
@@ -104,7 +107,7 @@ def _middles(job: Job, n: int) -> Traits:
 
 
 def _draws(job: Job, rng: Generator) -> list[tuple[str, Callable[[int], Array | IntArray]]]:
-    """For each doubt: its trait, and the function that draws other values than the planned one."""
+    """The traits that the job doubts, each with a function that draws n values other than the planned one."""
     others, tolerance_mm = len(latent_surfaces(job)), job.part.tolerance_mm
     low, high = sorted((max(job.doubt.least_dof, 1), job.pressure.wishart_dof))
     draws: list[tuple[str, Callable[[int], Array | IntArray]]] = [
@@ -144,7 +147,10 @@ def _within(interval: Interval, n: int, rng: Generator) -> Array:
 
 
 def _deviations(tolerance_mm: float, n: int, rng: Generator) -> Array:
-    """Draws deviations (n, SHAPES) of outlines [mm]: offset and scale each for a half, waves for all."""
+    """Draws deviations (n, SHAPES) of outlines from the nominal one [mm].
+
+    The offset deviates in a random half of the parts, and so does the scale; the waves deviate in all.
+    """
     shapes = np.empty((n, SHAPES))
     for k in range(2):
         shapes[:, k] = _within((-tolerance_mm, tolerance_mm), n, rng) * (rng.random(n) < 0.5)

@@ -1,4 +1,4 @@
-"""The audit metric, which says whether a part is located, and the mode ratio of a belief (paper VI.1, eq. 9).
+"""The metric that decides whether a part is located, and the mode ratio of a belief (paper VI.1, eq. 9).
 
 The paper averages the poses and counts those near the average; the average of a belief of two modes lies
 between them, near no particle. The *mode ratio* is the largest share of the belief within the goal of one
@@ -22,7 +22,7 @@ REFINEMENTS = 4
 
 
 class Mode(NamedTuple):
-    """The pose within the goal of most particles of a belief; further ones where the goal allows them."""
+    """The pose with most particles of a belief within the goal; several poses where the goal allows them."""
 
     pose: Array  # (3,) [mm, mm, rad]
     ratio: float  # share of the belief within the goal of any of the poses
@@ -111,7 +111,7 @@ class Metric(NamedTuple):
         return shares
 
     def mode(self, states: Array) -> Mode:
-        """The pose, or as many as the goal allows, with most of the belief within the goal.
+        """The mode of a belief: the pose, or several if the goal allows, with most particles within the goal.
 
         Args:
             states: (n, 3 or 4) particles, n >= 1 [mm, mm, rad, hypothesis].

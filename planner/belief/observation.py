@@ -64,7 +64,7 @@ def encoder_of(job: Job) -> Encoder:
 
 
 class Resolution(NamedTuple):
-    """The distances that an encoder can resolve, in steps."""
+    """Limits for telling readings apart, by the step and the noise of an encoder [steps]."""
 
     apart: float = 3.0  # least distance of two cluster means
     free: int = 225  # least reading of an empty hand
@@ -74,7 +74,7 @@ class Resolution(NamedTuple):
 
 
 class Partition(NamedTuple):
-    """Clusters of readings, in the order of rising width: falling readings."""
+    """Clusters of readings, in the order of rising width, that is, of falling readings."""
 
     mean: Array  # (k,) mean reading of each cluster
     low: IntArray  # (k,) least reading in it
@@ -98,7 +98,7 @@ class Partition(NamedTuple):
 
 
 def resolution_of(encoder: Encoder) -> Resolution:
-    """The resolution of an encoder with its noise."""
+    """The limits for telling an encoder's readings apart."""
     step_mm = encoder.mm_per_step
     noise = encoder.noise_mm / step_mm
     return Resolution(

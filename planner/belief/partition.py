@@ -68,7 +68,10 @@ class Rule(NamedTuple):
 
 
 class Costs(NamedTuple):
-    """A `Rule` for kernels. All but counts are floats, so that kernels compile once."""
+    """The parameters of a `Rule` as plain numbers and arrays, for kernels.
+
+    All but counts are floats, so that kernels compile once.
+    """
 
     free: int  # least reading of an empty hand
     coarsest: int  # steps that a cell may have
@@ -82,14 +85,17 @@ class Costs(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Cumulative numbers of particles over m counts."""
+    """Numbers of particles, summed over the first of m readings that occur, in rising order."""
 
     hits: IntArray  # (m + 1, c) particles within the goal of each candidate
     size: IntArray  # (m + 1,) all particles
 
 
 class Reach(NamedTuple):
-    """The counts near each cut of m ascending ones, which an encoder a little off may read across the cut."""
+    """Bounds of the counts near each place where m ascending counts may be cut.
+
+    An encoder that is a little off may read such a count on the other side of the cut.
+    """
 
     low: IntArray  # (m + 1,) index of the first count within reach of count i
     high: IntArray  # (m + 1,) index of the first count beyond reach of count j - 1
@@ -111,7 +117,7 @@ def partition(poses: Array, readings: IntArray, rule: Rule) -> IntArray:
 
 @kernel
 def interval_of_each(states: Array, readings: IntArray, costs: Costs) -> IntArray:
-    """`partition` for kernels."""
+    """Compiled form of `partition`: the interval (n,) of each reading."""
     cells, held, steps = into_cells(readings, costs.free, costs.coarsest)
     columns, weight, _ = by_group(states, cells, held + 1)
     bounds = intervals(columns, weight, costs, costs.reach / steps)
@@ -234,8 +240,8 @@ def tally(
     """Numbers of particles for an interval of counts i to j - 1; arguments as of `least_cost`.
 
     Returns:
-        Particles within the goal of the best candidates; all particles of the interval; particles of others
-        that may stray into it; and of these, particles outside the goal.
+        Particles within the goal of the interval's best candidates; all particles of the interval; particles
+        of other intervals that may stray into it; and of these, particles outside the goal.
     """
     hits, size, low, high = counted.hits, counted.size, reach.low, reach.high
     best, chosen = _best(hits, i, j, modes, apart)
@@ -286,7 +292,7 @@ def least_cost(
 
 @kernel
 def find_near(counts: IntArray, distance: float) -> Reach:
-    """The counts near each cut of m ascending counts, up to a distance [counts]."""
+    """Finds the counts within a distance [counts] of each place where m ascending counts may be cut."""
     m = counts.shape[0]
     low, high = np.arange(m + 1), np.zeros(m + 1, np.int64)
     low[:m] = np.searchsorted(counts, counts - int(distance))
@@ -305,7 +311,9 @@ def occupied(weight: IntArray) -> tuple[IntArray, IntArray]:
 
 @kernel
 def intervals(columns: Array, weight: IntArray, costs: Costs, reach: float) -> IntArray:
-    """The bounds (k + 1,) of the intervals, descending: interval j has cells bounds[j + 1] to bounds[j] - 1.
+    """Cuts cells into the intervals of least cost; returns their bounds (k + 1,), descending.
+
+    Interval j has the cells bounds[j + 1] to bounds[j] - 1.
 
     Args:
         columns: (m, n) states, sorted by cell.
@@ -331,7 +339,10 @@ def intervals(columns: Array, weight: IntArray, costs: Costs, reach: float) -> I
 
 @kernel
 def mutually_apart(poses: Array, costs: Costs) -> BoolArray:
-    """(c, c) whether no particle can be within the goal of both candidates; empty for one mode."""
+    """Mask (c, c) of the pairs of candidates that no particle can both be near; empty for one mode.
+
+    A particle is near a candidate if it is within the goal of it.
+    """
     c, half = poses.shape[0] if costs.modes > 1 else 0, np.copy(costs.weights)
     half[:, 1:4] *= 0.5
     columns = np.ascontiguousarray(poses.T)

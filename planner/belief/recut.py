@@ -24,7 +24,7 @@ from planner.kernel import kernel
 
 
 def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
-    """The cuts that the readings before a squeeze should have had, given its outcome.
+    """Splits an interval of readings where the outcome of the next squeeze shows that this lowers the cost.
 
     A rare width beside a common one may look no different until the next squeeze. A piece that meets the goal
     before this squeeze is not squeezed again, so it costs at least as much as a leaf.
@@ -46,7 +46,11 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
 def _recut(
     old: Array, old_reading: IntArray, end: int, new: Array, new_reading: IntArray, costs: Costs
 ) -> IntArray:
-    """`recut`, unsorted, of states (n, m) and readings (n,), before the squeeze below `end`, and after it."""
+    """Compiled form of `recut`; the cuts are unsorted.
+
+    The states (n, m) and readings (n,) are those before and after the squeeze; readings before it are below
+    `end`.
+    """
     old_cells, old_held, old_steps = into_cells(old_reading, end, costs.coarsest)
     cells, held, steps = into_cells(new_reading, costs.free, costs.coarsest)
     columns, weight, order = by_group(new, cells, held + 1)

@@ -20,7 +20,7 @@ The exact test alone keeps leaves just below the goal, which later trials refute
 
 
 class StoppingRule(NamedTuple):
-    """Decides whether a leaf is located, from `hits` of `size` particles within the goal of its pose.
+    """Decides whether a leaf locates its part, by `hits` of `size` particles within the goal of its pose.
 
     Given the sample, the true share of hits has a Beta distribution; `inside` and `outside` are its prior
     counts, since small samples look too pure.
@@ -42,12 +42,19 @@ class StoppingRule(NamedTuple):
         return ratio >= self.confidence
 
     def refuted(self, hits: int, trials: int) -> bool:
-        """Whether fresh trials of a leaf refute it, or are likely to by the end of the plan."""
+        """Whether fresh trials show that a leaf misses its confidence, or make it likely.
+
+        They make it likely if there are at least `LEAST_TRIALS` with a share of hits below the confidence.
+        """
         fails = trials >= LEAST_TRIALS and hits < self.confidence * trials
         return fails or tables.refuted(hits, trials, self.confidence)
 
     def holds(self, ratio: float, size: int) -> bool:
-        """Whether a table may call a leaf resolved: it misses no more than a good leaf does in trials."""
+        """Whether a table may call a leaf resolved, by its mode ratio in a sample of `size` particles.
+
+        It may if the ratio reaches the confidence, or if a sample of at least `LEAST_EVIDENCE` does not
+        refute that the true share does.
+        """
         enough, hits = size >= LEAST_EVIDENCE, round(ratio * size)
         return self.reached(ratio) or (enough and not tables.refuted(hits, size, self.confidence))
 
@@ -70,7 +77,8 @@ def squeezes_left(hits: float, size: float, rule: StoppingRule) -> float:
     """Leaf heuristic: squeezes left of a belief with `hits` of `size` particles in its modes.
 
     A belief that misses the goal needs one more squeeze, and possibly a second one, with a probability that
-    grows with the share missing. A belief that meets the goal costs its parts outside the modes.
+    grows with the share missing. A belief that meets the goal costs `failure` for its parts outside the
+    modes, but no more than these squeezes.
     """
     open_still, rest = missed(hits, size, rule)
     further = 2.0 - hits / size

@@ -102,7 +102,7 @@ def read_as(width_mm: Array, traits: Traits) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Simulation:
-    """Direct simulation as the motion and sensor model."""
+    """Motion and sensor model that simulates every particle by itself."""
 
     simulator: Simulator | Mixture
     encoder: Encoder

@@ -45,10 +45,10 @@ SEED_PILOTS = 0x50494C4F
 
 
 class Covered:
-    """Callable that gives the placements of a class of plans; a `planner.bound.histories.Placements`.
+    """Gives the placements that a class of plans may use after a history of squeezes.
 
-    Placements about modes are proposed from a separate sample: a certificate must not choose the class by the
-    sample that it judges with.
+    It is a callable, a `planner.bound.histories.Placements`. Placements about modes are proposed from a
+    separate sample, since the class of plans may not depend on the sample that proves the bound.
 
     Attributes:
         first: (k, 3) placements of the first squeeze, that of the table first, no two of them equivalent.
@@ -111,7 +111,7 @@ class Covered:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """A proven bound on the plans of the same class as a table."""
+    """A proven lower bound on the mean squeezes of plans of the same class as a table."""
 
     leaves: Term  # bound for plans whose leaves hold the job's confidence
     overall: Term  # bound for plans that locate the share `success` of all parts
@@ -135,7 +135,7 @@ class Certificate:
 
     @property
     def plans(self) -> str:
-        """The class of plans that the bound holds for."""
+        """Describes in words the class of plans that the bound holds for."""
         grid = ", a dense grid" if self.dense else ""
         return (
             f"at least {self.success:.3%} of the parts located, at leaves that are right for "

@@ -1,4 +1,4 @@
-"""Upper bound on the poses that one prediction can locate, by branch and bound.
+"""Upper bound on the number of poses that one prediction can locate, by branch and bound.
 
 `planner.belief.metric` climbs to a good pose, which proves nothing about the best one. Here a box that holds
 every prediction in question is covered with cells. No prediction q of a cell about g with radius e, the
@@ -123,7 +123,7 @@ def _localise(
 def _enclosed(
     local: Array, column: Array, weights: Array, turn: float, least: int, cell: Array
 ) -> bool:
-    """Whether a prediction may matter; if so, `cell` receives a cell that holds all that do.
+    """Whether any prediction may locate `least` poses; if so, `cell` receives a box that holds all that may.
 
     Args:
         local: (n, 3) poses as `_localise` leaves them.

@@ -1,8 +1,8 @@
 """Histories of a sample of parts under all plans at once, and how each may end.
 
 A part is squeezed at every placement that a plan might choose, and again at every placement after each of
-these. Parts with the same placements and readings so far share a history; a plan is a choice of one
-placement, or of a pose to claim, for each history.
+these. Parts with the same placements and readings so far share a history. For each history a plan chooses
+either the next placement or a pose that it claims, that is, at which it predicts the part to lie.
 """
 
 from collections.abc import Callable
@@ -106,7 +106,12 @@ class Histories:
         return result
 
     def extend(self, level: int, chosen: IntArray) -> None:
-        """Tries all placements after some of a level's histories, none of which was extended before."""
+        """Tries all placements after some of a level's histories.
+
+        Args:
+            level: length of the histories.
+            chosen: numbers of histories that were not extended before.
+        """
         choices = [self._placements(self.history(level, int(number))) for number in chosen]
         count = np.array([len(choice) for choice in choices])
         first = np.cumsum(count) - count
@@ -138,9 +143,9 @@ class Histories:
             self._lying[level + 1] = _together([self._lying[level + 1], *moved])
 
     def _located(self, poses: Array, start: IntArray) -> IntArray:
-        """Upper bound on the parts of each group of poses that one claim of `metric.modes` poses locates.
+        """Upper bound on the parts of each group that one answer of `metric.modes` poses locates.
 
-        Group k has the rows from `start[k]` to `start[k + 1]` - 1.
+        Group k has the rows of `poses` from `start[k]` to `start[k + 1]` - 1.
         """
         metric = self._metric
         most = most_located(poses, start, metric.weights(), metric.order, self._workers)

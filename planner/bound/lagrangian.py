@@ -1,9 +1,10 @@
 """A lower bound on the mean squeezes of any plan of a class, by Lagrangian relaxation, and its confidence.
 
-A class of plans (`leaves_term`, `overall_term`) has a constraint on the parts that a plan claims and does not
-locate. The relaxation drops the constraint and charges a price, in squeezes, for each such part: the
-multiplier of the constraint. Without it the cheapest plan on a sample of parts is found history by history;
-its cost is a lower bound for every plan of the class on this sample.
+A plan claims parts where it ends a history with a predicted pose. A class of plans (`leaves_term`,
+`overall_term`) has a constraint on the parts that a plan claims and does not locate. The relaxation drops the
+constraint and charges a price, in squeezes, for each such part: the multiplier of the constraint. Without the
+constraint the cheapest plan on a sample of parts is found history by history; its cost is a lower bound for
+every plan of the class on this sample.
 
 The best plan of the class does not depend on the sample, which may overstate what this plan costs and misses.
 Chernoff's inequality for a mean of independent numbers in [0, 1] (Hoeffding 1963, Theorem 1),
@@ -28,7 +29,7 @@ EVENTS = 4  # inequalities that must hold at once: for each class one of its con
 
 
 class Term(NamedTuple):
-    """The bound for one class of plans."""
+    """A lower bound on the mean squeezes of one class of plans."""
 
     squeezes: float  # least squeezes on average of any plan of the class
     estimate: float  # the same without the allowance for the sample
@@ -104,7 +105,15 @@ def _values(
 def _best(
     estimates: Array, sampled: Array, levels: list[Level], error: float, unclaimed: float
 ) -> Term:
-    """The term of the greatest bound over all prices, with costs from 1 to depth + 1, less `unclaimed`."""
+    """The term of the price with the greatest bound.
+
+    Args:
+        estimates: least cost on the sample at each price.
+        sampled: the same with the allowance for the sample's misses; costs lie between 1 and depth + 1.
+        levels: the histories.
+        error: probability with which the bound on the mean cost may fail.
+        unclaimed: squeezes to subtract for parts that are not claimed.
+    """
     k, depth, n = int(np.argmax(sampled)), len(levels) - 1, int(levels[0].size.sum())
     share = min(max((float(sampled[k]) - 1.0) / depth, 0.0), 1.0)
     bound = 1.0 + depth * least_mean(share, n, error) - unclaimed
@@ -130,7 +139,7 @@ def least_mean(sample: float, n: int, error: float) -> float:
 
 
 def _crossing(exponent: Callable[[float], float], start: float, end: float, error: float) -> float:
-    """Where exp(-exponent), 1 at the start, falls to `error` before the end; else the end."""
+    """Argument at which exp(-exponent), which is 1 at `start`, falls to `error`; `end` if it does not."""
     near, far = start, end
     for _ in range(BISECTIONS):
         middle = 0.5 * (near + far)

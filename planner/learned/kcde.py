@@ -98,7 +98,11 @@ class Kcde(NamedTuple):
 
 @kernel
 def _pick(squares: Array, count: int, chance: float) -> int:
-    """Picks a roll-out by a uniform random number; `squares` becomes the cumulative weights."""
+    """Picks one of `count` roll-outs at random, with probabilities by kernel weight; returns its index.
+
+    `squares` holds squared distances [mm^2], and receives the cumulative weights; `chance` is uniform in
+    [0, 1).
+    """
     total, scale = 0.0, -0.5 / (BANDWIDTH_MM * BANDWIDTH_MM)
     for k in range(count):
         total += np.exp(scale * squares[k])

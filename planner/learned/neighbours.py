@@ -16,7 +16,7 @@ LARGEST_GRID = 4_000_000  # Most cells; sparse data gets larger ones
 
 
 class Grid(NamedTuple):
-    """Points in the cells of a grid."""
+    """Training points, sorted into the cells of a grid."""
 
     points: Array  # (N, 3) normalised, by cell, the last coordinate in [0, period) [mm]
     row: IntArray  # (N,) original row of each

@@ -43,7 +43,11 @@ class RollOuts(NamedTuple):
 
 
 class Block(NamedTuple):
-    """Starts in a ring, from that with number `BLOCK * number` on: at most `BLOCK`, and at most `starts`."""
+    """A block of the starts in one ring.
+
+    It begins at start number `BLOCK * number` of the ring, and has at most `BLOCK` and at most `starts`
+    starts.
+    """
 
     ring: int
     number: int
@@ -53,7 +57,7 @@ class Block(NamedTuple):
 def roll_outs(
     simulator: Simulator, radius_mm: float, count: int, report: Report = silent
 ) -> RollOuts:
-    """Roll-outs over a disc of part centres about the hand, at any angle.
+    """Rolls out training squeezes over a disc of part centres about the hand, at any angle.
 
     The result depends on the simulator, the radius and the count only. Starts beyond the fingers' reach are
     left out, since nothing happens there; how many of the last ring lie in the disc is random. Progress

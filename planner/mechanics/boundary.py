@@ -1,7 +1,7 @@
-"""Boundaries that move against a part: closing fingers, or a pusher whose frame is carried along a path.
+"""Moving boundaries that push a part: closing fingers, or a pusher that is carried along a path.
 
-Coordinates are in the frame of the hand or the pusher. There a part that moves along with a pusher is at
-rest: its pose stays the same to the last bit, for any way and any step.
+Coordinates are in the frame of the hand or of the pusher. A part that moves along with a pusher is at rest
+in this frame: its pose stays the same to the last bit, whatever the length of the way and of the steps.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -51,7 +51,7 @@ Boundary: TypeAlias = Any
 
 
 class Drive(NamedTuple):
-    """One step of a moving boundary."""
+    """Displacements of the fingers and of their frame in one step of a squeeze or a push."""
 
     top: float  # displacement of the finger that looks down [mm]
     bottom: float  # displacement of the finger that looks up [mm]
@@ -62,7 +62,14 @@ class Drive(NamedTuple):
 
 @inlined_kernel
 def drive_of(boundary: Boundary, size: float, done: float, q: Array) -> Drive:
-    """The boundary's motion in a step of `size` [mm] after `done` [mm], to first order, for a part at q."""
+    """The displacement of the boundary in its next step, to first order.
+
+    Args:
+        boundary: the fingers or the pusher.
+        size: length of the step [mm].
+        done: way of the boundary before the step [mm].
+        q: (3,) pose of the part in the boundary's frame.
+    """
     turn = size * boundary.turn
     c, s = 1.0, 0.0
     if boundary.turn != 0.0:
@@ -82,7 +89,10 @@ def hand_of(boundary: Boundary, faces: Array) -> Hand:
 
 @inlined_kernel
 def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None:
-    """Fills in the moments (the Jacobian of eq. 2) and the boundary's displacements at all contacts."""
+    """Computes each contact's moments (the Jacobian of eq. 2) and the boundary's displacement there.
+
+    The results are written into `contacts`.
+    """
     for k in range(count):
         contact = contacts[k]
         nx, ny, rx, ry = contact.nx, contact.ny, contact.x, contact.y
@@ -94,7 +104,10 @@ def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None
 
 @inlined_kernel
 def subtract_carriage(contacts: Contacts, count: int, rho: float, drive: Drive, V: Array) -> None:
-    """Converts displacements of the part (V) and at the contacts from the table to the boundary's frame."""
+    """Converts displacements from the table's frame to the boundary's, in place.
+
+    These are the displacement V of the part, and that of the boundary at each contact.
+    """
     turn = rho * drive.turn
     V[0], V[1], V[2] = V[0] - drive.x, V[1] - drive.y, V[2] - turn
     for k in range(count):
@@ -113,11 +126,11 @@ def turn(
     drive: Drive,
     radius: float,
 ) -> None:
-    """Moves the contacts from pose q to pose `half`, gaps unchanged, for the midpoint rule.
+    """Updates the contacts' places and normals for a part that moves from pose q to `half`, gaps unchanged.
 
-    The part turns on the way by an angle whose cosine and sine are `turned`, and the fingers close by half of
-    `drive`. The normal of an edge turns with the part. The normal at a vertex is that of the finger; at
-    a round tip (of `radius`) it points from the tip's centre to the vertex.
+    The midpoint rule uses this. The part turns on the way by an angle whose cosine and sine are `turned`, and
+    the fingers close by half of `drive`. The normal of an edge turns with the part. The normal at a vertex is
+    that of the finger; at a round tip (of `radius`) it points from the tip's centre to the vertex.
     """
     c, s = turned
     for k in range(count):

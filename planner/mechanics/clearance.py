@@ -213,7 +213,7 @@ def _free(
 def least_clearance(
     outline: Array, jaws: Jaws, poses: Array, placement: Array, margin_mm: float = SIDE_MARGIN_MM
 ) -> float:
-    """Distance along the closing direction between open fingers and the nearest part of a belief [mm].
+    """Least distance along the closing direction between open fingers and the part, over a belief [mm].
 
     The part has an outline (N, 2) and believed poses (n, 3) in the world; the hand is placed at (3,). The
     fingers count as `margin_mm` longer at both ends.
@@ -242,7 +242,7 @@ def _least_free(
 def first_contact_mm(
     outline: Array, jaws: Jaws, poses: Array, placement: Array, shares: tuple[float, float]
 ) -> float:
-    """The greatest width at which closing jaws may meet any part of a belief [mm]; 0 for none.
+    """Greatest width at which closing jaws may first touch the part, over a belief's poses [mm]; 0: never.
 
     The part has an outline (N, 2) and believed poses (n, 3) in the world; the hand is placed at (3,). The
     fingers count as `SIDE_MARGIN_MM` longer at both ends. The upper finger makes a share of the closing that
@@ -264,10 +264,11 @@ def free_placements(
     least_mm: float,
     share: float = 0.0,
 ) -> BoolArray:
-    """Mask (k,) of placements at which open fingers clear the part by `least_mm`, but for a share of poses.
+    """Mask (k,) of placements at which open fingers clear the part by at least `least_mm`.
 
-    Placements (k, 3) and believed poses (n, 3) are in the world. With a share of 0 the mask equals
-    `least_clearance(...) >= least_mm` (which is at most half the opening), but is found faster.
+    Placements (k, 3) and believed poses (n, 3) are in the world. At most a share `share` of the poses may lie
+    nearer. With a share of 0 the mask equals `least_clearance(...) >= least_mm` (which is at most half the
+    opening), but is found faster.
     """
     free = np.empty(len(placements), np.bool_)
     belief, placements = np.ascontiguousarray(belief), np.ascontiguousarray(placements)

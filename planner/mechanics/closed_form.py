@@ -168,7 +168,8 @@ def three_contacts(
 ) -> int:
     """Solves eqs 1-5 for the three active contacts, all pressed and sliding; G is a (4, 4) workspace.
 
-    Returns `SOLVED`, or `RAY` where this mode is inconsistent, or too near to holding the part.
+    Returns `SOLVED`, or `RAY` where this mode is inconsistent. `RAY` also results where the mode is nearly
+    singular: the normals are dependent, a slip is too small to have a sign, or a force is very large.
     """
     for a in range(3):
         contact = contacts[active[a]]

@@ -72,14 +72,14 @@ class Finger(NamedTuple):
 
 
 class Tips(NamedTuple):
-    """A pusher of points, or of round tips about them."""
+    """A pusher that touches the part with points, or with round tips centred at them."""
 
     centres: Array  # (K, 2) [mm]
     radius: float  # of each; 0 for points [mm]
 
 
 class _Pair(NamedTuple):
-    """The features of a contact: fields of `CONTACT`."""
+    """Fields of a `CONTACT` record that say which finger touches which vertex or edge, and how."""
 
     finger: int
     kind: int
@@ -88,7 +88,7 @@ class _Pair(NamedTuple):
 
 
 class _Geometry(NamedTuple):
-    """The geometry of a contact: fields of `CONTACT`, but with x and y in the hand frame."""
+    """Fields of a `CONTACT` record for its gap, place and normal, but with x and y in the hand frame."""
 
     gap: float
     x: float
@@ -147,7 +147,7 @@ def _write(contact: Contact, pair: _Pair, geometry: _Geometry) -> None:
 
 @inlined_kernel
 def _slack_mm(points: Array, i: int) -> float:
-    """Distance past vertex i at which an edge that ends there can be touched; larger in a notch [mm]."""
+    """How far beyond its end at vertex i an edge still counts as touched [mm]; farther in a notch."""
     n = points.shape[1]
     b, j = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
     ax, ay = points[0, i] - points[0, b], points[1, i] - points[1, b]
@@ -157,10 +157,11 @@ def _slack_mm(points: Array, i: int) -> float:
 
 @inlined_kernel
 def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> bool:
-    """Whether a neighbour of edge i-j, at a convex vertex, separates the point (px, py) by more than `gap`.
+    """Whether the point (px, py) touches a neighbour of edge i-j before it can touch edge i-j.
 
     A point is outside two edges that meet at a convex vertex when it is outside either, so only the edge with
-    the wider gap can be touched. A point inside both is an overlap, which is not hidden.
+    the wider gap can be touched; `gap` is that of edge i-j. A point inside both is an overlap, which is not
+    hidden.
     """
     n = points.shape[1]
     b = i - 1 if i > 0 else n - 1

@@ -50,11 +50,12 @@ def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
 
 
 def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, Array, Array]:
-    """Wrenches (K, 3) and twists (K, 3) about the centre of pressure, and S (3, 3), which shifts wrenches.
+    """Samples pairs of wrench and twist (K, 3) about the centre of pressure; also returns a shift S (3, 3).
 
-    A surface H(F) that is fitted to these is H(S F) about the origin. So the result does not depend on where
-    the frame lies, and a force through the centre of pressure turns the part as little as it should. The
-    pressure has support points (M, 2) in the part's frame [mm] and weights (M,) of sum 1.
+    S maps a wrench about the origin to the same wrench about the centre. A surface H(F) that is fitted to the
+    pairs is H(S F) about the origin. So the result does not depend on where the frame lies, and a force
+    through the centre of pressure turns the part as little as it should. The pressure has support points
+    (M, 2) in the part's frame [mm] and weights (M,) of sum 1.
     """
     centre = np.array([math.fsum(weights * column) for column in points.T])
     twists = twist_directions()
@@ -100,10 +101,10 @@ def twist_directions(count: int = DIRECTIONS) -> Array:
 def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
     """Fits A, (3, 3) symmetric positive definite and read-only, to wrenches and twists by least squares.
 
-    The residuals of a pair are F^T A F - 1 (the wrench lies on the surface) and the part of A F across the
-    unit twist (eq. 1), as Zhou et al. (the paper's [22]) fit a convex quadratic. Where noise makes the result
-    indefinite, eigenvalues are raised to `MIN_EIGENVALUE`. F and V (K, 3) are normalised, V of any magnitude
-    but 0; `weights` (K,) are those of the squared residuals.
+    The residuals of a pair are F^T A F - 1 (the wrench lies on the surface) and the component of A F across
+    the unit twist (eq. 1), as Zhou et al. (the paper's [22]) fit a convex quadratic. Where noise makes the
+    result indefinite, eigenvalues are raised to `MIN_EIGENVALUE`. F and V (K, 3) are normalised, V of any
+    magnitude but 0; `weights` (K,) are those of the squared residuals.
     """
     unit = V / np.linalg.norm(V, axis=1, keepdims=True)
     basis = np.zeros((6, 3, 3))  # A = sum_b a_b basis_b

@@ -25,7 +25,7 @@ class Mixture:
 
     @property
     def jaws(self) -> Jaws:
-        """The jaws, as in `Simulator`."""
+        """The jaws of the gripper."""
         return self.simulators[0].jaws
 
     @property
@@ -35,7 +35,7 @@ class Mixture:
 
     @property
     def outlines(self) -> tuple[Array, ...]:
-        """The outlines of all parts, as in `Simulator`."""
+        """The outline (N, 2) of each hypothesis's part, counter-clockwise [mm]."""
         return tuple(simulator.outline for simulator in self.simulators)
 
     def squeeze(self, poses: Array, rng: np.random.Generator, traits: Traits) -> RollOut:
@@ -54,7 +54,10 @@ class Mixture:
         rng: np.random.Generator,
         traits: Traits,
     ) -> Array:
-        """Pushes each part by the simulator of its hypothesis; see `Simulator.push_by_hand`."""
+        """Pushes parts with the ends of the fingers, each part by the simulator of its hypothesis.
+
+        See `Simulator.push_by_hand`.
+        """
         final = np.empty((len(poses), 3))
         for k, rows in by_hypothesis(traits):
             part_world, each = self.simulators[k], (opening_mm[rows], way_mm[rows])

@@ -2,8 +2,8 @@
 
 The pusher is a set of points, or the fingers of a hand that moves straight ahead. It is a boundary whose
 frame is carried along: the steps are those of a squeeze (`stepping.try_step`), in the pusher's frame. The
-part never jams, since it can move along with the pusher; it does so where friction wedges it between two
-places of the pusher, so that the LCP has no solution.
+part never jams. Where friction wedges it between two places of the pusher, the LCP has no solution, and the
+part moves along with the pusher.
 """
 
 from typing import NamedTuple
@@ -41,7 +41,7 @@ class Paths(NamedTuple):
 
 
 class Pushers(NamedTuple):
-    """The pushers of n pushes, each a set of points, or of fingers that look down at y = 0."""
+    """The pushers of n pushes: each a set of points, or fingers whose pushing faces look down from y = 0."""
 
     paths: Paths
     way: Array  # (n,) upper bound on the way of the pusher's farthest point [mm]
@@ -53,14 +53,14 @@ class Pushers(NamedTuple):
 
 
 class Mechanics(NamedTuple):
-    """Mechanics of n sliding parts."""
+    """Limit surface and friction of each of n pushed parts."""
 
     surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6) quartics
     mu: Array  # (n, 2) friction; the first column is that of the pusher
 
 
 class PushEnds(NamedTuple):
-    """Ends of n pushes."""
+    """Final poses of n pushed parts, and how each push ended."""
 
     poses: Array  # (n, 3) of the parts, in the pusher's frame at the start [mm, mm, rad]
     touching: IntArray  # (n,) 1 where the pusher touches the part

@@ -71,10 +71,12 @@ def of_ellipsoid(A: Array, rho_mm: float) -> QuarticSurface:
 
 
 def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
-    """The surface of a certificate Q (9, 9); the part that belongs to no quartic's Hessian is removed.
+    """Builds the quartic surface that a certificate Q (9, 9) proves convex.
+
+    The component of Q that belongs to no quartic's Hessian is removed first.
 
     Raises:
-        ValueError: Q is not positive definite, so that it certifies nothing.
+        ValueError: Q is then not positive definite, so that it certifies nothing.
     """
     basis = certificates()
     Q = np.einsum("kij,k->ij", basis, np.einsum("kij,ij->k", basis, Q))

@@ -1,10 +1,10 @@
 """Fits a convex quartic limit surface to pairs of wrench and twist, as a conic program (arXiv 1602.06056).
 
-The residuals of a pair are H(F) - 1 (the wrench lies on the surface) and the part of grad H(F) / 4 across the
-unit twist (eq. 1). They are linear in the coefficients, which are linear in the certificate Q: the fit is a
-least squares problem over positive semidefinite Q that belong to a quartic. Wrench coordinates in which the
-fitted ellipsoid is the unit sphere keep all numbers of similar size. CVXPY takes a second to import, so it is
-imported where the program is built.
+The residuals of a pair are H(F) - 1 (the wrench lies on the surface) and the component of grad H(F) / 4
+across the unit twist (eq. 1). They are linear in the coefficients, which are linear in the certificate Q: the
+fit is a least squares problem over positive semidefinite Q that belong to a quartic. Wrench coordinates in
+which the fitted ellipsoid is the unit sphere keep all numbers of similar size. CVXPY takes a second to
+import, so it is imported where the program is built.
 """
 
 import warnings
@@ -84,9 +84,9 @@ def fit(
 
 
 def emphasis(gradient: Array, unit: Array) -> Array:
-    """Weights (K,) of squared residuals across the twist, by which large angles count linearly.
+    """Weights (K,) of squared residuals with which large angles between twists count linearly.
 
-    The residuals are those of `gradient` (K, 3) across the unit twists `unit` (K, 3).
+    The residuals are the components of `gradient` (K, 3) across the unit twists `unit` (K, 3).
     """
     size = np.linalg.norm(gradient, axis=1)
     angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))

@@ -53,7 +53,7 @@ STUCK_MM, STUCK_DEG = 10.0, 5.0
 
 
 class Parameters(NamedTuple):
-    """Random parameters of n roll-outs."""
+    """Mechanical parameters of n roll-outs: limit surface, friction, release, finger share and outline."""
 
     surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6), as from `surface.sample_each`
     mu: Array  # (n, 2) friction at the upper and the lower finger
@@ -306,7 +306,7 @@ class Simulator:
 
 
 def _each(parameters: Parameters) -> Each:
-    """The kernel's input for each squeeze."""
+    """Selects the parameters that the kernel of squeezes reads."""
     deviation = np.ascontiguousarray(parameters.deviation)
     return Each(parameters.surfaces, parameters.mu, parameters.share, deviation)
 

@@ -122,7 +122,10 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
 def _close_by(
     boundary: Boundary, jaws: Jaws, share: float, mu_top: float, mu_bottom: float, step: float
 ) -> None:
-    """Sets the boundary to closing fingers; `share` is that of the upper one, `step` the nominal one [mm]."""
+    """Makes the boundary a pair of closing fingers, of which the upper one makes `share` of the closing.
+
+    The nominal step is `step` [mm].
+    """
     boundary.fingers, boundary.facing, boundary.apart = 2, -1, 0.0
     boundary.h, boundary.thickness = 0.5 * jaws.length_mm, jaws.thickness_mm
     boundary.mu_top, boundary.mu_bottom, boundary.step = mu_top, mu_bottom, step

@@ -233,10 +233,10 @@ def _one_finger(contacts: Contacts, count: int) -> bool:
 
 @inner_kernel
 def _tried(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
-    """Tries the modes of few contacts in closed form, then all touching contacts at once.
+    """Solves the step with few contacts in closed form, or else with all touching contacts at once.
 
-    Contacts enter one by one, the most violated first, until none of the others overlaps: most steps need one
-    or two, which have closed forms.
+    Contacts are added one by one, the most violated first, until none of the others overlaps. Most steps need
+    one or two, which have closed forms.
     """
     A, V, contacts, active = work.A, work.V, work.contacts, work.active
     V[0] = V[1] = V[2] = 0.0

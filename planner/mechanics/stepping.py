@@ -99,14 +99,17 @@ def _copy_place(source: Contact, target: Contact) -> None:
 
 @inlined_kernel
 def _turn_back(work: SqueezeWork) -> None:
-    """Undoes the changes of `_midpoint` to the contacts."""
+    """Restores the places and normals that the contacts had before `_midpoint`."""
     for k in range(work.count):
         _copy_place(work.before[k], work.step.contacts[k])
 
 
 @merged_kernel
 def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWork) -> int:
-    """Solves the step; returns the status. `step.V` receives the displacement in the boundary's frame."""
+    """Solves one step for a part turned by an angle of cosine c and sine s; returns the status.
+
+    `work.step.V` receives the part's displacement in the boundary's frame.
+    """
     contacts, V, count, boundary = work.step.contacts, work.step.V, work.count, work.boundary
     directions(contacts, count, body.rho, drive)
     status = solve_surface(
@@ -218,11 +221,14 @@ def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: f
 def try_step(
     body: Body, size: float, margin: float, q: Array, scratch: Scratch
 ) -> tuple[int, float]:
-    """Tries a step of `size` [mm] from pose q (3,); returns its result and the next size.
+    """Tries a step of `size` [mm] from pose q (3,), and accepts it or proposes another size.
 
     The scratch holds the contacts at q, also after a step to be retried. An accepted step ends at its first
     event, if any; it leaves the new pose in `work.trial`, the boundary advanced, and the contacts at the
     new pose, with gaps of at most `margin` [mm].
+
+    Returns:
+        `ACCEPTED`, `RETRY`, `HELD` or `GIVEN_UP`; and the size of the next step [mm].
     """
     work, boundary = scratch.work, scratch.work.boundary
     step = boundary.step

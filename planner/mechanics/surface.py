@@ -23,7 +23,7 @@ FEET = 8  # number of sets of three feet, drawn from all possible ones
 
 
 def of_job(job: Job) -> Surface:
-    """The nominal limit surface of a job: fitted to its pressure, stated, or identified."""
+    """The nominal limit surface of a job: the one that it states, else one fitted to its pressure."""
     pressure, outline = job.pressure, job.part.outline_mm
     if (
         pressure.quartic is not None
@@ -43,12 +43,15 @@ def _fitted(fit: Fit, held: Support, rho_mm: float) -> Surface:
 
 @lru_cache(maxsize=256)
 def _kept(fit: Fit, points: bytes, weights: bytes, rho_mm: float) -> Surface:
-    """Fits with a cache, since all worlds in which a plan is tried fit the same few pressures."""
+    """Fits a limit surface to support points and weights, given as bytes so that the result can be cached.
+
+    All worlds in which a plan is tried fit the same few pressures.
+    """
     return fit(np.frombuffer(points).reshape(-1, 2), np.frombuffer(weights), rho_mm)
 
 
 def _forms_of(job: Job) -> list[Fit]:
-    """Functions that fit a surface to points, weights and rho: of the job's form, then of any doubted one."""
+    """Fitting functions for the forms of limit surface that a job allows, the job's own form first."""
     forms: list[Fit] = [limit_surface.fit_ellipsoid, quartic_fit.fit_pressure]
     if job.pressure.limit_surface == "quartic":
         forms.reverse()
@@ -56,7 +59,7 @@ def _forms_of(job: Job) -> list[Fit]:
 
 
 def others_of(job: Job) -> tuple[Surface, ...]:
-    """Alternative limit surfaces of a part, by the job's doubts."""
+    """Limit surfaces that a part may have in place of the nominal one, by the job's doubts."""
     rho = radius_of_gyration(job.part.outline_mm)
     return tuple(_fitted(fit, held, rho) for fit, held in latent_surfaces(job))
 
@@ -74,7 +77,10 @@ def shares_of(job: Job) -> Array:
 
 
 def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
-    """Fitting function and support of each of `others_of`: another pressure, another form, or both."""
+    """Fitting function and support of each alternative limit surface, in the order of `others_of`.
+
+    An alternative differs from the nominal surface in its pressure, in its form, or in both.
+    """
     doubt = job.doubt
     if job.pressure.limit_surface is None or (
         doubt.pressure == "stated" and doubt.limit_surface != "any"

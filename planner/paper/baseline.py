@@ -77,7 +77,7 @@ def sensorless(job: Job, trials: int, scheduler: Scheduler | None = None) -> Bas
 
 
 def text(part: str, baseline: Baseline) -> str:
-    """The plan and what it achieves, for people."""
+    """The plan and its results as text."""
     squeezes, real, ideal = baseline.plan, baseline.real, baseline.ideal
     angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(squeezes.angles))
     period, final, slack = np.degrees([squeezes.period, squeezes.final, squeezes.slack])

@@ -34,14 +34,17 @@ COLLIDING_SHARE = 0.005
 
 
 class Sequence(NamedTuple):
-    """A sequence of actions and its result."""
+    """A sequence of actions, and the singleton ratio that it achieves."""
 
     actions: tuple[int, ...]  # indices of placements; empty if none is free of collision and kept
     ratio: float  # singleton ratio of the belief afterwards
 
 
 class _Element(NamedTuple):
-    """An element of the queue; `poses` is empty where it will not be expanded."""
+    """An element of the search's queue: a sequence of actions and the belief after it.
+
+    `poses` is empty where the element will not be expanded.
+    """
 
     poses: Array
     ratio: float

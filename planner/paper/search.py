@@ -1,7 +1,8 @@
 """ExpandTree: Algorithm 1 of the paper as printed, and its sensorless variant.
 
 Unlike in the default method the action is the first of the best open-loop sequence, progress is the printed
-singleton ratio, beliefs are moved by learned models, and the nearest expected width always wins.
+singleton ratio, beliefs are moved by learned models, and a reading always leads to the child whose expected
+width is nearest.
 """
 
 import math
@@ -67,9 +68,10 @@ class Models(NamedTuple):
 def learn(
     rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: float, order: int
 ) -> Models:
-    """Fits all models to roll-outs, of which some touch the part and some collide with it.
+    """Fits the motion model, sensor model, collision detector, subspaces and projection to roll-outs.
 
-    One radian counts as `rho_mm`; `order` is the part's rotational order.
+    The roll-outs include those that collide with the part. One radian counts as `rho_mm`; `order` is the
+    part's rotational order.
 
     Raises:
         ValueError: no roll-out touches the part, or there are too few.
@@ -171,7 +173,7 @@ class PaperPlanner:
 def nearest_observation(
     encoder: Encoder, width_mm: Array, subspace: IntArray
 ) -> tuple[Partition, IntArray]:
-    """The paper's rule at run time: the child with the closest expected observation, whatever the width.
+    """Assigns all readings and particles to children by the paper's rule: the nearest expected reading.
 
     Particles (n,) have an expected width [mm] and a subspace; subspaces whose mean widths fall on one reading
     become one child, since no reading distinguishes them. Returns the children's cells, which share out all

@@ -45,7 +45,7 @@ def collision_detector(initial: Array, stands: BoolArray, order: int) -> Collide
 
 
 def _fitted(tree: Any, known: Array, values: Array | BoolArray, order: int) -> Callable[..., Any]:
-    """The prediction of a tree that is fitted to the values (n,) of known poses (n, 3)."""
+    """Fits a tree to the values (n,) of known poses (n, 3); returns the function that predicts by it."""
     tree.fit(features(known, order), values)
 
     def predict(poses: Array) -> Any:

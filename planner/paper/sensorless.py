@@ -159,7 +159,7 @@ class Interval(NamedTuple):
 
 
 class SqueezePlan(NamedTuple):
-    """A sensorless plan."""
+    """A sensorless sequence of squeezes, and the angle at which it leaves the part."""
 
     angles: Array  # (k,) of the hand in the world, one for each squeeze, the first one 0 [rad]
     final: float  # final angle of the part in the world by the theory, modulo `period`
@@ -170,8 +170,8 @@ class SqueezePlan(NamedTuple):
 def chain(function: SqueezeFunction) -> list[Interval]:
     """The plan's intervals, the widest first: from a whole period to a single step.
 
-    Backwards (Goldberg 1993): start with the widest single step; until it is a whole period, prepend the
-    widest interval whose image is shorter than it.
+    The list is built backwards (Goldberg 1993) from the widest single step. Until the first interval of the
+    list is a whole period, the widest interval whose image is shorter than that first one is prepended.
     """
     intervals = function.intervals()
     whole = function.period - ALIKE_RAD

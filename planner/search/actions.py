@@ -1,4 +1,4 @@
-"""Actions: placements of the open hand."""
+"""The actions of a plan: placements at which the open hand comes down for a squeeze."""
 
 import math
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ Key: TypeAlias = tuple[tuple[int, ...], ...]
 
 
 class AlongSides(NamedTuple):
-    """Hand placements along a part's sides, for a belief; none where there are no proposals.
+    """Hand placements along a part's sides, computed from a belief; empty where the job proposes none.
 
     Attributes:
         about_modes: (k, 3) about the main modes of the belief [mm, mm, rad].
@@ -53,7 +53,7 @@ class ActionSet:
     first: Array | None = None
 
     def followed(self, poses: Array) -> Array:
-        """The fixed placements, then one at the middle of parts (n, 3) for each fixed angle: (k, 3)."""
+        """Placements (k, 3): the fixed ones, then one for each fixed angle at the mean of parts (n, 3)."""
         angles = np.unique(self.placements[:, 2])
         about = np.column_stack([np.tile(poses[:, :2].mean(axis=0), (len(angles), 1)), angles])
         return np.concatenate([self.placements, about])
@@ -97,7 +97,7 @@ def actions_of(job: Job) -> ActionSet:
 
 
 def turnable(job: Job) -> bool:
-    """Whether turning a whole plan about the origin changes nothing, since parts lie at any angle."""
+    """Whether parts lie at any angle, so that turning a whole plan about the origin changes nothing."""
     return math.isclose(job.uncertainty.orientation_halfwidth_deg, 180.0)
 
 
@@ -114,9 +114,9 @@ def _first(job: Job, actions: ActionSet) -> Array:
 def inequivalent(placements: Array, common: Array, job: Job) -> Array:
     """The placements (k, 3) without those that a turn about the origin maps to an earlier one.
 
-    Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. The
-    turn must map the placements (m, 3) common to all squeezes onto themselves; those about modes turn with
-    the parts.
+    Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. A turn
+    counts only if it maps the placements (m, 3) that all squeezes have in common onto themselves; those about
+    modes turn with the parts.
     """
     # For fingers that move alike, half a turn of the hand changes nothing either.
     alike = job.gripper.upper_finger_share == 0.5

@@ -41,7 +41,7 @@ HELD_MM = HELD_UM / 1e3
 
 
 class Opening(NamedTuple):
-    """The jaws before a squeeze."""
+    """The opening of the jaws before a squeeze, and the room that it leaves."""
 
     opening_mm: float
     clearance_mm: float  # least distance between the open fingers and the belief
@@ -49,7 +49,7 @@ class Opening(NamedTuple):
 
 
 class Handling:
-    """The choices that a job allows."""
+    """Chooses the opening of the jaws before a squeeze and the place of release after it."""
 
     def __init__(self, job: Job) -> None:
         self._outlines = [alone.part.outline_mm for alone in job.alone]
@@ -59,10 +59,10 @@ class Handling:
         self._alike = job.gripper.upper_finger_share == 0.5
 
     def opening(self, belief: Belief, placement: Array, *, pushed: bool = False) -> Opening:
-        """The jaws before a squeeze: open `SPARE_MM` wider than at the first contact, if possible.
+        """Chooses the opening of the jaws: `SPARE_MM` wider than at the first contact, but at most full.
 
-        The opening is the full one for fingers that do not move alike, and for parts that were `pushed`
-        before and beliefs of few particles, whose poses are less certain.
+        It is full where the fingers do not move alike, where the parts were `pushed` before, and where the
+        belief has few particles: poses are less certain there.
         """
         contact_mm, opening_mm = self.contact_mm(belief, placement), self._jaws.opening_mm
         if self._alike and not pushed and len(belief) >= LEAST_PARTICLES:

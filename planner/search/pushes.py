@@ -78,7 +78,7 @@ class Pusher:
     def best(
         self, belief: Belief, hand: Hand | None, ranking: Ranking, rng: Generator
     ) -> list[Pushes]:
-        """The most promising pushes and pairs of pushes, by few particles and one squeeze each.
+        """The most promising sequences of one or two pushes, judged by few particles and one squeeze each.
 
         Returns:
             At most `FINALISTS` after which open fingers clear the belief.
@@ -103,7 +103,10 @@ class Pusher:
         return finalists
 
     def pushed(self, belief: Belief, pushes: Pushes, rng: Generator) -> Belief:
-        """Simulates pushes of a belief, twice for each particle: open fingers must also clear the scatter."""
+        """The belief after pushes, which are simulated twice for each particle.
+
+        The copies show how much the pushed parts scatter, since open fingers have to clear all of that.
+        """
         belief = Belief.joined([belief, belief])
         for push in pushes:
             belief = self.model.push(belief, push, rng)

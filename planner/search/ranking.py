@@ -46,7 +46,7 @@ class Options(NamedTuple):
 
     @classmethod
     def sorted(cls, placements: Array, squeezes: Array) -> Options:
-        """Sorts options."""
+        """Options in the order of rising expected squeezes."""
         order = np.argsort(squeezes, kind="stable")
         return cls(placements[order], squeezes[order])
 
@@ -55,7 +55,7 @@ class _Contest:
     """The options of one belief during sequential halving."""
 
     def __init__(self, belief: Belief, placements: Array) -> None:
-        """Begins the first round, by few particles, spread evenly in the belief, if options are many."""
+        """Sets up the first round; with many options it uses few particles, spread evenly in the belief."""
         self.belief, self.placements = belief, placements
         self.stop, k = len(belief), len(placements)  # particles after this round
         if k > FINALISTS:

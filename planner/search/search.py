@@ -57,7 +57,7 @@ GROWN = 1.5  # growth of a belief by trials after which a dead end is searched a
 
 
 class _Candidate(NamedTuple):
-    """A grasp pose, the pushes before it, and the belief after these."""
+    """A grasp pose that may become an action, the pushes before it, and the belief after these."""
 
     placement: Array
     lying: Belief
@@ -472,7 +472,10 @@ class Search:
             self.back_up(child)
 
     def _narrowed(self, node: Node, action: Action, cuts: IntArray, piece: int) -> Action:
-        """An action of a node, restricted to a piece between `cuts` of the readings before the squeeze."""
+        """Restricts an action of a node to the particles in one piece of the readings before the squeeze.
+
+        The pieces lie between the readings `cuts`.
+        """
         assert action.origin is not None
         before, after, rule = action.origin
         rows = np.searchsorted(cuts, before.reading, side="right") == piece

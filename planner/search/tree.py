@@ -28,7 +28,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Squeeze:
-    """The motions of the hand at a node.
+    """What the hand does at a node of the plan: pushes, if any, a squeeze, and the release.
 
     Attributes:
         placement: (3,) grasp pose: the hand frame in the world [mm, mm, rad].
@@ -52,7 +52,7 @@ class Squeeze:
 
 
 class Origin(NamedTuple):
-    """The input of an action's partition."""
+    """What an action's partition of the readings was computed from."""
 
     before: Belief  # particles when the jaws begin to close
     after: Squeezed  # their outcome
@@ -90,7 +90,7 @@ class Node:
         value: expected cost from here on.
         hand: where the hand stands; None before the first squeeze.
         home: (3,) grasp pose of the first squeeze, where the hand goes for the next part; None at the root.
-        fresh: number of particles from trials after the plan, which are the first ones.
+        fresh: number of particles that trials of the plan have added; they come first in the belief.
         refuted: whether these trials show that a leaf at the mode misses the goal.
         parent: the node above; None at the root.
         previous: the corresponding node of the previous pass.
