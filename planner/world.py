@@ -72,9 +72,10 @@ class ContactWorld:
         return world
 
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
-        """Closes the fingers on the part at a pose in the hand frame, jaws open [mm, mm, rad].
+        """Closes open jaws on the part at a pose in the hand frame [mm, mm, rad].
 
-        The cell is as the job states it: the constant errors of [doubt] are at the middle of their intervals.
+        The cell is as the job states it: constant errors are at the middle of the intervals in its section
+        [doubt].
 
         Returns:
             The final pose in the hand frame; the width [mm] with the constant errors of the encoder, but

@@ -29,10 +29,10 @@ METHODS = {
 
 
 def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) -> Figure:
-    """Charts the shares of located parts in the experiments of Table I, by the paper's robot and simulated.
+    """Charts the share of located parts in each experiment of Table I: of the paper's robot, and simulated.
 
-    As in the paper, a part counts if its stated pose is within the goal, even if the table says that the
-    pose is not certain.
+    As in the paper, a simulated part counts as located if the pose that the plan states is within the goal,
+    even if the plan reports the pose as uncertain.
 
     Args:
         rows: results of `comparison.run`.

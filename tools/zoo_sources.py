@@ -70,7 +70,7 @@ def footprints() -> Iterator[tuple[str, np.ndarray]]:
 
 
 def screws() -> Iterator[tuple[str, np.ndarray]]:
-    """Hexagon head screws ISO 4014 that lie on a flat of the head: head across corners, and shank."""
+    """Yields name and outline of ISO 4014 hexagon head screws, from above, on a flat of the head."""
     for row in table("hex_head_parameters.csv"):
         if row["Size"].startswith("M") and row["iso4014:s"]:
             diameter = float(row["Size"][1:].split("-")[0])

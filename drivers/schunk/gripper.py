@@ -139,7 +139,7 @@ class Gripper(PolledGripper[Input, Output]):
     # -- commands and their outcomes --------------------------------------------------------------
 
     def _command(self, output: Output, asked: Output, seen: Input, budget_s: float) -> Output:
-        """Sends a command so that the control word has an edge; starts the move that `wait` waits for.
+        """Sends a command with a changed bit, as the device acts on changes; `wait` then waits for the move.
 
         Returns the output as sent.
 

@@ -85,7 +85,7 @@ class Costs(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Numbers of particles, summed over the first of m readings that occur, in rising order."""
+    """Running totals of particles over the m counts that occur, ascending: row i has the first i counts."""
 
     hits: IntArray  # (m + 1, c) particles within the goal of each candidate
     size: IntArray  # (m + 1,) all particles

@@ -192,11 +192,12 @@ def certify(
     workers: int | None = None,
     report: Report = silent,
 ) -> Certificate:
-    """Proves a lower bound on the squeezes of plans that are as good as the evaluated table of a job.
+    """Proves a lower bound on the mean squeezes of all plans as good as the table, at confidence `CERTAINTY`.
 
-    The table's first squeezes and its success define the class of plans. `parts` is the size of the sample;
-    more parts give a tighter bound. `dense` adds a grid of placements. The result does not depend on the
-    number of workers (threads; all cores if None).
+    As good are plans that locate at least the table's share of the parts, at leaves that are right as often
+    as the job's goal asks. Their first squeezes are at placements of the job, along stable sides, or of the
+    table; `dense` adds a grid. `parts` is the size of the sample; more parts give a tighter bound. The result
+    does not depend on the number of workers (threads; all cores if None).
     """
     rng = np.random.default_rng([job.seed, SEED_BOUND])
     squeeze = squeezes_of(job, workers)

@@ -56,7 +56,7 @@ class Alike(NamedTuple):
 
 
 def alike(job: Job) -> list[Alike]:
-    """Returns the undetectable turn of each part of a job that has one, if the goal has to distinguish it."""
+    """The turn of each part, if any, that no squeeze detects although the goal tells its poses apart."""
     return [result for k, alone in enumerate(job.alone) if (result := _of_part(job, alone, k))]
 
 

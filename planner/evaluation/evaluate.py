@@ -109,5 +109,5 @@ def sweep(
 
 
 def worst_of(lines: Iterable[Line]) -> Line | None:
-    """The line whose trials have the most confident wrong answers; None if there are no lines."""
+    """The line with the largest number of wrong answers; None if there are no lines."""
     return max(lines, key=lambda line: line.evaluation.wrong.sum(), default=None)

@@ -276,7 +276,7 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
 
 
 def _document(job: Job) -> dict[str, Any]:
-    """Converts a job to JSON types; a list of several hypotheses replaces part, pressure and friction."""
+    """Converts a job to JSON types; if it has several hypotheses, their list replaces the sections of one."""
     document: dict[str, Any] = _plain(asdict(job))
     if job.foreign:
         document[hypotheses.FOREIGN] = document.pop("foreign")

@@ -93,7 +93,7 @@ def gauge() -> Array:
 
 @cache
 def certificates() -> Array:
-    """An orthonormal basis (24, 9, 9) of the Q that belong to a quartic."""
+    """An orthonormal basis (24, 9, 9) of the matrices Q whose y^T Q y is the Hessian form of some quartic."""
     return _null_space(HESSIAN_ROWS)
 
 

@@ -24,7 +24,11 @@ RIDGE = 1e-6  # of the regression, in units of the features' variance
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Likelihood:
-    """Gaussian likelihood of a cell with k features: k statistics, whose mean is regressed on p terms."""
+    """How likely the observed outcomes are in a robot cell with given values of its k features.
+
+    The likelihood is a Gaussian of k statistics of the outcomes; their mean is a regression, fitted to
+    simulated cells, on p terms made of the features.
+    """
 
     centre: Array  # (k,) of the features
     scale: Array  # (k,)

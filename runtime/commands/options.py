@@ -144,7 +144,7 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
     # A robot that uses --serve delivers parts itself.
     place = _delivery(["no"] if arguments.serve is not None else arguments.deliver, table)
-    person, timed = _takes_part(arguments), arguments.time_scale in (1.0, inf)
+    person, timed = _is_manual(arguments), arguments.time_scale in (1.0, inf)
     patience, takt_s = PATIENCE if person else 1.0, arguments.takt
     return RunOptions(policy, handling, place, patience, takt_s, turns=not person, timed=timed)
 
@@ -161,8 +161,8 @@ def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | deli
     return delivery.from_word(words[0], frames_of(table)[0].picks)
 
 
-def _takes_part(arguments: argparse.Namespace) -> bool:
-    """Whether a person is the gripper or the arm."""
+def _is_manual(arguments: argparse.Namespace) -> bool:
+    """Whether a person makes the motions of the gripper or of the arm, by hand."""
     devices = (arguments.port, arguments.arm)
     return any(device is not None and device.partition("+")[0] == MANUAL for device in devices)
 
@@ -186,9 +186,9 @@ def arc_of(
             raise UsageError(
                 f"--tips {arguments.tips}: write straight, arc, or LINK,OFFSET in mm"
             ) from None
-        return None if _takes_part(arguments) else TipArc(link_mm, offset_mm, taught_mm)
+        return None if _is_manual(arguments) else TipArc(link_mm, offset_mm, taught_mm)
     level = arguments.tips is None and arguments.port == SIMULATED
-    if arguments.tips == "straight" or level or _takes_part(arguments):
+    if arguments.tips == "straight" or level or _is_manual(arguments):
         return None
     if measured is not None and measured.tips_mm is not None:
         return TipArc(*measured.tips_mm, taught_mm)

@@ -109,9 +109,10 @@ def _devices(port: str) -> list[str]:
 
 
 def _addresses(url: str) -> list[str]:
-    """Identities of a network device: each IP address of its host, with each port that moves the device.
+    """Names under which a network device is locked.
 
-    This machine has the same identity under all its names and addresses.
+    They are each IP address of the host with each port through which the device can be moved. All names and
+    addresses of this machine count as one address.
     """
     try:
         parts = urlsplit(url)

@@ -56,7 +56,7 @@ class InputError(ExpectedError):
 
 
 class CheckFailedError(ExpectedError):
-    """A check found a problem; sentences printed before name it."""
+    """A check found a problem, which has already been printed."""
 
     exit_code = ExitCode.CHECK_FAILED
 

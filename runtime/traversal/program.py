@@ -88,7 +88,9 @@ class Program:
     def part(
         self, number: int, state: TraversalState = START, steps: Sequence[Step] = ()
     ) -> Requests:
-        """Generates the requests of a part, from its first squeeze or from the `state` that `steps` led to.
+        """Yields the requests to the cell that locate one part; the answer to a squeeze is its reading.
+
+        Begins at the first squeeze, or goes on from the `state` that earlier `steps` have led to.
 
         Raises:
             GripperStateError: a reading contradicts a closing motion.
