@@ -77,7 +77,7 @@ class Tried(NamedTuple):
         }
 
     def lines(self) -> list[str]:
-        """Text: the share of trials answered as a known part and, if above `OFTEN`, a line for each answer."""
+        """Text: the share of trials answered as a known part and, above `OFTEN`, a line for each answer."""
         message = (
             f"foreign    {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
         )
