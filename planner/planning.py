@@ -22,7 +22,7 @@ from planner.mechanics.simulator import DEFAULT_STEP_MM
 from planner.paper.search import METHODS
 from planner.problem import STEP_MM, Problem
 from planner.search.effort import LEAVES, PASSES
-from planner.search.search import Search
+from planner.search.search import MOST_NODES, Search
 from planner.search.tree import Node, leaves, pruned
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
@@ -34,6 +34,7 @@ SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 ATTEMPTS = 6  # most rounds of search at leaves that fresh trials reopen
 FRESH = 2.0  # fresh trials of the first round, for each particle of the search; half as many later
+HOPELESS = 0.5  # share of parts in open leaves after all steps of a pass at which planning ends
 LEAST_SHORT = 0.0005  # probability of failing leaves below which they are not searched further
 TIMED_TRIALS = 500  # parts squeezed to estimate the duration of an evaluation
 LEAST_TRIALS = 1000  # parts of an evaluation when a budget has no time for more
@@ -129,7 +130,8 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
         report: progress.
 
     Raises:
-        NoPlanError: no first squeeze is both free of collision and useful, or no leaf is within the goal.
+        NoPlanError: no first squeeze is both free of collision and useful, no leaf is within the goal, or
+            most parts stay outside the goal however far the search goes.
     """
     job, course = problem.job, Course(report)
     rounds = Rounds(max(1, round(FRESH * job.search.particles)), trials)
@@ -143,6 +145,11 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
             root = new
         if not root.actions:
             raise NoPlanError(f"{job.name}: {no_first_squeeze(job)}")
+        left = sum(leaf.share for leaf in search.due(root))
+        if number and whole and left > HOPELESS and not limit.bounded:
+            outside = f"{left:.0%} of the parts are outside the goal after {MOST_NODES} squeezes"
+            remedy = "ask for less, add actions, or give a --budget"
+            raise NoPlanError(f"{job.name}: {outside}; {remedy}")
         limit.standing = True
         if number == 0 and limit.bounded:
             rounds = rounds.within(limit, root, job, problem.mixture.workers)

@@ -48,6 +48,7 @@ LEAST_PARTICLES = 400  # size up to which a belief is repeated before its next s
 RANKING_SHARE = 0.1  # largest share of a job's particles that rank grasp poses
 LEAST_GAIN = 0.001  # gain in mode ratio below which a squeeze is without effect
 SELECTION_BIAS = 0.5  # selection bias of a branch's mode, in standard deviations of its ratio
+MOST_NODES = 1000  # expanded in a pass: under a goal that is too fine, leaves stay open without end
 AT_ONCE = 4  # leaves expanded at once; not the number of cores, which must not change plans
 MOST_STALLED = 3  # allowed squeezes in a row without gain: separating two poses may take three
 LEAST_OVERLAP = 0.2  # of two histograms of readings, for nodes of two passes to be counterparts
@@ -100,7 +101,7 @@ class Search:
         return root
 
     def grow(self, root: Node, over: Callable[[], bool], progress: Callable[[float], None]) -> bool:
-        """The main loop: expands leaves of the best partial plan until none is open.
+        """The main loop: expands leaves of the best partial plan until none is open, `MOST_NODES` at most.
 
         Args:
             root: of the tree, modified in place; the tree is a complete plan after each step.
@@ -108,10 +109,13 @@ class Search:
             progress: called with the share of the parts that is not located yet.
 
         Returns:
-            Whether the search is complete.
+            False if `over` ended the search.
         """
         threads = Threads(self.problem.mixture.workers)
-        while tips := [tip for tip in breadth_first(root) if self._is_due(tip)]:
+        for _ in range(0, MOST_NODES, AT_ONCE):
+            tips = self.due(root)
+            if not tips:
+                break
             if over() and root.best is not None:  # a plan needs its first squeeze
                 return False
             chosen = sorted(tips, key=lambda tip: -tip.share * tip.value)[:AT_ONCE]
@@ -144,6 +148,10 @@ class Search:
         """The share of parts that end in leaves whose mode ratio is below the goal's confidence."""
         reached = self.problem.stopping.reached
         return sum(leaf.share for leaf in leaves(root) if not reached(leaf.mode.ratio))
+
+    def due(self, root: Node) -> list[Node]:
+        """The leaves of the best partial plan that this pass has yet to expand."""
+        return [node for node in breadth_first(root) if self._is_due(node)]
 
     def _is_due(self, node: Node) -> bool:
         """Whether this pass expands a node."""

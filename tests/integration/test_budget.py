@@ -5,7 +5,7 @@ import signal
 import sys
 
 import pytest
-from programs import ended, started
+from programs import JOB, ended, started
 from rectangle import CERTAIN, quick_job
 
 from planner.cli import compile as plan_compile
@@ -13,6 +13,7 @@ from planner.compile import compile_job
 from planner.errors import NoPlanError
 from planner.job import model as job_file
 from planner.planning import LEAST_TRIALS
+from planner.search import search
 from planner.work.limit import Limit
 from runtime.table import dumps, load, loads
 
@@ -100,6 +101,16 @@ def test_a_budget_pays_for_no_kernel(job):
     """A plan of the first run would end without a leaf: kernels take half a minute to compile."""
     _, out, err = ended([sys.executable, "-c", LOADING, job], timeout=None)
     assert out == "[]\n", err
+
+
+def test_planning_for_a_goal_finer_than_any_squeeze_tells_ends_in_one_line(monkeypatch):
+    """Without a budget such a search would never end; with one it gives the best plan so far."""
+    monkeypatch.setattr(search, "MOST_NODES", 40)
+    rectangle = job_file.load(JOB)
+    fine = rectangle.replaced(goal={"distance_mm": 0.02}, search={"particles": 4000})
+    with pytest.raises(NoPlanError, match="% of the parts are outside the goal after") as caught:
+        compile_job(fine, 2, 500)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_budget_of_nothing_is_no_reason_to_ask_for_more_actions(job):
