@@ -3,7 +3,7 @@
     python tests/bench/bench_bound.py [--only rectangle t-bolt] [--parts 50000] [--dense]
 
 Compiles each job of `trees/`, or takes the table there or the one that an earlier run left in
-`out/tables-11`, and proves how many squeezes any plan as good takes at least. Prints figures and writes
+`out/tables-12`, and proves how many squeezes any plan as good takes at least. Prints figures and writes
 `results/bound.json` beside this file; rows of jobs that are not measured again stay.
 """
 
