@@ -75,7 +75,7 @@ def verdict(job: Job, figures: dict[str, Any], lines: Sequence[Line] = ()) -> Ve
     effort = f"{figures['mean_squeezes']:.1f} squeezes, about {figures['seconds_mean']:.1f} s"
     sorts = job.goal.kind == "identity"
     error = "where the part lies is not asked for" if sorts else error_text(figures["error_mm"])
-    sentence = f"{_found(job, figures)}, {effort}{_leaning(job, worst)}"
+    sentence = f"{_located(job, figures)}, {effort}{_leaning(job, worst)}"
     return Verdict(grade, sentence, error, _conditions(lines), warnings_of(job))
 
 
@@ -117,7 +117,7 @@ def listed(conditions: Sequence[str]) -> str:
     return "if " + (", ".join(shown[:-1]) + " and " if len(shown) > 1 else "") + shown[-1]
 
 
-def _found(job: Job, figures: dict[str, Any]) -> str:
+def _located(job: Job, figures: dict[str, Any]) -> str:
     """States what is located, and how often; for several parts, also how often the name is right."""
     share = f"in {in_percent(shares_of(figures).located)} of trials"
     if not job.hypothesis:

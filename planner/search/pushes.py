@@ -68,10 +68,8 @@ class Pusher:
             start, beyond = float(begins.min()) - BESIDE_MM, float(begins.max()) + BEYOND_MM
             place = (start - 0.5 * self.jaws.length_mm) * along + middle * across
             for opening, farther in product(OPENINGS, FARTHER):
-                way_mm, opening_mm = (
-                    beyond + farther * farthest - start,
-                    opening * self.jaws.opening_mm,
-                )
+                way_mm = beyond + farther * farthest - start
+                opening_mm = opening * self.jaws.opening_mm
                 result.append(Push(np.array([*place, angle]), opening_mm, way_mm))
         return [push for push in result if self._within(push)]
 

@@ -91,8 +91,6 @@ def webcam(
     about_x, about_y, about_z = (np.asarray(cv2.Rodrigues(turn)[0], float) for turn in angles)
     width, height = size
     focal, centre = 1105.0 * width / 1920.0, (0.5 * width - 4.3, 0.5 * height + 6.1)
-    distortion, rotation = (
-        (0.10, -0.19, 0.0006, -0.0004, 0.06),
-        about_z @ about_y @ about_x @ facing,
-    )
+    distortion = (0.10, -0.19, 0.0006, -0.0004, 0.06)
+    rotation = about_z @ about_y @ about_x @ facing
     return Optics(width, height, focal, centre, distortion, rotation, np.array(eye_mm, np.float64))

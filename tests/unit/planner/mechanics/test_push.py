@@ -189,10 +189,8 @@ def test_fingers_end_a_push_as_their_corners_alone_do():
 def test_fingers_that_close_unevenly_push_beside_the_middle(share):
     """Of jaws half closed the upper finger has come so far down: where both stand, parts go along."""
     part, opening = simulator(rectangle(), JAWS._replace(upper_share=share)), 20.0
-    upper, lower = (
-        0.5 * JAWS.opening_mm - share * 65.0,
-        -0.5 * JAWS.opening_mm + (1.0 - share) * 65.0,
-    )
+    upper = 0.5 * JAWS.opening_mm - share * 65.0
+    lower = -0.5 * JAWS.opening_mm + (1.0 - share) * 65.0
     start = np.array([[JAWS.length_mm / 2 + 16.0, 0.5 * (upper + lower), 0.0]])
     end = part.push_by_hand(start, np.array([opening]), np.array([20.0]), np.random.default_rng(0))
     assert end[0] == pytest.approx(start[0] + [19.0, 0.0, 0.0], abs=0.02)
