@@ -21,7 +21,7 @@ from planner.lower import lower
 from planner.mechanics.simulator import DEFAULT_STEP_MM
 from planner.paper.search import METHODS
 from planner.problem import STEP_MM, Problem
-from planner.search.effort import LEAVES, PASSES
+from planner.search.effort import PASSES, REPAIR
 from planner.search.search import MOST_NODES, Search
 from planner.search.tree import Node, leaves, pruned
 from planner.work.limit import Limit
@@ -38,10 +38,11 @@ HOPELESS = 0.5  # share of parts in open leaves after all steps of a pass at whi
 LEAST_SHORT = 0.0005  # probability of failing leaves below which they are not searched further
 TIMED_TRIALS = 500  # parts squeezed to estimate the duration of an evaluation
 LEAST_TRIALS = 1000  # parts of an evaluation when a budget has no time for more
-EVALUATING = 0.4  # most of the remaining budget that evaluations may take
+EVALUATING = 0.1  # most of the remaining budget that the first trials may take, and the evaluation
 SQUEEZES = 3.0  # least mean assumed for a finished plan; the first pass may give up after fewer
 CURSORY = 0.2  # share of a budget for the first pass, which may leave some parts without a plan
-REPAIRS = 0.25  # of a budget, for leaves that trials of the last pass refute
+REPAIRS = 0.15  # of a budget, for leaves that the last pass left open or that trials refute
+REPAIRABLE = 0.3  # share of the parts in open leaves below which repairs finish a tree
 # For progress: share of the work after the passes, and of this the share left after each round of trials.
 AFTER_PASSES, AFTER_ROUND = 0.35, 0.7
 
@@ -91,11 +92,14 @@ class Rounds(NamedTuple):
         squeezes = float(judged(job, TIMED_TRIALS, workers, table, 0).squeezes.mean())
         more = max(SQUEEZES / max(squeezes, 1.0), 1.0)
         each_s = more * (limit.spent_s - began_s) / TIMED_TRIALS
-        share_s = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0) / 2
-        most = max(LEAST_TRIALS, int(share_s / each_s))
-        affordable = Rounds(min(self.fresh, most), min(self.figures, most))
-        finer = STEP_MM / DEFAULT_STEP_MM  # steps of the evaluation for one of the tree
-        limit.reserve_s = (affordable.fresh + finer * affordable.figures) * each_s
+        # The evaluation closes the fingers in finer steps.
+        finer_s = each_s * STEP_MM / DEFAULT_STEP_MM
+        share_s = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0)
+        affordable = Rounds(
+            min(self.fresh, max(LEAST_TRIALS, int(share_s / each_s))),
+            min(self.figures, max(LEAST_TRIALS, int(share_s / finer_s))),
+        )
+        limit.reserve_s = affordable.fresh * each_s + affordable.figures * finer_s
         return affordable
 
 
@@ -138,10 +142,15 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
     search = Search(problem, np.random.default_rng([job.seed, len(PASSES)]))
     root, whole = None, True
     for number, stage in enumerate(PASSES):
+        before = sum(earlier.work for earlier in PASSES[:number])
+        ahead_s = limit.spent_s * stage.work / before if number else 0.0
+        if limit.standing and limit.over(limit.budget_s * REPAIRS + ahead_s):
+            whole = False
+            break
         new = search.begin(stage, root)
         over = partial(limit.over, limit.budget_s * (REPAIRS if number else 1.0 - CURSORY))
         whole = search.grow(new, over, partial(course.in_pass, number))
-        if root is None or whole or search.close(new) or search.missing(new) < search.missing(root):
+        if root is None or whole or _better(search, new, root, repairs=not limit.asked):
             root = new
         if not root.actions:
             raise NoPlanError(f"{job.name}: {no_first_squeeze(job)}")
@@ -153,11 +162,8 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
         limit.standing = True
         if number == 0 and limit.bounded:
             rounds = rounds.within(limit, root, job, problem.mixture.workers)
-        if limit.over() or (number and over()):
-            whole &= number == len(PASSES) - 1
-            break
     assert root is not None
-    search.stage, settled = LEAVES, False
+    search.stage, settled = REPAIR._replace(frugal=not whole), False
     if not whole:
         search.reopen(root)
     for attempt in range(ATTEMPTS + 1):
@@ -171,6 +177,16 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
         whole &= search.grow(root, limit.over, partial(course.after_trials, attempt))
     cut = None if whole else Cut(limit.asked)
     return finished(root, job, table, run, rounds.figures, cut)
+
+
+def _better(search: Search, new: Node, root: Node, *, repairs: bool) -> bool:
+    """Whether the tree of a pass that was cut short is better than the tree `root` of the pass before.
+
+    Unless `repairs` follow, the new tree first loses its unfinished actions.
+    """
+    if repairs and not search.stage.explores and search.missing(new) < REPAIRABLE:
+        return new.value < root.value
+    return search.close(new) or search.missing(new) < search.missing(root)
 
 
 def _ended(run: Evaluation) -> dict[int, Belief]:

@@ -34,7 +34,7 @@ PASSES = (
     Pass(1 / 2, 6, 0, 0.002, 0.1, work=0.25),
     Pass(1, 4, 0, 0.002, 0.1, work=0.20),
 )
-LEAVES = PASSES[-1]._replace(kept=1, least=0.0)  # after fresh trials of the leaves of the last pass
+REPAIR = PASSES[-1]._replace(kept=1, least=0.0)  # of leaves that fresh trials refute
 EFFORTS = (
     Effort(0.5, 16, 192, 400),
     Effort(0.1, 12, 192, 400),

@@ -29,7 +29,7 @@ from planner.belief.transition import Outcomes, Push, Squeezed
 from planner.frames import to_hand
 from planner.problem import Problem
 from planner.search.actions import LEAST_MODE, MAIN_MODES, actions_of
-from planner.search.effort import EFFORTS, LEAVES, PASSES, Effort, Pass
+from planner.search.effort import EFFORTS, PASSES, Effort, Pass
 from planner.search.handling import Handling, Opening
 from planner.search.proposals import placed, varied
 from planner.search.pushes import LEAST_SHARE, Pusher
@@ -380,8 +380,8 @@ class Search:
         if belief.touched and ranking.actions.proposals:
             groups.append(ranking.free(belief, varied(near, VARIANTS, SPREAD, rng)))
             modes = self.problem.metric.main_modes(thin.states, MAIN_MODES, LEAST_MODE)
-            number, n = (*PASSES, LEAVES).index(self.stage), effort.scattered // len(modes)
-            start = number * effort.scattered  # new ones in each pass
+            number = PASSES.index(self.stage) if self.stage in PASSES else len(PASSES)
+            start, n = number * effort.scattered, effort.scattered // len(modes)  # new in each pass
             for mode in modes:
                 about = ranking.actions.proposals[mode.hypothesis[0]].scattered[start : start + n]
                 relative = np.concatenate([about, *self.remembered[-REMEMBERED:]])
