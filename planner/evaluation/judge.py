@@ -49,12 +49,6 @@ def main_poses(poses: Array, metric: Metric) -> list[Mode]:
     return [mode for mode in modes if mode.ratio >= LEAST_SHARE]
 
 
-def claimed(table: Table, leaf: IntArray) -> BoolArray:
-    """Whether each of n leaves, given by index, is resolved (n,); False for negative indices."""
-    known = np.array([leaf.resolved for leaf in table.leaves])
-    return np.asarray((leaf >= 0) & known[np.maximum(leaf, 0)])
-
-
 def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
     """Compares true poses of parts with the answers of their leaves.
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.evaluation.judge import Verdict, claimed, judge
+from planner.evaluation.judge import Verdict, judge
 from planner.evaluation.times import seconds_of
 from planner.mechanics.traits import Traits, with_hypothesis
 from runtime.table import Table, takt_figures, wilson_interval
@@ -53,7 +53,8 @@ class Evaluation:
     @cached_property
     def resolved(self) -> BoolArray:
         """(n,) whether the leaf claims to know the pose."""
-        return claimed(self.table, self.leaf)
+        known = np.array([leaf.resolved for leaf in self.table.leaves])
+        return np.asarray((self.leaf >= 0) & known[np.maximum(self.leaf, 0)])
 
     @cached_property
     def seconds(self) -> Array:
@@ -115,9 +116,15 @@ class Evaluation:
             "error_mm": dict(zip(("median", "p95"), errors, strict=True)) if errors else None,
         }
 
+    def of_rows(self, rows: IntArray) -> Self:
+        """The trials with these indices, which may repeat."""
+        return type(self)(self.table, *(column[rows] for column in self._columns()))
+
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """Joins evaluations of one table, at least one, to an evaluation of all their trials in order."""
-        names = [field.name for field in fields(cls)[1:]]
-        rows = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-        return cls(parts[0].table, *rows)
+        columns = zip(*(part._columns() for part in parts), strict=True)
+        return cls(parts[0].table, *map(np.concatenate, columns))
+
+    def _columns(self) -> list[Any]:
+        return [getattr(self, field.name) for field in fields(self)[1:]]

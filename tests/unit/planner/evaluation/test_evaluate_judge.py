@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from sample_tables import changed, random_table, small_table
 
-from planner.evaluation.judge import claimed, judge, metric_of_table
+from planner.evaluation.judge import judge, metric_of_table
 from planner.evaluation.leaves import NO_LEAF, nearest_leaf, reliability
-from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED
+from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
+from planner.mechanics.traits import as_planned
 from runtime.table import PPM, LeafPose, Tolerance, poses_of
 
 LEAF = (
@@ -33,7 +34,9 @@ def test_what_ends_at_no_leaf_claims_nothing_however_few_leaves_there_are():
     for leaves in (table.leaves[:1], table.leaves):
         few = replace(table, leaves=leaves)
         ends = np.array([CRASHED, REJECTED, NOWHERE, 0])
-        assert list(claimed(few, ends)) == [False, False, False, True]
+        poses, taken = np.zeros((4, 3)), np.full((4, 1), NOWHERE)
+        run = Evaluation(few, ends, np.zeros(4), poses, poses, as_planned(4), taken, taken, taken)
+        assert list(run.resolved) == [False, False, False, True]
 
 
 def test_the_pose_goal_is_equation_9():
