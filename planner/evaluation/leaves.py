@@ -88,9 +88,9 @@ class Confusion(NamedTuple):
 class Mistake(NamedTuple):
     """One trial with a confident wrong answer."""
 
-    initial: Array  # (3,) true pose before the first squeeze [mm, mm, rad]
-    final: Array  # (3,) true pose in the end
-    predicted: Array  # (3,) pose that the leaf states
+    initial_pose: Array  # (3,) true pose before the first squeeze [mm, mm, rad]
+    final_pose: Array  # (3,) true pose in the end
+    predicted_pose: Array  # (3,) pose that the leaf states
     error_mm: float  # audit metric of the final pose to the nearest of the leaf's poses
     leaf: int  # where it ended
     path: tuple[int, ...]  # the nodes passed
@@ -98,15 +98,8 @@ class Mistake(NamedTuple):
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
-        return {
-            "initial_pose": _rounded(self.initial),
-            "final_pose": _rounded(self.final),
-            "predicted_pose": _rounded(self.predicted),
-            "error_mm": round(self.error_mm, 3),
-            "leaf": self.leaf,
-            "path": list(self.path),
-            "widths_mm": list(self.widths_mm),
-        }
+        poses = {name: _rounded(getattr(self, name)) for name in self._fields[:3]}
+        return {**self._asdict(), **poses, "error_mm": round(self.error_mm, 3)}
 
 
 class Identities(NamedTuple):

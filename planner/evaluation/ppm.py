@@ -83,12 +83,10 @@ class Sums(NamedTuple):
             KeyError, TypeError, ValueError: the document is invalid, or has another number of leaves.
         """
         empty = cls.none(leaves)._asdict()
-        row = {name: np.array(document[name], np.float64) for name in empty}
-        if any(row[name].shape != np.shape(value) for name, value in empty.items()):
+        sums: dict[str, Any] = {name: np.array(document[name], np.float64)[()] for name in empty}
+        if any(np.shape(sums[name]) != np.shape(value) for name, value in empty.items()):
             raise ValueError("sums of another table")
-        arrays = row["visits"], row["wrong"], row["squares"]
-        sums = (float(row[name]) for name in ("rejected", "crashed", "squeezes"))
-        return cls(int(row["parts"]), *arrays, *sums)
+        return cls(**{**sums, "parts": int(sums["parts"])})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
