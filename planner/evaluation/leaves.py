@@ -143,12 +143,10 @@ def nearest_leaf(table: Table, poses: Array) -> IntArray:
     `NO_LEAF` marks the poses that are within the goal of no leaf.
     """
     metric = metric_of_table(table)
-    best, index = np.full(len(poses), np.inf), np.full(len(poses), NO_LEAF, np.int64)
-    for number, leaf in enumerate(table.leaves):
-        distance = metric.between(poses[:, None], states_of(table, leaf)[None]).min(axis=1)
-        nearer = (distance < best) & (distance < metric.goal)
-        best[nearer], index[nearer] = distance[nearer], number
-    return index
+    answers = (states_of(table, leaf) for leaf in table.leaves)
+    distance = np.array([metric.between(poses[:, None], each).min(axis=1) for each in answers])
+    nearest = np.argmin(distance, axis=0)
+    return np.where(distance.min(axis=0) < metric.goal, nearest, NO_LEAF)
 
 
 def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:

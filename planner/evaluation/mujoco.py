@@ -18,11 +18,11 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.transition import finger_speed_mm_s
 from planner.job.model import Job
-from planner.mechanics.clearance import jaws_of, least_clearance
+from planner.mechanics.clearance import jaws_of
 from planner.mechanics.squeeze import GRASPED, JAMMED, SLIPPED, STATUS_NAMES, UNTOUCHED
 from planner.part.outline import area, radius_of_gyration, simplified
 from planner.part.pressure import support
-from planner.world import Pose
+from planner.world import Pose, stands_on
 
 try:
     import mujoco
@@ -103,9 +103,8 @@ class RigidWorld:
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
         """Whether fingers opened to `opening_mm` would stand on the part."""
-        jaws = jaws_of(self._job.gripper)._replace(opening_mm=opening_mm)
-        outline, poses = self._job.part.outline_mm, np.array([pose_hand])
-        return least_clearance(outline, jaws, poses, np.zeros(3), margin_mm=0.0) < 0.0
+        jaws = jaws_of(self._job.gripper)
+        return stands_on(self._job.part.outline_mm, jaws, pose_hand, opening_mm)
 
     def close(self, pose_hand: Pose, mu: float) -> float:
         """Closes the jaws on a part at a pose in the hand frame, with friction `mu`, until they stand still.

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.evaluation.judge import Verdict, judge
+from planner.evaluation.judge import errors_mm, within_goal
 from planner.evaluation.times import seconds_of
 from planner.mechanics.traits import Traits, with_hypothesis
 from runtime.table import Table, takt_figures, wilson_interval
@@ -37,18 +37,14 @@ class Evaluation:
     branch: IntArray  # (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`
 
     @cached_property
-    def _verdict(self) -> Verdict:
-        return judge(self.table, self.leaf, self.states)
-
-    @property
     def error_mm(self) -> Array:
         """(n,) audit metric from the true pose to the leaf's nearest pose; infinite without a leaf [mm]."""
-        return self._verdict.error_mm
+        return errors_mm(self.table, self.leaf, self.states)
 
-    @property
+    @cached_property
     def within(self) -> BoolArray:
         """(n,) whether some pose of the leaf is within the goal of the true pose."""
-        return self._verdict.within
+        return within_goal(self.table, self.leaf, self.states)
 
     @cached_property
     def resolved(self) -> BoolArray:

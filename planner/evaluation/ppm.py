@@ -45,8 +45,6 @@ PRIOR = 0.5, 1e4
 SPLIT_BELOW = 0.004
 """Share of all parts that reach a node, below which the node is rare and its parts are split into copies."""
 MOST_COPIES = 64
-BATCH = 20
-"""Chunks between two yields of `continued`."""
 MOST_ROWS = 8
 
 
@@ -207,12 +205,11 @@ def continued(study: Study, sums: Sums, parts: int, scheduler: Scheduler) -> Ite
         scheduler: runs the chunks; the sums do not depend on it.
 
     Yields:
-        The sums after every `BATCH` chunks and at the end.
+        The sums after every chunk.
     """
     chunks = range(sums.parts // CHUNK, -(-parts // CHUNK))
-    for start in range(0, len(chunks), BATCH):
-        for more in scheduler.map(study, chunks[start : start + BATCH]):
-            sums = sums.with_more(more)
+    for more in scheduler.map(study, chunks):
+        sums = sums.with_more(more)
         yield sums
 
 

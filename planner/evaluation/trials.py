@@ -3,7 +3,7 @@
 All parts of a chunk are squeezed in one batch, each at its own node.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -21,11 +21,10 @@ from planner.mechanics.simulator import beside_mm
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.mechanics.traits import Traits, ordinary
 from planner.part.outline import reach
-from planner.world import Assorted, ContactWorld, World, of_hypothesis
+from planner.world import World, by_world, is_contact
 from runtime.shell.errors import UsageError
 from runtime.table import REJECT, Push, Segments, Squeeze, Table, decision_map
 
-RUNNING = -2
 DISMISSED = int(np.iinfo(np.int64).min)  # target of a width that fits no branch
 HOLDING = (STATUS_NAMES[GRASPED], STATUS_NAMES[JAMMED])
 SPAN = 1 << 21  # um, wider than any gripper opens
@@ -88,11 +87,6 @@ class Program:
             drag=np.array(drag),
             encoder=encoder_of_table(table),
         )
-
-    def segment(self, node: IntArray, reading: IntArray) -> IntArray:
-        """Indices (n,) of the segments of `lookup` for readings (n,), as in `Step.reading`, at nodes (n,)."""
-        width_um = self.encoder.width_um(reading >> 1)
-        return self.lookup.segment(2 * node + (reading & 1), width_um)
 
 
 def encoder_of_table(table: Table) -> Encoder:
@@ -177,8 +171,8 @@ class Cell:
             UsageError: the world cannot push.
         """
         after, stopped = poses.copy(), np.zeros(len(node), np.bool_)
-        for index in np.unique(node):
-            for push in self.program.table.nodes[index].pushes:
+        for index, planned_node in enumerate(self.program.table.nodes):
+            for push in planned_node.pushes:
                 rows = np.flatnonzero((node == index) & ~stopped)
                 planned = np.tile(placement_of(push), (len(rows), 1))
                 hand = self.disturbance.placed(planned, traits[rows], self.rng)
@@ -201,14 +195,14 @@ class Cell:
         """
         program = self.program
         final, width_mm, held = _squeeze_all(self.world, to_hand(poses, placement.T), traits)
-        reading = encoder_of(self.job).read(read_as(width_mm, traits), self.rng)
-        reading = 2 * reading + (width_mm > 0.0)  # a part is felt if it keeps the jaws apart
-        segment = program.segment(node, reading)
+        steps = encoder_of(self.job).read(read_as(width_mm, traits), self.rng)
+        felt = (width_mm > 0.0).astype(np.int64)  # a part is felt if it keeps the jaws apart
+        segment = program.lookup.segment(2 * node + felt, program.encoder.width_um(steps))
         after = to_world(final, placement.T)
         released = after.copy()
         released[:, :2] += np.where(held[:, None], program.drag[segment], 0.0)
         branch, target = program.lookup.branch[segment], program.target[segment]
-        return Step(poses, after, released, width_mm, reading, branch, target)
+        return Step(poses, after, released, width_mm, 2 * steps + felt, branch, target)
 
     def run(self, trials: int) -> Evaluation:
         """Runs the table on a number of parts, at least 1."""
@@ -222,11 +216,11 @@ class Cell:
             copies: (N,) copies of a part at each node, splits at ancestors included; powers of two.
         """
         poses, nodes = initial(self.job, parts, self.rng), np.zeros(parts, np.int64)
-        foreign = not isinstance(of_hypothesis(self.world, 0), ContactWorld)
+        foreign = not is_contact(self.world)
         nowhere = np.full((parts, self.program.table.limits.max_depth), NOWHERE, np.int64)
         result = Evaluation(
             self.program.table,
-            leaf=np.full(parts, RUNNING, np.int64),
+            leaf=np.full(parts, REJECTED, np.int64),
             squeezes=np.zeros(parts, np.int64),
             poses=poses.copy(),
             initial=poses,
@@ -250,8 +244,8 @@ class Cell:
             result.reading[row] = after.reading
             result.poses[members] = after.released
             result.squeezes[members] += 1
-            leaf = np.where(after.target == DISMISSED, REJECTED, ~after.target)
-            result.leaf[members] = np.where(after.target < 0, leaf, RUNNING)
+            # Preliminary where another node follows.
+            result.leaf[members] = np.where(after.target == DISMISSED, REJECTED, ~after.target)
             nodes[members] = np.maximum(after.target, NOWHERE)
             times = np.where(nodes >= 0, copies[nodes] * weight, 1.0)
             if times.max() > 1.0:
@@ -274,7 +268,7 @@ class Cell:
         far = reaches[traits["hypothesis"]]
         near = np.abs(hand[:, 1]) + far > 0.5 * opening_mm
         near &= np.abs(hand[:, 0]) < far + gripper.finger_length_mm
-        for world, rows, _ in _by_world(self.world, traits):
+        for world, rows, _ in by_world(self.world, traits):
             collides = getattr(world, "collides", None)
             if collides is not None:
                 for k in rows[near[rows]]:
@@ -282,22 +276,10 @@ class Cell:
         return stopped
 
 
-def _by_world(world: World, traits: Traits) -> Iterator[tuple[World, IntArray, Traits]]:
-    """Yields the world of each hypothesis, the rows of its parts, and the traits that these have in it."""
-    if not isinstance(world, Assorted):
-        yield world, np.arange(len(traits)), traits
-        return
-    for k in np.unique(traits["hypothesis"]).tolist():
-        rows = np.flatnonzero(traits["hypothesis"] == k)
-        alone = traits[rows].copy()
-        alone["hypothesis"] = 0  # the only part of its world
-        yield of_hypothesis(world, k), rows, alone
-
-
 def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, traits: Traits) -> Array:
     """Final poses of parts pushed from poses (n, 3) in the hand frame, as a batch if the world can."""
     final = np.empty_like(hand)
-    for part_world, rows, alone in _by_world(world, traits):
+    for part_world, rows, alone in by_world(world, traits):
         many, one = (getattr(part_world, name, None) for name in ("push_many", "push"))
         if many is not None:
             final[rows] = many(hand[rows], opening_mm[rows], way_mm[rows], alone)
@@ -317,7 +299,7 @@ def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Arra
         Final poses (n, 3) in the hand frame, true openings (n,) [mm], and mask (n,) of parts held at the end.
     """
     final, width_mm, held = np.empty_like(hand), np.empty(len(hand)), np.empty(len(hand), np.bool_)
-    for part_world, rows, alone in _by_world(world, traits):
+    for part_world, rows, alone in by_world(world, traits):
         many = getattr(part_world, "squeeze_many", None)
         if many is not None:
             rolled = many(hand[rows]) if ordinary(alone).all() else many(hand[rows], alone)
