@@ -88,6 +88,11 @@ class Program:
             encoder=encoder_of_table(table),
         )
 
+    def segment(self, node: IntArray, reading: IntArray) -> IntArray:
+        """Indices (n,) of the segments of `lookup` for readings (n,), as in `Step.reading`, at nodes (n,)."""
+        width_um = self.encoder.width_um(reading >> 1)
+        return self.lookup.segment(2 * node + (reading & 1), width_um)
+
 
 def encoder_of_table(table: Table) -> Encoder:
     """The encoder of a table's gripper."""
@@ -195,14 +200,14 @@ class Cell:
         """
         program = self.program
         final, width_mm, held = _squeeze_all(self.world, to_hand(poses, placement.T), traits)
-        steps = encoder_of(self.job).read(read_as(width_mm, traits), self.rng)
-        felt = (width_mm > 0.0).astype(np.int64)  # a part is felt if it keeps the jaws apart
-        segment = program.lookup.segment(2 * node + felt, program.encoder.width_um(steps))
+        reading = encoder_of(self.job).read(read_as(width_mm, traits), self.rng)
+        reading = 2 * reading + (width_mm > 0.0)  # a part is felt if it keeps the jaws apart
+        segment = program.segment(node, reading)
         after = to_world(final, placement.T)
         released = after.copy()
         released[:, :2] += np.where(held[:, None], program.drag[segment], 0.0)
         branch, target = program.lookup.branch[segment], program.target[segment]
-        return Step(poses, after, released, width_mm, 2 * steps + felt, branch, target)
+        return Step(poses, after, released, width_mm, reading, branch, target)
 
     def run(self, trials: int) -> Evaluation:
         """Runs the table on a number of parts, at least 1."""
