@@ -24,25 +24,19 @@ def recut(old: Belief, new: Belief, rule: partition.Rule) -> IntArray:
     Returns:
         The first readings of all pieces but the lowest, rising; none where the interval stays whole.
     """
-    end = int(old.reading.max()) + 1
-    cuts = _recut(old.states, old.reading, end, new.states, new.reading, rule.compiled())
+    cuts = _recut(old.states, old.reading, new.states, new.reading, rule.compiled())
     return np.sort(cuts)
 
 
 @kernel
 def _recut(
-    old: Array,
-    old_reading: IntArray,
-    end: int,
-    new: Array,
-    new_reading: IntArray,
-    costs: partition.Costs,
+    old: Array, old_reading: IntArray, new: Array, new_reading: IntArray, costs: partition.Costs
 ) -> IntArray:
     """Compiled form of `recut`; the cuts are unsorted.
 
-    The states (n, m) and readings (n,) are those before and after the squeeze; readings before it are below
-    `end`.
+    The states (n, m) and readings (n,) are those before and after the squeeze.
     """
+    end = int(old_reading.max()) + 1
     old_cells, old_held, old_steps = partition.into_cells(old_reading, end, costs.coarsest)
     cells, held, steps = partition.into_cells(new_reading, costs.free, costs.coarsest)
     columns, weight, order = partition.by_group(new, cells, held + 1)
