@@ -14,7 +14,6 @@ from planner.belief.transition import Outcomes, Simulation
 from planner.compile import EVALUATION_TRIALS, Plan
 from planner.compile import compile_job as compile  # noqa: A004 - what it is called everywhere else
 from planner.evaluation import evaluate as trials_of
-from planner.evaluation.judge import claimed
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.trials import DISMISSED, Program
 from planner.job.model import Job, from_canonical
@@ -84,7 +83,7 @@ class Table:
     @property
     def resolved(self) -> BoolArray:
         """Whether each leaf (L,) is resolved: the table claims to know the pose of parts that end there."""
-        return claimed(self.record, np.arange(len(self.record.leaves)))
+        return np.array([leaf.resolved for leaf in self.record.leaves])
 
     def lookup(self, nodes: IntArray, widths_mm: Array) -> Next:
         """Looks up to which nodes or leaves widths (n,) [mm] lead that are read at nodes (n,).

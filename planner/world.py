@@ -4,20 +4,20 @@
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 import numpy as np
 
 from planner import arguments
-from planner.arrays import Array
+from planner.arrays import Array, IntArray
 from planner.belief.doubts import stated
 from planner.belief.transition import read_as
 from planner.job.model import Job
-from planner.mechanics.clearance import least_clearance
+from planner.mechanics.clearance import Jaws, least_clearance
 from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, RollOut, Simulator
-from planner.mechanics.traits import Traits, as_planned, ordinary
+from planner.mechanics.traits import Traits, as_planned, by_hypothesis, ordinary
 from runtime.shell.errors import UsageError
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
 
@@ -131,12 +131,10 @@ class ContactWorld:
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
         """Whether fingers that come down open to `opening_mm` would stand on a part at a pose."""
-        jaws = self._simulator.jaws
-        opening_mm = arguments.number(opening_mm, "opening_mm", 0.0, jaws.opening_mm)
-        jaws = jaws._replace(opening_mm=opening_mm)
-        pose = arguments.row(pose_hand, "pose_hand", 3)[None]
-        outline = self._simulator.outline
-        return least_clearance(outline, jaws, pose, np.zeros(3), margin_mm=0.0) < 0.0
+        simulator = self._simulator
+        opening_mm = arguments.number(opening_mm, "opening_mm", 0.0, simulator.jaws.opening_mm)
+        x, y, theta = arguments.row(pose_hand, "pose_hand", 3).tolist()
+        return stands_on(simulator.outline, simulator.jaws, (x, y, theta), opening_mm)
 
 
 class Assorted:
@@ -157,11 +155,33 @@ def world_of(job: Job, seed: int, make: Callable[[Job, int], World]) -> World:
     return Assorted([make(alone, seed + number) for number, alone in enumerate(job.alone)])
 
 
-def of_hypothesis(world: World, hypothesis: int) -> World:
-    """The world of a hypothesis, by its number from 0; `world` itself if it serves all hypotheses."""
-    if isinstance(world, Assorted):
-        arguments.count(hypothesis, "hypothesis", 0, len(world.worlds) - 1)
-    return world.worlds[hypothesis] if isinstance(world, Assorted) else world
+def by_world(world: World, traits: Traits) -> Iterator[tuple[World, IntArray, Traits]]:
+    """Yields each world that parts are in, their rows, and their traits there: the only part of its world.
+
+    A world that is not `Assorted` serves all hypotheses.
+
+    Raises:
+        ValueError: a part's hypothesis has no world.
+    """
+    if not isinstance(world, Assorted):
+        yield world, np.arange(len(traits)), traits
+        return
+    for k, rows in by_hypothesis(traits):
+        arguments.count(k, "hypothesis", 0, len(world.worlds) - 1)
+        alone = traits[rows].copy()
+        alone["hypothesis"] = 0
+        yield world.worlds[k], np.arange(len(traits))[rows], alone
+
+
+def is_contact(world: World) -> bool:
+    """Whether a world, or that of the first hypothesis, is a contact world."""
+    return isinstance(world.worlds[0] if isinstance(world, Assorted) else world, ContactWorld)
+
+
+def stands_on(outline: Array, jaws: Jaws, pose_hand: Pose, opening_mm: float) -> bool:
+    """Whether fingers that come down open to `opening_mm` would stand on a part at a pose in the hand."""
+    jaws, poses = jaws._replace(opening_mm=opening_mm), np.array([pose_hand], np.float64)
+    return least_clearance(outline, jaws, poses, np.zeros(3), margin_mm=0.0) < 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ counts squeezes, and the price of a part that is not located hold for both objec
 
 import json
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,24 +44,15 @@ class Costs:
     """Costs of squeezes, pushes and moves of the hand, by the objective of a job.
 
     Attributes:
-        timing: of the cell; None where squeezes are counted.
+        timing: of the cell.
         typical_s: seconds of a typical squeeze.
     """
 
     def __init__(self, job: Job) -> None:
-        timing = timing_of(job)
+        self.timing, self._timed = timing_of(job), job.goal.minimise == "seconds"
         self._open_mm, self._speed_mm_s = job.gripper.opening_mm, job.gripper.speed_mm_s
-        typical = Visit(
-            way_mm=0.0,
-            turn_rad=TYPICAL_TURN,
-            opening_mm=self._open_mm,
-            contact_mm=None,
-            width_mm=TYPICAL_WIDTH * self._open_mm,
-            speed_mm_s=self._speed_mm_s,
-            next_mm=self._open_mm,
-        )
-        self.timing = timing if job.goal.minimise == "seconds" else None
-        self.typical_s = timing.squeeze(typical).total_s
+        typical = Closing(self._open_mm, None, TYPICAL_WIDTH * self._open_mm)
+        self.typical_s = self._squeeze_s((0.0, TYPICAL_TURN), typical)
         # A squeeze after half a turn is equivalent where the job's fingers close evenly.
         self._turn = math.pi if job.gripper.upper_finger_share == 0.5 else 2.0 * math.pi
         # Whether plans are turned to the angle at which the hand stands (`runtime.table.turning`).
@@ -88,41 +79,34 @@ class Costs:
             placement: (3,) of the squeeze in the world [mm, mm, rad].
             jaws: how they close.
         """
-        if self.timing is None:
+        if not self._timed:
             return 1.0
-        way_mm, turn = (0.0, 0.0) if hand is None else self._way(hand.placement, placement)
-        visit = Visit(
-            way_mm=way_mm,
-            turn_rad=turn,
-            opening_mm=jaws.opening_mm,
-            contact_mm=jaws.contact_mm,
-            width_mm=min(jaws.width_mm, jaws.opening_mm),
-            speed_mm_s=self._speed_mm_s,
-            next_mm=self._open_mm,
-            from_retreat=hand is None,
-            jaws_s=0.0 if hand is None else self._opening_s(hand.width_mm, jaws.opening_mm),
-        )
-        return self.timing.squeeze(visit).total_s / self.typical_s
+        jaws = jaws._replace(width_mm=min(jaws.width_mm, jaws.opening_mm))
+        if hand is None:
+            return self._squeeze_s((0.0, 0.0), jaws, from_retreat=True) / self.typical_s
+        # Jaws that still open when the hand has risen from its last squeeze delay it.
+        rise_s = self.timing.move_s(self.timing.regrasp_mm - self.timing.squeeze_mm)
+        opening_s = self.timing.opening_s(hand.width_mm, jaws.opening_mm, self._speed_mm_s)
+        left_s, way = max(opening_s - rise_s, 0.0), self._way(hand, placement)
+        return self._squeeze_s(way, jaws, jaws_s=left_s) / self.typical_s
 
     def back(self, hand: Hand | None, home: Array | None) -> float:
         """The cost of the way to `home` (3,), the placement of the next part's first squeeze in the world."""
-        if self.timing is None or hand is None or home is None:
+        if not self._timed or hand is None or home is None:
             return 0.0
         if self._plans_turn:
             stand, first = Stand(*hand.placement.tolist()), Stand(*home.tolist())
             home = np.array(turned_pose(first, stand.turn_from(first)))
-        return self.timing.move_s(*self._way(hand.placement, home)) / self.typical_s
+        return self.timing.move_s(*self._way(hand, home)) / self.typical_s
 
     def pushes(self, hand: Hand | None, pushes: tuple[Push, ...]) -> tuple[float, Hand | None]:
         """The cost of pushes, and the hand after them."""
-        if self.timing is None:
+        if not self._timed:
             return PUSH_SQUEEZES * len(pushes), hand
         seconds, open_mm = 0.0, self._open_mm
         for push in pushes:
-            way_mm, turn = (0.0, 0.0) if hand is None else self._way(hand.placement, push.start)
             seconds += self.timing.push_s(
-                way_mm,
-                turn,
+                *self._way(hand, push.start),
                 stroke_mm=abs(open_mm - push.opening_mm),
                 stroke_mm_s=self._speed_mm_s,
                 push_mm=push.way_mm,
@@ -133,13 +117,21 @@ class Costs:
             hand = Hand(push.start + push.way_mm * ahead, open_mm)
         return seconds / self.typical_s, hand
 
-    def _way(self, before: Array, placement: Array) -> tuple[float, float]:
-        """Distance [mm] and turn [rad] from one placement of the hand to another."""
-        x, y, turn = (placement - before).tolist()
-        return math.hypot(x, y), math.remainder(turn, math.tau)
+    def _squeeze_s(self, way: tuple[float, float], jaws: Closing, **more: Any) -> float:
+        """Seconds of a squeeze after a way of the hand, as from `_way`; `more` are fields of `Visit`."""
+        visit = Visit(
+            way_mm=way[0],
+            turn_rad=way[1],
+            speed_mm_s=self._speed_mm_s,
+            next_mm=self._open_mm,
+            **jaws._asdict(),
+            **more,
+        )
+        return self.timing.squeeze(visit).total_s
 
-    def _opening_s(self, width_mm: float, opening_mm: float) -> float:
-        """Seconds for which the jaws still have to open after the hand has risen from its last squeeze."""
-        assert self.timing is not None  # seconds are counted
-        rise_s = self.timing.move_s(self.timing.regrasp_mm - self.timing.squeeze_mm)
-        return max(self.timing.opening_s(width_mm, opening_mm, self._speed_mm_s) - rise_s, 0.0)
+    def _way(self, hand: Hand | None, placement: Array) -> tuple[float, float]:
+        """Distance [mm] and turn [rad] of the hand to a placement; 0 from above it."""
+        if hand is None:
+            return 0.0, 0.0
+        x, y, turn = (placement - hand.placement).tolist()
+        return math.hypot(x, y), math.remainder(turn, math.tau)

@@ -30,17 +30,18 @@ def believed(job: Job, n: int, rng: Generator, draw: Draw = initial) -> Belief:
     return Belief.of(draw(job, n, rng), traits=traits_of(job, n, rng))
 
 
-def traits_of(job: Job, n: int, rng: Generator) -> Traits:
+def traits_of(job: Job, n: int, rng: Generator, *, with_doubts: bool = True) -> Traits:
     """Draws the traits (n,) of parts; with probability `doubt.chance` one random trait is not as planned.
 
-    Friction is drawn separately: it is outside its bounds for a share of the parts (`friction.doubt`).
+    Friction is drawn separately: it is outside its bounds for a share of the parts (`friction.doubt`). If
+    `with_doubts` is false, parts are as planned, and only their hypotheses are drawn.
     """
-    return _of_each(job, hypotheses_of(job, n, rng), partial(_traits_of, rng=rng))
-
-
-def stated_of(job: Job, n: int, rng: Generator) -> Traits:
-    """Draws the traits (n,) of parts as planned, each with one of the job's hypotheses."""
-    return _of_each(job, hypotheses_of(job, n, rng), stated)
+    traits = hypotheses_of(job, n, rng)
+    for k, rows in by_hypothesis(traits):
+        alone, size = job.alone[k], len(traits[rows])
+        traits[rows] = _with_doubts(alone, size, rng) if with_doubts else stated(alone, size)
+        traits["hypothesis"][rows] = k
+    return traits
 
 
 def pushed_of(job: Job, n: int, rng: Generator) -> Traits:
@@ -64,15 +65,7 @@ def hypotheses_of(job: Job, n: int, rng: Generator) -> Traits:
     return traits
 
 
-def _of_each(job: Job, traits: Traits, traits_of_part: Callable[[Job, int], Traits]) -> Traits:
-    """Replaces the `traits` (n,) of each hypothesis by those that `traits_of_part` draws for its job."""
-    for k, rows in by_hypothesis(traits):
-        traits[rows] = traits_of_part(job.alone[k], len(traits[rows]))
-        traits["hypothesis"][rows] = k
-    return traits
-
-
-def _traits_of(job: Job, n: int, rng: Generator) -> Traits:
+def _with_doubts(job: Job, n: int, rng: Generator) -> Traits:
     traits, draws = _middles(job, n), _draws(job, rng)
     fault = np.where(rng.random(n) < job.doubt.chance, rng.integers(0, max(1, len(draws)), n), -1)
     for number, (name, draw) in enumerate(draws):
@@ -98,7 +91,7 @@ def _intervals(job: Job) -> dict[str, Interval]:
 def _middles(job: Job, n: int) -> Traits:
     """Traits (n,) as planned, except that a trait with an interval in [doubt] has the interval's middle.
 
-    `across_mm` is not yet corrected for the calibration of the hand, see `_traits_of`.
+    `across_mm` is not yet corrected for the calibration of the hand, see `_with_doubts`.
     """
     traits = as_planned(n)
     for name, interval in _intervals(job).items():

@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import Array, IntArray, take
 from planner.job.model import Job
 
 SIGMAS = 6.0
@@ -93,8 +93,7 @@ class Partition(NamedTuple):
 
     def of_clusters(self, numbers: Sequence[int]) -> Self:
         """The clusters with these numbers, renumbered in this order."""
-        rows = np.array(numbers, np.int64)
-        return type(self)(self.mean[rows], self.low[rows], self.high[rows], self.size[rows])
+        return take(self, np.array(numbers, np.int64))
 
 
 def resolution_of(encoder: Encoder) -> Resolution:

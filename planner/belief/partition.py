@@ -120,8 +120,16 @@ def interval_of_each(states: Array, readings: IntArray, costs: Costs) -> IntArra
     """Compiled form of `partition`: the interval (n,) of each reading."""
     cells, held, steps = into_cells(readings, costs.free, costs.coarsest)
     columns, weight, _ = by_group(states, cells, held + 1)
-    bounds = intervals(columns, weight, costs, costs.reach / steps)
-    return len(bounds) - 1 - np.searchsorted(bounds[::-1], cells, side="right")
+    counts, sums, near, apart = explained(columns, weight[:held], costs, costs.reach / steps)
+    none = Sums(np.zeros_like(sums.hits), np.zeros_like(sums.size))
+    _, start = least_cost(sums, none, near, apart, costs)
+    interval, number = np.zeros(held + 1, np.int64), int(weight[held] > 0)  # of each cell
+    stop = len(counts)
+    while stop > 0:
+        interval[counts[start[stop]] : counts[stop - 1] + 1] = number
+        number += 1
+        stop = start[stop]
+    return interval[cells]
 
 
 @kernel
@@ -307,34 +315,6 @@ def occupied(weight: IntArray) -> tuple[IntArray, IntArray]:
     first = np.zeros(len(counts) + 1, np.int64)
     first[1:] = np.cumsum(weight[counts])
     return counts, first
-
-
-@kernel
-def intervals(columns: Array, weight: IntArray, costs: Costs, reach: float) -> IntArray:
-    """Cuts cells into the intervals of least cost; returns their bounds (k + 1,), descending.
-
-    Interval j has the cells bounds[j + 1] to bounds[j] - 1.
-
-    Args:
-        columns: (m, n) states, sorted by cell.
-        weight: number of readings in each cell, the last of an empty hand.
-        costs: of branches and leaves.
-        reach: as of `Costs`, in cells.
-    """
-    held = weight.shape[0] - 1
-    counts, sums, near, apart = explained(columns, weight[:held], costs, reach)
-    none = Sums(np.zeros_like(sums.hits), np.zeros_like(sums.size))
-    _, start = least_cost(sums, none, near, apart, costs)
-    bounds, k, j = np.empty(held + 2, np.int64), 0, len(counts)
-    if weight[held] > 0:
-        bounds[0] = held + 1
-        k = 1
-    bounds[k] = held
-    while j > 0:
-        j = start[j]
-        k += 1
-        bounds[k] = counts[j]
-    return bounds[: k + 1]
 
 
 @kernel

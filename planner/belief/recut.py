@@ -3,27 +3,14 @@
 import numpy as np
 
 from planner.arrays import Array, IntArray
+from planner.belief import partition
 from planner.belief.metric import within
 from planner.belief.particles import Belief
-from planner.belief.partition import (
-    Costs,
-    Rule,
-    Sums,
-    by_group,
-    candidates,
-    explained,
-    find_near,
-    into_cells,
-    least_cost,
-    mutually_apart,
-    occupied,
-    tally,
-)
 from planner.belief.stopping import missed
 from planner.kernel import kernel
 
 
-def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
+def recut(old: Belief, new: Belief, rule: partition.Rule) -> IntArray:
     """Splits an interval of readings where the outcome of the next squeeze shows that this lowers the cost.
 
     A rare width beside a common one may look no different until the next squeeze. A piece that meets the goal
@@ -37,33 +24,32 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
     Returns:
         The first readings of all pieces but the lowest, rising; none where the interval stays whole.
     """
-    end = int(old.reading.max()) + 1
-    cuts = _recut(old.states, old.reading, end, new.states, new.reading, rule.compiled())
+    cuts = _recut(old.states, old.reading, new.states, new.reading, rule.compiled())
     return np.sort(cuts)
 
 
 @kernel
 def _recut(
-    old: Array, old_reading: IntArray, end: int, new: Array, new_reading: IntArray, costs: Costs
+    old: Array, old_reading: IntArray, new: Array, new_reading: IntArray, costs: partition.Costs
 ) -> IntArray:
     """Compiled form of `recut`; the cuts are unsorted.
 
-    The states (n, m) and readings (n,) are those before and after the squeeze; readings before it are below
-    `end`.
+    The states (n, m) and readings (n,) are those before and after the squeeze.
     """
-    old_cells, old_held, old_steps = into_cells(old_reading, end, costs.coarsest)
-    cells, held, steps = into_cells(new_reading, costs.free, costs.coarsest)
-    columns, weight, order = by_group(new, cells, held + 1)
-    old_columns, old_weight, _ = by_group(old, old_cells, old_held)
-    old_counts, old_sums, old_near, old_apart = explained(
+    end = int(old_reading.max()) + 1
+    old_cells, old_held, old_steps = partition.into_cells(old_reading, end, costs.coarsest)
+    cells, held, steps = partition.into_cells(new_reading, costs.free, costs.coarsest)
+    columns, weight, order = partition.by_group(new, cells, held + 1)
+    old_columns, old_weight, _ = partition.by_group(old, old_cells, old_held)
+    old_counts, old_sums, old_near, old_apart = partition.explained(
         old_columns, old_weight, costs, costs.reach / old_steps
     )
-    none = Sums(np.zeros_like(old_sums.hits), np.zeros_like(old_sums.size))
-    counts, first = occupied(weight[:held])
+    none = partition.Sums(np.zeros_like(old_sums.hits), np.zeros_like(old_sums.size))
+    counts, first = partition.occupied(weight[:held])
     # An empty hand is one more count, whatever its reading, and far from all others.
     if weight[held] > 0:
         counts, first = np.append(counts, 4 * (held + 1)), np.append(first, len(order))
-    poses = candidates(columns, first, counts, costs.weights)
+    poses = partition.candidates(columns, first, counts, costs.weights)
     n, m, rows, inside = len(order), len(counts), len(old_counts), np.empty(len(order), np.bool_)
     row = np.searchsorted(old_counts, old_cells[order]) + 1
     count = np.searchsorted(first, np.arange(n), side="right")
@@ -82,7 +68,8 @@ def _recut(
     for a in range(m):
         hits[:, a + 1] += hits[:, a]
         size[:, a + 1] += size[:, a]
-    apart, near = mutually_apart(poses, costs), find_near(counts, costs.reach / steps)
+    apart = partition.mutually_apart(poses, costs)
+    near = partition.find_near(counts, costs.reach / steps)
     cost = np.full((rows + 1, rows + 1), -1.0)  # of the pieces considered
     cuts, waiting = np.empty(rows + 1, np.int64), np.empty((rows + 1, 2), np.int64)
     left, number = 1, 0
@@ -98,11 +85,11 @@ def _recut(
                     continue
                 if cost[a, b] < 0.0:
                     p, q = old_near.low[a], old_near.high[b]
-                    counted = Sums(hits[b] - hits[a], size[b] - size[a])
+                    counted = partition.Sums(hits[b] - hits[a], size[b] - size[a])
                     beside = hits[q] - hits[b] + hits[a] - hits[p]
-                    misread = Sums(beside, size[q] - size[b] + size[a] - size[p])
-                    further, _ = least_cost(counted, misread, near, apart, costs)
-                    most, here, _, wrong = tally(
+                    misread = partition.Sums(beside, size[q] - size[b] + size[a] - size[p])
+                    further, _ = partition.least_cost(counted, misread, near, apart, costs)
+                    most, here, _, wrong = partition.tally(
                         old_sums, none, a, b, old_near, old_apart, costs.modes
                     )
                     open_still, rest = missed(most, here, costs.stopping)

@@ -41,8 +41,7 @@ class Squeezed(NamedTuple):
 class Outcomes(NamedTuple):
     """The branches of one action on one belief."""
 
-    clusters: Partition  # the partition of readings
-    beliefs: list[Belief]  # the particles of each cluster
+    beliefs: list[Belief]  # the particles of each cluster of readings
     width_mm: float  # see `Squeezed`
 
     @classmethod
@@ -50,9 +49,7 @@ class Outcomes(NamedTuple):
         """Partitions the readings into branches."""
         belief, width_mm = squeezed
         label = partition(belief.states, belief.reading, rule)
-        beliefs = [belief[label == k] for k in range(int(label.max()) + 1)]
-        clusters = Partition.of([piece.reading for piece in beliefs])
-        return cls(clusters, beliefs, width_mm)
+        return cls([belief[label == k] for k in range(int(label.max()) + 1)], width_mm)
 
     def without_gaps(self, holds: BoolArray, most: int) -> Self:
         """Splits the branches marked in `holds` (k,) at gaps of more than `most` steps without readings."""
@@ -62,15 +59,18 @@ class Outcomes(NamedTuple):
             starts = counts[1:][np.diff(counts) > most + 1][: None if held else 0]
             piece = np.searchsorted(starts, belief.reading, side="right")
             beliefs += [belief[piece == k] for k in range(len(starts), -1, -1)]
-        if len(beliefs) == len(self.beliefs):
-            return self
-        clusters = Partition.of([piece.reading for piece in beliefs])
-        return self._replace(clusters=clusters, beliefs=beliefs)
+        return self._replace(beliefs=beliefs)
+
+    @property
+    def clusters(self) -> Partition:
+        """The partition of the readings."""
+        return Partition.of([belief.reading for belief in self.beliefs])
 
     @property
     def probability(self) -> Array:
         """Share of the belief in each cluster."""
-        return np.asarray(self.clusters.size / self.clusters.size.sum())
+        size = self.clusters.size
+        return np.asarray(size / size.sum())
 
 
 EXACT = np.zeros(3)  # no errors of the arm

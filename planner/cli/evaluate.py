@@ -303,7 +303,7 @@ def _furthest(mistakes: list[leaves.Mistake]) -> list[str]:
     """Lists the worst errors, each with its path through the table."""
     lines: list[str] = []
     for row in mistakes:
-        x, y, theta = row.initial
+        x, y, theta = row.initial_pose
         path = " > ".join(map(str, row.path))
         widths = ", ".join(f"{width:.2f}" for width in row.widths_mm)
         lines.append(

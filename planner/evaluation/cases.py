@@ -89,7 +89,7 @@ def standard_cases(job: Job) -> list[Case]:
         friction(0.4 * low, 0.6 * low),
         friction(0.6 * low, low),
         friction(high, 1.5 * high),
-        *(Case(f"encoder {mm:+g} mm", {}, Disturbance(mm)) for mm in (-1.0, 1.0)),
+        *(_encoder_off(mm) for mm in (-1.0, 1.0)),
         Case("encoder noise x 3", {"gripper": {"noise_mm": 3.0 * gripper.noise_mm}}),
         *(uneven(job, other, centred=False) for other in _beside(share, 0.02)),
         *(uneven(job, other, centred=True) for other in aside),
@@ -103,28 +103,19 @@ def believed_cases(job: Job) -> list[Case]:
     """Cases that the job holds possible: each of its uncertain quantities at the ends of its interval."""
     doubt, share, tolerance_mm = job.doubt, job.gripper.upper_finger_share, job.part.tolerance_mm
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    cases = list[Case]()
-    for off in filter(None, doubt.finger_share):
-        broken = _share(share + off, off > 0.0)
-        cases.append(uneven(job, share + off, centred=True)._replace(broken=broken))
+    cases = [uneven(job, share + off, centred=True) for off in filter(None, doubt.finger_share)]
     for off in filter(None, doubt.middle_mm):
         broken = Condition("the fingers' distance from the hand's middle", "below", abs(off), " mm")
         cases.append(Case(f"fingers meet {off:+g} mm off", {}, Disturbance(across_mm=off), broken))
-    for off in filter(None, doubt.encoder_mm):
-        broken = Condition("the error of widths", "below" if off > 0.0 else "above", off, " mm")
-        cases.append(Case(f"encoder {off:+g} mm", {}, Disturbance(off), broken))
-    for off in (-tolerance_mm, tolerance_mm) if tolerance_mm else ():
-        quantity = "the distance of contours from the drawing"
-        broken = Condition(quantity, "below", tolerance_mm, " mm")
-        cases.append(outline_off(job, off)._replace(broken=broken))
+    cases += [_encoder_off(off) for off in filter(None, doubt.encoder_mm)]
+    cases += [outline_off(job, off) for off in (-tolerance_mm, tolerance_mm) if off]
     if job.friction.doubt:
         cases += [
             friction(round(SLIPPERY * low, 3), low, Condition("friction", "above", low)),
             friction(high, round(ROUGH * high, 3), Condition("friction", "below", high)),
         ]
     if doubt.pressure != "stated" and job.pressure.limit_surface is not None:
-        broken = Condition("parts do not stand on three feet")
-        cases.append(on_three_feet(job)._replace(broken=broken))
+        cases.append(on_three_feet(job))
     if doubt.limit_surface == "any":
         cases += _other_surface(job)
     if doubt.least_dof:
@@ -214,7 +205,8 @@ def on_three_feet(job: Job) -> Case:
     corners = stances(job.part.outline_mm)
     widest = max(corners, key=lambda feet: abs(np.linalg.det(feet[1:] - feet[0])))
     points = {"kind": "points", "points_mm": np.round(widest, 6).tolist()}
-    return Case("pressure on 3 feet", {"pressure": points})
+    broken = Condition("parts do not stand on three feet")
+    return Case("pressure on 3 feet", {"pressure": points}, broken=broken)
 
 
 def friction(low: float, high: float, broken: Condition | None = None) -> Case:
@@ -235,16 +227,26 @@ def uneven(job: Job, share: float, centred: bool) -> Case:
     reveals this shift. If `centred`, the hand is calibrated such that the shift vanishes at the part's
     narrowest width; only the effect of an uneven squeeze on the part remains.
     """
-    off = (job.gripper.upper_finger_share - share) * closing_mm(job)
-    changes = {"gripper": {"upper_finger_share": share}}
-    name = f"upper finger moves {share:.0%}" + (", centred" if centred else "")
-    return Case(name, changes, Disturbance(across_mm=-off) if centred else NONE)
+    more = share - job.gripper.upper_finger_share
+    name, changes = f"upper finger moves {share:.0%}", {"gripper": {"upper_finger_share": share}}
+    case = Case(name, changes, broken=_share(share, more > 0.0))
+    if not centred:
+        return case
+    across = Disturbance(across_mm=more * closing_mm(job))
+    return case._replace(name=f"{name}, centred", disturbance=across)
 
 
 def outline_off(job: Job, mm: float) -> Case:
     """The case of a part that is larger than planned by `mm` all around."""
     part = {"outline_mm": grown(job.part.outline_mm, mm), "symmetry": job.part.symmetry}
-    return Case(f"outline {mm:+g} mm", {"part": part})
+    broken = Condition("the distance of contours from the drawing", "below", abs(mm), " mm")
+    return Case(f"outline {mm:+g} mm", {"part": part}, broken=broken)
+
+
+def _encoder_off(mm: float) -> Case:
+    """The case of an encoder that reads all widths too large by `mm`."""
+    broken = Condition("the error of widths", "below" if mm > 0.0 else "above", mm, " mm")
+    return Case(f"encoder {mm:+g} mm", {}, Disturbance(mm), broken)
 
 
 def _share(share: float, more: bool) -> Condition:

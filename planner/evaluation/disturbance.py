@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.doubts import hypotheses_of, stated_of, traits_of
+from planner.belief.doubts import hypotheses_of, traits_of
 from planner.belief.transition import true_placements
 from planner.job.model import Job
 from planner.mechanics.traits import Traits
@@ -49,10 +49,10 @@ class Disturbance:
             foreign: whether the world is another one than the contact world, with errors of its own. Unless
                 `believed`, only the hypotheses are then drawn.
         """
-        if self.believed:
-            traits = traits_of(job, n, rng)
+        if foreign and not self.believed:
+            traits = hypotheses_of(job, n, rng)
         else:
-            traits = hypotheses_of(job, n, rng) if foreign else stated_of(job, n, rng)
+            traits = traits_of(job, n, rng, with_doubts=self.believed)
         traits["encoder_mm"] += self.encoder_offset_mm
         traits["across_mm"] += self.across_mm
         return traits

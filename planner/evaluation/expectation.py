@@ -31,9 +31,10 @@ def expected(
 def readings(evaluation: Evaluation, table: Table) -> IntArray:
     """Histograms (nodes, bins) of an evaluation's readings at each node of the table."""
     squeezed = evaluation.path >= 0
-    size = (len(table.nodes), table.gripper.bins)
-    places = size[1] * evaluation.path[squeezed] + bins_of(table, evaluation.steps[squeezed])
-    return np.bincount(places, minlength=size[0] * size[1]).reshape(size).astype(np.int64)
+    histograms = np.zeros((len(table.nodes), table.gripper.bins), np.int64)
+    bins = bins_of(table, evaluation.steps[squeezed])
+    np.add.at(histograms, (evaluation.path[squeezed], bins), 1)
+    return histograms
 
 
 def bins_of(table: Table, steps: IntArray) -> IntArray:

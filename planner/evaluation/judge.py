@@ -1,7 +1,5 @@
 """Judges whether a leaf is right about a part, for all kinds of goals of a table."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
@@ -10,14 +8,6 @@ from runtime.table import Leaf, Table, hypotheses_of, poses_of
 
 MOST_POSES = 4
 LEAST_SHARE = 0.1  # poses with a smaller share of a leaf's parts are scatter
-
-
-class Verdict(NamedTuple):
-    """Deviation of n parts from the answers of their leaves."""
-
-    # (n,) audit metric (paper eq. 9) to the nearest of the leaf's poses; infinite without a leaf
-    error_mm: Array
-    within: BoolArray  # (n,) whether the part is within the goal of one of the leaf's poses
 
 
 def metric_of_table(table: Table) -> Metric:
@@ -49,30 +39,30 @@ def main_poses(poses: Array, metric: Metric) -> list[Mode]:
     return [mode for mode in modes if mode.ratio >= LEAST_SHARE]
 
 
-def claimed(table: Table, leaf: IntArray) -> BoolArray:
-    """Whether each of n leaves, given by index, is resolved (n,); False for negative indices."""
-    known = np.array([leaf.resolved for leaf in table.leaves])
-    return np.asarray((leaf >= 0) & known[np.maximum(leaf, 0)])
-
-
-def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
-    """Compares true poses of parts with the answers of their leaves.
+def errors_mm(table: Table, leaf: IntArray, poses: Array) -> Array:
+    """Audit metric (n,) (paper eq. 9) from true poses to the nearest pose of the parts' leaves [mm].
 
     Args:
         table: the table.
-        leaf: (n,) index of the leaf where each part ended; negative for none.
+        leaf: (n,) index of the leaf where each part ended; negative for none, where the error is infinite.
         poses: (n, 3) true poses in the world; a fourth column is the hypothesis, by default the first one.
     """
-    metric = metric_of_table(table)
     # A goal of another kind may state no distance.
-    audit = metric._replace(kind="pose", distance_mm=1.0, identify=False)
-    error, within = np.full(len(leaf), np.inf), np.zeros(len(leaf), np.bool_)
-    poses_said = [states_of(table, each) for each in table.leaves]
-    most = max(map(len, poses_said), default=0)
-    said = np.array([np.resize(each, (most, each.shape[1])) for each in poses_said])
-    ended = np.flatnonzero(leaf >= 0)
-    if len(ended):
-        lying, near = poses[ended][:, None], said[leaf[ended]]
-        error[ended] = audit.between(lying, near).min(axis=1)
-        within[ended] = metric.reached(lying, near).any(axis=1)
-    return Verdict(error, within)
+    audit = metric_of_table(table)._replace(kind="pose", distance_mm=1.0, identify=False)
+    return np.asarray(_distances(table, leaf, poses, audit).min(axis=1))
+
+
+def within_goal(table: Table, leaf: IntArray, poses: Array) -> BoolArray:
+    """Whether true poses (n,) are within the goal of a pose of the parts' leaves; as for `errors_mm`."""
+    metric = metric_of_table(table)
+    return np.asarray((_distances(table, leaf, poses, metric) < metric.goal).any(axis=1))
+
+
+def _distances(table: Table, leaf: IntArray, poses: Array, metric: Metric) -> Array:
+    """Distances (n, m) to each pose of the parts' leaves; leaves of fewer than m poses repeat theirs."""
+    answers = [states_of(table, each) for each in table.leaves]
+    most = max(map(len, answers))
+    said = np.array([np.resize(each, (most, each.shape[1])) for each in answers])
+    result, ended = np.full((len(leaf), most), np.inf), leaf >= 0
+    result[ended] = metric.between(poses[ended][:, None], said[leaf[ended]])
+    return result

@@ -88,9 +88,9 @@ class Confusion(NamedTuple):
 class Mistake(NamedTuple):
     """One trial with a confident wrong answer."""
 
-    initial: Array  # (3,) true pose before the first squeeze [mm, mm, rad]
-    final: Array  # (3,) true pose in the end
-    predicted: Array  # (3,) pose that the leaf states
+    initial_pose: Array  # (3,) true pose before the first squeeze [mm, mm, rad]
+    final_pose: Array  # (3,) true pose in the end
+    predicted_pose: Array  # (3,) pose that the leaf states
     error_mm: float  # audit metric of the final pose to the nearest of the leaf's poses
     leaf: int  # where it ended
     path: tuple[int, ...]  # the nodes passed
@@ -98,15 +98,8 @@ class Mistake(NamedTuple):
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
-        return {
-            "initial_pose": _rounded(self.initial),
-            "final_pose": _rounded(self.final),
-            "predicted_pose": _rounded(self.predicted),
-            "error_mm": round(self.error_mm, 3),
-            "leaf": self.leaf,
-            "path": list(self.path),
-            "widths_mm": list(self.widths_mm),
-        }
+        poses = {name: _rounded(getattr(self, name)) for name in self._fields[:3]}
+        return {**self._asdict(), **poses, "error_mm": round(self.error_mm, 3)}
 
 
 class Identities(NamedTuple):
@@ -150,12 +143,10 @@ def nearest_leaf(table: Table, poses: Array) -> IntArray:
     `NO_LEAF` marks the poses that are within the goal of no leaf.
     """
     metric = metric_of_table(table)
-    best, index = np.full(len(poses), np.inf), np.full(len(poses), NO_LEAF, np.int64)
-    for number, leaf in enumerate(table.leaves):
-        distance = metric.between(poses[:, None], states_of(table, leaf)[None]).min(axis=1)
-        nearer = (distance < best) & (distance < metric.goal)
-        best[nearer], index[nearer] = distance[nearer], number
-    return index
+    answers = (states_of(table, leaf) for leaf in table.leaves)
+    distance = np.array([metric.between(poses[:, None], each).min(axis=1) for each in answers])
+    nearest = np.argmin(distance, axis=0)
+    return np.where(distance.min(axis=0) < metric.goal, nearest, NO_LEAF)
 
 
 def confusions(table: Table, evaluation: Evaluation) -> list[Confusion]:

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.metric import Metric
 from planner.belief.particles import Belief
 from planner.evaluation.judge import main_poses, metric_of_table
 from planner.evaluation.outcome import ERROR_SHARES, Evaluation
@@ -33,9 +32,7 @@ def with_figures(
     Returns:
         The new table, and the evaluation with the new table, so that `resolved` agrees with its leaves.
     """
-    metric, number = metric_of_table(table), len(table.leaves)
-    numbered = enumerate(table.leaves)
-    leaves = [_leaf(leaf, index, evaluation, job, metric, number) for index, leaf in numbered]
+    leaves = [_leaf(leaf, index, evaluation, job) for index, leaf in enumerate(table.leaves)]
     table = replace(table, nodes=_measured(table, evaluation), leaves=tuple(leaves))
     for index in {index for index, _ in tables.not_held(table, tables.job_of(table) or {})}:
         leaves[index] = leaves[index]._replace(resolved=False)
@@ -87,23 +84,26 @@ def without_untried(table: tables.Table, kept: list[list[int]]) -> tables.Table:
     return replace(table, nodes=tuple(nodes), leaves=tuple(leaves))
 
 
-def _leaf(
-    leaf: tables.Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric, leaves: int
-) -> tables.Leaf:
-    here, confidence = evaluation.leaf == index, job.goal.confidence
+def _leaf(leaf: tables.Leaf, index: int, evaluation: Evaluation, job: Job) -> tables.Leaf:
+    here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
-    if trials == 0:  # tested again: its figures were tested at the level of more leaves
-        refuted = tables.refuted(tables.successes_of(leaf), leaf.trials, confidence, leaves)
-        return leaf._replace(resolved=leaf.resolved and not refuted)
-    resolved = leaf.resolved and not tables.refuted(hits, trials, confidence, leaves)
-    success_ppm = round(tables.PPM * hits / trials)
-    leaf = leaf._replace(success_ppm=success_ppm, trials=trials, resolved=resolved)
+    # Without trials it is tested again: its figures were tested at the level of more leaves.
+    seen = (hits, trials) if trials else (tables.successes_of(leaf), leaf.trials)
+    refuted = tables.refuted(*seen, job.goal.confidence, len(evaluation.table.leaves))
+    leaf = leaf._replace(resolved=leaf.resolved and not refuted)
+    if trials == 0:
+        return leaf
     median_um, p95_um = _errors_um(evaluation.error_mm[here])
-    leaf = leaf._replace(error_median_um=median_um, error_p95_um=p95_um)
+    leaf = leaf._replace(
+        success_ppm=round(tables.PPM * hits / trials),
+        trials=trials,
+        error_median_um=median_um,
+        error_p95_um=p95_um,
+    )
     if trials > 2:
         result = Belief.of(evaluation.poses[here], traits=evaluation.traits[here])
         leaf = leaf._replace(covariance=covariance_of(result, leaf, job))
-    return leaf if resolved else _open(leaf, evaluation.states[here], metric)
+    return leaf if leaf.resolved else _open(leaf, evaluation, evaluation.states[here])
 
 
 def _errors_um(error_mm: Array) -> tuple[int, int]:
@@ -112,8 +112,9 @@ def _errors_um(error_mm: Array) -> tuple[int, int]:
     return round(1e3 * float(median)), round(1e3 * float(high))
 
 
-def _open(leaf: tables.Leaf, states: Array, metric: Metric) -> tables.Leaf:
+def _open(leaf: tables.Leaf, evaluation: Evaluation, states: Array) -> tables.Leaf:
     """The leaf; its alternatives are the main poses of its parts that are not its predicted pose."""
+    metric = metric_of_table(evaluation.table)
     predicted = np.array([*tables.predicted_pose(leaf), leaf.hypothesis])
     alternatives = [
         tables.LeafPose(*pose_of(mode.pose), mode.hypothesis[0])

@@ -14,15 +14,15 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import shapely
 
 from planner.arrays import Array
 from planner.belief.transition import finger_speed_mm_s
 from planner.job.model import Job
+from planner.mechanics.clearance import jaws_of
 from planner.mechanics.squeeze import GRASPED, JAMMED, SLIPPED, STATUS_NAMES, UNTOUCHED
-from planner.part.outline import Outline, area, radius_of_gyration, simplified
+from planner.part.outline import area, radius_of_gyration, simplified
 from planner.part.pressure import support
-from planner.world import Pose
+from planner.world import Pose, stands_on
 
 try:
     import mujoco
@@ -103,12 +103,8 @@ class RigidWorld:
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
         """Whether fingers opened to `opening_mm` would stand on the part."""
-        gripper = self._job.gripper
-        half, near = 0.5 * gripper.finger_length_mm, 0.5 * opening_mm
-        far = near + gripper.finger_width_mm
-        fingers = shapely.box([-half, -half], [near, -far], [half, half], [far, -near])
-        part = shapely.Polygon(_placed(self._job.part.outline_mm, pose_hand))
-        return bool(np.any(shapely.area(shapely.intersection(fingers, part)) > 0.0))
+        jaws = jaws_of(self._job.gripper)
+        return stands_on(self._job.part.outline_mm, jaws, pose_hand, opening_mm)
 
     def close(self, pose_hand: Pose, mu: float) -> float:
         """Closes the jaws on a part at a pose in the hand frame, with friction `mu`, until they stand still.
@@ -121,7 +117,9 @@ class RigidWorld:
         model.geom_friction[model.geom_priority > 0, 0] = mu
         _lay(data, pose_hand)
         shares = np.array([gripper.upper_finger_share, 1.0 - gripper.upper_finger_share])
-        ends = _placed(self._job.part.outline_mm, pose_hand)[:, 1]
+        c, s = math.cos(pose_hand[2]), math.sin(pose_hand[2])
+        turned = self._job.part.outline_mm @ np.array([[c, s], [-s, c]])
+        ends = turned[:, 1] + pose_hand[1]
         rooms = (gripper.opening_mm / 2 - np.array([ends.max(), -ends.min()])) / 1e3 - LEAD_M
         free = float(np.min(rooms[shares > 0.0] / shares[shares > 0.0]))
         speed = gripper.speed_mm_s / 1e3
@@ -191,11 +189,6 @@ def _pose(data: Any) -> Pose:
     return 1e3 * x, 1e3 * y, math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
 
 
-def _placed(outline: Outline, pose: Pose) -> Array:
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    return np.asarray(outline @ np.array([[c, s], [-s, c]]) + np.array(pose[:2]))
-
-
 def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float], None]) -> Any:
     """The MuJoCo model of table, part and fingers; `add_fingers` takes the height of the part [m]."""
     spec = mujoco.MjSpec()
@@ -224,7 +217,7 @@ def _add_part(spec: Any, job: Job, height: float) -> None:
     body.inertia = [tilting, tilting, mass * gyration]
     _add_rim(body, simplified(outline, SIMPLIFY_MM) / 1e3, height, job.cell.squeeze_height_mm / 1e3)
     for x, y in points / 1e3:
-        _add_sphere(body, FOOT_M, [x, y, FOOT_M], (0, TABLE), friction=ON_TABLE)
+        _add_sphere(body, FOOT_M, [x, y, FOOT_M], contype=0, conaffinity=TABLE, friction=ON_TABLE)
 
 
 def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
@@ -244,7 +237,7 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
             inwards = angle + 0.5 * (math.pi - bend)
             inset = ROUND_M / math.cos(0.5 * bend)
             x, y = corner + inset * np.array([math.cos(inwards), math.sin(inwards)])
-            _add_post(body, x, y, (tips, height), (CORNER, FINGER))
+            _add_post(body, x, y, (tips, height), contype=CORNER, conaffinity=FINGER)
     # A plate would stick out beyond a corner of less than 90 degrees.
     trims = np.array([PLATE_M * math.tan(max(bend - 0.5 * math.pi, 0.0)) for bend in bends])
     for k, (corner, angle, length) in enumerate(zip(outline, angles, lengths, strict=True)):
@@ -263,20 +256,14 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
             )
 
 
-def _add_post(
-    body: Any, x: float, y: float, ends: tuple[float, float], bits: tuple[int, int], **more: Any
-) -> None:
+def _add_post(body: Any, x: float, y: float, ends: tuple[float, float], **kind: Any) -> None:
     """Adds a vertical edge at (x, y): a tiny sphere at each of its ends, which are heights [m]."""
     for z in (ends[0] + ROUND_M, ends[1] - ROUND_M):
-        _add_sphere(body, ROUND_M, [x, y, z], bits, **more)
+        _add_sphere(body, ROUND_M, [x, y, z], **kind)
 
 
-def _add_sphere(
-    body: Any, radius: float, at: list[float], bits: tuple[int, int], **more: Any
-) -> None:
-    """Adds a sphere; `bits` are its own collision bit and that of the geoms it collides with."""
-    size, shape, (kind, other) = [radius, 0.0, 0.0], mujoco.mjtGeom.mjGEOM_SPHERE, bits
-    body.add_geom(type=shape, size=size, pos=at, contype=kind, conaffinity=other, **more)
+def _add_sphere(body: Any, radius: float, at: list[float], **kind: Any) -> None:
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0.0, 0.0], pos=at, **kind)
 
 
 def _add_finger(body: Any, job: Job, height: float) -> None:
@@ -285,10 +272,10 @@ def _add_finger(body: Any, job: Job, height: float) -> None:
     # The face ends at the posts: a face as long as the finger would hold a corner that has slid off.
     face, box = [size[0] - ROUND_M, *size[1:]], mujoco.mjtGeom.mjGEOM_BOX
     body.add_geom(type=box, size=face, mass=JAW_KG, contype=FINGER, conaffinity=CORNER, priority=1)
-    for x, y in product((-1.0, 1.0), repeat=2):
-        inset = np.array(size[:2]) - ROUND_M
-        ends = -size[2], height - tips - size[2]
-        _add_post(body, x * inset[0], y * inset[1], ends, (POST, PLATE), priority=1, mass=0.0)
+    inset, ends = np.array(size[:2]) - ROUND_M, (-size[2], height - tips - size[2])
+    bits = {"contype": POST, "conaffinity": PLATE}
+    for x, y in inset * np.array([*product((-1.0, 1.0), repeat=2)]):
+        _add_post(body, x, y, ends, **bits, priority=1, mass=0.0)
 
 
 def _finger_size(job: Job, height: float) -> list[float]:

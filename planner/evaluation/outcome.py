@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.evaluation.judge import Verdict, claimed, judge
+from planner.evaluation.judge import errors_mm, within_goal
 from planner.evaluation.times import seconds_of
 from planner.mechanics.traits import Traits, with_hypothesis
 from runtime.table import Table, takt_figures, wilson_interval
@@ -37,23 +37,20 @@ class Evaluation:
     branch: IntArray  # (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`
 
     @cached_property
-    def _verdict(self) -> Verdict:
-        return judge(self.table, self.leaf, self.states)
-
-    @property
     def error_mm(self) -> Array:
         """(n,) audit metric from the true pose to the leaf's nearest pose; infinite without a leaf [mm]."""
-        return self._verdict.error_mm
+        return errors_mm(self.table, self.leaf, self.states)
 
-    @property
+    @cached_property
     def within(self) -> BoolArray:
         """(n,) whether some pose of the leaf is within the goal of the true pose."""
-        return self._verdict.within
+        return within_goal(self.table, self.leaf, self.states)
 
     @cached_property
     def resolved(self) -> BoolArray:
         """(n,) whether the leaf claims to know the pose."""
-        return claimed(self.table, self.leaf)
+        known = np.array([leaf.resolved for leaf in self.table.leaves])
+        return np.asarray((self.leaf >= 0) & known[np.maximum(self.leaf, 0)])
 
     @cached_property
     def seconds(self) -> Array:
@@ -115,9 +112,15 @@ class Evaluation:
             "error_mm": dict(zip(("median", "p95"), errors, strict=True)) if errors else None,
         }
 
+    def of_rows(self, rows: IntArray) -> Self:
+        """The trials with these indices, which may repeat."""
+        return type(self)(self.table, *(column[rows] for column in self._columns()))
+
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """Joins evaluations of one table, at least one, to an evaluation of all their trials in order."""
-        names = [field.name for field in fields(cls)[1:]]
-        rows = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-        return cls(parts[0].table, *rows)
+        columns = zip(*(part._columns() for part in parts), strict=True)
+        return cls(parts[0].table, *map(np.concatenate, columns))
+
+    def _columns(self) -> list[Any]:
+        return [getattr(self, field.name) for field in fields(self)[1:]]

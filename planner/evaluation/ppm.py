@@ -16,7 +16,8 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from operator import add
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -24,12 +25,10 @@ import numpy as np
 from scipy.special import betaln, xlog1py, xlogy
 
 from planner.arrays import Array, IntArray
-from planner.belief.particles import initial
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.judge import claimed, judge
-from planner.evaluation.trials import DISMISSED, Cell, Program
+from planner.evaluation.outcome import CRASHED
+from planner.evaluation.trials import Cell, Program
 from planner.job.model import Job
-from planner.mechanics.traits import with_hypothesis
 from planner.work.scheduler import Scheduler
 from planner.world import Worlds
 from runtime.shell import strict_json
@@ -46,13 +45,10 @@ PRIOR = 0.5, 1e4
 SPLIT_BELOW = 0.004
 """Share of all parts that reach a node, below which the node is rare and its parts are split into copies."""
 MOST_COPIES = 64
-BATCH = 20
-"""Chunks between two yields of `continued`."""
 MOST_ROWS = 8
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sums:
+class Sums(NamedTuple):
     """Weighted counts of outcomes over many parts; the weights of one part's copies add up to 1."""
 
     parts: int  # number of parts.
@@ -69,12 +65,13 @@ class Sums:
         """Empty sums, for a table of `leaves` leaves."""
         return cls(0, np.zeros(leaves), np.zeros(leaves), np.zeros(leaves + 1), 0.0, 0.0, 0.0)
 
-    def __add__(self, other: Sums) -> Sums:
-        return Sums(*(getattr(self, name) + getattr(other, name) for name in NAMES))
+    def with_more(self, other: Sums) -> Sums:
+        """The sums over the parts of both."""
+        return Sums(*map(add, self, other))
 
     def document(self) -> dict[str, Any]:
         """The values as JSON types."""
-        return {name: np.asarray(getattr(self, name)).tolist() for name in NAMES}
+        return {name: np.asarray(value).tolist() for name, value in self._asdict().items()}
 
     @classmethod
     def of_document(cls, document: dict[str, Any], leaves: int) -> Self:
@@ -83,16 +80,11 @@ class Sums:
         Raises:
             KeyError, TypeError, ValueError: the document is invalid, or has another number of leaves.
         """
-        empty = cls.none(leaves)
-        row = {name: np.array(document[name], np.float64) for name in NAMES}
-        if any(row[name].shape != np.shape(getattr(empty, name)) for name in NAMES):
+        empty = cls.none(leaves)._asdict()
+        sums: dict[str, Any] = {name: np.array(document[name], np.float64)[()] for name in empty}
+        if any(np.shape(sums[name]) != np.shape(value) for name, value in empty.items()):
             raise ValueError("sums of another table")
-        arrays = row["visits"], row["wrong"], row["squares"]
-        sums = (float(row[name]) for name in ("rejected", "crashed", "squeezes"))
-        return cls(int(row["parts"]), *arrays, *sums)
-
-
-NAMES = tuple(field.name for field in fields(Sums))
+        return cls(**{**sums, "parts": int(sums["parts"])})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,38 +112,17 @@ class Study:
     def __call__(self, chunk: int) -> Sums:
         """Runs a chunk of `CHUNK` parts, given its number, and returns its sums."""
         rng = np.random.default_rng([self.seed, chunk, SEED_PPM])
-        poses, traits = initial(self.job, CHUNK, rng), self.disturbance.traits(self.job, CHUNK, rng)
         cell = Cell(self.program, self.job, self.worlds.world(chunk), self.disturbance, rng)
-        part, node = np.arange(CHUNK), np.zeros(CHUNK, np.int64)
-        ends: list[tuple[IntArray, IntArray, Array, Array]] = []
-        rejected = crashed = squeezes = 0.0
-        while len(node):
-            poses, placement, stopped = cell.come_down(node, poses, traits[part])
-            crashed += float((1.0 / self.copies[node[stopped]]).sum())
-            part, node = part[~stopped], node[~stopped]
-            poses, placement = poses[~stopped], placement[~stopped]
-            weight = 1.0 / self.copies[node]
-            after = cell.squeezed(node, poses, placement, traits[part])
-            squeezes += float(weight.sum())
-            rejected += float(weight[after.target == DISMISSED].sum())
-            ended = (after.target < 0) & (after.target != DISMISSED)
-            ends.append((part[ended], ~after.target[ended], weight[ended], after.released[ended]))
-            on = after.target >= 0
-            times = self.copies[after.target[on]] // self.copies[node[on]]
-            part, node = np.repeat(part[on], times), np.repeat(after.target[on], times)
-            poses = np.repeat(after.released[on], times, axis=0)
-        part, leaf, weight, poses = (np.concatenate(column) for column in zip(*ends, strict=True))
-        states = with_hypothesis(poses - self.disturbance.bias, traits[part])
-        table, leaves = self.program.table, len(self.program.table.leaves)
-        wrong = claimed(table, leaf) & ~judge(table, leaf, states).within
+        run, part, weight = cell.split(CHUNK, self.copies)
+        leaves, ended, wrong = len(self.program.table.leaves), run.leaf >= 0, run.wrong
         return Sums(
             parts=CHUNK,
-            visits=_sum(leaf, weight, leaves),
-            wrong=_sum(leaf[wrong], weight[wrong], leaves),
-            squares=_squares(part[wrong], leaf[wrong], weight[wrong], leaves),
-            rejected=rejected,
-            crashed=crashed,
-            squeezes=squeezes,
+            visits=_sum(run.leaf[ended], weight[ended], leaves),
+            wrong=_sum(run.leaf[wrong], weight[wrong], leaves),
+            squares=_squares(part[wrong], run.leaf[wrong], weight[wrong], leaves),
+            rejected=float(weight[run.rejected].sum()),
+            crashed=float(weight[run.leaf == CRASHED].sum()),
+            squeezes=float(weight @ run.squeezes),
         )
 
 
@@ -234,12 +205,11 @@ def continued(study: Study, sums: Sums, parts: int, scheduler: Scheduler) -> Ite
         scheduler: runs the chunks; the sums do not depend on it.
 
     Yields:
-        The sums after every `BATCH` chunks and at the end.
+        The sums after every chunk.
     """
     chunks = range(sums.parts // CHUNK, -(-parts // CHUNK))
-    for start in range(0, len(chunks), BATCH):
-        for more in scheduler.map(study, chunks[start : start + BATCH]):
-            sums += more
+    for more in scheduler.map(study, chunks):
+        sums = sums.with_more(more)
         yield sums
 
 

@@ -24,12 +24,12 @@ def shares_of(figures: dict[str, Any]) -> Shares:
     return Shares(*rounded([*(figures[name] for name in OUTCOMES), crashed]))
 
 
-def rounded(shares: Sequence[float], decimals: int = DECIMALS) -> list[float]:
+def rounded(shares: Sequence[float]) -> list[float]:
     """Converts shares, 0 to 1, to rounded percent by the largest remainder, so that their sum is kept.
 
     A share above 0 is not rounded to 0; therefore 100 stands only for all parts.
     """
-    unit = 10**decimals
+    unit = 10**DECIMALS
     exact = [100.0 * unit * share for share in shares]
     whole = [max(math.floor(value + 1e-6), int(value > 1e-6)) for value in exact]
     remainder = sorted(range(len(exact)), key=lambda k: whole[k] - exact[k])

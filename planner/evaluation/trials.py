@@ -19,12 +19,12 @@ from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import beside_mm
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
-from planner.mechanics.traits import Traits, by_hypothesis, ordinary
-from planner.world import Assorted, ContactWorld, World, of_hypothesis
+from planner.mechanics.traits import Traits, ordinary
+from planner.part.outline import reach
+from planner.world import World, by_world, is_contact
 from runtime.shell.errors import UsageError
-from runtime.table import HELD_UM, REJECT, Push, Segments, Squeeze, Table, decision_map
+from runtime.table import REJECT, Push, Segments, Squeeze, Table, decision_map
 
-RUNNING = -2
 DISMISSED = int(np.iinfo(np.int64).min)  # target of a width that fits no branch
 HOLDING = (STATUS_NAMES[GRASPED], STATUS_NAMES[JAMMED])
 SPAN = 1 << 21  # um, wider than any gripper opens
@@ -63,33 +63,28 @@ class Program:
     # without and with an object felt.
     lookup: Lookup
     target: IntArray  # (s,) target of each segment: a node, ~leaf, or `DISMISSED`
-    carries: BoolArray  # (s,) whether the hand then carries the part, since the jaws hold it
-    drag: Array  # (N, 2) how far the hand carries a held part before the jaws open [mm]
-    pushes: BoolArray  # (N,) whether parts are pushed before the squeeze
+    drag: Array  # (s, 2) how far the hand then carries a held part before the jaws open [mm]
     encoder: Encoder  # of the table's gripper
 
     @classmethod
     def of(cls, table: Table) -> Self:
         """The arrays of a table, with the nominal widths of its gripper."""
-        maps = [decision_map(node, table.gripper) for node in table.nodes]
-        target, carries = list[int](), list[bool]()
-        drag = np.zeros((len(table.nodes), 2))
-        for index, node in enumerate(table.nodes):
-            if node.release is not None:
-                drag[index] = np.array(node.release) / 1e3 - placement_of(node.squeeze)[:2]
-            for number in (number for segments in maps[index] for number in segments.branches):
-                meant = None if number == REJECT else node.branches[number]
-                target.append(DISMISSED if meant is None else meant.target)
-                carries.append(meant is not None and meant.expected_um >= HELD_UM)
+        placement = np.array([placement_of(node.squeeze) for node in table.nodes])
+        rows, target, drag = list[Segments](), list[int](), list[Array]()
+        for node, place in zip(table.nodes, placement[:, :2], strict=True):
+            for segments in decision_map(node, table.gripper):
+                rows.append(segments)
+                for number in segments.branches:
+                    target.append(DISMISSED if number == REJECT else node.branches[number].target)
+                    point = node.release_point(number)
+                    drag.append(np.zeros(2) if point is None else np.array(point) / 1e3 - place)
         return cls(
             table=table,
-            placement=np.array([placement_of(node.squeeze) for node in table.nodes]),
+            placement=placement,
             opening_mm=np.array([node.squeeze.opening_um / 1e3 for node in table.nodes]),
-            lookup=Lookup.of([segments for each in maps for segments in each]),
+            lookup=Lookup.of(rows),
             target=np.array(target, np.int64),
-            carries=np.array(carries),
-            drag=drag,
-            pushes=np.array([bool(node.pushes) for node in table.nodes]),
+            drag=np.array(drag),
             encoder=encoder_of_table(table),
         )
 
@@ -124,6 +119,14 @@ class Step(NamedTuple):
     def through(self, branch: int) -> Array:
         """Poses (m, 3), after the release, of the parts that take a branch, which may be `REJECT`."""
         return np.asarray(self.released[self.branch == branch])
+
+
+class Split(NamedTuple):
+    """Trials of parts of which some were followed as several copies; a row is a part or one copy of it."""
+
+    evaluation: Evaluation
+    part: IntArray  # (n,) number of the part
+    weight: Array  # (n,) of the row; those of one part add up to 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,8 +176,8 @@ class Cell:
             UsageError: the world cannot push.
         """
         after, stopped = poses.copy(), np.zeros(len(node), np.bool_)
-        for index in np.flatnonzero(self.program.pushes):
-            for push in self.program.table.nodes[index].pushes:
+        for index, planned_node in enumerate(self.program.table.nodes):
+            for push in planned_node.pushes:
                 rows = np.flatnonzero((node == index) & ~stopped)
                 planned = np.tile(placement_of(push), (len(rows), 1))
                 hand = self.disturbance.placed(planned, traits[rows], self.rng)
@@ -200,88 +203,97 @@ class Cell:
         reading = encoder_of(self.job).read(read_as(width_mm, traits), self.rng)
         reading = 2 * reading + (width_mm > 0.0)  # a part is felt if it keeps the jaws apart
         segment = program.segment(node, reading)
-        drag = np.where(program.carries[segment][:, None], program.drag[node], 0.0)
         after = to_world(final, placement.T)
         released = after.copy()
-        released[:, :2] += np.where(held[:, None], drag, 0.0)
+        released[:, :2] += np.where(held[:, None], program.drag[segment], 0.0)
         branch, target = program.lookup.branch[segment], program.target[segment]
         return Step(poses, after, released, width_mm, reading, branch, target)
 
     def run(self, trials: int) -> Evaluation:
         """Runs the table on a number of parts, at least 1."""
-        poses, depth = initial(self.job, trials, self.rng), self.program.table.limits.max_depth
-        nowhere, node = np.full((trials, depth), NOWHERE, np.int64), np.zeros(trials, np.int64)
-        foreign = not isinstance(of_hypothesis(self.world, 0), ContactWorld)
-        traits = self.disturbance.traits(self.job, trials, self.rng, foreign=foreign)
+        return self.split(trials, np.ones(len(self.program.table.nodes), np.int64)).evaluation
+
+    def split(self, parts: int, copies: IntArray) -> Split:
+        """Runs the table on parts, at least 1, each followed as several copies from rare nodes on.
+
+        Args:
+            parts: their number.
+            copies: (N,) copies of a part at each node, splits at ancestors included; powers of two.
+        """
+        poses, nodes = initial(self.job, parts, self.rng), np.zeros(parts, np.int64)
+        foreign = not is_contact(self.world)
+        nowhere = np.full((parts, self.program.table.limits.max_depth), NOWHERE, np.int64)
         result = Evaluation(
             self.program.table,
-            leaf=np.full(trials, RUNNING, np.int64),
-            squeezes=np.zeros(trials, np.int64),
+            leaf=np.full(parts, REJECTED, np.int64),
+            squeezes=np.zeros(parts, np.int64),
             poses=poses.copy(),
             initial=poses,
-            traits=traits,
+            traits=self.disturbance.traits(self.job, parts, self.rng, foreign=foreign),
             path=nowhere,
             reading=nowhere.copy(),
             branch=nowhere.copy(),
         )
-        while len(members := np.flatnonzero(node >= 0)):
-            arrived = self.come_down(node[members], result.poses[members], traits[members])
-            result.poses[members], placement, stopped = arrived
-            result.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
-            members, placement = members[~stopped], placement[~stopped]
+        part, weight = np.arange(parts), np.ones(parts)
+        while len(members := np.flatnonzero(nodes >= 0)):
+            node, traits = nodes[members], result.traits[members]
+            arrived, placement, stopped = self.come_down(node, result.poses[members], traits)
+            result.poses[members] = arrived
+            result.leaf[members[stopped]], nodes[members[stopped]] = CRASHED, NOWHERE
+            members, node, arrived = members[~stopped], node[~stopped], arrived[~stopped]
             if not len(members):
                 break
-            at, row = node[members], (members, result.squeezes[members])
-            after = self.squeezed(at, result.poses[members], placement, traits[members])
-            result.path[row], result.branch[row] = at, after.branch
+            after = self.squeezed(node, arrived, placement[~stopped], traits[~stopped])
+            row = members, result.squeezes[members]
+            result.path[row], result.branch[row] = node, after.branch
             result.reading[row] = after.reading
             result.poses[members] = after.released
             result.squeezes[members] += 1
-            leaf = np.where(after.target == DISMISSED, REJECTED, ~after.target)
-            result.leaf[members] = np.where(after.target < 0, leaf, RUNNING)
-            node[members] = np.maximum(after.target, NOWHERE)
+            # Preliminary where another node follows.
+            result.leaf[members] = np.where(after.target == DISMISSED, REJECTED, ~after.target)
+            nodes[members] = np.maximum(after.target, NOWHERE)
+            times = np.where(nodes >= 0, copies[nodes] * weight, 1.0)
+            if times.max() > 1.0:
+                rows = np.repeat(np.arange(len(nodes)), times.astype(np.int64))
+                result, nodes, part = result.of_rows(rows), nodes[rows], part[rows]
+                weight = (weight / times)[rows]
         result.poses[:] -= self.disturbance.bias
-        return result
+        return Split(result, part, weight)
 
     def _standing_on(self, hand: Array, opening_mm: Array, traits: Traits) -> BoolArray:
         """Mask (n,) of parts, at poses (n, 3) in the hand frame, that a finger comes down on.
 
         It is False where the world cannot say.
         """
-        gripper, alone = self.job.gripper, self.job.alone
-        stopped = np.zeros(len(hand), np.bool_)
-        share = gripper.upper_finger_share + traits["share"]
+        gripper, stopped = self.job.gripper, np.zeros(len(hand), np.bool_)
         hand = hand.copy()
+        share = gripper.upper_finger_share + traits["share"]
         hand[:, 1] -= beside_mm(share, gripper.opening_mm - opening_mm)
-        for k, rows in by_hypothesis(traits):
-            collides = getattr(of_hypothesis(self.world, k), "collides", None)
-            if collides is None:
-                continue
-            reach = float(np.max(np.hypot(*alone[k].part.outline_mm.T)))
-            near = np.abs(hand[rows, 1]) + reach > 0.5 * opening_mm[rows]
-            near &= np.abs(hand[rows, 0]) < reach + gripper.finger_length_mm
-            for part in np.arange(len(hand))[rows][near]:
-                stopped[part] = collides(tuple(hand[part]), float(opening_mm[part]))
+        reaches = np.array([reach(alone.part.outline_mm) for alone in self.job.alone])
+        far = reaches[traits["hypothesis"]]
+        near = np.abs(hand[:, 1]) + far > 0.5 * opening_mm
+        near &= np.abs(hand[:, 0]) < far + gripper.finger_length_mm
+        for world, rows, _ in by_world(self.world, traits):
+            collides = getattr(world, "collides", None)
+            if collides is not None:
+                for k in rows[near[rows]]:
+                    stopped[k] = collides(tuple(hand[k]), float(opening_mm[k]))
         return stopped
 
 
 def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, traits: Traits) -> Array:
     """Final poses of parts pushed from poses (n, 3) in the hand frame, as a batch if the world can."""
     final = np.empty_like(hand)
-    for k, rows in by_hypothesis(traits):
-        part_world, each = of_hypothesis(world, k), (hand[rows], opening_mm[rows], way_mm[rows])
+    for part_world, rows, alone in by_world(world, traits):
         many, one = (getattr(part_world, name, None) for name in ("push_many", "push"))
         if many is not None:
-            alone = traits[rows].copy()
-            alone["hypothesis"] = 0
-            final[rows] = many(*each, alone)
-        elif one is not None:
-            pushes = zip(*(column.tolist() for column in each), strict=True)
-            ends = [one(tuple(pose), opening, way) for pose, opening, way in pushes]
-            final[rows] = np.reshape(ends, (-1, 3))
-        else:
+            final[rows] = many(hand[rows], opening_mm[rows], way_mm[rows], alone)
+            continue
+        if one is None:
             message = f"the world {type(part_world).__name__} has no push()"
             raise UsageError(f"the table pushes parts, and {message}; name another world")
+        for k in rows:
+            final[k] = one(tuple(hand[k].tolist()), float(opening_mm[k]), float(way_mm[k]))
     return final
 
 
@@ -291,18 +303,16 @@ def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Arra
     Returns:
         Final poses (n, 3) in the hand frame, true openings (n,) [mm], and mask (n,) of parts held at the end.
     """
-    if isinstance(world, Assorted):
-        final, width, held = np.empty_like(hand), np.empty(len(hand)), np.empty(len(hand), np.bool_)
-        for k, rows in by_hypothesis(traits):
-            alone = traits[rows].copy()
-            alone["hypothesis"] = 0
-            final[rows], width[rows], held[rows] = _squeeze_all(world.worlds[k], hand[rows], alone)
-        return final, width, held
-    many = getattr(world, "squeeze_many", None)
-    if many is not None:
-        rolled = many(hand) if ordinary(traits).all() else many(hand, traits)
-        return rolled.poses, rolled.width_mm, np.isin(rolled.status, (GRASPED, JAMMED))
-    results = [world.squeeze((float(x), float(y), float(theta))) for x, y, theta in hand]
-    final = np.array([result[0] for result in results], dtype=np.float64).reshape(-1, 3)
-    width = np.array([result[1] for result in results], dtype=np.float64)
-    return final, width, np.array([result[2] in HOLDING for result in results])
+    final, width_mm, held = np.empty_like(hand), np.empty(len(hand)), np.empty(len(hand), np.bool_)
+    for part_world, rows, alone in by_world(world, traits):
+        many = getattr(part_world, "squeeze_many", None)
+        if many is not None:
+            rolled = many(hand[rows]) if ordinary(alone).all() else many(hand[rows], alone)
+            final[rows], width_mm[rows] = rolled.poses, rolled.width_mm
+            held[rows] = np.isin(rolled.status, (GRASPED, JAMMED))
+        else:
+            for k in rows:
+                x, y, theta = hand[k].tolist()
+                final[k], width_mm[k], status = part_world.squeeze((x, y, theta))
+                held[k] = status in HOLDING
+    return final, width_mm, held

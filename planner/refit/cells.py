@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.doubts import closing_mm, traits_of
+from planner.belief.doubts import ROUGH, SLIPPERY, closing_mm, traits_of
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.trials import Cell, Program
@@ -21,7 +21,6 @@ from planner.world import ContactWorld
 from runtime.table import Table
 
 LEAST_FRICTION = 0.05
-SLIPPERY, ROUGH = 1.0 / 3.0, 1.5  # ends of the range of friction, as multiples of the job's bounds
 UNEVEN = 0.1  # least half-width of the range of the fingers' share
 OFFSET_MM = 1.5  # least half-width of the range of the constant error of widths
 FEET = 20  # sets of three feet, besides those of `doubt.pressure = "any"`

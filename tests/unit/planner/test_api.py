@@ -15,7 +15,7 @@ from planner.compile import compile_job
 from planner.mechanics.clearance import Jaws
 from planner.mechanics.simulator import Parameters, RollOut
 from planner.mechanics.traits import Traits, as_planned
-from planner.world import Assorted, of_hypothesis
+from planner.world import Assorted, by_world
 from runtime.shell.errors import ExpectedError
 from runtime.table import REJECT, decision_map
 
@@ -58,6 +58,8 @@ def test_a_table_without_its_job_says_so(table):
 
 
 JOB = Job.load(JOB_PATH)
+UNKNOWN = as_planned(2)
+UNKNOWN["hypothesis"] = -1
 RNG = np.random.default_rng(0)
 NAN = float("nan")
 
@@ -176,7 +178,7 @@ def traits_with(**changes: float) -> Traits:
         lambda world, model: evaluate(Table.load(TABLE_PATH), trials=10, workers=0),
         lambda world, model: evaluate(Table.load(TABLE_PATH), trials=10, seed=-1),
         lambda world, model: compile_job(JOB, trials=-5),
-        lambda world, model: of_hypothesis(Assorted([world, world]), -1),
+        lambda world, model: list(by_world(Assorted([world, world]), UNKNOWN)),
         lambda world, model: Simulator.of_job(JOB, 1, NAN),
         lambda world, model: replace(model.simulator, jaws=Jaws(NAN, 1.0, 1.0, 0.5)),
         lambda world, model: replace(model.simulator, outline=np.zeros((2, 2))),

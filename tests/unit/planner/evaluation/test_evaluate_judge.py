@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from sample_tables import changed, random_table, small_table
 
-from planner.evaluation.judge import claimed, judge, metric_of_table
+from planner.evaluation.judge import errors_mm, metric_of_table, within_goal
 from planner.evaluation.leaves import NO_LEAF, nearest_leaf, reliability
-from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED
+from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
+from planner.mechanics.traits import as_planned
 from runtime.table import PPM, LeafPose, Tolerance, poses_of
 
 LEAF = (
@@ -24,8 +25,14 @@ def with_goal(**changes):
     return replace(table, goal=replace(table.goal, **changes))
 
 
+def judge(table, pose):
+    leaf = np.array([LEAF])
+    within, error_mm = within_goal(table, leaf, pose), errors_mm(table, leaf, pose)
+    return SimpleNamespace(within=within, error_mm=error_mm)
+
+
 def verdict(table, *offset):
-    return judge(table, np.array([LEAF]), SAID + np.array([offset]))
+    return judge(table, SAID + np.array([offset]))
 
 
 def test_what_ends_at_no_leaf_claims_nothing_however_few_leaves_there_are():
@@ -33,7 +40,9 @@ def test_what_ends_at_no_leaf_claims_nothing_however_few_leaves_there_are():
     for leaves in (table.leaves[:1], table.leaves):
         few = replace(table, leaves=leaves)
         ends = np.array([CRASHED, REJECTED, NOWHERE, 0])
-        assert list(claimed(few, ends)) == [False, False, False, True]
+        poses, taken = np.zeros((4, 3)), np.full((4, 1), NOWHERE)
+        run = Evaluation(few, ends, np.zeros(4), poses, poses, as_planned(4), taken, taken, taken)
+        assert list(run.resolved) == [False, False, False, True]
 
 
 def test_the_pose_goal_is_equation_9():
@@ -68,11 +77,11 @@ def test_any_of_a_leafs_modes_will_do():
     leaf = small_table().leaves[LEAF]._replace(alternatives=(far,))
     table = changed(with_goal(kind="modes", modes=2), {f"leaves.{LEAF}": leaf})
     pose = np.array([[9.0, 1.0, 0.0]])
-    assert judge(table, np.array([LEAF]), pose).error_mm == pytest.approx(1.0)
-    assert judge(table, np.array([LEAF]), pose).within.all()
-    assert not judge(table, np.array([LEAF]), pose + np.array([0, 5.0, 0])).within.any()
+    assert judge(table, pose).error_mm == pytest.approx(1.0)
+    assert judge(table, pose).within.all()
+    assert not judge(table, pose + np.array([0, 5.0, 0])).within.any()
     only = replace(table, goal=replace(table.goal, kind="pose"))
-    assert not judge(only, np.array([LEAF]), pose).within.any()
+    assert not judge(only, pose).within.any()
 
 
 def test_the_true_leaf_is_the_nearest_one_within_the_goal():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.belief.observation import Partition, encoder_of
+from planner.belief.observation import encoder_of
 from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes
 from planner.mechanics.clearance import jaws_of, least_clearance
@@ -14,7 +14,7 @@ from planner.search.handling import LEAST_PARTICLES, SPARE_MM, Handling
 def held_at(job, centre):
     """Outcomes of one cluster: a part held at 21 mm, its centre there."""
     counts = np.full(50, round(230 - 21.0 / encoder_of(job).mm_per_step))
-    return Outcomes(Partition.of([counts]), [Belief.of(np.tile([*centre, 0.1], (50, 1)))], 21.0)
+    return Outcomes([Belief.of(np.tile([*centre, 0.1], (50, 1)), counts)], 21.0)
 
 
 @pytest.mark.parametrize("y", [0.0, 8.0, 18.0, 28.0])
