@@ -5,14 +5,16 @@ turn the shortest way. So the driver counts the hand's whole turns from motion t
 with the last axis.
 """
 
+import contextlib
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, TypeVar
 
 from drivers.abb import codec
 from drivers.abb.codec import Pose, ProtocolError
 from drivers.abb.reach import Setup, Wrist, obstacle, within_irb_120
+from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM, PoseOfHand
 
@@ -51,14 +53,25 @@ class UprightArm(ABC):
 
     Args:
         endpoint: address of the arm as the user named it.
+        link: the connection, closed with the arm.
+        pace: device time.
         setup: frames and limits.
         reaches: whether the flange can be at a pose in the base frame.
     """
 
+    look_at = "the pendant"  # where to look once the arm's state is unknown
+
     def __init__(
-        self, endpoint: str, setup: Setup, reaches: Callable[[Pose], bool] = within_irb_120
+        self,
+        endpoint: str,
+        link: Any,
+        pace: Pace,
+        setup: Setup,
+        reaches: Callable[[Pose], bool] = within_irb_120,
     ) -> None:
         self.endpoint = endpoint
+        self._link = link
+        self._pace = pace
         self._setup = setup
         self._reaches = reaches
         self._unknown = ""  # why the state is unknown
@@ -67,9 +80,10 @@ class UprightArm(ABC):
         self._wrist: Wrist | None = None
         self._wrist_is_fresh = False
 
-    @abstractmethod
     def close(self) -> None:
         """Closes the link; the arm does not move."""
+        self._unknown = self._unknown or "it was closed"
+        self._link.close()
 
     @abstractmethod
     def _read_hand(self) -> Pose:
@@ -189,14 +203,25 @@ class UprightArm(ABC):
                 "look at the arm, then connect again"
             )
 
-    def _lose(
-        self, reason: str, kind: type[ArmError] = ArmError, look_at: str = "the pendant"
-    ) -> ArmError:
+    def _lose(self, reason: str, kind: type[ArmError] = ArmError) -> ArmError:
         """Marks the arm's state as unknown for good; returns the error for the caller to raise."""
         self._unknown = reason
         return kind(
-            f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at {look_at}"
+            f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at {self.look_at}"
         )
+
+    @contextlib.contextmanager
+    def _stopped_on_error(self, stop: Callable[[], None]) -> Iterator[None]:
+        """Context of a motion, which any error stops, also Ctrl-C; the arm's state is then unknown."""
+        try:
+            yield
+        except BaseException as error:
+            with contextlib.suppress(OSError):
+                stop()
+            if isinstance(error, OSError) and not isinstance(error, ArmError):
+                raise self._lose(str(error)) from error
+            self._unknown = self._unknown or "a motion was interrupted"
+            raise
 
     def _understood(self, read: Callable[[], Read]) -> Read:
         try:

@@ -190,4 +190,4 @@ def gripper(
     unit = address.unit_of(port, dh.UNIT)
     Scale(profile)  # before anything is opened
     link = RtuLink(address.opened(port, dh.BAUD), pace, report, unit)
-    return Gripper.over(link, pace, report, profile, read_only=read_only)
+    return Gripper(link, pace, report, profile, read_only=read_only)

@@ -141,7 +141,7 @@ def gripper(
     """
     where = parse(port)
     link = CanLink(_network(port, where, read_only=read_only), where, port, report)
-    return Gripper.over(link, pace, report, profile, read_only=read_only)
+    return Gripper(link, pace, report, profile, read_only=read_only)
 
 
 def parse(port: str) -> CanMap:

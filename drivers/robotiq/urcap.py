@@ -163,4 +163,4 @@ def gripper(
     """A Robotiq gripper at `urcap://host`; errors as for `drivers.robotiq.modbus.gripper`."""
     Counts(profile)  # before anything is opened
     link = UrcapLink(open_tcp(*tcp_address(port, PORT), port, HINT), pace, report)
-    return Gripper.over(link, pace, report, profile, read_only=read_only)
+    return Gripper(link, pace, report, profile, read_only=read_only)

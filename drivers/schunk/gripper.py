@@ -225,7 +225,7 @@ def gripper(
     """
     unit = address.unit_of(port, schunk.UNIT)
     link = SchunkLink(address.opened(port, schunk.BAUD, schunk.PARITY), pace, report, unit)
-    return Gripper.over(link, pace, report, profile, read_only=read_only)
+    return Gripper(link, pace, report, profile, read_only=read_only)
 
 
 def _edge(motion: Control) -> Control:

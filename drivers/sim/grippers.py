@@ -3,6 +3,7 @@
 import random
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from drivers.clock import Pace
@@ -11,7 +12,7 @@ from drivers.dh.gripper import Gripper as DhGripper
 from drivers.dh.link import RtuLink
 from drivers.ports import Gripper, GripperProfile, Report
 from drivers.robotiq.gripper import Gripper as RobotiqGripper
-from drivers.robotiq.modbus import RTU, TCP, rtu_link
+from drivers.robotiq.modbus import RTU, TCP, ModbusLink
 from drivers.schunk import registers as schunk
 from drivers.schunk.gripper import Gripper as SchunkGripper
 from drivers.schunk.link import SchunkLink
@@ -102,10 +103,11 @@ class RobotiqSimulator(Simulator):
         }
 
 
-ROBOTIQ = RobotiqSimulator(GripperModel, GripperRegisters, RTU.unit, "", rtu_link, RobotiqGripper)
-DH = Simulator(DhModel, DhRegisters, dh.UNIT, "dh://", RtuLink, DhGripper)
+ROBOTIQ = RobotiqSimulator(GripperModel, GripperRegisters, RTU.unit, "", ModbusLink, RobotiqGripper)
+DH_LINK, SCHUNK_LINK = partial(RtuLink, unit=dh.UNIT), partial(SchunkLink, unit=schunk.UNIT)
+DH = Simulator(DhModel, DhRegisters, dh.UNIT, "dh://", DH_LINK, DhGripper)
 SCHUNK = Simulator(
-    SchunkModel, SchunkRegisters, schunk.UNIT, "schunk://", SchunkLink, SchunkGripper
+    SchunkModel, SchunkRegisters, schunk.UNIT, "schunk://", SCHUNK_LINK, SchunkGripper
 )
 SIMULATORS = {
     **dict.fromkeys(("robotiq-2f-85", "robotiq-2f-140", "hand-e"), ROBOTIQ),

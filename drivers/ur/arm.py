@@ -64,9 +64,8 @@ class Arm(UprightArm):
         self, stream: Stream, open_script: Callable[[], Stream], pace: Pace, setup: Setup
     ) -> None:
         # Axis 1 turns the hand by more than its bearing: the arm is offset from the base's middle.
-        super().__init__(stream.endpoint, setup, within_sphere(setup))
+        super().__init__(stream.endpoint, stream, pace, setup, within_sphere(setup))
         self._open_script = open_script
-        self._pace = pace
         self._displaced = False  # whether another program replaced this driver's
         self._fraction = 1.0  # position of the speed slider at the start of the last motion
         self._moves = secrets.randbelow(1 << 30)  # no number of an earlier client
@@ -74,11 +73,6 @@ class Arm(UprightArm):
             self._rtde = Rtde(stream, pace)
         except OSError as error:
             raise self._lose(str(error)) from error
-
-    def close(self) -> None:
-        """Disconnects; the arm does not move."""
-        self._unknown = self._unknown or "it was closed"
-        self._rtde.close()
 
     def _read_hand(self) -> Pose:
         seen = self._read()
@@ -104,19 +98,15 @@ class Arm(UprightArm):
             opened = self._open_script()
         except PortError as error:
             raise ArmError(f"arm at {self.endpoint} not moved: {error}") from error
-        with contextlib.closing(opened):
-            try:
-                opened.send(program)
-                self._await_start()
-                self._await_end(budget_s)
-            except BaseException as error:  # Ctrl-C, too
-                if not self._displaced:
-                    with contextlib.suppress(OSError):
-                        opened.send(script.stop())
-                if isinstance(error, OSError) and not isinstance(error, ArmError):
-                    raise self._lose(str(error)) from error
-                self._unknown = self._unknown or "a motion was interrupted"
-                raise
+
+        def stop() -> None:
+            if not self._displaced:
+                opened.send(script.stop())
+
+        with contextlib.closing(opened), self._stopped_on_error(stop):
+            opened.send(program)
+            self._await_start()
+            self._await_end(budget_s)
 
     def _await_start(self) -> None:
         until = self._pace.deadline(ANSWER_S)

@@ -59,7 +59,7 @@ class Reading(NamedTuple):
 
 
 class Rtde:
-    """An RTDE connection; owns the stream. Opening it agrees on version and fields only.
+    """An RTDE connection on a stream. Opening it agrees on version and fields only.
 
     Raises:
         RtdeError: there is no RTDE, or it lacks a field.
@@ -103,10 +103,6 @@ class Rtde:
         raise RtdeError(
             f"this process was stopped or starved and read an answer {late_s:.1f} s too late"
         )
-
-    def close(self) -> None:
-        """Disconnects."""
-        self._stream.close()
 
     def _unpacked(self, payload: bytes) -> Reading:
         if payload[:1] != self._recipe or len(payload) != 1 + LAYOUT.size:

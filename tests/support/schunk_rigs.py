@@ -89,5 +89,5 @@ class VirtualSchunk:
 
     def connect(self, profile=None, **options):
         report = lambda kind, fields: self.reports.append(fields["incident"])  # noqa: E731
-        link = SchunkLink(self.port.open(), self.pace, report)
-        return Gripper.over(link, self.pace, report, profile, **{"read_only": False, **options})
+        link = SchunkLink(self.port.open(), self.pace, report, UNIT)
+        return Gripper(link, self.pace, report, profile, **{"read_only": False, **options})

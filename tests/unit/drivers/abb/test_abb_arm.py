@@ -118,13 +118,13 @@ def test_a_controller_whose_wrist_is_at_its_end_halts_without_a_word():
 def test_an_interrupted_move_is_waited_for_before_the_next_command(rig):
     with rig.open() as arm:
         arm.move_linear(0.0, 0.0, 99.0, 0.0, 20.0)
-        receive = arm._stream.receive
+        receive = arm._link.receive
 
         def interrupt(seconds):
-            arm._stream.receive = receive
+            arm._link.receive = receive
             raise KeyboardInterrupt
 
-        arm._stream.receive = interrupt
+        arm._link.receive = interrupt
         with pytest.raises(KeyboardInterrupt):
             arm.move_linear(100.0, 0.0, 100.0, 0.0, 20.0)
         assert arm.pose().x_mm == pytest.approx(100.0)
@@ -132,7 +132,7 @@ def test_an_interrupted_move_is_waited_for_before_the_next_command(rig):
 
 def stopped(arm, times):
     """Let the process be stopped past the deadline, so many times that it waits for an answer."""
-    receive = arm._stream.receive
+    receive = arm._link.receive
 
     def waited(seconds):
         nonlocal times
@@ -142,7 +142,7 @@ def stopped(arm, times):
         time.sleep(seconds + 0.02)
         return b""
 
-    arm._stream.receive = waited
+    arm._link.receive = waited
 
 
 @pytest.mark.usefixtures("impatient")
