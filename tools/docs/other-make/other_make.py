@@ -6,7 +6,7 @@ from drivers.clock import Pace
 from drivers.errors import ArmError, GripperFault, LinkError, LinkTimeout, ReadOnlyError
 from drivers.links import StreamLink
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report, Settled, no_report
-from drivers.stream import Stream, open_tcp, tcp_address
+from drivers.stream import Stream, closed_on_error, open_tcp, tcp_address
 
 PROFILE = GripperProfile(
     model="other-60",
@@ -67,9 +67,8 @@ class OtherGripper:
         except (ValueError, OverflowError) as error:
             said = " ".join(words)
             raise LinkError(f"{self._lines.endpoint} answered {said!r}; check its make") from error
-        seen = ObjectState.CLOSING if held == "1" else ObjectState.AT_TARGET
-        if moving == "1":
-            seen = ObjectState.NONE
+        at_rest = ObjectState.CLOSING if held == "1" else ObjectState.AT_TARGET
+        seen = ObjectState.NONE if moving == "1" else at_rest
         return GripperState(ready == "1", moving == "1", 0, "", seen, target_um, width_um, 0)
 
     def activate(self) -> None:
@@ -119,11 +118,8 @@ def gripper(
 ) -> OtherGripper:
     stream = open_tcp(*tcp_address(port), port, "check its power")
     lines = Lines(stream, pace, report, read_only=read_only)
-    try:
+    with closed_on_error(lines):  # on Ctrl-C, too
         return OtherGripper(lines, pace)
-    except BaseException:  # Ctrl-C, too, must not leave the connection open
-        lines.close()
-        raise
 
 
 class OtherArm:
