@@ -168,9 +168,9 @@ class ManualGripper:
     def __init__(self, profile: GripperProfile, *, read_only: bool) -> None:
         self.profile = profile
         self._read_only = read_only
-        self._seen = _standing(ObjectState.AT_TARGET, profile.stroke_um, profile.stroke_um)
+        self._open = _standing(ObjectState.AT_TARGET, profile.stroke_um, profile.stroke_um)
+        self._seen: GripperState | None = None  # as last confirmed
         self._asked: int | None = None
-        self._was_asked = False  # whether the state of the jaws was ever confirmed
         self._closed = False
 
     def state(self) -> GripperState:
@@ -181,7 +181,7 @@ class ManualGripper:
         """
         if self._closed:
             raise LinkError("the gripper was closed")
-        return self._seen
+        return self._seen or self._open
 
     def activate(self) -> None:
         """Does nothing: a person is ready."""
@@ -211,10 +211,11 @@ class ManualGripper:
             held = width_mm >= self.profile.held_um / 1000
             state = ObjectState.CLOSING if held else ObjectState.AT_TARGET
             # Rounded to the profile's grid: a table is planned for readings of that resolution.
-            self._saw(state, 0, self.profile.reading_um(self.profile.step(1000 * width_mm)))
-        elif not (self._was_asked and self._seen == _standing(ObjectState.AT_TARGET, asked, asked)):
+            width_um = self.profile.reading_um(self.profile.step(1000 * width_mm))
+            self._seen = _standing(state, 0, width_um)
+        elif self._seen != (opened := _standing(ObjectState.AT_TARGET, asked, asked)):
             self._ask(f"Open the jaws to {asked / 1000:.1f} mm or a little more; press Enter")
-            self._saw(ObjectState.AT_TARGET, asked, asked)
+            self._seen = opened
         return ports.Settled(self._seen.width_um, self._seen.object, 0, max(asked, 0), 0.0)
 
     def stop(self) -> None:
@@ -224,10 +225,6 @@ class ManualGripper:
     def close(self) -> None:
         """Ends the use of the gripper: its state cannot be read any more."""
         self._closed = True
-
-    def _saw(self, state: ObjectState, target_um: int, width_um: int) -> None:
-        self._seen = _standing(state, target_um, width_um)
-        self._was_asked = True
 
     def _width_mm(self) -> float:
         """Asks for the width until a valid one is typed, mm."""

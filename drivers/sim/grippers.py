@@ -18,14 +18,13 @@ from drivers.schunk.gripper import Gripper as SchunkGripper
 from drivers.schunk.link import SchunkLink
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
-from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws
 from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.devices.jaws import Fingers, Surroundings
 from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
 from drivers.sim.faults import Desk
 from drivers.sim.wire.line import Line
 from drivers.sim.wire.modbus import Registers
-from drivers.sim.wire.rtu import PtyPort, RtuSlave
+from drivers.sim.wire.rtu import MbapSlave, PtyPort, RtuSlave, open_port
 from drivers.sim.wire.serving import HOST, Site
 from drivers.stream import Stream
 from runtime.shell.errors import UsageError
@@ -94,7 +93,7 @@ class RobotiqSimulator(Simulator):
         path, _ = super().ports(device, site, line)
         rtu = open_port(self.slave(device, site.now, line()), site)
         slave = MbapSlave(GripperRegisters(device, site.now, TCP), line(checked=False), TCP.unit)
-        tcp = open_port(slave, site, lambda: stop_jaws(device, site.now))
+        tcp = open_port(slave, site, lambda: device.hang_up(site.now()))
         urcap = site.answer_lines(Urcap(device, site.now).answer, MAX_LINE)
         return path, {
             "gripper_tcp": f"tcp://{HOST}:{tcp}",

@@ -15,10 +15,9 @@ from drivers.robotiq.canopen import CanMap
 from drivers.robotiq.modbus import TCP
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
-from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws
 from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.devices.jaws import Surroundings
-from drivers.sim.wire.rtu import PtyPort, RtuSlave
+from drivers.sim.wire.rtu import MbapSlave, PtyPort, RtuSlave, open_port
 from drivers.sim.wire.serving import Site
 from runtime.table import profile_of
 
@@ -74,7 +73,7 @@ class Robotiq(GripperRig):
             return f"urcap://127.0.0.1:{port}"
         if bus == "tcp":
             self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP), unit=TCP.unit)
-            port = open_port(self.slave, self.site, lambda: stop_jaws(self.model, self.now))
+            port = open_port(self.slave, self.site, lambda: self.model.hang_up(self.now()))
             return f"tcp://127.0.0.1:{port}"
         self.slave = RtuSlave(GripperRegisters(self.model, self.now))
         if bus == "pty":

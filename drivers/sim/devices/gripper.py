@@ -32,6 +32,7 @@ FAULT_RELEASING, FAULT_BLOCKED_SWEEP, FAULT_RELEASED = 0x0B, 0x0D, 0x0F
 LEAST_MAJOR = 0x0A  # lesser faults of a schedule only show in readings
 
 BLOCK_WORDS = 8
+GOES = 0x08  # rGTO in byte 0 of the output block
 # Supported function codes; [M200] p66 promises no others over Modbus TCP.
 FUNCTIONS = {RTU: frozenset({3, 4, 6, 16, 23}), TCP: frozenset({4, 16})}
 
@@ -124,6 +125,10 @@ class GripperModel(Fingers):
         self._output[offset : offset + len(data)] = data
         old, self._request = self._request, unpack(OUTPUT_FIELDS, self._output)
         self._obey(old)
+
+    def hang_up(self, now_s: float) -> None:
+        """Stops the jaws (rGTO = 0), as the gripper does when a Modbus TCP connection closes ([M200] p66)."""
+        self.write_output(0, bytes((self._output[0] & ~GOES,)), now_s)
 
     def next_request(self, now_s: float) -> None:
         """Counts one more request, and notes whether it ends a silence longer than `SILENCE_S`.

@@ -42,21 +42,15 @@ MODULES = {
 _COMMANDS = {command.value: command.name for command in Command}
 
 
-class Stop(NamedTuple):
-    """What the device reports at the end of a motion: bits of the status word, and an error (0: none)."""
-
-    status: Status
-    error: int = 0
-
-
-REACHED = Stop(Status.SUCCESS | Status.POSITION_REACHED)
-EMPTY = Stop(Status.NO_WORKPIECE)
-HELD = Stop(Status.SUCCESS | Status.GRIPPED)
-WRONG = Stop(Status.WRONG_WORKPIECE | Status.GRIPPED)
-BLOCKED = Stop(Status(0), schunk.MOVE_BLOCKED)
+# Status bits at the end of a motion; of a blocked one, which ends in an error, none.
+REACHED = Status.SUCCESS | Status.POSITION_REACHED
+EMPTY = Status.NO_WORKPIECE
+HELD = Status.SUCCESS | Status.GRIPPED
+WRONG = Status.WRONG_WORKPIECE | Status.GRIPPED
+BLOCKED = Status(0)
 
 # Outcomes that correspond to gOBJ 0 to 3.
-STATES = (Status(0), REACHED.status, HELD.status, EMPTY.status)
+STATES = (Status(0), REACHED, HELD, EMPTY)
 # Counterparts of a Robotiq gripper's over temperature, and of its major faults.
 OVER_TEMPERATURE, LEAST_MAJOR = 0x08, 0x0A
 TOO_HOT, SUPPLY = 0x6D, 0x74
@@ -88,7 +82,7 @@ class SchunkModel(Fingers):
         self.written: list[str] = []  # names of parameters written so far
         self._silence_s = silence_s
         self._heard_s = 0.0
-        self._stop = REACHED
+        self._outcome = REACHED  # of the current motion
         self._positioning = False  # whether the last command was a move, not a grip
         self._messages: list[str] = []
         self._settings: dict[str, tuple[float | bytes, ...]] = {}
@@ -221,8 +215,8 @@ class SchunkModel(Fingers):
         gripping = self._status & (Status.GRIPPED | Status.READY)
         if gripping == Status.GRIPPED | Status.READY:
             self._status &= ~(Status.GRIPPED | Status.SUCCESS)
-            lost = Stop(Status.WORKPIECE_LOST)
-            self._go(self._value("min_pos"), self.module.grip_mm_s, lost, meets=False)
+            speed_mm_s = self.module.grip_mm_s
+            self._go(self._value("min_pos"), speed_mm_s, Status.WORKPIECE_LOST, meets=False)
 
     def _fail(self, code: int) -> None:
         self._halt()
@@ -290,13 +284,12 @@ class SchunkModel(Fingers):
         self._status |= Status.READY | Status.CONTROL_AUTHORITY
 
     def _controlled_stop(self) -> None:
-        if not self._status & Status.READY:
-            self._received()
-            self._refuse(0x06)
-            return
         self._received()
-        self._halt()
-        self._status |= REACHED.status
+        if self._status & Status.READY:
+            self._halt()
+            self._status |= REACHED
+        else:
+            self._refuse(0x06)
 
     def _command(self, command: Control, output: Output) -> None:
         """Executes a motion (one of `MOTIONS`) with the values of an output, or refuses it with a warning."""
@@ -333,9 +326,8 @@ class SchunkModel(Fingers):
         if moves:
             self._go(position_mm, speed_mm_s, REACHED)
         elif command == Control.RELEASE:
-            delta_mm = self._value("wp_release_delta")
-            here = self._here()
-            self._go(min(here + delta_mm, highest), fastest, REACHED)
+            released_mm = self._here() + self._value("wp_release_delta")
+            self._go(min(released_mm, highest), fastest, REACHED)
         else:
             soft = is_soft(self.module.module_type) and speed_mm_s > 0.0
             rate = speed_mm_s if soft else self.module.grip_mm_s * min(percent, 100) / 100
@@ -348,24 +340,24 @@ class SchunkModel(Fingers):
         self,
         target_mm: float,
         speed_mm_s: float,
-        stop: Stop,
+        outcome: Status,
         *,
         expected: float | None = None,
         grips: bool = False,
         meets: bool = True,
     ) -> None:
         self._start(target_mm, speed_mm_s, meets=meets)
-        self._stop = stop
+        self._outcome = outcome
         if self._meets:
             margin_mm = self._value("grp_pos_margin")
             fits = expected is None or abs(self._stroke.stop - expected) <= margin_mm
-            self._stop = BLOCKED if not grips else HELD if fits else WRONG
+            self._outcome = BLOCKED if not grips else HELD if fits else WRONG
         self._ends_s += self._lag()
 
     def _arrived(self) -> None:
-        if self._stop.error:
-            self._fail(self._stop.error)
-        self._status |= self._stop.status
+        if self._outcome == BLOCKED:
+            self._fail(schunk.MOVE_BLOCKED)
+        self._status |= self._outcome
 
 
 class SchunkRegisters:
