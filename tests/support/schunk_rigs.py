@@ -47,7 +47,8 @@ class SchunkRig(GripperRig):
         self.site = Site(scale)
         self.part = Part()
         profile = PROFILES[model]
-        self.model = SchunkModel(random.Random(1), self.part, profile, silence_s=math.inf)
+        self.model = SchunkModel(random.Random(1), self.part, profile)
+        self.model.silence_s = math.inf
         self.slave = RtuSlave(SchunkRegisters(self.model, self.site.now), None, UNIT)
         self.path = PtyPort(self.slave, self.site).path
         self.name = f"schunk://{self.path}"
@@ -82,7 +83,8 @@ class VirtualSchunk:
         self.clock = VirtualClock()
         self.pace = Pace(self.clock)
         self.part, self.line, self.reports = Part(), Line(), []
-        self.model = SchunkModel(random.Random(1), self.part, PROFILES[model], silence_s=silence_s)
+        self.model = SchunkModel(random.Random(1), self.part, PROFILES[model])
+        self.model.silence_s = silence_s
         self.clock.watch(self.model.next_change)
         slave = RtuSlave(SchunkRegisters(self.model, self.clock.now), self.line, UNIT)
         self.port = GripperPort(slave, self.clock)

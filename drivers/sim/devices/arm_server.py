@@ -58,7 +58,7 @@ class ArmServer:
                 answer = self._model.execute(data.decode("latin-1"), self._site.now())
             except rapid.RapidError:
                 return
-            if answer.closing or not await self._deliver(reader, writer, answer):
+            if not await self._deliver(reader, writer, answer):
                 return
 
     async def _deliver(

@@ -4,20 +4,16 @@ Behaviour by the 2F-85 manual ([M18] p54-62) and Robotiq's SDK.
 """
 
 import math
-import random
 from collections.abc import Callable
 from functools import lru_cache
 
-from drivers.ports import GripperProfile
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.counts import MODEL
 from drivers.robotiq.faults import is_major
 from drivers.robotiq.modbus import RTU, TCP, Wiring
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_mm_s_of, unpack
-from drivers.sim.devices.jaws import Fingers, Surroundings
-from drivers.sim.faults import Desk
+from drivers.sim.devices.jaws import Fingers
 from runtime.shell.errors import UsageError
-from runtime.table import PROFILES
 
 CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
 SILENCE_S = 1.0  # silence that causes fault 0x09 until traffic returns ([SDK] fault_status.hpp)
@@ -46,11 +42,7 @@ def input_block(**fields: int) -> bytes:
 class GripperModel(Fingers):
     """A Robotiq gripper from power-up on. Times are simulated seconds and never go back.
 
-    Args:
-        rng: draws the lags of gOBJ behind the echo ([SDK] gripper.cpp waits for it).
-        surroundings: what the fingers may meet.
-        profile: of a model whose readings are counts.
-        desk: gives the current faults; None: never any.
+    gOBJ lags behind the echo ([SDK] gripper.cpp waits for it).
 
     Raises:
         UsageError: the readings of the model are not counts.
@@ -58,21 +50,14 @@ class GripperModel(Fingers):
 
     CLOSING = 1.0
     CYCLE_S = CYCLE_S
+    MODEL = MODEL
 
-    def __init__(
-        self,
-        rng: random.Random,
-        surroundings: Surroundings | None = None,
-        profile: GripperProfile = PROFILES[MODEL],
-        desk: Desk | None = None,
-    ) -> None:
-        if profile.counts is None:
-            raise UsageError(f"there is no simulated gripper {profile.model}")
-        self._open, self._closed = profile.counts
-        self._counts_per_mm = (self._closed - self._open) / (profile.stroke_um / 1000.0)
-        super().__init__(rng, surroundings, float(self._open), desk)
+    def _begin(self) -> None:
+        if self.profile.counts is None:
+            raise UsageError(f"there is no simulated gripper {self.profile.model}")
+        self._open, self._closed = self.profile.counts
+        self._counts_per_mm = (self._closed - self._open) / (self.profile.stroke_um / 1000.0)
         self._heard_s = self._silent_until_s = 0.0
-        self._forget()
 
     def _forget(self) -> None:
         """Resets to the state after a power failure: all outputs are 0; the screw drive holds the jaws."""

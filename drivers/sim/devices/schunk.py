@@ -6,15 +6,12 @@ late, a grip cannot be changed while something is held.
 """
 
 import math
-import random
 from collections.abc import Callable
 from typing import NamedTuple
 
-from drivers.ports import GripperProfile
 from drivers.schunk import registers as schunk
 from drivers.schunk.registers import PARAMETERS, Command, Control, Output, Status, is_soft
-from drivers.sim.devices.jaws import Fingers, Surroundings
-from drivers.sim.faults import Desk
+from drivers.sim.devices.jaws import Fingers
 
 # Silence that causes ERR_COMM_LOST; bkstools pauses for 0.5 s, users report that 2 s are too long.
 SILENCE_S = 1.0
@@ -57,36 +54,20 @@ TOO_HOT, SUPPLY = 0x6D, 0x74
 
 
 class SchunkModel(Fingers):
-    """A SCHUNK gripper with a brake, after power-up. Times are simulated seconds and never go back.
-
-    Args:
-        rng: draws the lags of the outcomes.
-        surroundings: what the fingers may meet.
-        profile: stroke, speeds and forces.
-        desk: gives the current faults; None: never any.
-        silence_s: longest silence of the host that is no fault.
-    """
+    """A SCHUNK gripper with a brake, after power-up. Times are simulated seconds and never go back."""
 
     CYCLE_S = 0.002
+    MODEL = "schunk-egu"
+    silence_s = SILENCE_S  # longest silence of the host that is no fault
 
-    def __init__(
-        self,
-        rng: random.Random,
-        surroundings: Surroundings | None,
-        profile: GripperProfile,
-        desk: Desk | None = None,
-        silence_s: float = SILENCE_S,
-    ) -> None:
-        super().__init__(rng, surroundings, profile.stroke_um / 1000, desk)
-        self.profile, self.module = profile, MODULES[profile.model]
+    def _begin(self) -> None:
+        self.module = MODULES[self.profile.model]
         self.written: list[str] = []  # names of parameters written so far
-        self._silence_s = silence_s
         self._heard_s = 0.0
         self._outcome = REACHED  # of the current motion
         self._positioning = False  # whether the last command was a move, not a grip
         self._messages: list[str] = []
         self._settings: dict[str, tuple[float | bytes, ...]] = {}
-        self._forget()
 
     def _forget(self) -> None:
         """Resets to the state after a power failure: an unacknowledged error, all control bits 1 ([DUMP])."""
@@ -188,7 +169,7 @@ class SchunkModel(Fingers):
     def next_request(self, now_s: float) -> None:
         """Counts one more request; a ready device fails if the silence before it exceeded `silence_s`."""
         super().next_request(now_s)
-        lost_s = self._heard_s + self._silence_s
+        lost_s = self._heard_s + self.silence_s
         if lost_s < now_s and self._status & Status.READY:
             self.advance(lost_s)
             self._fail(schunk.COMM_LOST)
