@@ -8,6 +8,7 @@ from drivers.errors import LinkError, LinkTimeout
 from drivers.ports import Report
 from drivers.stream import StalledError, Stream
 
+DRAIN_S = 0.2  # wall; longest wait for pending data to end
 READ_TRIES = 3  # as Robotiq's SDK: the link is down after 3 failures in a row
 Read = TypeVar("Read")
 
@@ -54,6 +55,12 @@ class StreamLink(ReportingLink):
         """Disconnects; moves nothing (over Modbus TCP the device then stops itself, [M200] p66)."""
         self._stream.close()
         self._lost = self._lost or "it was closed"
+
+    def _drain(self, quiet_s: float = 0.0) -> None:
+        """Drops pending data, which answers no further request, until `quiet_s` of silence, or `DRAIN_S`."""
+        until = self._pace.now() + DRAIN_S
+        while self._stream.receive(quiet_s) and self._pace.now() < until:
+            pass
 
     def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
         """Yields received data until a deadline, and once more after it, in case this process was stopped.

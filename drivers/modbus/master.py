@@ -15,7 +15,6 @@ from drivers.stream import Stream
 
 GAP_S = 0.005  # between two requests: grippers refresh at 200 Hz, or slower
 LATE_S = 0.02  # wall; silence of the line required after a failure, before the next request
-DRAIN_S = 0.2  # wall; longest wait for that silence
 
 
 class Refusal(NamedTuple):
@@ -123,11 +122,7 @@ class Master(StreamLink):
     def _wait_for_the_line(self) -> None:
         if (wait := self._free_at - self._pace.now()) > 0.0:
             self._pace.clock.sleep(wait)
-        # Pending data answers no further request.
-        quiet_s = LATE_S if self._out_of_step else 0.0
-        until = self._pace.now() + DRAIN_S
-        while self._stream.receive(quiet_s) and self._pace.now() < until:
-            pass
+        self._drain(LATE_S if self._out_of_step else 0.0)
 
     def _await_reply(self, request: ModbusPDU) -> ModbusPDU | None:
         buffer = b""

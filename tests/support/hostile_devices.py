@@ -44,8 +44,7 @@ from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration.file import Reference
 from drivers.camera.vision import tag_file
 from drivers.clock import LINK_TIMEOUT_S
-from drivers.links import READ_TRIES
-from drivers.modbus.master import DRAIN_S
+from drivers.links import DRAIN_S, READ_TRIES
 from drivers.sim.camera.rig import standard_rig
 from drivers.sim.physics import scene_protocol
 from drivers.ur.rtde import ANSWER_S

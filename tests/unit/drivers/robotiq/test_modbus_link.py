@@ -9,8 +9,9 @@ from lines import Line
 from drivers import connect
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
+from drivers.links import DRAIN_S
 from drivers.modbus.framing import TcpFraming
-from drivers.modbus.master import DRAIN_S, GAP_S
+from drivers.modbus.master import GAP_S
 from drivers.ports import no_report
 from drivers.robotiq.modbus import TCP, ModbusLink, read_request, wiring_of
 from drivers.sim.wire.modbus import crc16
