@@ -173,17 +173,13 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         Raises:
             GripperFault: `check` refused a reading, or the deadline has passed.
         """
-        while True:
-            late = self._pace.now() > deadline
+        for _ in self._pace.polls(deadline):
             seen = self._read()
             if check is not None:
                 check(seen, doing)
             if done(seen):
                 return seen
-            if late:
-                last = self._sketch(seen)
-                raise GripperFault(f"gripper not done {doing} in time; last seen {last}")
-            self._pace.idle(deadline)
+        raise GripperFault(f"gripper not done {doing} in time; last seen {self._sketch(seen)}")
 
     def _settled(self) -> Seen:
         """Waits until the current move has settled; returns the last reading."""

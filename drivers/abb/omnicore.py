@@ -126,28 +126,23 @@ class Arm(UprightArm):
         # At its start, the program reports an earlier request as done, which signals that it has begun.
         self._next()
         self._link.post(f"{EXECUTION}/start", START, mastership="implicit")
-        until = self._pace.deadline(START_S)
-        while not _is(self._symbol("sq_done"), self._moves):
-            if self._pace.now() > until:
-                raise self._lose("the program did not start")
-            self._pace.pause(LOOK_S)
+        for _ in self._pace.polls(self._pace.deadline(START_S), LOOK_S):
+            if _is(self._symbol("sq_done"), self._moves):
+                return
+        raise self._lose("the program did not start")
 
     def _next(self) -> None:
         self._moves = self._moves % MOST_NUMBER + 1
         self._write("sq_request", str(self._moves))
 
     def _await(self, name: str, budget_s: float, otherwise: str) -> None:
-        until = self._pace.deadline(budget_s)
-        while True:
-            late = self._pace.now() > until
+        for _ in self._pace.polls(self._pace.deadline(budget_s), LOOK_S):
             runs = self._runs()  # read first: a program may end after it reported the number
             if _is(self._symbol(name), self._moves):
                 return
             if not runs:
                 raise self._lose("its program stopped on the way; see the event log")
-            if late:
-                raise self._lose(otherwise)
-            self._pace.pause(LOOK_S)
+        raise self._lose(otherwise)
 
     def _symbol(self, name: str) -> str:
         return str(self._look(f"{SYMBOL}/{name}/data").get("value"))

@@ -24,7 +24,7 @@ from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
 from drivers.sim.faults import Desk
 from drivers.sim.wire.line import Line
 from drivers.sim.wire.modbus import Registers
-from drivers.sim.wire.rtu import MbapSlave, PtyPort, RtuSlave, open_port
+from drivers.sim.wire.rtu import MbapSlave, RtuSlave, open_port, open_pty
 from drivers.sim.wire.serving import HOST, Site
 from drivers.stream import Stream
 from runtime.shell.errors import UsageError
@@ -74,7 +74,7 @@ class Simulator:
         Returns:
             Path of the serial port, and the addresses of the others.
         """
-        return PtyPort(self.slave(device, site.now, line()), site).path, {}
+        return open_pty(self.slave(device, site.now, line()), site), {}
 
     def driver(
         self, stream: Stream, pace: Pace, report: Report, profile: GripperProfile

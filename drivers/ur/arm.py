@@ -109,16 +109,14 @@ class Arm(UprightArm):
             self._await_end(budget_s)
 
     def _await_start(self) -> None:
-        until = self._pace.deadline(ANSWER_S)
-        while (seen := self._read()).started != self._moves:
-            if self._pace.now() > until:
-                raise self._lose(f"it did not take a program; {_hold(seen) or REMOTE}")
-            self._pace.idle(until)
+        for _ in self._pace.polls(self._pace.deadline(ANSWER_S)):
+            seen = self._read()
+            if seen.started == self._moves:
+                return
+        raise self._lose(f"it did not take a program; {_hold(seen) or REMOTE}")
 
     def _await_end(self, budget_s: float) -> None:
-        until = self._pace.deadline(budget_s)
-        while True:
-            late = self._pace.now() > until
+        for _ in self._pace.polls(self._pace.deadline(budget_s)):
             seen = self._read()
             runs = seen.status_bits & PROGRAM_RUNS or seen.runtime_state in PAUSED
             if seen.started != self._moves:
@@ -130,14 +128,10 @@ class Arm(UprightArm):
             if not ended and not runs:
                 reason = _stop(seen) or "stopped by somebody"
                 raise self._lose(f"its program ended on the way ({reason})")
-            if late:
-                held = _hold(seen)
-                if not held and seen.speed_fraction < self._fraction:
-                    held = f"the speed slider was lowered to {100.0 * seen.speed_fraction:.0f} %"
-                raise self._lose(
-                    f"not there after {budget_s:.1f} s ({held or 'nothing tells why'})"
-                )
-            self._pace.idle(until)
+        held = _hold(seen)
+        if not held and seen.speed_fraction < self._fraction:
+            held = f"the speed slider was lowered to {100.0 * seen.speed_fraction:.0f} %"
+        raise self._lose(f"not there after {budget_s:.1f} s ({held or 'nothing tells why'})")
 
     def _read(self) -> Reading:
         self._check_known()

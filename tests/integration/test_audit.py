@@ -1,5 +1,6 @@
 """`grasp-audit judge` as the runtime starts it: questions and answers over pipes, whatever comes."""
 
+import contextlib
 import json
 import os
 import socket
@@ -71,7 +72,7 @@ def files(tmp_path):
     """What the command line names, and a camera that shows the part at `POSE`."""
     calibration.save(true_calibration(OPTICS), tmp_path / "camera.json")
     tag_file.save(part_tag(), tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
-    with CameraServer(RIG.watcher(lambda: Look(POSE), seed=1)) as server:
+    with contextlib.closing(CameraServer(RIG.watcher(lambda: Look(POSE), seed=1))) as server:
         yield {
             "tree": TABLE,
             "camera": server.url,

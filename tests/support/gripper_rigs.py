@@ -17,7 +17,7 @@ from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.devices.jaws import Surroundings
-from drivers.sim.wire.rtu import MbapSlave, PtyPort, RtuSlave, open_port
+from drivers.sim.wire.rtu import MbapSlave, RtuSlave, open_port, open_pty
 from drivers.sim.wire.serving import Site
 from runtime.table import profile_of
 
@@ -77,7 +77,7 @@ class Robotiq(GripperRig):
             return f"tcp://127.0.0.1:{port}"
         self.slave = RtuSlave(GripperRegisters(self.model, self.now))
         if bus == "pty":
-            return PtyPort(self.slave, self.site).path
+            return open_pty(self.slave, self.site)
         return f"{bus}://127.0.0.1:{open_port(self.slave, self.site)}"
 
     def commanded(self):
@@ -114,7 +114,7 @@ class Dh(GripperRig):
         self.now = self.site.now
         self.device = DhModel(random.Random(1), self, self.profile)
         self.slave = RtuSlave(DhRegisters(self.device, self.now), None, dh.UNIT)
-        self.path = PtyPort(self.slave, self.site).path
+        self.path = open_pty(self.slave, self.site)
         self.name = f"dh://{self.path}"
 
     def commanded(self):

@@ -14,7 +14,7 @@ from drivers.sim.devices.schunk import SILENCE_S, SchunkModel, SchunkRegisters
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import GripperPort
 from drivers.sim.wire import line
-from drivers.sim.wire.rtu import PtyPort, RtuSlave
+from drivers.sim.wire.rtu import RtuSlave, open_pty
 from drivers.sim.wire.serving import Site
 from runtime.table import PROFILES
 
@@ -50,7 +50,7 @@ class SchunkRig(GripperRig):
         self.model = SchunkModel(random.Random(1), self.part, profile)
         self.model.silence_s = math.inf
         self.slave = RtuSlave(SchunkRegisters(self.model, self.site.now), None, UNIT)
-        self.path = PtyPort(self.slave, self.site).path
+        self.path = open_pty(self.slave, self.site)
         self.name = f"schunk://{self.path}"
 
     def put_part(self):

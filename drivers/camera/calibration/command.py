@@ -22,7 +22,7 @@ from drivers.planar import Pose2
 from runtime.shell.command import Parser, add_command, run, say, say_result
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
-from runtime.shell.files import folder, usable, writing
+from runtime.shell.files import folder, usable, write, writing
 
 PICTURE_S = 10.0
 Run = Callable[[argparse.Namespace], None]
@@ -133,8 +133,7 @@ def run_camera(options: argparse.Namespace) -> None:
         height_mm=options.board_height,
     )
     calibration.save(fitted.calibration, options.output)
-    with writing(picture) as draft:
-        draft.write_text(residual_picture.draw(fitted), encoding="ascii")
+    write(picture, residual_picture.draw(fitted))
     known, off = fitted.calibration, np.hypot(*fitted.residuals.off.T)
     sigma = known.trust.sigma_mm
     numbers = [reference.number for reference in known.references]

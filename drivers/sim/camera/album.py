@@ -109,8 +109,7 @@ def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Itera
             off = rng.normal(0.0, ARM_SIGMA_MM, 2)
             place = (f"{x + off[0]:.4f}", f"{y + off[1]:.4f}", f"{turn}")
             rows.append((f"{name}-{number}.png", *place))
-        with files.writing(folder / f"{name}.csv") as draft:
-            draft.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
+        files.write(folder / f"{name}.csv", "\n".join(map(",".join, rows)) + "\n")
     yield from _commands(rig, folder, names)
 
 

@@ -15,7 +15,6 @@ from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_m
 from drivers.sim.devices.jaws import Fingers
 from runtime.shell.errors import UsageError
 
-CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
 SILENCE_S = 1.0  # silence that causes fault 0x09 until traffic returns ([SDK] fault_status.hpp)
 SWEEP_MM_S = 60.0  # activation: two strokes in about 3 s
 RELEASE_MM_S = 20.0  # automatic release is slow ([M18] p62)
@@ -49,7 +48,7 @@ class GripperModel(Fingers):
     """
 
     CLOSING = 1.0
-    CYCLE_S = CYCLE_S
+    CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
     MODEL = MODEL
 
     def _begin(self) -> None:
@@ -75,11 +74,10 @@ class GripperModel(Fingers):
     # -- the two register blocks ------------------------------------------------------------------
 
     def read_input(self, now_s: float) -> bytes:
-        """The 16 input bytes, as the last refresh before `now_s` left them (echoes are immediate)."""
-        return input_block(**self._fields(now_s))
+        """The 16 input bytes, as the last refresh before `now_s` left them (echoes are immediate).
 
-    def _fields(self, now_s: float) -> dict[str, int]:
-        """Returns the fields of the input block for one more request, which counts as an event."""
+        Reading them is one more request, which counts as an event.
+        """
         self.next_request(now_s)
         self._refresh(now_s)
         request, state = self._request, self._flag.at(self._now)
@@ -88,16 +86,16 @@ class GripperModel(Fingers):
         fault = self._fault or (FAULT_SILENCE if now_s < self._silent_until_s else 0)
         for code in (each.code for each in self._faults):
             fault = code if 0 < code < LEAST_MAJOR else fault
-        return {
-            "gACT": request["rACT"],
-            "gGTO": going,
-            "gSTA": self._status,
-            "gOBJ": state if misstated is None else misstated,
-            "gFLT": fault,
-            "gPR": request["rPR"],
-            "gPO": self._misread(round(self._here())),
-            "gCU": round(self._current()),
-        }
+        return input_block(
+            gACT=request["rACT"],
+            gGTO=going,
+            gSTA=self._status,
+            gOBJ=state if misstated is None else misstated,
+            gFLT=fault,
+            gPR=request["rPR"],
+            gPO=self._misread(round(self._here())),
+            gCU=round(self._current()),
+        )
 
     def read_output(self) -> bytes:
         """The 16 output bytes as last written."""
@@ -123,7 +121,7 @@ class GripperModel(Fingers):
         super().next_request(now_s)
         # The register reports the silence until the next refresh, so the first answer does too.
         if now_s - self._heard_s > SILENCE_S:
-            self._silent_until_s = now_s + CYCLE_S
+            self._silent_until_s = now_s + self.CYCLE_S
         self._heard_s = now_s
 
     def opening_mm(self, now_s: float) -> float:

@@ -95,17 +95,15 @@ class Setting(NamedTuple):
         Raises:
             UsageError: the factory fails, or a world lacks a method that the scene needs.
         """
-        subjects = [subject for _, subject in self.parts] or [self.subject]
-        return [self._make_world(subject, seed + number) for number, subject in enumerate(subjects)]
-
-    def _make_world(self, subject: Any, seed: int) -> World:
-        try:
-            world: World = make_world(self.factory, subject, seed)
-        except WorldError as error:
-            raise UsageError(f"world {self.world}: {error}") from error
-        if self.pushing and self.truthful and not hasattr(world, "push"):
+        worlds: list[World] = []
+        for subject in [subject for _, subject in self.parts] or [self.subject]:
+            try:
+                worlds.append(make_world(self.factory, subject, seed + len(worlds)))
+            except WorldError as error:
+                raise UsageError(f"world {self.world}: {error}") from error
+        if self.pushing and self.truthful and not all(hasattr(each, "push") for each in worlds):
             raise UsageError(f"world {self.world} has no push() and the table pushes; name another")
-        return world
+        return worlds
 
     @property
     def truthful(self) -> bool:

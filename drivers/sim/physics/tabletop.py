@@ -35,7 +35,6 @@ class TableTop:
 
     def __init__(self, setting: Setting, seed: int, desk: Desk) -> None:
         self.geometry, self._setting = setting.geometry, setting
-        self.truthful = setting.truthful
         self._seed = seed
         self._desk = desk
         self._worlds = setting.make_worlds(seed)
@@ -138,7 +137,7 @@ class TableTop:
 
     def truth(self) -> dict[str, object]:
         """The ground truth, for the scene protocol."""
-        x, y, theta = map(float, self.pose) if self.truthful else (None, None, None)
+        x, y, theta = map(float, self.pose) if self._setting.truthful else (None, None, None)
         return {
             "x_mm": x,
             "y_mm": y,
@@ -152,7 +151,7 @@ class TableTop:
 
     def look(self) -> Look:
         """What the camera has in view now, with the effects of the current faults."""
-        there = self.truthful and not self._desk.holds("part_missing")
+        there = self._setting.truthful and not self._desk.holds("part_missing")
         moved, two = self._desk.holds("camera_moved"), self._desk.holds("two_parts")
         wrong, covered = self._desk.holds("wrong_part"), self._desk.holds("camera_covered")
         second = compose(self.pose, BESIDE) if two and there else None

@@ -5,7 +5,6 @@ import contextlib
 import os
 import tty
 from collections.abc import Callable
-from functools import partial
 
 from drivers.robotiq.modbus import RTU
 from drivers.sim.wire.line import BYTE_S, NETWORK_BYTE_S, Line, Outbox, Piece, UnpluggedError
@@ -50,7 +49,7 @@ class Slave:
                 break
             frame = bytes(self._buffer[:length])
             del self._buffer[:length]
-            if self._line.hears(frame):
+            if self._line.hears():
                 pieces += self._line.carries(frame, self.reply(frame))
         return pieces
 
@@ -165,27 +164,24 @@ def open_port(slave: Slave, site: Site, left: Callable[[], None] = lambda: None)
     return port
 
 
-class PtyPort:
-    """An RTU slave behind a pseudo-terminal; `path` is what a master opens, until the line is unplugged.
+def open_pty(slave: RtuSlave, site: Site) -> str:
+    """Opens a pseudo-terminal that serves a slave until the line is unplugged; returns its path for a master.
 
     Args:
         slave: the device.
         site: where it is served.
     """
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    os.set_blocking(ours, False)
+    path = os.ttyname(theirs)
 
-    def __init__(self, slave: RtuSlave, site: Site) -> None:
-        self._ends = os.openpty()
-        tty.setraw(self._ends[1])
-        os.set_blocking(self._ends[0], False)
-        self.path = os.ttyname(self._ends[1])
-        site.call(site.begin, partial(self._serve, slave, site))
-
-    async def _serve(self, slave: RtuSlave, site: Site) -> None:
+    async def serve() -> None:
         # The slave end stays open here, too: else the master end reports an error whenever a client
         # leaves.
         with (
-            os.fdopen(self._ends[0], "r+b", buffering=0) as master,
-            os.fdopen(self._ends[1], "r+b", buffering=0),
+            os.fdopen(ours, "r+b", buffering=0) as master,
+            os.fdopen(theirs, "r+b", buffering=0),
         ):
 
             def write(data: bytes) -> None:
@@ -198,3 +194,6 @@ class PtyPort:
                 await exchange(slave, reader, write, site, BYTE_S)
             finally:
                 loop.remove_reader(master)
+
+    site.call(site.begin, serve)
+    return path
