@@ -119,7 +119,6 @@ class Pulse(Console):
         self.longest_s = 0.0
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        del part, phase, node
         now_s = self._clock.now()
         self.longest_s = max(self.longest_s, now_s - self._last_s)
         self._last_s = now_s

@@ -121,10 +121,6 @@ class Gripper(PolledGripper[Input, Output]):
     def _width_um(self, position_um: int) -> int:
         return self.profile.reading_um(self.profile.step(position_um))
 
-    def _target_um(self, asked: Output) -> int:
-        position_um = 0 if asked.control & Control.GRIP else asked.position_um
-        return self._width_um(min(max(position_um, 0), self.profile.stroke_um))
-
     def _request(self, width_um: int, speed_mm_s: float, force_n: float) -> Output:
         limits, speed_um_s = self._limits, int(1000 * speed_mm_s)
         if width_um > limits.lowest_um:
@@ -168,13 +164,14 @@ class Gripper(PolledGripper[Input, Output]):
         return self._asked()
 
     def _state(self, seen: Input, target: Output) -> GripperState:
+        asked_um = 0 if target.control & Control.GRIP else target.position_um
         return GripperState(
             activated=bool(seen.status & Status.READY),
             moving=_moves(seen, target),
             fault=seen.error,
             fault_text=error_text(seen.error) if seen.error else "",
             object=_object(seen, target),
-            target_um=self._target_um(target),
+            target_um=self._width_um(min(max(asked_um, 0), self.profile.stroke_um)),
             width_um=self._width_um(seen.position_um),
             current_ma=0,
         )

@@ -9,9 +9,8 @@ from functools import lru_cache
 
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.counts import MODEL
-from drivers.robotiq.faults import is_major
 from drivers.robotiq.modbus import RTU, TCP, Wiring
-from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_mm_s_of, unpack
+from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, is_major, pack, unpack
 from drivers.sim.devices.jaws import Fingers
 from runtime.shell.errors import UsageError
 
@@ -183,7 +182,7 @@ class GripperModel(Fingers):
 
     def _go(self, *, meets: bool = True) -> None:
         target = float(min(max(self._request["rPR"], self._open), self._closed))
-        self._drive(target, speed_mm_s_of(self._request["rSP"]), meets=meets)
+        self._drive(target, robotiq.speed_mm_s_of(self._request["rSP"]), meets=meets)
         self._follow()
 
     # -- motion -----------------------------------------------------------------------------------

@@ -4,8 +4,7 @@ Drivers do not depend on the planner, which may be missing: its job reader is im
 """
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -201,20 +200,14 @@ def warm_up(setting: Setting, seed: int) -> None:
         UsageError: the world fails.
     """
     for world in setting.make_worlds(seed):
-        with _telling(setting.world, "squeeze"):
-            world.squeeze((0.0, 0.0, 0.0))
         push = getattr(world, "push", None)
-        if setting.pushing and push is not None:
-            with _telling(setting.world, "push"):
+        method = "squeeze"
+        try:
+            world.squeeze((0.0, 0.0, 0.0))
+            if setting.pushing and push is not None:
+                method = "push"
                 push((setting.geometry.opening_mm, 0.0, 0.0), 0.0, 1.0)
-
-
-@contextmanager
-def _telling(world: str, method: str) -> Iterator[None]:
-    """Context that turns an error of an external world into a UsageError with the world's name."""
-    try:
-        yield
-    except Exception as error:
-        raise UsageError(
-            f"world {world}: {method}() failed: {type(error).__name__}: {error}"
-        ) from error
+        except Exception as error:
+            raise UsageError(
+                f"world {setting.world}: {method}() failed: {type(error).__name__}: {error}"
+            ) from error
