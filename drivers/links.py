@@ -63,14 +63,12 @@ class StreamLink(ReportingLink):
             pass
 
     def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
-        """Yields received data until a deadline, and once more after it, in case this process was stopped.
+        """Yields received data until a deadline, and after it, in case this process was stopped.
 
         The deadline is that of a transaction, `LINK_TIMEOUT_S`, plus `seconds` of device time.
         """
-        left = LINK_TIMEOUT_S + seconds / self._pace.time_scale
-        deadline = self._pace.now() + left
-        while left > 0.0:
-            left = deadline - self._pace.now()
+        deadline = self._pace.now() + LINK_TIMEOUT_S + seconds / self._pace.time_scale
+        for left in self._pace.looks(deadline):
             piece = self._stream.receive(max(left, 0.0))
             self._late_s = max(self._pace.now() - deadline, 0.0)
             yield piece

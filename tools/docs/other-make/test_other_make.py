@@ -34,73 +34,6 @@ class TestOtherArm(ArmContract):
         return ArmRig()
 
 
-class GripperRig:
-    contact_um = 24_000
-
-    def __init__(self):
-        self._site = Site(SCALE)
-        self._device = GripperDevice(self._site.now)
-        self._port = served(self._site, lambda words: self._device.answer(words))
-
-    def open(self, *, read_only=False):
-        address = f"other://127.0.0.1:{self._port}"
-        return contextlib.closing(connect.gripper(address, time_scale=SCALE, read_only=read_only))
-
-    def put_part(self):
-        self._device.contact_mm = 24.0
-
-    def commanded(self):
-        return self._device.commands > 0
-
-    def commands(self):
-        return self._device.commands
-
-    def silence(self):
-        self._device.mute = True
-
-    def says(self, line):
-        self._device.answer = lambda words: line
-
-    def close(self):
-        self._site.close()
-
-
-class ArmRig:
-    far_mm = 900.0
-
-    def __init__(self):
-        self._site = Site(SCALE)
-        self._device = ArmDevice()
-        self._port = served(self._site, self._device.answer)
-
-    @property
-    def moves(self):
-        return self._device.moves
-
-    def open(self, *, read_only=False):
-        address = f"other://127.0.0.1:{self._port}"
-        return contextlib.closing(connect.arm(address, time_scale=SCALE, read_only=read_only))
-
-    def truth(self):
-        return self._device.place
-
-    def silence(self):
-        self._device.mute = True
-
-    def close(self):
-        self._site.close()
-
-
-def served(site, answer):
-    """Answers lines on a TCP port, whose number it returns; `answer` returns a line, or None for silence."""
-
-    def answered(line):
-        said = answer(line.decode().split())
-        return b"" if said is None else said.encode() + b"\n"
-
-    return site.answer_lines(answered, most_bytes=256)
-
-
 class GripperDevice:
     """Simulates a gripper: the fingers move at the requested speed, and stop at `contact_mm`.
 
@@ -145,7 +78,7 @@ class GripperDevice:
 class ArmDevice:
     """Simulates an arm: answers when it is at rest; does not answer if `mute`."""
 
-    def __init__(self) -> None:
+    def __init__(self, _) -> None:
         self.mute, self.moves = False, 0
         self.place = (0.0, 0.0, 100.0, 0.0)
 
@@ -160,3 +93,60 @@ class ArmDevice:
         time.sleep(math.dist(self.place[:3], (x, y, z)) / speed / SCALE)
         self.place, self.moves = (x, y, z, math.remainder(angle, math.tau)), self.moves + 1
         return "ok"
+
+
+class Rig:
+    """A simulated device of the class `device_of`, which is served on a TCP port."""
+
+    def __init__(self):
+        self._site = Site(SCALE)
+        self._device = self.device_of(self._site.now)
+        port = self._site.answer_lines(self._answered, most_bytes=256)
+        self._address = f"other://127.0.0.1:{port}"
+
+    def _answered(self, line):
+        said = self._device.answer(line.decode().split())
+        return b"" if said is None else said.encode() + b"\n"
+
+    def silence(self):
+        self._device.mute = True
+
+    def close(self):
+        self._site.close()
+
+
+class GripperRig(Rig):
+    device_of = GripperDevice
+    contact_um = 24_000
+
+    def open(self, *, read_only=False):
+        options = {"time_scale": SCALE, "read_only": read_only}
+        return contextlib.closing(connect.gripper(self._address, **options))
+
+    def put_part(self):
+        self._device.contact_mm = 24.0
+
+    def commanded(self):
+        return self._device.commands > 0
+
+    def commands(self):
+        return self._device.commands
+
+    def says(self, line):
+        self._device.answer = lambda words: line
+
+
+class ArmRig(Rig):
+    device_of = ArmDevice
+    far_mm = 900.0
+
+    @property
+    def moves(self):
+        return self._device.moves
+
+    def open(self, *, read_only=False):
+        options = {"time_scale": SCALE, "read_only": read_only}
+        return contextlib.closing(connect.arm(self._address, **options))
+
+    def truth(self):
+        return self._device.place
