@@ -1,14 +1,14 @@
 """A simulated cell in real time: gripper and arm behind their real protocols, with a part."""
 
+import random
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from drivers.sim.camera.server import CameraServer
 from drivers.sim.devices.arm_server import ArmServer, open_logger
-from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.devices.ur_controller import UrModel
 from drivers.sim.devices.ur_ports import served
-from drivers.sim.faults import Desk, Listed
+from drivers.sim.faults import Listed
 from drivers.sim.grippers import simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import open_port
@@ -36,7 +36,7 @@ class LoneGripper(Site):
     def __init__(self, model: str, seed: int, time_scale: float = 1.0) -> None:
         super().__init__(time_scale)
         make = simulator(model)
-        device = make.device(profile_of(model), seed, Surroundings(), Desk(Listed()))
+        device = make.model(random.Random(f"{seed}/gripper"), profile=profile_of(model))
         path, others = make.ports(device, self, lambda **_: Line())
         self.endpoints = {"gripper": path, "port": make.scheme + path, **others}
 

@@ -1,6 +1,5 @@
 """The simulators of grippers by model: the device, its ports and its driver."""
 
-import random
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -19,9 +18,8 @@ from drivers.schunk.link import SchunkLink
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
-from drivers.sim.devices.jaws import Fingers, Surroundings
+from drivers.sim.devices.jaws import Fingers
 from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
-from drivers.sim.faults import Desk
 from drivers.sim.wire.line import Line
 from drivers.sim.wire.modbus import Registers
 from drivers.sim.wire.rtu import MbapSlave, RtuSlave, open_port, open_pty
@@ -35,27 +33,13 @@ from runtime.table import same_model
 class Simulator:
     """Simulator of the grippers of one make."""
 
-    # creates the device from its draws, what its fingers may meet, its profile, and the desk of its faults
-    model: Callable[[random.Random, Surroundings, GripperProfile, Desk], Fingers]
+    model: type[Fingers]  # the simulated device
     registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, with its clock
     unit: int  # slave id on the serial line
     scheme: str  # prefix of the serial port's path for `drivers.connect`
     link: Callable[[Stream, Pace, Report], Any]  # creates the driver's link on that line
     # creates the driver on that link
     gripper: Callable[[Any, Pace, Report, GripperProfile], Gripper]
-
-    def device(
-        self, profile: GripperProfile, seed: int, surroundings: Surroundings, desk: Desk
-    ) -> Fingers:
-        """Creates the simulated device.
-
-        Args:
-            profile: of its model.
-            seed: of its lags.
-            surroundings: what the fingers may meet.
-            desk: gives the device's faults.
-        """
-        return self.model(random.Random(f"{seed}/gripper"), surroundings, profile, desk)
 
     def slave(self, device: Any, now: Callable[[], float], line: Line) -> RtuSlave:
         """Creates the Modbus slave of the device, on the gripper's end of a serial line."""
@@ -75,12 +59,6 @@ class Simulator:
             Path of the serial port, and the addresses of the others.
         """
         return open_pty(self.slave(device, site.now, line()), site), {}
-
-    def driver(
-        self, stream: Stream, pace: Pace, report: Report, profile: GripperProfile
-    ) -> Gripper:
-        """Creates the driver of the gripper on a stream, the host's end of the serial line."""
-        return self.gripper(self.link(stream, pace, report), pace, report, profile)
 
 
 class RobotiqSimulator(Simulator):
