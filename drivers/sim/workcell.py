@@ -124,7 +124,7 @@ class Workcell(Surroundings):
         self.gripper.advance(self.now())
         if what == "next_part":
             return {"part": self.table.next_part()}
-        return self.table.truth() if what == "truth" else None
+        return self.table.truth()._asdict() if what == "truth" else None
 
     def look(self) -> Look:
         """What a camera under the table has in view now."""

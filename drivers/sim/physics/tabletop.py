@@ -5,6 +5,7 @@ import random
 from typing import NamedTuple
 
 from drivers.planar import Pose2, compose, relative
+from drivers.ports import Truth
 from drivers.sim.faults import Channel, Desk
 from drivers.sim.physics.scene import Setting
 
@@ -135,19 +136,12 @@ class TableTop:
         if collides is not None and collides(relative(hand, self.pose), opening_mm):
             self.crashes += 1
 
-    def truth(self) -> dict[str, object]:
-        """The ground truth, for the scene protocol."""
-        x, y, theta = map(float, self.pose) if self._setting.truthful else (None, None, None)
-        return {
-            "x_mm": x,
-            "y_mm": y,
-            "theta_rad": theta,
-            "squeezes": self.squeezes,
-            "crashes": self.crashes,
-            "status": self.status,
-            "covered": self._desk.holds("camera_covered") is not None,
-            "hypothesis": self.hypothesis,
-        }
+    def truth(self) -> Truth:
+        """The ground truth."""
+        x, y, theta = map(float, self.pose) if self._setting.truthful else (math.nan,) * 3
+        covered = self._desk.holds("camera_covered") is not None
+        counts = self.squeezes, self.crashes
+        return Truth(x, y, theta, *counts, self.status, covered, self.hypothesis)
 
     def look(self) -> Look:
         """What the camera has in view now, with the effects of the current faults."""
