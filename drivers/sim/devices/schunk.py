@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from drivers.schunk import registers as schunk
-from drivers.schunk.registers import PARAMETERS, Command, Control, Output, Status, is_soft
+from drivers.schunk.registers import PARAMETERS, Command, Control, Input, Output, Status, is_soft
 from drivers.sim.devices.jaws import Fingers
 
 # Silence that causes ERR_COMM_LOST; bkstools pauses for 0.5 s, users report that 2 s are too long.
@@ -133,34 +133,31 @@ class SchunkModel(Fingers):
             self._obey_code(int(values[0]))
 
     def _values(self, name: str) -> tuple[float | bytes, ...]:
-        position_mm = self._here()
-        match name:
-            case "plc_sync_input":
-                status, stroke_um = self._status, self.profile.stroke_um
-                misstated = self._misstated(moving=not status & schunk.OUTCOMES)
-                if misstated is not None:
-                    status = status & ~schunk.OUTCOMES | STATES[misstated]
-                closed_um = self._misread(stroke_um - int(1000 * position_mm), stroke_um)
-                position_um = stroke_um - closed_um
-                return (status, position_um, 0, self._error, self._warning, self._additional)
-            case "plc_sync_output":
-                return self._output
-            case "err_code":
-                return (self._error,)
-            case "wrn_code":
-                return (self._warning,)
-            case "actual_pos":
-                return (position_mm,)
-            case "actual_vel":
-                return (self._stroke.rate if self._now < self._stroke.end_s else 0.0,)
-            case "system_uptime":
-                return (int(self._now),)
-            case "sys_msg_buffer":
-                wanted = int(self._settings["sys_msg_req"][0])
-                texts = [*reversed(self._messages)]
-                text = texts[wanted] if wanted < len(texts) else ""
-                return (text.encode("ascii").ljust(214),)
-        return self._settings[name]
+        if name == "plc_sync_input":
+            return self._plc_sync_input()
+        live: dict[str, tuple[float | bytes, ...]] = {
+            "plc_sync_output": self._output,
+            "err_code": (self._error,),
+            "wrn_code": (self._warning,),
+            "actual_pos": (self._here(),),
+            "actual_vel": (self._stroke.rate if self._now < self._stroke.end_s else 0.0,),
+            "system_uptime": (int(self._now),),
+            "sys_msg_buffer": (self._message().encode("ascii").ljust(214),),
+        }
+        return live.get(name, self._settings[name])
+
+    def _plc_sync_input(self) -> Input:
+        status, stroke_um = self._status, self.profile.stroke_um
+        misstated = self._misstated(moving=not status & schunk.OUTCOMES)
+        if misstated is not None:
+            status = status & ~schunk.OUTCOMES | STATES[misstated]
+        closed_um = self._misread(stroke_um - int(1000 * self._here()), stroke_um)
+        return Input(status, stroke_um - closed_um, 0, self._error, self._warning, self._additional)
+
+    def _message(self) -> str:
+        """The message that `sys_msg_req` selects, 0 the newest; empty without one."""
+        wanted = int(self._settings["sys_msg_req"][0])
+        return self._messages[-1 - wanted] if wanted < len(self._messages) else ""
 
     def _value(self, name: str) -> float:
         (value,) = self._settings[name]

@@ -48,16 +48,12 @@ def check(site: Path) -> Found:
     faults, outside = [], set()
     for path, page in pages.items():
         name = path.relative_to(site.resolve())
-        faults += [
-            f"{name}: the anchor {anchor} is there {n} times"
-            for anchor, n in page.ids.items()
-            if n > 1
-        ]
-        faults += [
-            f"{name}: loads {target} from elsewhere"
-            for target in page.loads
-            if target.startswith(OUTSIDE)
-        ]
+        for anchor, count in page.ids.items():
+            if count > 1:
+                faults.append(f"{name}: the anchor {anchor} is there {count} times")
+        for target in page.loads:
+            if target.startswith(OUTSIDE):
+                faults.append(f"{name}: loads {target} from elsewhere")
         outside |= {target for target in page.links if re.match("https?://[^/]", target)}
         for target in (*page.links, *page.loads):
             if not target.startswith(OUTSIDE):
