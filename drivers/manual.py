@@ -97,13 +97,7 @@ class ManualArm:
         return "" if self._behind is None else self._behind.obstacle(start, target)
 
     def move_linear(
-        self,
-        x_mm: float,
-        y_mm: float,
-        z_mm: float,
-        angle_rad: float,
-        speed_mm_s: float,
-        radius_mm: float = TURN_RADIUS_MM,
+        self, target: PoseOfHand, speed_mm_s: float, radius_mm: float = TURN_RADIUS_MM
     ) -> None:
         """Asks the person to lift the hand, to put it down, or to move it along the table.
 
@@ -114,14 +108,13 @@ class ManualArm:
             ReadOnlyError: the arm is read-only.
         """
         self._check_known()
-        target = (x_mm, y_mm, z_mm, angle_rad)
         if self._read_only:
             raise ReadOnlyError("a dry run was about to have the hand moved")
         if not all(map(math.isfinite, (*target, speed_mm_s))) or speed_mm_s <= 0.0:
             raise ArmError(f"arm not moved: {target} at {speed_mm_s} mm/s is no motion")
         self._ask_for(target, speed_mm_s)
         if self._behind is not None:
-            self._behind.move_linear(*target, speed_mm_s, radius_mm)
+            self._behind.move_linear(target, speed_mm_s, radius_mm)
         self._at = target
 
     def close(self) -> None:

@@ -145,27 +145,21 @@ class UprightArm(ABC):
         return obstacle(ArmPose(*start).frame, ArmPose(*target).frame, self._setup, self._reaches)
 
     def move_linear(
-        self,
-        x_mm: float,
-        y_mm: float,
-        z_mm: float,
-        angle_rad: float,
-        speed_mm_s: float,
-        radius_mm: float = TURN_RADIUS_MM,
+        self, target: PoseOfHand, speed_mm_s: float, radius_mm: float = TURN_RADIUS_MM
     ) -> None:
         """Moves the hand, pointing down, in a straight line and returns when it is at rest (`ports.Arm`).
 
         Sends nothing if the target is invalid or out of reach. If the arm does not arrive in time, its
         state is unknown, and every further call is refused.
         """
-        target = ArmPose(x_mm, y_mm, z_mm, angle_rad)
+        end = ArmPose(*target)
         try:
-            codec.pose_numbers(target.frame)
+            codec.pose_numbers(end.frame)
         except (ProtocolError, ValueError) as error:
             raise ArmError(f"arm not moved: {error}") from error
         start = self._at or self.pose()
-        if reason := self.obstacle(start, target) or self._overturn(start, target):
-            message = f"({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm"
+        if reason := self.obstacle(start, end) or self._overturn(start, end):
+            message = f"({end.x_mm:.1f}, {end.y_mm:.1f}, {end.z_mm:.1f}) mm"
             raise ArmError(f"arm not moved: the way to {message} is {reason}")
         if not (speed_mm_s > 0.0 and radius_mm > 0.0):
             raise ArmError(
@@ -179,11 +173,11 @@ class UprightArm(ABC):
         if self._setup.read_only:
             raise ReadOnlyError(f"a dry run was about to move the arm at {self.endpoint}")
         self._at, self._wrist_is_fresh = None, False
-        turn_rad = abs(target.angle_rad - start.angle_rad)
-        travel_s = max(math.dist(start[:3], target[:3]), radius_mm * turn_rad) / speed_mm_s
+        turn_rad = abs(end.angle_rad - start.angle_rad)
+        travel_s = max(math.dist(start[:3], end[:3]), radius_mm * turn_rad) / speed_mm_s
         budget_s = travel_s * 1.5 + MOVE_MARGIN_S
-        self._drive(Motion(start, target, speed_mm_s, turn_rad_s, budget_s))
-        self._at, self._angle_rad = target, target.angle_rad
+        self._drive(Motion(start, end, speed_mm_s, turn_rad_s, budget_s))
+        self._at, self._angle_rad = end, end.angle_rad
 
     def _overturn(self, start: ArmPose, target: ArmPose) -> str:
         """Why the hand cannot turn to the target; empty if it can, as when it turns back into its range."""

@@ -256,7 +256,7 @@ class Bench:
                 if low and not case.device.startswith("arm") and "state unknown" not in said:
                     yield f"the arm stands at {after[2]:.1f} mm"
                 if low:  # up for the next one
-                    arm.move_linear(*after[:2], UP_MM, after[3], 100.0)
+                    arm.move_linear((*after[:2], UP_MM, after[3]), 100.0)
             gripper._send({})  # inactive again, so that each run has the same calls
 
 
