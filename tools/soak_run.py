@@ -175,7 +175,7 @@ class WatchedSchunk(WatchedLink):
 
     def target(self, name: str, *values: float) -> int | None:
         repeated, self._last = values == self._last, values
-        moves = name == "plc_sync_output" and int(values[0]) & schunk.MOTIONS
+        moves = name == "plc_sync_output" and int(values[0]) & schunk.Control.MOTIONS
         return int(values[1]) if moves and not repeated else None
 
 
@@ -299,12 +299,9 @@ def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts)
 def _count(table: Table, cell: VirtualCell, result: PartResult, counts: Counts) -> None:
     """Adds a part to `counts`; if it is located, also whether it misses the goal, counted and predicted."""
     truth = cell.scene.truth()
-    counts.sums.update(
-        parts=1,
-        squeezes=len(result.steps),
-        crashes=truth.crashes,
-        delivered=result.delivery == "done",
-    )
+    delivered = result.delivery == "done"
+    squeezes = len(result.steps)
+    counts.sums.update(parts=1, squeezes=squeezes, crashes=truth.crashes, delivered=delivered)
     counts.outcomes[result.outcome.value] += 1
     counts.last = result
     if result.outcome is not Outcome.LEAF or math.isnan(truth.x_mm) or result.delivery is not None:

@@ -124,15 +124,7 @@ class Control(IntFlag):
     MOVE_ABSOLUTE = 1 << 13
     MOVE_RELATIVE = 1 << 14
     GRIP_AT_POSITION = 1 << 16
-
-
-MOTIONS = (
-    Control.RELEASE
-    | Control.GRIP
-    | Control.MOVE_ABSOLUTE
-    | Control.MOVE_RELATIVE
-    | Control.GRIP_AT_POSITION
-)
+    MOTIONS = RELEASE | GRIP | MOVE_ABSOLUTE | MOVE_RELATIVE | GRIP_AT_POSITION
 
 
 class Status(IntFlag):
@@ -151,17 +143,8 @@ class Status(IntFlag):
     WORKPIECE_LOST = 1 << 16
     WRONG_WORKPIECE = 1 << 17
     GPE_ACTIVE = 1 << 31  # the brake of an M module holds force and position
-
-
-OUTCOMES = (
-    Status.NOT_FEASIBLE
-    | Status.SUCCESS
-    | Status.NO_WORKPIECE
-    | Status.GRIPPED
-    | Status.POSITION_REACHED
-    | Status.WORKPIECE_LOST
-    | Status.WRONG_WORKPIECE
-)
+    FAILURES = NOT_FEASIBLE | WORKPIECE_LOST | WRONG_WORKPIECE
+    OUTCOMES = SUCCESS | NO_WORKPIECE | GRIPPED | POSITION_REACHED | FAILURES
 
 
 class Command(IntEnum):
@@ -189,6 +172,11 @@ class Input(NamedTuple):
     error: int
     warning: int
     additional: int
+
+    @property
+    def ready(self) -> bool:
+        """Whether the gripper may be moved."""
+        return bool(self.status & Status.READY and not self.error)
 
     @classmethod
     def of(cls, values: tuple[float, ...]) -> Self:

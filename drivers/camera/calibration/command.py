@@ -123,15 +123,9 @@ def run_camera(options: argparse.Namespace) -> None:
     read += [options.touched, options.references]
     for output, other in ((options.output, None), (picture, options.output)):
         usable(output, *read, other)
-    fitted = calibrate(
-        options.name,
-        _now(),
-        board,
-        Pictures(held, options.table, touched, options.references),
-        options.number,
-        from_below=not options.above,
-        height_mm=options.board_height,
-    )
+    shown = options.number, not options.above, options.board_height
+    pictures = Pictures(held, options.table, touched, options.references, *shown)
+    fitted = calibrate(options.name, _now(), board, pictures)
     calibration.save(fitted.calibration, options.output)
     write(picture, residual_picture.draw(fitted))
     known, off = fitted.calibration, np.hypot(*fitted.residuals.off.T)

@@ -148,9 +148,9 @@ class SchunkModel(Fingers):
 
     def _plc_sync_input(self) -> Input:
         status, stroke_um = self._status, self.profile.stroke_um
-        misstated = self._misstated(moving=not status & schunk.OUTCOMES)
+        misstated = self._misstated(moving=not status & Status.OUTCOMES)
         if misstated is not None:
-            status = status & ~schunk.OUTCOMES | STATES[misstated]
+            status = status & ~Status.OUTCOMES | STATES[misstated]
         closed_um = self._misread(stroke_um - int(1000 * self._here()), stroke_um)
         return Input(status, stroke_um - closed_um, 0, self._error, self._warning, self._additional)
 
@@ -215,7 +215,7 @@ class SchunkModel(Fingers):
         self._control, self._output = new, output
         risen = new & ~old
         if (old ^ new) & Control.REPEAT_TOGGLE:
-            risen |= new & schunk.MOTIONS
+            risen |= new & Control.MOTIONS
         if not new & Control.NO_FAST_STOP:
             if old & Control.NO_FAST_STOP:
                 self._received()
@@ -224,8 +224,8 @@ class SchunkModel(Fingers):
             self._acknowledge()
         elif risen & Control.STOP:
             self._controlled_stop()
-        elif risen & schunk.MOTIONS:
-            self._command(risen & schunk.MOTIONS, output)
+        elif risen & Control.MOTIONS:
+            self._command(risen & Control.MOTIONS, output)
 
     def _obey_code(self, code: int) -> None:
         if code == Command.ACKNOWLEDGE:
@@ -242,7 +242,7 @@ class SchunkModel(Fingers):
             self._command(Control[_COMMANDS[code]], asked)
 
     def _received(self) -> None:
-        self._status = (self._status ^ Status.RECEIVED_TOGGLE) & ~(schunk.OUTCOMES | Status.WARNING)
+        self._status = (self._status ^ Status.RECEIVED_TOGGLE) & ~(Status.OUTCOMES | Status.WARNING)
         self._warning = self._additional = 0
 
     def _refuse(self, reason: int) -> None:
@@ -252,7 +252,7 @@ class SchunkModel(Fingers):
         self._log(f"not feasible: {schunk.NOT_FEASIBLE[reason]}")
 
     def _acknowledge(self) -> None:
-        outcome = self._status & schunk.OUTCOMES
+        outcome = self._status & Status.OUTCOMES
         self._received()
         if self._status & Status.ERROR:
             outcome = Status.GRIPPED if self._gripping else Status(0)
