@@ -8,6 +8,7 @@ from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
 LOADED = {"src", "srcset", "poster", "data"}  # attributes whose target a browser fetches by itself
+LOADED_STYLE = re.compile(r"(?:url\(|@import)\s*[\"']?(https?:[^\"')\s]+)")
 OUTSIDE = ("http://", "https://", "//")
 
 
@@ -59,9 +60,7 @@ def check(site: Path) -> Found:
             if not target.startswith(OUTSIDE):
                 faults += [f"{name}: {fault}" for fault in _faults(path, target, pages)]
     for style in sorted(site.rglob("*.css")):
-        for target in re.findall(
-            r"(?:url\(|@import)\s*[\"']?(https?:[^\"')\s]+)", style.read_text(encoding="utf-8")
-        ):
+        for target in LOADED_STYLE.findall(style.read_text(encoding="utf-8")):
             faults.append(f"{style.relative_to(site)}: loads {target} from elsewhere")
     return Found(faults, sorted(outside))
 
