@@ -81,9 +81,8 @@ def gripper(
         PortError: port or driver cannot be opened, or the gripper is of another model than the profile.
         LinkError: nothing answers.
     """
-    opened: Gripper = _opened(
-        GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only, profile=profile
-    )
+    options = {"read_only": read_only, "profile": profile}
+    opened: Gripper = _opened(GRIPPERS, port, Pace(Clock(), time_scale), report, **options)
     if profile is not None and opened.profile.model != profile.model:
         opened.close()
         raise PortError(

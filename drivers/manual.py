@@ -22,6 +22,7 @@ ANSWER_S = 600.0  # a person may be away
 LIFT_S = 60.0  # also used in a safe sequence, which must not wait for long
 # Closer poses are the same: the reading tolerance of a simulated arm that follows the hand.
 SAME_MM, SAME_RAD = 0.1, 0.01
+WHICH_WIDTH = "Close the jaws on the part: which width do you read, in mm (0 if there is nothing)?"
 # Assumed pose of a hand before the first request.
 ALOFT: PoseOfHand = (0.0, 0.0, 1000.0, 0.0)
 
@@ -221,9 +222,7 @@ class ManualGripper:
 
     def _width_mm(self) -> float:
         """Asks for the width until a valid one is typed, mm."""
-        reply = self._ask(
-            "Close the jaws on the part: which width do you read, in mm (0 if there is nothing)?"
-        )
+        reply = self._ask(WHICH_WIDTH)
         while True:
             with suppress(ValueError):
                 width_mm = float(reply.replace(",", "."))

@@ -81,10 +81,8 @@ def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> 
     if target >= 0 or len(result) < squeezes or not table.leaves[~target].resolved:
         return None
     x, y, angle = map(float, pose)
-    off = min(
-        error_mm(table.goal, answered, (x, y, angle))
-        for answered in poses_of(table.goal, table.leaves[~target])
-    )
+    answers = poses_of(table.goal, table.leaves[~target])
+    off = min(error_mm(table.goal, answer, (x, y, angle)) for answer in answers)
     return Story(result, ~target, off)
 
 

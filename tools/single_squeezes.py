@@ -70,11 +70,8 @@ def partition(job: Job, names: Sequence[str]) -> Figure:
         raise ValueError(f"{len(result)} subspaces, but {len(names)} names for them")
     shares = 100 * result.size / result.size.sum()
     lines = [f"{shares[0]:.0f} % of squeezes"]
-    lines += [
-        f"{m:.1f} mm, {s:.0f} % of squeezes"
-        for m, s in zip(result.mean_mm[1:], shares[1:], strict=True)
-    ]
+    gripped = zip(result.mean_mm[1:], shares[1:], strict=True)
+    lines += [f"{mean:.1f} mm, {share:.0f} % of squeezes" for mean, share in gripped]
     titles = [f"{name}\n{words}" for name, words in zip(names, lines, strict=True)]
-    return subspaces(
-        result, result.label(width_mm), final, job.part.outline_mm, simulator.jaws, titles
-    )
+    labels, outline_mm = result.label(width_mm), job.part.outline_mm
+    return subspaces(result, labels, final, outline_mm, simulator.jaws, titles)

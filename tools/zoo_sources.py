@@ -52,9 +52,8 @@ def trivial(outline: np.ndarray) -> bool:
     part = shapely.Polygon(outline)
     box, (x, y) = part.minimum_rotated_rectangle, part.centroid.coords[0]
     disc = shapely.Point(x, y).buffer(math.sqrt(part.area / math.pi), quad_segs=64)
-    return any(
-        part.symmetric_difference(shape).area < SAME_MM * part.length for shape in (box, disc)
-    )
+    rim = SAME_MM * part.length
+    return any(part.symmetric_difference(shape).area < rim for shape in (box, disc))
 
 
 def footprints() -> Iterator[tuple[str, np.ndarray]]:

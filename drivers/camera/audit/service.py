@@ -55,9 +55,8 @@ class Worker:
                 return Answer(UNKNOWN, "the camera still hangs; restart grasp-audit")
         self._questions.put((part, predicted, start + PICTURE_SHARE * deadline_s, name))
         self._owed += 1
-        return self._next_answer(start + deadline_s) or Answer(
-            UNKNOWN, f"the part was not judged within {deadline_s:g} s; check the camera"
-        )
+        late = f"the part was not judged within {deadline_s:g} s; check the camera"
+        return self._next_answer(start + deadline_s) or Answer(UNKNOWN, late)
 
     def _next_answer(self, until: float) -> Answer | None:
         try:
