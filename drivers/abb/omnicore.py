@@ -70,8 +70,7 @@ class Arm(UprightArm):
         return self._setup.hand_at(Pose(x, y, z, (q1, q2, q3, q4)))
 
     def _read_last_axis(self) -> float:
-        seen = self._look(f"{MECHANICS}/jointtarget")
-        return math.radians(_numbers(seen, "rax_6")[0])
+        return math.radians(_numbers(self._look(f"{MECHANICS}/jointtarget"), "rax_6")[0])
 
     def _drive(self, motion: Motion) -> None:
         if reason := self._objection():

@@ -76,8 +76,7 @@ class CanLink(ReportingLink):
 
     def read(self) -> bytes:
         """Reads the input block; up to 3 attempts for each byte."""
-        at = self._where.input
-        reads = (partial(self._transact, at, byte) for byte in range(BLOCK_BYTES))
+        reads = (partial(self._transact, self._where.input, byte) for byte in range(BLOCK_BYTES))
         return bytes(map(self._repeated, reads))
 
     def write(self, block: bytes) -> None:

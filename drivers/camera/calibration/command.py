@@ -66,13 +66,10 @@ def parser() -> Parser:
     add = add_to("camera", run_camera, purpose, example)
     text = "name or serial number of the camera: the file is for this one alone"
     add("--name", required=True, help=text)
-    text = "charuco:12x9:30:22.5 or chessboard:12x9:30"
-    add("--board", required=True, metavar="B", help=text)
+    add("--board", required=True, metavar="B", help="charuco:12x9:30:22.5 or chessboard:12x9:30")
     add("--views", required=True, **DIR, help="pictures of the board, held and tilted")
-    text = "pictures of it lying on the table"
-    add("--table", required=True, **FILE, nargs="+", help=text)
-    text = "the camera looks down, and the board lies face up"
-    add("--above", action="store_true", help=text)
+    add("--table", required=True, **FILE, nargs="+", help="pictures of it lying on the table")
+    add("--above", action="store_true", help="the camera looks down, and the board lies face up")
     add("--board-height", **MM, default=0.0, help="its face above the table (default: 0)")
     add("--touched", **CSV, help="places of a tag that the arm knows, with pictures")
     add("--number", **ID, default=0, help="id of that tag, and of the part's")
@@ -85,16 +82,14 @@ def parser() -> Parser:
     add("--number", required=True, **ID, help="id of its tag, family 36h11")
     add("--side", required=True, **MM, help="edge of the tag's black border")
     add("--height", **MM, default=0.0, help="its face above the table (default: 0)")
-    text = "where it is on the part, if that is known"
-    add("--at", type=_pose, metavar="X,Y,THETA", help=text)
+    add("--at", type=_pose, metavar="X,Y,THETA", help="where it is on the part, if that is known")
     add("--calibration", **FILE, help="of the camera that sees it")
     add("--poses", **CSV, help="poses of the part that the arm knows, with pictures")
     add("-o", "--output", required=True, **FILE, help="the tag file")
 
     purpose = "take pictures, one at each Enter"
     add = add_to("pictures", run_pictures, purpose, "--camera /dev/video0 -o views")
-    text = "/dev/video0, rtsp:// or http://"
-    add("--camera", required=True, metavar="ADDRESS", help=text)
+    add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp:// or http://")
     text = "of a device (default: 1920x1080)"
     add("--size", type=_size, default=(1920, 1080), metavar="WxH", help=text)
     add("--count", type=int, default=20, metavar="N", help="how many (default: 20)")
