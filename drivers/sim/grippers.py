@@ -98,5 +98,4 @@ def simulator(model: str) -> Simulator:
     for name, result in SIMULATORS.items():
         if same_model(name, model):
             return result
-    known = ", ".join(SIMULATORS)
-    raise UsageError(f"there is no simulated gripper {model}; there are {known}")
+    raise UsageError(f"there is no simulated gripper {model}; there are {', '.join(SIMULATORS)}")

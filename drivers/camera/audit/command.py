@@ -89,8 +89,7 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     worker = service.Worker(lambda: make(options), options.deadline)
     lines = service.Lines(sys.stdin.fileno())
     judged_by = digest_of(options.tree)
-    write = partial(os.write, 1)
-    if service.serve(lines, worker, write, full, judged_by):
+    if service.serve(lines, worker, partial(os.write, 1), full, judged_by):
         again = [sys.executable, "-P", "-m", "drivers.camera.audit.command", *words]
         os.execv(sys.executable, again)
     if worker.why_not is not None:
