@@ -170,8 +170,7 @@ def _stop(seen: Reading) -> str:
     """Which stop or mode keeps the controller from moving; empty if it is ready."""
     if seen.safety_bits & ~MAY_MOVE or not seen.safety_bits & MAY_MOVE:
         stops = (name for bit, name in enumerate(SAFETY) if bit > 1 and seen.safety_bits >> bit & 1)
-        message = ", ".join(stops)
-        return f"{message or 'safety state unknown'}; put it right on the pendant"
+        return f"{', '.join(stops) or 'safety state unknown'}; put it right on the pendant"
     if seen.mode != READY:
         return f"it is not ready (robot mode {seen.mode}); power it on and release the brakes"
     return ""

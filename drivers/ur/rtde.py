@@ -73,8 +73,7 @@ class Rtde:
         self._out_of_step = False  # data streamed before an interrupt may still be pending
         if self._ask("V", struct.pack(">H", VERSION))[:1] != b"\1":
             raise RtdeError(f"it does not speak RTDE version {VERSION}; update PolyScope")
-        names = ",".join(FIELDS).encode("ascii")
-        reply = self._ask("O", struct.pack(">d", FREQUENCY_HZ) + names)
+        reply = self._ask("O", struct.pack(">d", FREQUENCY_HZ) + ",".join(FIELDS).encode("ascii"))
         self._recipe, kinds = reply[:1], reply[1:].decode("latin-1").split(",")
         if kinds != list(FIELDS.values()):
             pairs = zip(FIELDS, kinds, strict=False)
