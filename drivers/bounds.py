@@ -7,6 +7,7 @@ it.
 import http.client
 import io
 import socket
+import time
 import urllib.request
 from collections.abc import Callable
 from typing import Any, cast
@@ -63,22 +64,19 @@ class BoundedSocket:
         self._socket.settimeout(left_s)
 
 
-def opener(
-    until: float, most_bytes: int, now: Callable[[], float]
-) -> urllib.request.OpenerDirector:
+def opener(until: float, most_bytes: int) -> urllib.request.OpenerDirector:
     """Creates an object whose `open` works like `urllib.request.urlopen`, with a deadline and a size limit.
 
     Args:
-        until: deadline of all exchanges, by the clock `now`.
+        until: deadline of all exchanges (`time.monotonic`).
         most_bytes: size limit of each answer.
-        now: the clock, wall seconds.
     """
 
     def bounded(kind: type[http.client.HTTPConnection]) -> type[http.client.HTTPConnection]:
         class Bounded(kind):  # type: ignore[misc, valid-type]
             def connect(self) -> None:
                 super().connect()
-                within = BoundedSocket(cast(socket.socket, self.sock), now)
+                within = BoundedSocket(cast(socket.socket, self.sock), time.monotonic)
                 within.allow(until, most_bytes)
                 self.sock: Any = within
 

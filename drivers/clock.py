@@ -59,9 +59,17 @@ class Pace:
         """Calls `happens` every `seconds` of device time; returns a function that ends the calls."""
         return self.clock.every(seconds / self.time_scale, happens)
 
-    def idle(self, until: float) -> None:
+    def idle(self, until: float, seconds: float = POLL_S) -> None:
         """Pauses between two polls of a busy device, at most until the wall time `until`."""
-        self.clock.idle(POLL_S / self.time_scale, until)
+        self.clock.idle(seconds / self.time_scale, until)
+
+    def polls(self, deadline: float, seconds: float = POLL_S) -> Iterator[None]:
+        """Yields before each poll of a busy device, until one is late; pauses between two, device seconds."""
+        late = False
+        while not late:
+            late = self.now() > deadline
+            yield
+            self.idle(deadline, seconds)
 
     def looks(self, deadline: float) -> Iterator[float]:
         """Yields, before each read of the caller, the wall seconds left; ends after `LATE_LOOKS` late reads.

@@ -14,8 +14,8 @@ for its scheme and the function that opens it (tools/docs/drivers.md).
 """
 
 from collections.abc import Callable, Iterator
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
@@ -81,9 +81,8 @@ def gripper(
         PortError: port or driver cannot be opened, or the gripper is of another model than the profile.
         LinkError: nothing answers.
     """
-    opened: Gripper = _opened(
-        GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only, profile=profile
-    )
+    options = {"read_only": read_only, "profile": profile}
+    opened: Gripper = _opened(GRIPPERS, port, Pace(Clock(), time_scale), report, **options)
     if profile is not None and opened.profile.model != profile.model:
         opened.close()
         raise PortError(
@@ -183,8 +182,7 @@ def _opened(makes: Makes, port: str, *settings: object, **options: object) -> An
     if scheme not in ("can", MANUAL):
         scheme = port.partition("://")[0] if "://" in port else TTY
     if scheme in makes.known:
-        module, _, function = makes.known[scheme].partition(":")
-        return getattr(import_module(module), function)(port, *settings, **options)
+        return resolve_name(makes.known[scheme])(port, *settings, **options)
     return _plugged_in(makes, scheme, port, *settings, **options)
 
 
@@ -207,20 +205,20 @@ def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, **optio
 def _plug_in(makes: Makes, scheme: str, port: str) -> tuple[str, Callable[..., Any]]:
     from importlib.metadata import entry_points  # only for a scheme of other packages
 
-    results = [(point.dist and point.dist.name, point) for point in entry_points(group=makes.group)]
-    named = [(package, point) for package, point in results if point.name == scheme]
+    points = entry_points(group=makes.group)
+    named = {point.dist and point.dist.name: point for point in points.select(name=scheme)}
     if not named:
-        schemes = {*makes.known, *(point.name for _, point in results)} - {TTY, "can", MANUAL}
+        schemes = {*makes.known, *points.names} - {TTY, "can", MANUAL}
         written = " or ".join(f"{one}://host:port" for one in sorted(schemes))
         raise PortError(
             f"port {port} is not understood; write it as {written}, or install its driver"
         )
     if len(named) > 1:
-        packages = " and ".join(sorted(str(package) for package, _ in named))
+        packages = " and ".join(sorted(map(str, named)))
         raise PortError(
             f"port {port}: {packages} both have a driver for {scheme}://; uninstall one of them"
         )
-    package, point = named[0]
+    [(package, point)] = named.items()
     name = f"the driver of {scheme}:// ({package}, {point.value})"
     try:
         return name, point.load()

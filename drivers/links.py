@@ -8,6 +8,7 @@ from drivers.errors import LinkError, LinkTimeout
 from drivers.ports import Report
 from drivers.stream import StalledError, Stream
 
+DRAIN_S = 0.2  # wall; longest wait for pending data to end
 READ_TRIES = 3  # as Robotiq's SDK: the link is down after 3 failures in a row
 Read = TypeVar("Read")
 
@@ -55,15 +56,19 @@ class StreamLink(ReportingLink):
         self._stream.close()
         self._lost = self._lost or "it was closed"
 
+    def _drain(self, quiet_s: float = 0.0) -> None:
+        """Drops pending data, which answers no further request, until `quiet_s` of silence, or `DRAIN_S`."""
+        until = self._pace.now() + DRAIN_S
+        while self._stream.receive(quiet_s) and self._pace.now() < until:
+            pass
+
     def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
-        """Yields received data until a deadline, and once more after it, in case this process was stopped.
+        """Yields received data until a deadline, and after it, in case this process was stopped.
 
         The deadline is that of a transaction, `LINK_TIMEOUT_S`, plus `seconds` of device time.
         """
-        left = LINK_TIMEOUT_S + seconds / self._pace.time_scale
-        deadline = self._pace.now() + left
-        while left > 0.0:
-            left = deadline - self._pace.now()
+        deadline = self._pace.now() + LINK_TIMEOUT_S + seconds / self._pace.time_scale
+        for left in self._pace.looks(deadline):
             piece = self._stream.receive(max(left, 0.0))
             self._late_s = max(self._pace.now() - deadline, 0.0)
             yield piece

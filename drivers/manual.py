@@ -22,6 +22,7 @@ ANSWER_S = 600.0  # a person may be away
 LIFT_S = 60.0  # also used in a safe sequence, which must not wait for long
 # Closer poses are the same: the reading tolerance of a simulated arm that follows the hand.
 SAME_MM, SAME_RAD = 0.1, 0.01
+WHICH_WIDTH = "Close the jaws on the part: which width do you read, in mm (0 if there is nothing)?"
 # Assumed pose of a hand before the first request.
 ALOFT: PoseOfHand = (0.0, 0.0, 1000.0, 0.0)
 
@@ -97,13 +98,7 @@ class ManualArm:
         return "" if self._behind is None else self._behind.obstacle(start, target)
 
     def move_linear(
-        self,
-        x_mm: float,
-        y_mm: float,
-        z_mm: float,
-        angle_rad: float,
-        speed_mm_s: float,
-        radius_mm: float = TURN_RADIUS_MM,
+        self, target: PoseOfHand, speed_mm_s: float, radius_mm: float = TURN_RADIUS_MM
     ) -> None:
         """Asks the person to lift the hand, to put it down, or to move it along the table.
 
@@ -114,14 +109,13 @@ class ManualArm:
             ReadOnlyError: the arm is read-only.
         """
         self._check_known()
-        target = (x_mm, y_mm, z_mm, angle_rad)
         if self._read_only:
             raise ReadOnlyError("a dry run was about to have the hand moved")
         if not all(map(math.isfinite, (*target, speed_mm_s))) or speed_mm_s <= 0.0:
             raise ArmError(f"arm not moved: {target} at {speed_mm_s} mm/s is no motion")
         self._ask_for(target, speed_mm_s)
         if self._behind is not None:
-            self._behind.move_linear(*target, speed_mm_s, radius_mm)
+            self._behind.move_linear(target, speed_mm_s, radius_mm)
         self._at = target
 
     def close(self) -> None:
@@ -168,9 +162,9 @@ class ManualGripper:
     def __init__(self, profile: GripperProfile, *, read_only: bool) -> None:
         self.profile = profile
         self._read_only = read_only
-        self._seen = _standing(ObjectState.AT_TARGET, profile.stroke_um, profile.stroke_um)
+        self._open = _standing(ObjectState.AT_TARGET, profile.stroke_um, profile.stroke_um)
+        self._seen: GripperState | None = None  # as last confirmed
         self._asked: int | None = None
-        self._was_asked = False  # whether the state of the jaws was ever confirmed
         self._closed = False
 
     def state(self) -> GripperState:
@@ -181,7 +175,7 @@ class ManualGripper:
         """
         if self._closed:
             raise LinkError("the gripper was closed")
-        return self._seen
+        return self._seen or self._open
 
     def activate(self) -> None:
         """Does nothing: a person is ready."""
@@ -211,10 +205,11 @@ class ManualGripper:
             held = width_mm >= self.profile.held_um / 1000
             state = ObjectState.CLOSING if held else ObjectState.AT_TARGET
             # Rounded to the profile's grid: a table is planned for readings of that resolution.
-            self._saw(state, 0, self.profile.reading_um(self.profile.step(1000 * width_mm)))
-        elif not (self._was_asked and self._seen == _standing(ObjectState.AT_TARGET, asked, asked)):
+            width_um = self.profile.reading_um(self.profile.step(1000 * width_mm))
+            self._seen = _standing(state, 0, width_um)
+        elif self._seen != (opened := _standing(ObjectState.AT_TARGET, asked, asked)):
             self._ask(f"Open the jaws to {asked / 1000:.1f} mm or a little more; press Enter")
-            self._saw(ObjectState.AT_TARGET, asked, asked)
+            self._seen = opened
         return ports.Settled(self._seen.width_um, self._seen.object, 0, max(asked, 0), 0.0)
 
     def stop(self) -> None:
@@ -225,15 +220,9 @@ class ManualGripper:
         """Ends the use of the gripper: its state cannot be read any more."""
         self._closed = True
 
-    def _saw(self, state: ObjectState, target_um: int, width_um: int) -> None:
-        self._seen = _standing(state, target_um, width_um)
-        self._was_asked = True
-
     def _width_mm(self) -> float:
         """Asks for the width until a valid one is typed, mm."""
-        reply = self._ask(
-            "Close the jaws on the part: which width do you read, in mm (0 if there is nothing)?"
-        )
+        reply = self._ask(WHICH_WIDTH)
         while True:
             with suppress(ValueError):
                 width_mm = float(reply.replace(",", "."))

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, Generic, TypeVar
 
 from drivers.clock import Pace
 from drivers.errors import GripperFault, LinkTimeout, ReadOnlyError, shown
@@ -53,10 +53,11 @@ class PolledGripper(ABC, Generic[Seen, Target]):
     Every wait has a deadline, and every write whose answer was lost is reported.
 
     Args:
-        link: closed with the gripper.
+        link: closed with the gripper, and if the gripper cannot be read.
         pace: device time.
         report: receives every retry and failure.
         profile: of the expected gripper; None: the make's usual one.
+        read_only: whether the gripper refuses to write.
     """
 
     stale_s = 0.0  # device time after a request during which a reading may be of the previous move
@@ -68,27 +69,16 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         pace: Pace,
         report: Report = no_report,
         profile: GripperProfile | None = None,
+        *,
+        read_only: bool = False,
     ) -> None:
-        self._link = link
+        self._link = ReadOnlyLink(link) if read_only else link
         self._pace = pace
         self._report = report
         self._move: Move[Seen, Target] | None = None
         self._asked_at: float | None = None  # start of a move whose readings may be stale
-        self.profile = self._begin(profile)
-
-    @classmethod
-    def over(
-        cls,
-        link: Any,
-        pace: Pace,
-        report: Report,
-        profile: GripperProfile | None = None,
-        *,
-        read_only: bool,
-    ) -> Self:
-        """Creates a gripper on a link; closes the link if the gripper cannot be read."""
         with closed_on_error(link):
-            return cls(ReadOnlyLink(link) if read_only else link, pace, report, profile)
+            self.profile = self._begin(profile)
 
     def state(self) -> GripperState:
         """Reads the gripper now."""
@@ -183,17 +173,13 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         Raises:
             GripperFault: `check` refused a reading, or the deadline has passed.
         """
-        while True:
-            late = self._pace.now() > deadline
+        for _ in self._pace.polls(deadline):
             seen = self._read()
             if check is not None:
                 check(seen, doing)
             if done(seen):
                 return seen
-            if late:
-                last = self._sketch(seen)
-                raise GripperFault(f"gripper not done {doing} in time; last seen {last}")
-            self._pace.idle(deadline)
+        raise GripperFault(f"gripper not done {doing} in time; last seen {self._sketch(seen)}")
 
     def _settled(self) -> Seen:
         """Waits until the current move has settled; returns the last reading."""

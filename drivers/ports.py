@@ -223,13 +223,7 @@ class Arm(Protocol):
         """Why a straight motion is impossible, as far as known beforehand; empty if no reason is known."""
 
     def move_linear(
-        self,
-        x_mm: float,
-        y_mm: float,
-        z_mm: float,
-        angle_rad: float,
-        speed_mm_s: float,
-        radius_mm: float = TURN_RADIUS_MM,
+        self, target: PoseOfHand, speed_mm_s: float, radius_mm: float = TURN_RADIUS_MM
     ) -> None:
         """Moves in a straight line, and returns when the hand is at rest at the target.
 

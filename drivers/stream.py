@@ -129,8 +129,7 @@ class SerialStream:
 
     def close(self) -> None:
         """Closes the port; data pending on a stopped line is not sent, nor waited for."""
-        if self._port.is_open:
-            self._discard()
+        self._discard()
         self._port.close()
 
     def _unsent(self) -> int:

@@ -49,16 +49,14 @@ class Method(NamedTuple):
 
 # The default; the default with the measured scatter of friction with the table; the default without
 # placements proposed by the belief; the paper's two methods.
-METHODS = {
-    method.name: method
-    for method in (
-        Method("closed-loop"),
-        Method("measured-scatter", ("doubt.least_dof=12",), ("pressure.wishart_dof=12",)),
-        Method("fixed-actions", ("actions.proposals=none",)),
-        Method("paper", ("search.method=paper",)),
-        Method("sensorless", ("search.method=sensorless",)),
-    )
-}
+KNOWN = (
+    Method("closed-loop"),
+    Method("measured-scatter", ("doubt.least_dof=12",), ("pressure.wishart_dof=12",)),
+    Method("fixed-actions", ("actions.proposals=none",)),
+    Method("paper", ("search.method=paper",)),
+    Method("sensorless", ("search.method=sensorless",)),
+)
+METHODS = {method.name: method for method in KNOWN}
 
 
 def table_rows(trees: Path) -> list[Row]:

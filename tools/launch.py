@@ -14,9 +14,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 def parser(doc: str | None) -> argparse.ArgumentParser:
     """A parser named after the tool, with the tool's docstring as its help."""
     shape = argparse.RawDescriptionHelpFormatter
-    return argparse.ArgumentParser(
-        f"tools/{Path(sys.argv[0]).name}", description=doc, formatter_class=shape
-    )
+    name = f"tools/{Path(sys.argv[0]).name}"
+    return argparse.ArgumentParser(name, description=doc, formatter_class=shape)
 
 
 def enter() -> None:

@@ -81,10 +81,8 @@ def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> 
     if target >= 0 or len(result) < squeezes or not table.leaves[~target].resolved:
         return None
     x, y, angle = map(float, pose)
-    off = min(
-        error_mm(table.goal, answered, (x, y, angle))
-        for answered in poses_of(table.goal, table.leaves[~target])
-    )
+    answers = poses_of(table.goal, table.leaves[~target])
+    off = min(error_mm(table.goal, answer, (x, y, angle)) for answer in answers)
     return Story(result, ~target, off)
 
 
@@ -117,20 +115,19 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
         times = [0.0, begun, *closing.tolist(), opens_s, opens_s + OPEN_S, total_s]
         seen = squeeze.states[:, 3].tolist()
         widths = [opening, opening, *seen, seen[-1], opening, opening]
-        hands.append(
-            {
-                "pose": squeeze.hand,
-                "upper": Track(times, [f"{0.5 * w:.2f}" for w in widths]),
-                "lower": Track(times, [f"{-0.5 * w:.2f}" for w in widths]),
-                "seen": _seen(begun, begun + ARRIVE_S, opens_s, opens_s + OPEN_S, total_s),
-                "told": _seen(shut_s, shut_s + 0.2, total_s - 0.3, total_s, total_s),
-                "angle": math.degrees(squeeze.hand[2]),
-                "width": squeeze.reading_um / 1e3,
-                "belief": _belief(beliefs.visits[squeeze.node].before),
-                "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
-                "believed": _seen(max(begun - 0.3, 0.0), begun, shut_s, shut_s + 0.6, total_s),
-            }
-        )
+        hand = {
+            "pose": squeeze.hand,
+            "upper": Track(times, [f"{0.5 * w:.2f}" for w in widths]),
+            "lower": Track(times, [f"{-0.5 * w:.2f}" for w in widths]),
+            "seen": _seen(begun, begun + ARRIVE_S, opens_s, opens_s + OPEN_S, total_s),
+            "told": _seen(shut_s, shut_s + 0.2, total_s - 0.3, total_s, total_s),
+            "angle": math.degrees(squeeze.hand[2]),
+            "width": squeeze.reading_um / 1e3,
+            "belief": _belief(beliefs.visits[squeeze.node].before),
+            "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
+            "believed": _seen(max(begun - 0.3, 0.0), begun, shut_s, shut_s + 0.6, total_s),
+        }
+        hands.append(hand)
     end_s = total_s - END_S
     moving.append((total_s, story.squeezes[-1].states[-1]))
     times = [time for time, _ in moving]
@@ -139,29 +136,26 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
     jaws = Simulator.of_job(job, workers=1).jaws
     reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
     text = Path(__file__).with_suffix(".svg").read_text()
-    return (
-        canvas.template("tree.svg")
-        .environment.from_string(text)
-        .render(
-            job=job,
-            total=total_s,
-            hands=hands,
-            length=jaws.length_mm,
-            thickness=jaws.thickness_mm,
-            half=0.5 * jaws.opening_mm + jaws.thickness_mm + 1.0,
-            reach=reach,
-            error=story.error_mm,
-            shift=Track(times, [f"{state[0]:.2f} {state[1]:.2f}" for _, state in moving]),
-            turn=Track(times, [f"{angle:.1f}" for angle in turns]),
-            colors=vars(canvas),
-            leaf={
-                "belief": _belief(leaf),
-                "seen": _seen(end_s - 0.3, end_s, total_s - 0.3, total_s, total_s),
-                "pose": np.array(poses_of(table.goal, table.leaves[story.leaf])[0]),
-                "number": story.leaf,
-                "success": table.leaves[story.leaf].success,
-            },
-        )
+    template = canvas.template("tree.svg").environment.from_string(text)
+    return template.render(
+        job=job,
+        total=total_s,
+        hands=hands,
+        length=jaws.length_mm,
+        thickness=jaws.thickness_mm,
+        half=0.5 * jaws.opening_mm + jaws.thickness_mm + 1.0,
+        reach=reach,
+        error=story.error_mm,
+        shift=Track(times, [f"{state[0]:.2f} {state[1]:.2f}" for _, state in moving]),
+        turn=Track(times, [f"{angle:.1f}" for angle in turns]),
+        colors=vars(canvas),
+        leaf={
+            "belief": _belief(leaf),
+            "seen": _seen(end_s - 0.3, end_s, total_s - 0.3, total_s, total_s),
+            "pose": np.array(poses_of(table.goal, table.leaves[story.leaf])[0]),
+            "number": story.leaf,
+            "success": table.leaves[story.leaf].success,
+        },
     )
 
 

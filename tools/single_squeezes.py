@@ -39,12 +39,10 @@ def squeezes(job: Job) -> Figure:
         traces.append(trajectory.Squeezed(states, STATUS_NAMES[status]))
     result = trajectory.figure(job.part.outline_mm, simulator.jaws, traces)
     result.set_size_inches(WIDTH_IN, 2.95)
-    for k, (axes, trace, (end, _)) in enumerate(
-        zip(result.axes, traces, BUTTERFLY_POSES, strict=True)
-    ):
-        axes.set_title(
-            f"({chr(97 + k)}) {end}\nwidth {trace.states[-1, 3]:.1f} mm", fontsize=FONT, pad=4.0
-        )
+    panels = zip(result.axes, traces, BUTTERFLY_POSES, strict=True)
+    for k, (axes, trace, (end, _)) in enumerate(panels):
+        title = f"({chr(97 + k)}) {end}\nwidth {trace.states[-1, 3]:.1f} mm"
+        axes.set_title(title, fontsize=FONT, pad=4.0)
     signs = [Line2D([], [], color=color, label=name) for color, name in STATES]
     style = {"color": canvas.BLUE, "marker": "+", "linestyle": "none"}
     signs.append(Line2D([], [], label="centre of mass, every 1.5 mm", **style))
@@ -64,20 +62,16 @@ def partition(job: Job, names: Sequence[str]) -> Figure:
     rng = np.random.default_rng(SEED)
     poses = rng.uniform([-SPREAD_MM, -SPREAD_MM, 0.0], [SPREAD_MM, SPREAD_MM, np.pi], (SQUEEZES, 3))
     rolled = simulator.roll_out(poses, simulator.sample(SQUEEZES, rng))
-    open_jaws = (
-        rolled.width_mm >= simulator.jaws.opening_mm
-    )  # a finger would have stood on the part
+    # A finger would have stood on the part.
+    open_jaws = rolled.width_mm >= simulator.jaws.opening_mm
     final, width_mm = rolled.poses[~open_jaws], rolled.width_mm[~open_jaws]
     result = subspaces_of(width_mm, encoder_of(job))
     if len(result) != len(names):
         raise ValueError(f"{len(result)} subspaces, but {len(names)} names for them")
     shares = 100 * result.size / result.size.sum()
     lines = [f"{shares[0]:.0f} % of squeezes"]
-    lines += [
-        f"{m:.1f} mm, {s:.0f} % of squeezes"
-        for m, s in zip(result.mean_mm[1:], shares[1:], strict=True)
-    ]
+    gripped = zip(result.mean_mm[1:], shares[1:], strict=True)
+    lines += [f"{mean:.1f} mm, {share:.0f} % of squeezes" for mean, share in gripped]
     titles = [f"{name}\n{words}" for name, words in zip(names, lines, strict=True)]
-    return subspaces(
-        result, result.label(width_mm), final, job.part.outline_mm, simulator.jaws, titles
-    )
+    labels, outline_mm = result.label(width_mm), job.part.outline_mm
+    return subspaces(result, labels, final, outline_mm, simulator.jaws, titles)

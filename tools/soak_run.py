@@ -119,80 +119,71 @@ class Pulse(Console):
         self.longest_s = 0.0
 
     def phase(self, part: int, phase: Phase, node: int | None) -> None:
-        del part, phase, node
         now_s = self._clock.now()
         self.longest_s = max(self.longest_s, now_s - self._last_s)
         self._last_s = now_s
 
 
 class WatchedLink:
-    """A gripper's link that reports to a `Watch`; subclasses count and report its transactions."""
+    """A Robotiq gripper's link that counts its transactions, and reports them to a `Watch`."""
 
     def __init__(self, link: Any, watch: Watch) -> None:
         self.endpoint, self.close, self.transactions = link.endpoint, link.close, 0
         self._link, self._watch = link, watch
 
-
-class WatchedRobotiq(WatchedLink):
-    """Watched link of a Robotiq gripper."""
-
-    def read(self) -> bytes:
+    def read(self, *what: str) -> Any:
         self.transactions += 1
-        block: bytes = self._link.read()
-        ready = block[0] & 0x31 == 0x31 and block[2] & 0x0F < RESET_FAULTS
-        self._watch.read(ready=ready)
-        return block
+        answer = self._link.read(*what)
+        ready = self.ready(answer, *what)
+        if ready is not None:
+            self._watch.read(ready=ready)
+        return answer
 
-    def write(self, block: bytes) -> None:
+    def write(self, *what: Any) -> None:
         self.transactions += 1
-        if block[0] & GOES:
-            self._watch.go(block[3])
-        self._link.write(block)
+        target = self.target(*what)
+        if target is not None:
+            self._watch.go(target)
+        self._link.write(*what)
+
+    def ready(self, block: bytes) -> bool | None:
+        """Whether the gripper may be moved by an answer; None if the answer does not tell."""
+        return block[0] & 0x31 == 0x31 and block[2] & 0x0F < RESET_FAULTS
+
+    def target(self, block: bytes) -> int | None:
+        """Where a write sends the jaws; None if nowhere."""
+        return block[3] if block[0] & GOES else None
 
 
 class WatchedDh(WatchedLink):
     """Watched link of a DH gripper."""
 
-    def read(self) -> Mapping[int, int]:
-        self.transactions += 1
-        words: Mapping[int, int] = self._link.read()
-        self._watch.read(ready=words[dh.INITIALISED] == dh.Initialised.YES)
-        return words
+    def ready(self, words: Mapping[int, int]) -> bool:
+        return words[dh.INITIALISED] == dh.Initialised.YES
 
-    def write(self, register: int, value: int) -> None:
-        self.transactions += 1
-        if register == dh.POSITION:
-            self._watch.go(value)
-        self._link.write(register, value)
+    def target(self, register: int, value: int) -> int | None:
+        return value if register == dh.POSITION else None
 
 
 class WatchedSchunk(WatchedLink):
     """Watched link of a SCHUNK gripper."""
 
-    def read(self, name: str) -> tuple[float, ...]:
-        self.transactions += 1
-        values: tuple[float, ...] = self._link.read(name)
-        if name == "plc_sync_input":
-            status = schunk.Status(int(values[0]))
-            self._watch.read(ready=bool(status & schunk.Status.READY))
-        return values
-
-    def write(self, name: str, *values: float) -> None:
-        self.transactions += 1
-        motion = int(values[0]) & schunk.MOTIONS and name == "plc_sync_output"
-        if motion and values != self._last:
-            self._watch.go(int(values[1]))
-        self._last = values
-        self._link.write(name, *values)
-
     _last: tuple[float, ...] = ()
+
+    def ready(self, values: tuple[float, ...], name: str) -> bool | None:
+        return bool(int(values[0]) & schunk.Status.READY) if name == "plc_sync_input" else None
+
+    def target(self, name: str, *values: float) -> int | None:
+        repeated, self._last = values == self._last, values
+        moves = name == "plc_sync_output" and int(values[0]) & schunk.Control.MOTIONS
+        return int(values[1]) if moves and not repeated else None
 
 
 def watched(cell: VirtualCell, watch: Watch, report: Report) -> tuple[Gripper, WatchedLink]:
     """Returns the driver of the cell's gripper, and its watched link."""
     simulator, pace = cell.works.simulator, cell.pace
     kinds = {id(grippers.DH): WatchedDh, id(grippers.SCHUNK): WatchedSchunk}
-    kind = kinds.get(id(simulator), WatchedRobotiq)
+    kind = kinds.get(id(simulator), WatchedLink)
     link = kind(simulator.link(cell.serial(), pace, report), watch)
     return simulator.gripper(link, pace, report, cell.works.profile), link
 
@@ -213,9 +204,8 @@ class Records:
         self.digest.update(json.dumps([kind, fields], sort_keys=True).encode())
         entry = {"seq": self._seq, "kind": kind, **fields}
         self._seq += 1
-        self.findings += [
-            f"record {result.seq}: {result.sentence}" for result in self._replay.follow([entry])
-        ]
+        wrong = self._replay.follow([entry])
+        self.findings += [f"record {each.seq}: {each.sentence}" for each in wrong]
 
 
 @dataclass
@@ -309,12 +299,9 @@ def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts)
 def _count(table: Table, cell: VirtualCell, result: PartResult, counts: Counts) -> None:
     """Adds a part to `counts`; if it is located, also whether it misses the goal, counted and predicted."""
     truth = cell.scene.truth()
-    counts.sums.update(
-        parts=1,
-        squeezes=len(result.steps),
-        crashes=truth.crashes,
-        delivered=result.delivery == "done",
-    )
+    delivered = result.delivery == "done"
+    squeezes = len(result.steps)
+    counts.sums.update(parts=1, squeezes=squeezes, crashes=truth.crashes, delivered=delivered)
     counts.outcomes[result.outcome.value] += 1
     counts.last = result
     if result.outcome is not Outcome.LEAF or math.isnan(truth.x_mm) or result.delivery is not None:

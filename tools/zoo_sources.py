@@ -34,10 +34,8 @@ def outlines() -> Outlines:
     result, seen = {}, set()
     for name, outline in (*footprints(), *screws(), *rings(), *keys()):
         size = np.ptp(outline, axis=0)
-        key = (
-            tuple(np.rint(np.sort(size) / SAME_MM)),
-            round(math.sqrt(shapely.Polygon(outline).area) / SAME_MM),
-        )
+        area = shapely.Polygon(outline).area
+        key = (tuple(np.rint(np.sort(size) / SAME_MM)), round(math.sqrt(area) / SAME_MM))
         if SMALLEST_MM <= size.max() <= LARGEST_MM and not trivial(outline) and key not in seen:
             seen.add(key)
             result[name] = outline
@@ -54,9 +52,8 @@ def trivial(outline: np.ndarray) -> bool:
     part = shapely.Polygon(outline)
     box, (x, y) = part.minimum_rotated_rectangle, part.centroid.coords[0]
     disc = shapely.Point(x, y).buffer(math.sqrt(part.area / math.pi), quad_segs=64)
-    return any(
-        part.symmetric_difference(shape).area < SAME_MM * part.length for shape in (box, disc)
-    )
+    rim = SAME_MM * part.length
+    return any(part.symmetric_difference(shape).area < rim for shape in (box, disc))
 
 
 def footprints() -> Iterator[tuple[str, np.ndarray]]:
@@ -84,10 +81,8 @@ def screws() -> Iterator[tuple[str, np.ndarray]]:
 def rings() -> Iterator[tuple[str, np.ndarray]]:
     """Retaining rings DIN 471 at rest: an eccentric outer edge, and two lugs beside the gap."""
     for row in table("din471.csv"):
-        inner, lug, width, hole = (
-            0.5 * float(row["d3"]),
-            *(float(row[key]) for key in ("a", "b", "d5")),
-        )
+        inner = 0.5 * float(row["d3"])
+        lug, width, hole = (float(row[key]) for key in ("a", "b", "d5"))
         ring = shapely.Point(0.0, -width / 4).buffer(inner + 0.75 * width, quad_segs=32)
         for side in (-1.0, 1.0):
             near, far = sorted((0.5 * side * hole, 2.5 * side * hole))

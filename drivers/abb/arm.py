@@ -39,10 +39,12 @@ class Arm(UprightArm):
         ArmError: the other side does not answer as an open_abb server.
     """
 
+    look_at = "the arm and its program"
+
+    _link: Stream
+
     def __init__(self, stream: Stream, pace: Pace, setup: Setup) -> None:
-        super().__init__(stream.endpoint, setup)
-        self._stream = stream
-        self._pace = pace
+        super().__init__(stream.endpoint, stream, pace, setup)
         self._owed: tuple[int, float] | None = None  # code and deadline of a reply still to come
         self._text = ""
         self._late_s = 0.0  # how much too late the last reply was read
@@ -81,9 +83,8 @@ class Arm(UprightArm):
         """Disconnects; the arm does not move. After a silence, no closing command is sent."""
         if not self._unknown:
             with contextlib.suppress(OSError):
-                self._stream.send(codec.command(codec.CLOSE))
-        self._unknown = self._unknown or "it was closed"
-        self._stream.close()
+                self._link.send(codec.command(codec.CLOSE))
+        super().close()
 
     def _set_speed(self, speed_mm_s: float, turn_rad_s: float) -> None:
         if (speed_mm_s, turn_rad_s) == self._speeds:
@@ -97,7 +98,7 @@ class Arm(UprightArm):
         until = self._pace.now() + (ACCEPT_S + STALE_S) / self._pace.time_scale
         while (left := until - self._pace.now()) > 0.0:
             try:
-                self._stream.receive(left)
+                self._link.receive(left)
             except OSError as error:
                 raise self._lose("the connection broke", _CutOffError) from error
 
@@ -113,7 +114,7 @@ class Arm(UprightArm):
             reply = None
             if self._owed is None or self._await_reply(*self._owed) is not None:
                 self._owed = (code, self._pace.deadline(budget_s, STARVED_S))
-                self._stream.send(line)
+                self._link.send(line)
                 reply = self._await_reply(*self._owed)
         except OSError as error:
             raise self._lose("the connection broke", _CutOffError) from error
@@ -139,15 +140,13 @@ class Arm(UprightArm):
 
     def _more(self, seconds: float, code: int) -> bool:
         """Whether more of the reply to `code` arrived within `seconds`."""
-        piece = self._stream.receive(seconds).decode("latin-1")
+        piece = self._link.receive(seconds).decode("latin-1")
         self._text = codec.drop_stale(self._text + piece, code)
         return bool(piece)
 
-    def _lose(
-        self, reason: str, kind: type[ArmError] = ArmError, look_at: str = "the arm and its program"
-    ) -> ArmError:
-        self._stream.close()
-        return super()._lose(reason, kind, look_at)
+    def _lose(self, reason: str, kind: type[ArmError] = ArmError) -> ArmError:
+        self._link.close()
+        return super()._lose(reason, kind)
 
 
 def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:

@@ -6,7 +6,7 @@ Poses are (x, y, z, (w, x, y, z)), mm and unit quaternions; joints in degrees.
 import math
 from collections.abc import Iterator
 
-from drivers.abb.codec import IDENTITY, Pose, Quaternion
+from drivers.abb.codec import Pose, Quaternion
 
 BASE_TO_SHOULDER, UPPER_ARM, ELBOW_OFFSET = 290.0, 270.0, 70.0
 FOREARM, WRIST_TO_FLANGE = 302.0, 72.0
@@ -97,8 +97,8 @@ def forward(joints_deg: Joints) -> Pose:
         (1, j5, (0.0, 0.0, 0.0)),
         (0, j6, (WRIST_TO_FLANGE, 0.0, 0.0)),
     ):
-        at = compose(at, Pose(0.0, 0.0, 0.0, _about(axis, angle)))
-        at = compose(at, Pose(*link, IDENTITY.rotation))
+        turn = _about(axis, angle)
+        at = compose(at, Pose(*rotate(turn, link), turn))
     return Pose(*at[:3], multiply(at.rotation, _FLANGE))
 
 

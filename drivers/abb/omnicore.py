@@ -4,7 +4,6 @@ Never tried on a controller. Connecting only reads. The first motion starts the 
 program pointer was set to this module and read back. An interrupted or late motion is stopped.
 """
 
-import contextlib
 import math
 import secrets
 
@@ -18,6 +17,7 @@ from drivers.errors import ArmError, shown
 from drivers.stream import closed_on_error, open_tcp, tcp_address
 
 TASK, MODULE, ROUTINE, UNIT = "T_ROB1", "SqueezeTree", "SqueezeTreeMain", "ROB_1"
+EXECUTION = "/rw/rapid/execution"
 MECHANICS = f"/rw/motionsystem/mechunits/{UNIT}"
 VERSION = "1"
 SYMBOL = f"/rw/rapid/symbol/RAPID/{TASK}/{MODULE}"
@@ -30,6 +30,7 @@ START = {
     "stopatbp": "disabled",
     "alltaskbytsp": "false",
 }
+STOP = {"stopmode": "stop", "usetsp": "normal"}
 PORT = 443
 START_S = 3.0  # from a request, or from the program's start, to its first response
 LOOK_S = 0.1  # between two polls: the controller serves some twenty requests a second
@@ -38,16 +39,16 @@ HINT = "check the address, and that Robot Web Services are reachable from this n
 
 
 class Arm(UprightArm):
-    """An arm on an open session, which it owns; `connect` opens one.
+    """An arm on an open session, which it owns; `connect` opens one. Once closed, its program waits.
 
     Raises:
         ArmError: the other side does not answer as an OmniCore controller with the module.
     """
 
+    _link: Rws
+
     def __init__(self, rws: Rws, endpoint: str, pace: Pace, setup: Setup) -> None:
-        super().__init__(endpoint, setup, within_sphere(setup))
-        self._rws = rws
-        self._pace = pace
+        super().__init__(endpoint, rws, pace, setup, within_sphere(setup))
         self._moves = secrets.randbelow(MOST_NUMBER)  # no number of an earlier client
         try:
             version = self._symbol("sq_version")
@@ -59,11 +60,6 @@ class Arm(UprightArm):
                 f"arm at {endpoint} has {MODULE}.modx of version {shown(version)}; load version {VERSION}"
             )
 
-    def close(self) -> None:
-        """Disconnects; the arm does not move, and the program waits for the next request."""
-        self._unknown = self._unknown or "it was closed"
-        self._rws.close()
-
     def _read_hand(self) -> Pose:
         seen = self._look(f"{MECHANICS}/cartesian", tool="tool0", wobj="wobj0", coordinate="Base")
         x, y, z, *turn = _numbers(seen, "x", "y", "z", "q1", "q2", "q3", "q4")
@@ -74,31 +70,23 @@ class Arm(UprightArm):
         return self._setup.hand_at(Pose(x, y, z, (q1, q2, q3, q4)))
 
     def _read_last_axis(self) -> float:
-        seen = self._look(f"{MECHANICS}/jointtarget")
-        return math.radians(_numbers(seen, "rax_6")[0])
+        return math.radians(_numbers(self._look(f"{MECHANICS}/jointtarget"), "rax_6")[0])
 
     def _drive(self, motion: Motion) -> None:
         if reason := self._objection():
             raise ArmError(f"arm at {self.endpoint} not moved: {reason}")
-        try:
+        with self._stopped_on_error(lambda: self._link.post(f"{EXECUTION}/stop", STOP)):
             if not self._runs():
                 self._start()
             self._write("sq_tframe", _rapid(self._setup.tool))
             self._write("sq_oframe", _rapid(self._setup.work_object))
             self._write("sq_target", _rapid(motion.target.frame))
-            speeds = codec.speed_numbers(motion.speed_mm_s, motion.turn_rad_s)
-            for name, value in zip(("sq_speed", "sq_turn"), speeds, strict=True):
-                self._write(name, value)
+            speed, turn = codec.speed_numbers(motion.speed_mm_s, motion.turn_rad_s)
+            self._write("sq_speed", speed)
+            self._write("sq_turn", turn)
             self._next()
             self._await("sq_started", START_S, "it did not begin a motion; see which program runs")
             self._await("sq_done", motion.budget_s, f"not there after {motion.budget_s:.1f} s")
-        except BaseException as error:  # Ctrl-C, too
-            with contextlib.suppress(OSError):
-                self._rws.post("/rw/rapid/execution/stop", {"stopmode": "stop", "usetsp": "normal"})
-            if isinstance(error, RwsError):
-                raise self._lose(str(error)) from error
-            self._unknown = self._unknown or "a motion was interrupted"
-            raise
 
     def _objection(self) -> str:
         """Why the arm may not be moved; empty if it may."""
@@ -120,51 +108,46 @@ class Arm(UprightArm):
         return line.get("modulemame") or line.get("modulename"), line.get("routinename")
 
     def _runs(self) -> bool:
-        return self._look("/rw/rapid/execution").get("ctrlexecstate") == "running"
+        return self._look(EXECUTION).get("ctrlexecstate") == "running"
 
     def _start(self) -> None:
         """Sets the program pointer to the module, starts the program and waits for it; nothing moves yet."""
-        self._rws.post("/rw/mastership/edit/request", {})
+        self._link.post("/rw/mastership/edit/request", {})
         try:
             where = {"module": MODULE, "routine": ROUTINE, "userlevel": "FALSE"}
-            self._rws.post(f"{POINTER}/routine", where)
+            self._link.post(f"{POINTER}/routine", where)
         finally:
-            self._rws.post("/rw/mastership/edit/release", {})
+            self._link.post("/rw/mastership/edit/release", {})
         if self._pointer() != (MODULE, ROUTINE):
             raise self._lose(
                 "the program pointer could not be set to our module; start it on the pendant"
             )
         # At its start, the program reports an earlier request as done, which signals that it has begun.
         self._next()
-        self._rws.post("/rw/rapid/execution/start", START, mastership="implicit")
-        until = self._pace.deadline(START_S)
-        while not _is(self._symbol("sq_done"), self._moves):
-            if self._pace.now() > until:
-                raise self._lose("the program did not start")
-            self._pace.pause(LOOK_S)
+        self._link.post(f"{EXECUTION}/start", START, mastership="implicit")
+        for _ in self._pace.polls(self._pace.deadline(START_S), LOOK_S):
+            if _is(self._symbol("sq_done"), self._moves):
+                return
+        raise self._lose("the program did not start")
 
     def _next(self) -> None:
         self._moves = self._moves % MOST_NUMBER + 1
         self._write("sq_request", str(self._moves))
 
     def _await(self, name: str, budget_s: float, otherwise: str) -> None:
-        until = self._pace.deadline(budget_s)
-        while True:
-            late = self._pace.now() > until
+        for _ in self._pace.polls(self._pace.deadline(budget_s), LOOK_S):
             runs = self._runs()  # read first: a program may end after it reported the number
             if _is(self._symbol(name), self._moves):
                 return
             if not runs:
                 raise self._lose("its program stopped on the way; see the event log")
-            if late:
-                raise self._lose(otherwise)
-            self._pace.pause(LOOK_S)
+        raise self._lose(otherwise)
 
     def _symbol(self, name: str) -> str:
         return str(self._look(f"{SYMBOL}/{name}/data").get("value"))
 
     def _write(self, name: str, value: str) -> None:
-        self._rws.post(f"{SYMBOL}/{name}/data", {"value": value}, mastership="implicit")
+        self._link.post(f"{SYMBOL}/{name}/data", {"value": value}, mastership="implicit")
 
     def _look(self, path: str, **query: str) -> State:
         return self._states(path, **query)[0]
@@ -172,7 +155,7 @@ class Arm(UprightArm):
     def _states(self, path: str, **query: str) -> list[State]:
         self._check_known()
         try:
-            return self._rws.state(path, **query)
+            return self._link.state(path, **query)
         except RwsError as error:
             raise self._lose(str(error)) from error
 

@@ -5,14 +5,16 @@ turn the shortest way. So the driver counts the hand's whole turns from motion t
 with the last axis.
 """
 
+import contextlib
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, TypeVar
 
 from drivers.abb import codec
 from drivers.abb.codec import Pose, ProtocolError
 from drivers.abb.reach import Setup, Wrist, obstacle, within_irb_120
+from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError
 from drivers.ports import TURN_RADIUS_MM, PoseOfHand
 
@@ -51,14 +53,25 @@ class UprightArm(ABC):
 
     Args:
         endpoint: address of the arm as the user named it.
+        link: the connection, closed with the arm.
+        pace: device time.
         setup: frames and limits.
         reaches: whether the flange can be at a pose in the base frame.
     """
 
+    look_at = "the pendant"  # where to look once the arm's state is unknown
+
     def __init__(
-        self, endpoint: str, setup: Setup, reaches: Callable[[Pose], bool] = within_irb_120
+        self,
+        endpoint: str,
+        link: Any,
+        pace: Pace,
+        setup: Setup,
+        reaches: Callable[[Pose], bool] = within_irb_120,
     ) -> None:
         self.endpoint = endpoint
+        self._link = link
+        self._pace = pace
         self._setup = setup
         self._reaches = reaches
         self._unknown = ""  # why the state is unknown
@@ -67,9 +80,10 @@ class UprightArm(ABC):
         self._wrist: Wrist | None = None
         self._wrist_is_fresh = False
 
-    @abstractmethod
     def close(self) -> None:
         """Closes the link; the arm does not move."""
+        self._unknown = self._unknown or "it was closed"
+        self._link.close()
 
     @abstractmethod
     def _read_hand(self) -> Pose:
@@ -131,27 +145,21 @@ class UprightArm(ABC):
         return obstacle(ArmPose(*start).frame, ArmPose(*target).frame, self._setup, self._reaches)
 
     def move_linear(
-        self,
-        x_mm: float,
-        y_mm: float,
-        z_mm: float,
-        angle_rad: float,
-        speed_mm_s: float,
-        radius_mm: float = TURN_RADIUS_MM,
+        self, target: PoseOfHand, speed_mm_s: float, radius_mm: float = TURN_RADIUS_MM
     ) -> None:
         """Moves the hand, pointing down, in a straight line and returns when it is at rest (`ports.Arm`).
 
         Sends nothing if the target is invalid or out of reach. If the arm does not arrive in time, its
         state is unknown, and every further call is refused.
         """
-        target = ArmPose(x_mm, y_mm, z_mm, angle_rad)
+        end = ArmPose(*target)
         try:
-            codec.pose_numbers(target.frame)
+            codec.pose_numbers(end.frame)
         except (ProtocolError, ValueError) as error:
             raise ArmError(f"arm not moved: {error}") from error
         start = self._at or self.pose()
-        if reason := self.obstacle(start, target) or self._overturn(start, target):
-            message = f"({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm"
+        if reason := self.obstacle(start, end) or self._overturn(start, end):
+            message = f"({end.x_mm:.1f}, {end.y_mm:.1f}, {end.z_mm:.1f}) mm"
             raise ArmError(f"arm not moved: the way to {message} is {reason}")
         if not (speed_mm_s > 0.0 and radius_mm > 0.0):
             raise ArmError(
@@ -165,11 +173,11 @@ class UprightArm(ABC):
         if self._setup.read_only:
             raise ReadOnlyError(f"a dry run was about to move the arm at {self.endpoint}")
         self._at, self._wrist_is_fresh = None, False
-        turn_rad = abs(target.angle_rad - start.angle_rad)
-        travel_s = max(math.dist(start[:3], target[:3]), radius_mm * turn_rad) / speed_mm_s
+        turn_rad = abs(end.angle_rad - start.angle_rad)
+        travel_s = max(math.dist(start[:3], end[:3]), radius_mm * turn_rad) / speed_mm_s
         budget_s = travel_s * 1.5 + MOVE_MARGIN_S
-        self._drive(Motion(start, target, speed_mm_s, turn_rad_s, budget_s))
-        self._at, self._angle_rad = target, target.angle_rad
+        self._drive(Motion(start, end, speed_mm_s, turn_rad_s, budget_s))
+        self._at, self._angle_rad = end, end.angle_rad
 
     def _overturn(self, start: ArmPose, target: ArmPose) -> str:
         """Why the hand cannot turn to the target; empty if it can, as when it turns back into its range."""
@@ -189,14 +197,25 @@ class UprightArm(ABC):
                 "look at the arm, then connect again"
             )
 
-    def _lose(
-        self, reason: str, kind: type[ArmError] = ArmError, look_at: str = "the pendant"
-    ) -> ArmError:
+    def _lose(self, reason: str, kind: type[ArmError] = ArmError) -> ArmError:
         """Marks the arm's state as unknown for good; returns the error for the caller to raise."""
         self._unknown = reason
         return kind(
-            f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at {look_at}"
+            f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at {self.look_at}"
         )
+
+    @contextlib.contextmanager
+    def _stopped_on_error(self, stop: Callable[[], None]) -> Iterator[None]:
+        """Context of a motion, which any error stops, also Ctrl-C; the arm's state is then unknown."""
+        try:
+            yield
+        except BaseException as error:
+            with contextlib.suppress(OSError):
+                stop()
+            if isinstance(error, OSError) and not isinstance(error, ArmError):
+                raise self._lose(str(error)) from error
+            self._unknown = self._unknown or "a motion was interrupted"
+            raise
 
     def _understood(self, read: Callable[[], Read]) -> Read:
         try:

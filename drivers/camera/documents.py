@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError
-from runtime.shell.files import writing
+from runtime.shell.files import write
 
 VERSION = 1
 T = TypeVar("T")
@@ -29,8 +29,7 @@ def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
     """
     document = {"kind": kind, "version": VERSION, **body}
     signed = {**document, "sha256": strict_json.digest(document)}
-    with writing(path) as draft:
-        draft.write_text(json.dumps(signed, indent=1, allow_nan=False) + "\n", encoding="ascii")
+    write(path, json.dumps(signed, indent=1, allow_nan=False) + "\n")
 
 
 def read(path: Path, kind: str, remedy: str, parse: Callable[[dict[str, Any]], T]) -> T:

@@ -62,7 +62,7 @@ class ArmContract:
         with rig.open(read_only=True) as arm:
             assert tuple(arm.pose()) == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=0.01)
             with pytest.raises(ReadOnlyError, match="dry run"):
-                arm.move_linear(10.0, 0.0, 90.0, 0.1, 200.0)
+                arm.move_linear((10.0, 0.0, 90.0, 0.1), 200.0)
             arm.pose()
         assert rig.moves == 0
 
@@ -75,7 +75,7 @@ class ArmContract:
                 x, y, z = rng.uniform(-100, 100), rng.uniform(-100, 100), rng.uniform(5, 80)
                 low, high = arm.turn_range(x, y)
                 a = rng.uniform(max(low, a - 2.9), min(high, a + 2.9))
-                arm.move_linear(x, y, z, a, 500.0)
+                arm.move_linear((x, y, z, a), 500.0)
                 assert rig.truth()[:3] == pytest.approx((x, y, z), abs=0.001)
                 seen = arm.pose()
                 assert seen[:3] == pytest.approx((x, y, z), abs=0.011)
@@ -90,7 +90,7 @@ class ArmContract:
     def test_a_move_is_over_when_the_call_returns(self, rig: ArmRig) -> None:
         """The arm is at rest when `move_linear` returns."""
         with rig.open() as arm:
-            arm.move_linear(50.0, 0.0, 50.0, 1.0, 100.0)
+            arm.move_linear((50.0, 0.0, 50.0, 1.0), 100.0)
             here = rig.truth()
             time.sleep(0.05)
             assert rig.truth() == here
@@ -103,22 +103,22 @@ class ArmContract:
         with rig.open() as arm:
             for x, z in ((bad, 50.0), (0.0, bad)):
                 with pytest.raises(ArmError, match="not moved") as raised:
-                    arm.move_linear(x, 0.0, z, 0.0, 100.0)
+                    arm.move_linear((x, 0.0, z, 0.0), 100.0)
                 assert raised.value.exit_code == 20
             for speed in (0.0, -5.0, math.nan):
                 with pytest.raises(ArmError):
-                    arm.move_linear(0.0, 0.0, 50.0, 0.0, speed)
+                    arm.move_linear((0.0, 0.0, 50.0, 0.0), speed)
             assert rig.moves == 0
-            arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
+            arm.move_linear((0.0, 0.0, 50.0, 0.0), 100.0)
             assert rig.moves == 1
 
     def test_what_is_out_of_reach_is_refused_and_the_arm_stays_usable(self, rig: ArmRig) -> None:
         """The message says that the place is out of reach, and that the arm has not moved."""
         with rig.open() as arm:
             with pytest.raises(ArmError, match=r"not moved.*reach"):
-                arm.move_linear(rig.far_mm, 0.0, 50.0, 0.0, 5000.0)
+                arm.move_linear((rig.far_mm, 0.0, 50.0, 0.0), 5000.0)
             assert rig.moves == 0
-            arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
+            arm.move_linear((0.0, 0.0, 50.0, 0.0), 100.0)
 
     def test_after_a_silence_everything_is_refused(self, rig: ArmRig) -> None:
         """Every call raises an ArmError, since the place of the arm is unknown."""
@@ -127,7 +127,7 @@ class ArmContract:
             with pytest.raises(ArmError) as raised:
                 arm.pose()
             assert raised.value.exit_code == 20
-            for call in (arm.pose, lambda: arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)):
+            for call in (arm.pose, lambda: arm.move_linear((0.0, 0.0, 50.0, 0.0), 100.0)):
                 with pytest.raises(ArmError, match="state unknown since"):
                     call()
         assert rig.moves == 0

@@ -76,11 +76,7 @@ class Gripper(PolledGripper[Reading, int]):
             return
         deadline = self._pace.deadline(INITIALISE_S)
         if seen.initialised is Initialised.NO:
-            self._write(
-                dh.INITIALISATION,
-                dh.INITIALISE,
-                lambda: self._read().initialised is not Initialised.NO,
-            )
+            self._write(dh.INITIALISATION, dh.INITIALISE, self._initialises)
         self._until(lambda now: now.ready, deadline, "initialising")
 
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
@@ -166,6 +162,9 @@ class Gripper(PolledGripper[Reading, int]):
         states = f"{seen.initialised.name}, {seen.grip.name}"
         return f"{states}, position {seen.position}, request {seen.target}"
 
+    def _initialises(self) -> bool:
+        return self._read().initialised is not Initialised.NO
+
     def _ask(self, target: int) -> None:
         self._asked_at = self._pace.now()
         self._set(dh.POSITION, target)
@@ -190,4 +189,4 @@ def gripper(
     unit = address.unit_of(port, dh.UNIT)
     Scale(profile)  # before anything is opened
     link = RtuLink(address.opened(port, dh.BAUD), pace, report, unit)
-    return Gripper.over(link, pace, report, profile, read_only=read_only)
+    return Gripper(link, pace, report, profile, read_only=read_only)

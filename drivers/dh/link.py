@@ -8,21 +8,14 @@ from collections.abc import Mapping
 
 from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteSingleRegisterRequest
 
-from drivers.clock import Pace
-from drivers.dh.registers import CONTROL, STATUS, UNIT
-from drivers.modbus.framing import RtuFraming
+from drivers.dh.registers import CONTROL, STATUS
 from drivers.modbus.master import Master
-from drivers.ports import Report
-from drivers.stream import Stream
 
 
 class RtuLink(Master):
     """The registers of one unit on a Modbus connection."""
 
-    def __init__(self, stream: Stream, pace: Pace, report: Report, unit: int = UNIT) -> None:
-        hint = "check that it is a gripper of DH-Robotics, and the unit of its port's name"
-        super().__init__(stream, RtuFraming(), pace, report, wrong_device=hint)
-        self._unit = unit
+    wrong_device = "check that it is a gripper of DH-Robotics, and the unit of its port's name"
 
     def read(self) -> Mapping[int, int]:
         """Reads control registers and states, by address; up to 3 attempts, since reading changes nothing."""

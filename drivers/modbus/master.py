@@ -9,13 +9,12 @@ from pymodbus.pdu.register_message import WriteMultipleRegistersRequest
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout
 from drivers.links import StreamLink
-from drivers.modbus.framing import MAX_BUFFER, Framing
+from drivers.modbus.framing import MAX_BUFFER, Framing, RtuFraming
 from drivers.ports import Report
 from drivers.stream import Stream
 
 GAP_S = 0.005  # between two requests: grippers refresh at 200 Hz, or slower
 LATE_S = 0.02  # wall; silence of the line required after a failure, before the next request
-DRAIN_S = 0.2  # wall; longest wait for that silence
 
 
 class Refusal(NamedTuple):
@@ -52,18 +51,20 @@ class Master(StreamLink):
 
     Args:
         stream: carries the bytes.
-        framing: of the requests and answers.
         pace: device time.
         report: receives every failure.
-        wrong_device: what to check if the device does not know a request.
+        unit: slave id.
+        framing: of the requests and answers; None: RTU.
     """
 
+    wrong_device: str  # what to check if the device does not know a request
+
     def __init__(
-        self, stream: Stream, framing: Framing, pace: Pace, report: Report, *, wrong_device: str
+        self, stream: Stream, pace: Pace, report: Report, unit: int, framing: Framing | None = None
     ) -> None:
         super().__init__(stream, pace, report)
-        self._framing = framing
-        self._wrong_device = wrong_device
+        self._unit = unit
+        self._framing = framing or RtuFraming()
         self._free_at = pace.now()
         self._out_of_step = False
 
@@ -98,9 +99,10 @@ class Master(StreamLink):
         self._check_in_time()
         return struct.pack(f">{len(registers)}H", *registers)
 
-    def _write_data(self, unit: int, address: int, data: bytes) -> None:
+    def _write_data(self, address: int, data: bytes) -> None:
         """Writes registers from an address on, once."""
         registers = [*struct.unpack(f">{len(data) // 2}H", data)]
+        unit = self._unit
         request = WriteMultipleRegistersRequest(address=address, registers=registers, dev_id=unit)
         self.transact(request)
 
@@ -114,17 +116,13 @@ class Master(StreamLink):
         return (LinkTimeout if refusal.passes else LinkError)(
             f"gripper at {self.endpoint} (unit {request.dev_id}) refused function "
             f"{request.function_code}: {refusal.sentence} (exception {code}); "
-            f"{refusal.remedy or self._wrong_device}"
+            f"{refusal.remedy or self.wrong_device}"
         )
 
     def _wait_for_the_line(self) -> None:
         if (wait := self._free_at - self._pace.now()) > 0.0:
             self._pace.clock.sleep(wait)
-        # Pending data answers no further request.
-        quiet_s = LATE_S if self._out_of_step else 0.0
-        until = self._pace.now() + DRAIN_S
-        while self._stream.receive(quiet_s) and self._pace.now() < until:
-            pass
+        self._drain(LATE_S if self._out_of_step else 0.0)
 
     def _await_reply(self, request: ModbusPDU) -> ModbusPDU | None:
         buffer = b""

@@ -76,10 +76,8 @@ class CanLink(ReportingLink):
 
     def read(self) -> bytes:
         """Reads the input block; up to 3 attempts for each byte."""
-        return bytes(
-            self._repeated(partial(self._transact, self._where.input, byte))
-            for byte in range(BLOCK_BYTES)
-        )
+        reads = (partial(self._transact, self._where.input, byte) for byte in range(BLOCK_BYTES))
+        return bytes(map(self._repeated, reads))
 
     def write(self, block: bytes) -> None:
         """Writes the bytes that differ from the last write, each once."""
@@ -141,7 +139,7 @@ def gripper(
     """
     where = parse(port)
     link = CanLink(_network(port, where, read_only=read_only), where, port, report)
-    return Gripper.over(link, pace, report, profile, read_only=read_only)
+    return Gripper(link, pace, report, profile, read_only=read_only)
 
 
 def parse(port: str) -> CanMap:

@@ -10,8 +10,7 @@ from drivers.polling import Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.counts import Counts
-from drivers.robotiq.faults import MINOR, fault, fault_text, is_major
-from drivers.robotiq.registers import OUTPUT_FIELDS, Reading, decode, pack, speed_mm_s_of
+from drivers.robotiq.registers import OUTPUT_FIELDS, Reading, decode, fault, is_major, pack
 
 # Time limit for reset, sweep and report together ([SDK] gripper.cpp; 5 s was too short for some).
 ACTIVATION_S = 15.0
@@ -81,9 +80,9 @@ class Gripper(PolledGripper[Reading, int]):
         request = {"rACT": 1, "rGTO": 1, "rPR": counts, "rSP": setting}
         self._send({**request, "rFR": self._counts.force(force_n)})
         mm_per_count = robotiq.OPENING_MM / (robotiq.COUNT_CLOSED - robotiq.COUNT_OPEN)
-        count_s = mm_per_count / speed_mm_s_of(setting)
+        count_s = mm_per_count / robotiq.speed_mm_s_of(setting)
         now = self._asked_at = self._pace.now()
-        budget_s = self._budget_s(speed_mm_s_of(setting))
+        budget_s = self._budget_s(robotiq.speed_mm_s_of(setting))
         self._move = Move(counts, seen, now, budget_s, SETTLE_COUNTS * count_s)
 
     def stop(self) -> None:
@@ -117,7 +116,7 @@ class Gripper(PolledGripper[Reading, int]):
             activated=seen.activated,
             moving=seen.moving,
             fault=code,
-            fault_text=f"0x{code:02X}, {fault_text(code)}" if code else "",
+            fault_text=f"0x{code:02X}, {robotiq.fault_text(code)}" if code else "",
             object=ObjectState(seen.object_flag),
             target_um=self._counts.target_um(target),
             width_um=self._counts.width_um(seen.position_counts),
@@ -144,7 +143,7 @@ class Gripper(PolledGripper[Reading, int]):
         return way == 0 or (seen.object_flag == robotiq.OBJ_CONTACT_CLOSING) == (way > 0)
 
     def _require_ready(self, seen: Reading, doing: str) -> None:
-        if seen.fault and seen.fault not in MINOR:
+        if seen.fault and seen.fault not in robotiq.MINOR:
             raise fault(seen.fault, doing)
         if not seen.activated:
             raise GripperFault(

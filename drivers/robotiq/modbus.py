@@ -32,9 +32,6 @@ TCP_PORT = 502
 # Numbers of registers to read: the informative ones, or more of the block, whose rest is reserved
 # ([M18] p62).
 LEAST_REGISTERS, MOST_REGISTERS = BLOCK_BYTES // 2, 8
-WRONG_DEVICE = (
-    "check that it is a Robotiq 2F gripper, and unit, output, input and function of its port's name"
-)
 
 
 class Wiring(NamedTuple):
@@ -58,12 +55,22 @@ def read_request(wiring: Wiring, count: int) -> ModbusPDU:
 
 
 class ModbusLink(Master):
-    """A gripper's two register blocks on one Modbus connection."""
+    """A gripper's two register blocks on one Modbus connection; by default with RTU frames."""
+
+    wrong_device = (
+        "check that it is a Robotiq 2F gripper, and unit, output, input and function of "
+        "its port's name"
+    )
 
     def __init__(
-        self, stream: Stream, framing: Framing, wiring: Wiring, pace: Pace, report: Report
+        self,
+        stream: Stream,
+        pace: Pace,
+        report: Report = no_report,
+        wiring: Wiring = RTU,
+        framing: Framing | None = None,
     ) -> None:
-        super().__init__(stream, framing, pace, report, wrong_device=WRONG_DEVICE)
+        super().__init__(stream, pace, report, wiring.unit, framing)
         self._wiring = wiring
         self._count = LEAST_REGISTERS
 
@@ -73,7 +80,7 @@ class ModbusLink(Master):
 
     def write(self, block: bytes) -> None:
         """Writes the output block, 6 bytes, once."""
-        self._write_data(self._wiring.unit, self._wiring.output, block)
+        self._write_data(self._wiring.output, block)
 
     def _read_once(self) -> bytes:
         return self._read_data(read_request(self._wiring, self._count))[:BLOCK_BYTES]
@@ -84,11 +91,6 @@ class ModbusLink(Master):
             # request cannot be taken for a later one.
             self._count = self._count + 1 if self._count < MOST_REGISTERS else LEAST_REGISTERS
         return super()._silent(request)
-
-
-def rtu_link(stream: Stream, pace: Pace, report: Report = no_report) -> ModbusLink:
-    """A link with RTU frames on any byte stream, at the default unit and addresses."""
-    return ModbusLink(stream, RtuFraming(), RTU, pace, report)
 
 
 def gripper(
@@ -102,16 +104,15 @@ def gripper(
     """
     Counts(profile)  # before anything is opened
     scheme, separator, _ = port.partition("://")
-    tcp, wiring = scheme == "tcp", RTU
-    stream: Stream
     if separator:
+        tcp = scheme == "tcp"
         wiring = wiring_of(port, TCP if tcp else RTU)
         address = tcp_address(port.partition("?")[0], TCP_PORT if tcp else 0)
         stream = open_tcp(*address, port, "check address, cable and power")
+        link = ModbusLink(stream, pace, report, wiring, TcpFraming() if tcp else None)
     else:
-        stream = SerialStream(port, BAUD)
-    link = ModbusLink(stream, TcpFraming() if tcp else RtuFraming(), wiring, pace, report)
-    return Gripper.over(link, pace, report, profile, read_only=read_only)
+        link = ModbusLink(SerialStream(port, BAUD), pace, report)
+    return Gripper(link, pace, report, profile, read_only=read_only)
 
 
 def wiring_of(port: str, usual: Wiring) -> Wiring:

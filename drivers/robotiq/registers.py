@@ -1,4 +1,4 @@
-"""The gripper's register map as data, 6 bytes each way, the same on every bus; and decoding of readings.
+"""The gripper's register map and fault codes as data, the same on every bus; and decoding of readings.
 
 Sources: [M18] 2F-85 & 2F-140 manual 2018, "Control" (p. 54 for FC23, p. 62 for the map); [M16] the 2016
 edition, p. 43 and 55; [SDK] Robotiq's C++ SDK. Byte 2k of a block is the high byte of register k.
@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
+
+from drivers.errors import GripperFault
 
 
 class Field(NamedTuple):
@@ -50,6 +52,22 @@ CURRENT_MA_PER_COUNT = 10
 
 STA_RESET, STA_ACTIVATING, STA_ACTIVE = 0, 1, 3
 OBJ_MOVING, OBJ_CONTACT_OPENING, OBJ_CONTACT_CLOSING, OBJ_AT_REQUEST = 0, 1, 2, 3
+
+# Meaning and remedy of each code in gFLT, the low nibble of input byte 2 ([M18] "Fault status").
+FAULTS = {
+    0x05: "action delayed, activation must finish first; wait for it, or activate the gripper",
+    0x07: "the gripper is not activated; clear the jaws and activate the gripper",
+    0x08: "too hot (85 C or more inside); let it cool below 80 C",
+    0x09: "no communication for a second or more; none: it clears with the next request",
+    0x0A: "supply voltage too low; check the 24 V supply, then reset and activate",
+    0x0B: "automatic release in progress; wait for it to end, then reset and activate",
+    0x0C: "internal fault; reset and activate; if it returns, contact the maker",
+    0x0D: "activation failed, something blocked the jaws; clear the jaws, then reset and activate",
+    0x0E: "overcurrent; look for a jammed or overloaded finger, then reset and activate",
+    0x0F: "automatic release completed; reset and activate",
+}
+PRIORITY = frozenset({0x05, 0x07})
+MINOR = frozenset({0x08, 0x09})
 
 # Speed and stroke of the 2F-85, [SDK] device_profile.hpp: linear in rSP. The whole stroke of a
 # 2F-140 takes about as long, that of a Hand-E less: deadlines made from these hold for all three.
@@ -119,3 +137,18 @@ def decode(block: bytes) -> Reading:
 def speed_mm_s_of(speed_counts: int) -> float:
     """Jaw speed in mm/s for an rSP of 0..255, linear ([SDK] device_profile.hpp)."""
     return SPEED_MIN_MM_S + (SPEED_MAX_MM_S - SPEED_MIN_MM_S) * speed_counts / 255.0
+
+
+def fault_text(code: int) -> str:
+    """Meaning of a gFLT code, and the remedy."""
+    return FAULTS.get(code, f"unknown fault 0x{code:02X}; reset and activate")
+
+
+def is_major(code: int) -> bool:
+    """Whether only a reset clears a fault; an unknown one counts as major, as in Robotiq's own SDK."""
+    return code != 0 and code not in PRIORITY | MINOR
+
+
+def fault(code: int, doing: str) -> GripperFault:
+    """The error for a gFLT code met while `doing` something."""
+    return GripperFault(f"gripper fault 0x{code:02X} while {doing}: {fault_text(code)}")

@@ -35,7 +35,6 @@ MOST_DIGITS = 3
 FENCES = ("SPE", "FOR")  # used only to resynchronise
 QUIET_S = 0.003  # wall: silence after which an answer without a line end is complete
 ANSWER = re.compile(rb"([A-Z]{3}) +(\d{1,3})(?!\d)(\s?)")
-MOST_STALE = 16  # most pieces of pending data that are dropped before a request
 MOST_BYTES = 600  # of answers parsed together
 HINT = "check that the Robotiq URCap is installed, its gripper enabled, and port 63352 not blocked"
 
@@ -105,11 +104,8 @@ class UrcapLink(StreamLink):
         self._exchange(f"GET {fence}", fence, stale=True)
 
     def _exchange(self, line: str, wanted: str, *, stale: bool = False) -> int:
-        # Pending data answers no further request.
         self._text = b""
-        for _ in range(MOST_STALE):
-            if not self._stream.receive(0.0):
-                break
+        self._drain()
         self._stream.send(line.encode("ascii") + b"\n")
         for piece in self._pieces():
             self._text = (self._text + piece)[-MOST_BYTES:]
@@ -163,4 +159,4 @@ def gripper(
     """A Robotiq gripper at `urcap://host`; errors as for `drivers.robotiq.modbus.gripper`."""
     Counts(profile)  # before anything is opened
     link = UrcapLink(open_tcp(*tcp_address(port, PORT), port, HINT), pace, report)
-    return Gripper.over(link, pace, report, profile, read_only=read_only)
+    return Gripper(link, pace, report, profile, read_only=read_only)

@@ -73,16 +73,12 @@ class Gripper(PolledGripper[Input, Output]):
     def activate(self) -> None:
         """Acknowledges errors, so that the gripper becomes ready; nothing moves."""
         seen = self._read()
-        if seen.status & Status.READY and not seen.error:
+        if seen.ready:
             return
         at_rest = Output(Control.NO_FAST_STOP, self._width_um(seen.position_um))
         self._send(at_rest)  # only an edge acknowledges
         self._send(at_rest._replace(control=Control.NO_FAST_STOP | Control.ACKNOWLEDGE))
-        self._until(
-            lambda now: bool(now.status & Status.READY and not now.error),
-            self._pace.deadline(READY_S),
-            "being acknowledged",
-        )
+        self._until(lambda now: now.ready, self._pace.deadline(READY_S), "being acknowledged")
 
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
         """Requests a width; releases a held part first. `wait` returns the result."""
@@ -120,10 +116,6 @@ class Gripper(PolledGripper[Input, Output]):
 
     def _width_um(self, position_um: int) -> int:
         return self.profile.reading_um(self.profile.step(position_um))
-
-    def _target_um(self, asked: Output) -> int:
-        position_um = 0 if asked.control & Control.GRIP else asked.position_um
-        return self._width_um(min(max(position_um, 0), self.profile.stroke_um))
 
     def _request(self, width_um: int, speed_mm_s: float, force_n: float) -> Output:
         limits, speed_um_s = self._limits, int(1000 * speed_mm_s)
@@ -168,13 +160,14 @@ class Gripper(PolledGripper[Input, Output]):
         return self._asked()
 
     def _state(self, seen: Input, target: Output) -> GripperState:
+        asked_um = 0 if target.control & Control.GRIP else target.position_um
         return GripperState(
             activated=bool(seen.status & Status.READY),
             moving=_moves(seen, target),
             fault=seen.error,
             fault_text=error_text(seen.error) if seen.error else "",
             object=_object(seen, target),
-            target_um=self._target_um(target),
+            target_um=self._width_um(min(max(asked_um, 0), self.profile.stroke_um)),
             width_um=self._width_um(seen.position_um),
             current_ma=0,
         )
@@ -225,7 +218,7 @@ def gripper(
     """
     unit = address.unit_of(port, schunk.UNIT)
     link = SchunkLink(address.opened(port, schunk.BAUD, schunk.PARITY), pace, report, unit)
-    return Gripper.over(link, pace, report, profile, read_only=read_only)
+    return Gripper(link, pace, report, profile, read_only=read_only)
 
 
 def _edge(motion: Control) -> Control:
@@ -234,7 +227,7 @@ def _edge(motion: Control) -> Control:
 
 def _moves(seen: Input, asked: Output) -> bool:
     """Whether a motion is under way: the last output requests one, and its end is not reported yet."""
-    under_way = asked.control & schunk.MOTIONS and not seen.status & schunk.OUTCOMES
+    under_way = asked.control & Control.MOTIONS and not seen.status & Status.OUTCOMES
     return bool(seen.status & Status.READY and under_way)
 
 
@@ -243,4 +236,4 @@ def _object(seen: Input, asked: Output) -> ObjectState:
         inside = asked.control & Control.GRIP_FROM_INSIDE
         return ObjectState.OPENING if inside else ObjectState.CLOSING
     stands = seen.status & (Status.POSITION_REACHED | Status.NO_WORKPIECE)
-    return ObjectState.AT_TARGET if stands and asked.control & schunk.MOTIONS else ObjectState.NONE
+    return ObjectState.AT_TARGET if stands and asked.control & Control.MOTIONS else ObjectState.NONE

@@ -8,10 +8,9 @@ from pymodbus.pdu.register_message import ReadHoldingRegistersRequest
 
 from drivers.clock import Pace
 from drivers.errors import LinkError
-from drivers.modbus.framing import RtuFraming
 from drivers.modbus.master import Master
 from drivers.ports import Report
-from drivers.schunk.registers import PARAMETERS, UNIT, Parameter
+from drivers.schunk.registers import PARAMETERS, Parameter
 from drivers.stream import Stream
 
 # A gripper reports ERR_COMM_LOST after a second or two without a request; [BKS] pauses for 0.5 s at most.
@@ -31,10 +30,10 @@ class SchunkLink(Master):
         unit: slave id.
     """
 
-    def __init__(self, stream: Stream, pace: Pace, report: Report, unit: int = UNIT) -> None:
-        hint = "check that it is a SCHUNK EGU or EGK, and the unit of its port's name"
-        super().__init__(stream, RtuFraming(), pace, report, wrong_device=hint)
-        self._unit = unit
+    wrong_device = "check that it is a SCHUNK EGU or EGK, and the unit of its port's name"
+
+    def __init__(self, stream: Stream, pace: Pace, report: Report, unit: int) -> None:
+        super().__init__(stream, pace, report, unit)
         self._line = threading.Lock()
         self._quiet = False  # while nobody waits for the answer
         self._let_go = pace.every(ALIVE_S, self._keep_alive)
@@ -46,7 +45,7 @@ class SchunkLink(Master):
     def write(self, name: str, *values: float) -> None:
         """Writes a parameter, once."""
         parameter = PARAMETERS[name]
-        self._write_data(self._unit, parameter.address, parameter.pack(*values))
+        self._write_data(parameter.address, parameter.pack(*values))
 
     def transact(self, request: ModbusPDU) -> ModbusPDU:
         """Sends a request once and returns its answer, never an answer to an earlier request."""

@@ -112,67 +112,39 @@ def is_soft(module_type: int) -> bool:
 
 
 class Control(IntFlag):
-    """Bits of the control double word ([PN] 2.1.1.1; [BKS] SetupControlword)."""
+    """The used bits of the control double word ([PN] 2.1.1.1; [BKS] SetupControlword)."""
 
     NO_FAST_STOP = 1 << 0  # "fast stop": clearing it stops; every command needs it
     STOP = 1 << 1
     ACKNOWLEDGE = 1 << 2
-    PREPARE_SHUTDOWN = 1 << 3
-    SOFTRESET = 1 << 4
-    RELEASE_MANUALLY = 1 << 5
     REPEAT_TOGGLE = 1 << 6
     GRIP_FROM_INSIDE = 1 << 7
-    JOG_CLOSING = 1 << 8
-    JOG_OPENING = 1 << 9
     RELEASE = 1 << 11
     GRIP = 1 << 12
     MOVE_ABSOLUTE = 1 << 13
     MOVE_RELATIVE = 1 << 14
     GRIP_AT_POSITION = 1 << 16
-    BRAKE_TEST = 1 << 30
-    USE_GPE = 1 << 31
-
-
-MOTIONS = (
-    Control.RELEASE
-    | Control.GRIP
-    | Control.MOVE_ABSOLUTE
-    | Control.MOVE_RELATIVE
-    | Control.GRIP_AT_POSITION
-)
+    MOTIONS = RELEASE | GRIP | MOVE_ABSOLUTE | MOVE_RELATIVE | GRIP_AT_POSITION
 
 
 class Status(IntFlag):
-    """Bits of the status double word ([PN] 2.1.1.2; [BKS] SetupStatusword)."""
+    """The used bits of the status double word ([PN] 2.1.1.2; [BKS] SetupStatusword)."""
 
     READY = 1 << 0
     CONTROL_AUTHORITY = 1 << 1
-    READY_FOR_SHUTDOWN = 1 << 2
     NOT_FEASIBLE = 1 << 3
     SUCCESS = 1 << 4  # the last command is done
     RECEIVED_TOGGLE = 1 << 5  # changes with each command
     WARNING = 1 << 6
     ERROR = 1 << 7
-    RELEASED_MANUALLY = 1 << 8
-    SOFT_LIMIT = 1 << 9
     NO_WORKPIECE = 1 << 11
     GRIPPED = 1 << 12
     POSITION_REACHED = 1 << 13
-    PRE_GRIP = 1 << 14
     WORKPIECE_LOST = 1 << 16
     WRONG_WORKPIECE = 1 << 17
     GPE_ACTIVE = 1 << 31  # the brake of an M module holds force and position
-
-
-OUTCOMES = (
-    Status.NOT_FEASIBLE
-    | Status.SUCCESS
-    | Status.NO_WORKPIECE
-    | Status.GRIPPED
-    | Status.POSITION_REACHED
-    | Status.WORKPIECE_LOST
-    | Status.WRONG_WORKPIECE
-)
+    FAILURES = NOT_FEASIBLE | WORKPIECE_LOST | WRONG_WORKPIECE
+    OUTCOMES = SUCCESS | NO_WORKPIECE | GRIPPED | POSITION_REACHED | FAILURES
 
 
 class Command(IntEnum):
@@ -200,6 +172,11 @@ class Input(NamedTuple):
     error: int
     warning: int
     additional: int
+
+    @property
+    def ready(self) -> bool:
+        """Whether the gripper may be moved."""
+        return bool(self.status & Status.READY and not self.error)
 
     @classmethod
     def of(cls, values: tuple[float, ...]) -> Self:

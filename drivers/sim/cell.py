@@ -1,14 +1,14 @@
 """A simulated cell in real time: gripper and arm behind their real protocols, with a part."""
 
+import random
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from drivers.sim.camera.server import CameraServer
-from drivers.sim.devices.arm_server import ArmLogger, ArmServer
-from drivers.sim.devices.jaws import Surroundings
+from drivers.sim.devices.arm_server import ArmServer, open_logger
 from drivers.sim.devices.ur_controller import UrModel
 from drivers.sim.devices.ur_ports import served
-from drivers.sim.faults import Desk, Listed
+from drivers.sim.faults import Listed
 from drivers.sim.grippers import simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import open_port
@@ -36,7 +36,7 @@ class LoneGripper(Site):
     def __init__(self, model: str, seed: int, time_scale: float = 1.0) -> None:
         super().__init__(time_scale)
         make = simulator(model)
-        device = make.device(profile_of(model), seed, Surroundings(), Desk(Listed()))
+        device = make.model(random.Random(f"{seed}/gripper"), profile=profile_of(model))
         path, others = make.ports(device, self, lambda **_: Line())
         self.endpoints = {"gripper": path, "port": make.scheme + path, **others}
 
@@ -69,7 +69,6 @@ class Cell(Site):
         path, others = make.ports(self.works.gripper, self, self.works.line)
         arm = ArmServer(self.works.arm, self, self.works.arm_stands)
         _, rtde = served(UrModel(self.works.arm, ARM_BASE, self.works.arm_stands), self)
-        logger = ArmLogger(self.works.arm, self)
         scene = open_port(self._answer, self)
         # Addresses of its devices, for `drivers.connect`.
         base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
@@ -78,7 +77,7 @@ class Cell(Site):
             "arm": f"{arm.url}?base={base}",
             "scene": f"tcp://{HOST}:{scene}",
             "world": setting.world,
-            "arm_logger": logger.url,
+            "arm_logger": open_logger(self.works.arm, self),
             **others,
             "arm_ur": f"ur://{HOST}:{rtde.port}?base={base}&reach={REACH_MM}",
         }

@@ -1,8 +1,8 @@
 """The simulators of grippers by model: the device, its ports and its driver."""
 
-import random
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from drivers.clock import Pace
@@ -11,20 +11,18 @@ from drivers.dh.gripper import Gripper as DhGripper
 from drivers.dh.link import RtuLink
 from drivers.ports import Gripper, GripperProfile, Report
 from drivers.robotiq.gripper import Gripper as RobotiqGripper
-from drivers.robotiq.modbus import RTU, TCP, rtu_link
+from drivers.robotiq.modbus import RTU, TCP, ModbusLink
 from drivers.schunk import registers as schunk
 from drivers.schunk.gripper import Gripper as SchunkGripper
 from drivers.schunk.link import SchunkLink
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
-from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws
 from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
-from drivers.sim.devices.jaws import Fingers, Surroundings
+from drivers.sim.devices.jaws import Fingers
 from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
-from drivers.sim.faults import Desk
 from drivers.sim.wire.line import Line
 from drivers.sim.wire.modbus import Registers
-from drivers.sim.wire.rtu import PtyPort, RtuSlave
+from drivers.sim.wire.rtu import MbapSlave, RtuSlave, open_port, open_pty
 from drivers.sim.wire.serving import HOST, Site
 from drivers.stream import Stream
 from runtime.shell.errors import UsageError
@@ -35,27 +33,13 @@ from runtime.table import same_model
 class Simulator:
     """Simulator of the grippers of one make."""
 
-    # creates the device from its draws, what its fingers may meet, its profile, and the desk of its faults
-    model: Callable[[random.Random, Surroundings, GripperProfile, Desk], Fingers]
+    model: type[Fingers]  # the simulated device
     registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, with its clock
     unit: int  # slave id on the serial line
     scheme: str  # prefix of the serial port's path for `drivers.connect`
     link: Callable[[Stream, Pace, Report], Any]  # creates the driver's link on that line
     # creates the driver on that link
     gripper: Callable[[Any, Pace, Report, GripperProfile], Gripper]
-
-    def device(
-        self, profile: GripperProfile, seed: int, surroundings: Surroundings, desk: Desk
-    ) -> Fingers:
-        """Creates the simulated device.
-
-        Args:
-            profile: of its model.
-            seed: of its lags.
-            surroundings: what the fingers may meet.
-            desk: gives the device's faults.
-        """
-        return self.model(random.Random(f"{seed}/gripper"), surroundings, profile, desk)
 
     def slave(self, device: Any, now: Callable[[], float], line: Line) -> RtuSlave:
         """Creates the Modbus slave of the device, on the gripper's end of a serial line."""
@@ -74,13 +58,7 @@ class Simulator:
         Returns:
             Path of the serial port, and the addresses of the others.
         """
-        return PtyPort(self.slave(device, site.now, line()), site).path, {}
-
-    def driver(
-        self, stream: Stream, pace: Pace, report: Report, profile: GripperProfile
-    ) -> Gripper:
-        """Creates the driver of the gripper on a stream, the host's end of the serial line."""
-        return self.gripper(self.link(stream, pace, report), pace, report, profile)
+        return open_pty(self.slave(device, site.now, line()), site), {}
 
 
 class RobotiqSimulator(Simulator):
@@ -93,7 +71,7 @@ class RobotiqSimulator(Simulator):
         path, _ = super().ports(device, site, line)
         rtu = open_port(self.slave(device, site.now, line()), site)
         slave = MbapSlave(GripperRegisters(device, site.now, TCP), line(checked=False), TCP.unit)
-        tcp = open_port(slave, site, lambda: stop_jaws(device, site.now))
+        tcp = open_port(slave, site, lambda: device.hang_up(site.now()))
         urcap = site.answer_lines(Urcap(device, site.now).answer, MAX_LINE)
         return path, {
             "gripper_tcp": f"tcp://{HOST}:{tcp}",
@@ -102,10 +80,11 @@ class RobotiqSimulator(Simulator):
         }
 
 
-ROBOTIQ = RobotiqSimulator(GripperModel, GripperRegisters, RTU.unit, "", rtu_link, RobotiqGripper)
-DH = Simulator(DhModel, DhRegisters, dh.UNIT, "dh://", RtuLink, DhGripper)
+ROBOTIQ = RobotiqSimulator(GripperModel, GripperRegisters, RTU.unit, "", ModbusLink, RobotiqGripper)
+DH_LINK, SCHUNK_LINK = partial(RtuLink, unit=dh.UNIT), partial(SchunkLink, unit=schunk.UNIT)
+DH = Simulator(DhModel, DhRegisters, dh.UNIT, "dh://", DH_LINK, DhGripper)
 SCHUNK = Simulator(
-    SchunkModel, SchunkRegisters, schunk.UNIT, "schunk://", SchunkLink, SchunkGripper
+    SchunkModel, SchunkRegisters, schunk.UNIT, "schunk://", SCHUNK_LINK, SchunkGripper
 )
 SIMULATORS = {
     **dict.fromkeys(("robotiq-2f-85", "robotiq-2f-140", "hand-e"), ROBOTIQ),
@@ -119,5 +98,4 @@ def simulator(model: str) -> Simulator:
     for name, result in SIMULATORS.items():
         if same_model(name, model):
             return result
-    known = ", ".join(SIMULATORS)
-    raise UsageError(f"there is no simulated gripper {model}; there are {known}")
+    raise UsageError(f"there is no simulated gripper {model}; there are {', '.join(SIMULATORS)}")

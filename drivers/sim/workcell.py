@@ -48,7 +48,8 @@ class Workcell(Surroundings):
         if (line := geometry.acceleration_mm_s2) is not None:
             ramps = (line, math.degrees(line / geometry.turn_radius_mm))
         self.simulator = simulator(self.profile.model)
-        self.gripper = self.simulator.device(self.profile, seed, self, self.desk)
+        lags = random.Random(f"{seed}/gripper")
+        self.gripper = self.simulator.model(lags, self, self.profile, self.desk)
         self.arm = ArmModel(ARM_BASE, ramps, self.desk, seed)
 
     def line(self, *, checked: bool = True) -> Line:
@@ -123,7 +124,7 @@ class Workcell(Surroundings):
         self.gripper.advance(self.now())
         if what == "next_part":
             return {"part": self.table.next_part()}
-        return self.table.truth() if what == "truth" else None
+        return self.table.truth()._asdict() if what == "truth" else None
 
     def look(self) -> Look:
         """What a camera under the table has in view now."""

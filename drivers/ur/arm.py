@@ -64,9 +64,8 @@ class Arm(UprightArm):
         self, stream: Stream, open_script: Callable[[], Stream], pace: Pace, setup: Setup
     ) -> None:
         # Axis 1 turns the hand by more than its bearing: the arm is offset from the base's middle.
-        super().__init__(stream.endpoint, setup, within_sphere(setup))
+        super().__init__(stream.endpoint, stream, pace, setup, within_sphere(setup))
         self._open_script = open_script
-        self._pace = pace
         self._displaced = False  # whether another program replaced this driver's
         self._fraction = 1.0  # position of the speed slider at the start of the last motion
         self._moves = secrets.randbelow(1 << 30)  # no number of an earlier client
@@ -74,11 +73,6 @@ class Arm(UprightArm):
             self._rtde = Rtde(stream, pace)
         except OSError as error:
             raise self._lose(str(error)) from error
-
-    def close(self) -> None:
-        """Disconnects; the arm does not move."""
-        self._unknown = self._unknown or "it was closed"
-        self._rtde.close()
 
     def _read_hand(self) -> Pose:
         seen = self._read()
@@ -104,31 +98,25 @@ class Arm(UprightArm):
             opened = self._open_script()
         except PortError as error:
             raise ArmError(f"arm at {self.endpoint} not moved: {error}") from error
-        with contextlib.closing(opened):
-            try:
-                opened.send(program)
-                self._await_start()
-                self._await_end(budget_s)
-            except BaseException as error:  # Ctrl-C, too
-                if not self._displaced:
-                    with contextlib.suppress(OSError):
-                        opened.send(script.stop())
-                if isinstance(error, OSError) and not isinstance(error, ArmError):
-                    raise self._lose(str(error)) from error
-                self._unknown = self._unknown or "a motion was interrupted"
-                raise
+
+        def stop() -> None:
+            if not self._displaced:
+                opened.send(script.stop())
+
+        with contextlib.closing(opened), self._stopped_on_error(stop):
+            opened.send(program)
+            self._await_start()
+            self._await_end(budget_s)
 
     def _await_start(self) -> None:
-        until = self._pace.deadline(ANSWER_S)
-        while (seen := self._read()).started != self._moves:
-            if self._pace.now() > until:
-                raise self._lose(f"it did not take a program; {_hold(seen) or REMOTE}")
-            self._pace.idle(until)
+        for _ in self._pace.polls(self._pace.deadline(ANSWER_S)):
+            seen = self._read()
+            if seen.started == self._moves:
+                return
+        raise self._lose(f"it did not take a program; {_hold(seen) or REMOTE}")
 
     def _await_end(self, budget_s: float) -> None:
-        until = self._pace.deadline(budget_s)
-        while True:
-            late = self._pace.now() > until
+        for _ in self._pace.polls(self._pace.deadline(budget_s)):
             seen = self._read()
             runs = seen.status_bits & PROGRAM_RUNS or seen.runtime_state in PAUSED
             if seen.started != self._moves:
@@ -140,14 +128,10 @@ class Arm(UprightArm):
             if not ended and not runs:
                 reason = _stop(seen) or "stopped by somebody"
                 raise self._lose(f"its program ended on the way ({reason})")
-            if late:
-                held = _hold(seen)
-                if not held and seen.speed_fraction < self._fraction:
-                    held = f"the speed slider was lowered to {100.0 * seen.speed_fraction:.0f} %"
-                raise self._lose(
-                    f"not there after {budget_s:.1f} s ({held or 'nothing tells why'})"
-                )
-            self._pace.idle(until)
+        held = _hold(seen)
+        if not held and seen.speed_fraction < self._fraction:
+            held = f"the speed slider was lowered to {100.0 * seen.speed_fraction:.0f} %"
+        raise self._lose(f"not there after {budget_s:.1f} s ({held or 'nothing tells why'})")
 
     def _read(self) -> Reading:
         self._check_known()
@@ -186,8 +170,7 @@ def _stop(seen: Reading) -> str:
     """Which stop or mode keeps the controller from moving; empty if it is ready."""
     if seen.safety_bits & ~MAY_MOVE or not seen.safety_bits & MAY_MOVE:
         stops = (name for bit, name in enumerate(SAFETY) if bit > 1 and seen.safety_bits >> bit & 1)
-        message = ", ".join(stops)
-        return f"{message or 'safety state unknown'}; put it right on the pendant"
+        return f"{', '.join(stops) or 'safety state unknown'}; put it right on the pendant"
     if seen.mode != READY:
         return f"it is not ready (robot mode {seen.mode}); power it on and release the brakes"
     return ""

@@ -59,7 +59,7 @@ class Reading(NamedTuple):
 
 
 class Rtde:
-    """An RTDE connection; owns the stream. Opening it agrees on version and fields only.
+    """An RTDE connection on a stream. Opening it agrees on version and fields only.
 
     Raises:
         RtdeError: there is no RTDE, or it lacks a field.
@@ -73,8 +73,7 @@ class Rtde:
         self._out_of_step = False  # data streamed before an interrupt may still be pending
         if self._ask("V", struct.pack(">H", VERSION))[:1] != b"\1":
             raise RtdeError(f"it does not speak RTDE version {VERSION}; update PolyScope")
-        names = ",".join(FIELDS).encode("ascii")
-        reply = self._ask("O", struct.pack(">d", FREQUENCY_HZ) + names)
+        reply = self._ask("O", struct.pack(">d", FREQUENCY_HZ) + ",".join(FIELDS).encode("ascii"))
         self._recipe, kinds = reply[:1], reply[1:].decode("latin-1").split(",")
         if kinds != list(FIELDS.values()):
             pairs = zip(FIELDS, kinds, strict=False)
@@ -103,10 +102,6 @@ class Rtde:
         raise RtdeError(
             f"this process was stopped or starved and read an answer {late_s:.1f} s too late"
         )
-
-    def close(self) -> None:
-        """Disconnects."""
-        self._stream.close()
 
     def _unpacked(self, payload: bytes) -> Reading:
         if payload[:1] != self._recipe or len(payload) != 1 + LAYOUT.size:

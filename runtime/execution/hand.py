@@ -384,7 +384,7 @@ class Hand:
         beside = _beside(target, self.middle_mm)
         speed_mm_s = (speed_um_s or self.limits.arm_speed_um_s) / 1000
         radius_mm = TURN_RADIUS_MM if self.jaws.holds else self.timing.turn_radius_mm
-        self.arm.move_linear(*beside, speed_mm_s, radius_mm)
+        self.arm.move_linear(beside, speed_mm_s, radius_mm)
         safety.check_placed(self.arm, beside)
         self.arm_known, self._sent_to = True, beside
 

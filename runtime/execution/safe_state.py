@@ -72,7 +72,7 @@ def _raise_arm(arm: Arm, limits: Limits) -> str:
     try:
         x_mm, y_mm, z_mm, angle_rad = arm.pose()
         if z_mm < height_mm:
-            arm.move_linear(x_mm, y_mm, height_mm, angle_rad, limits.arm_speed_um_s / 1000)
+            arm.move_linear((x_mm, y_mm, height_mm, angle_rad), limits.arm_speed_um_s / 1000)
     except Exception as error:
         return f"arm: NOT KNOWN TO BE RETREATED: {error}"
     return f"arm at retreat height {height_mm:g} mm"

@@ -45,8 +45,8 @@ def test_activation_cut_short_and_stopped_stands_still_and_may_begin_anew(bus):
     with contextlib.closing(RIGS[bus]()) as rig, rig.open() as gripper:
         idle = gripper._pace.idle
 
-        def interrupt(until):
-            idle(until)
+        def interrupt(*pause):
+            idle(*pause)
             if gripper.state().width_um < 60_000:
                 raise Interrupted
 

@@ -1,5 +1,6 @@
 """`grasp-audit judge` as the runtime starts it: questions and answers over pipes, whatever comes."""
 
+import contextlib
 import json
 import os
 import socket
@@ -71,7 +72,7 @@ def files(tmp_path):
     """What the command line names, and a camera that shows the part at `POSE`."""
     calibration.save(true_calibration(OPTICS), tmp_path / "camera.json")
     tag_file.save(part_tag(), tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
-    with CameraServer(RIG.watcher(lambda: Look(POSE), seed=1)) as server:
+    with contextlib.closing(CameraServer(RIG.watcher(lambda: Look(POSE), seed=1))) as server:
         yield {
             "tree": TABLE,
             "camera": server.url,
@@ -164,16 +165,17 @@ class Slow:
 
 def test_answer_that_comes_late_is_not_taken_for_the_next_part():
     slow = Slow(0.3, 0.0)
-    worker = service.Worker(lambda: slow)
-    assert worker.ask(1, POSE, 0.05).verdict == UNKNOWN
-    assert worker.ask(2, POSE, 20.0) == Answer(PASS, "part 2")
+    worker = service.Worker(lambda: slow, 0.05)
+    assert worker.ask(1, POSE).verdict == UNKNOWN
+    worker.deadline_s = 20.0
+    assert worker.ask(2, POSE) == Answer(PASS, "part 2")
 
 
 def test_hanging_camera_is_reported_and_holds_nothing_up():
     slow = Slow(5.0)
-    worker = service.Worker(lambda: slow)
-    assert "was not judged within" in worker.ask(1, POSE, 0.05).reason
-    assert "still hangs" in worker.ask(2, POSE, 0.05).reason
+    worker = service.Worker(lambda: slow, 0.05)
+    assert "was not judged within" in worker.ask(1, POSE).reason
+    assert "still hangs" in worker.ask(2, POSE).reason
 
 
 @pytest.mark.parametrize(
@@ -185,9 +187,9 @@ def test_nothing_that_an_audit_raises_ends_the_service(error, sentence):
         def audit(self, part, predicted, until, name=None):
             raise error
 
-    worker = service.Worker(Broken)
+    worker = service.Worker(Broken, 20.0)
     for _ in range(2):
-        answer = worker.ask(1, POSE, 20.0)
+        answer = worker.ask(1, POSE)
         assert answer.verdict == UNKNOWN
         assert sentence in answer.reason
 
@@ -199,8 +201,8 @@ def test_full_process_ends_between_questions_only():
         os.write(write, question + question)
         said = []
         lines = service.Lines(read)
-        worker = service.Worker(lambda: Slow(0.0, 0.0))
-        assert service.serve(lines, worker, said.append, 20.0, lambda: True)
+        worker = service.Worker(lambda: Slow(0.0, 0.0), 20.0)
+        assert service.serve(lines, worker, said.append, lambda: True)
         assert len(said) == 2
     finally:
         os.close(write)

@@ -57,13 +57,13 @@ def cell():
 
 def squeeze(gripper, arm, x_mm, y_mm, angle_rad):
     """Place, close, open; returns the settled reading."""
-    arm.move_linear(x_mm, y_mm, 60.0, angle_rad, 250.0)
-    arm.move_linear(x_mm, y_mm, 8.0, angle_rad, 250.0)
+    arm.move_linear((x_mm, y_mm, 60.0, angle_rad), 250.0)
+    arm.move_linear((x_mm, y_mm, 8.0, angle_rad), 250.0)
     gripper.move(-1, 71.0, 37.0)
     settled = gripper.wait()
     gripper.move(85_000, 150.0, 20.0)
     gripper.wait()
-    arm.move_linear(x_mm, y_mm, 60.0, angle_rad, 250.0)
+    arm.move_linear((x_mm, y_mm, 60.0, angle_rad), 250.0)
     return settled
 
 
@@ -98,15 +98,15 @@ def test_parts_lie_in_the_uncertainty_disc_and_move_only_when_squeezed(cell, gri
 def test_a_sweep_at_the_part_ends_in_an_activation_fault_and_above_it_fingers_meet_nothing(cell):
     with cell.connected() as (gripper, arm, scene):
         gripper._link.write(bytes(6))  # inactive
-        arm.move_linear(0.0, 0.0, 60.0, 0.0, 250.0)
-        arm.move_linear(0.0, 0.0, 8.0, 0.0, 250.0)
+        arm.move_linear((0.0, 0.0, 60.0, 0.0), 250.0)
+        arm.move_linear((0.0, 0.0, 8.0, 0.0), 250.0)
         with pytest.raises(RuntimeError, match="0x0D"):
             gripper.activate()
-        arm.move_linear(0.0, 0.0, 60.0, 0.0, 250.0)
+        arm.move_linear((0.0, 0.0, 60.0, 0.0), 250.0)
         gripper.activate()
         scene.next_part()
         before = scene.truth()
-        arm.move_linear(0.0, 0.0, 60.0, 0.0, 250.0)
+        arm.move_linear((0.0, 0.0, 60.0, 0.0), 250.0)
         gripper.move(-1, 150.0, 20.0)
         assert gripper.wait().object == 3
         gripper.move(85_000, 150.0, 20.0)
@@ -119,13 +119,13 @@ def test_fingers_placed_on_the_part_are_a_crash(cell):
         gripper.activate()
         scene.next_part()
         seen = scene.truth()
-        arm.move_linear(seen.x_mm, seen.y_mm + 40.0, 60.0, 0.0, 250.0)
-        arm.move_linear(seen.x_mm, seen.y_mm + 40.0, 8.0, 0.0, 250.0)
+        arm.move_linear((seen.x_mm, seen.y_mm + 40.0, 60.0, 0.0), 250.0)
+        arm.move_linear((seen.x_mm, seen.y_mm + 40.0, 8.0, 0.0), 250.0)
         assert scene.truth().crashes == 1
-        arm.move_linear(seen.x_mm, seen.y_mm, 60.0, 0.0, 250.0)
-        arm.move_linear(seen.x_mm, seen.y_mm, 8.0, 0.0, 250.0)
+        arm.move_linear((seen.x_mm, seen.y_mm, 60.0, 0.0), 250.0)
+        arm.move_linear((seen.x_mm, seen.y_mm, 8.0, 0.0), 250.0)
         assert scene.truth().crashes == 1
-        arm.move_linear(seen.x_mm, seen.y_mm, 60.0, 0.0, 250.0)
+        arm.move_linear((seen.x_mm, seen.y_mm, 60.0, 0.0), 250.0)
 
 
 @pytest.mark.parametrize(("how", "code"), ENDS)
@@ -143,7 +143,7 @@ def test_every_way_to_end(how, code):
 def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
     running = Running(world="fake_scene:stumbling")
     with running.connected() as (gripper, arm, _):
-        arm.move_linear(0.0, 0.0, 8.0, 0.0, 250.0)
+        arm.move_linear((0.0, 0.0, 8.0, 0.0), 250.0)
         with pytest.raises((ConnectionError, RuntimeError)):
             gripper.activate()
     assert running.process.wait(20) == 1

@@ -156,7 +156,7 @@ def test_a_slow_arm_turns_slowly() -> None:
     """No point within 160 mm of the hand's axis is faster than the arm was told to be."""
     cell = VirtualCell(small_setting(), 1)
     arm = cell.arm()
-    arm.move_linear(0.0, 0.0, 80.0, 0.0, 20.0)
+    arm.move_linear((0.0, 0.0, 80.0, 0.0), 20.0)
     began = cell.clock.now()
-    arm.move_linear(0.0, 0.0, 80.0, radians(90.0), 20.0)
+    arm.move_linear((0.0, 0.0, 80.0, radians(90.0)), 20.0)
     assert cell.clock.now() - began >= radians(90.0) * 160.0 / 20.0

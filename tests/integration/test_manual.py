@@ -127,18 +127,18 @@ def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(
     person, arm = Behind(monkeypatch), connect.arm("manual")
     places = ((3, 4, 60), (3, 4, 10), (5, 4, 10), (5, 4, 60))
     for target in ((0, 0, 60, 0.0), *((*place, 2.0) for place in places)):
-        arm.move_linear(*target, 100.0)
+        arm.move_linear(target, 100.0)
         assert arm.pose() == target
     assert [sentence.split()[0] for sentence in person.heard] == ["Put", "Go", "Lift"]
     with pytest.raises(ArmError, match="not moved"):
-        arm.move_linear(float("nan"), 0.0, 0.0, 0.0, 100.0)
+        arm.move_linear((float("nan"), 0.0, 0.0, 0.0), 100.0)
     person.answer = TimeoutError("nobody answered within 60 s")
     with pytest.raises(ArmError, match="state unknown since nobody answered"):
-        arm.move_linear(5, 4, 10, 2.0, 100.0)
+        arm.move_linear((5, 4, 10, 2.0), 100.0)
     with pytest.raises(ArmError, match="state unknown since nobody answered"):
         arm.pose()
     with pytest.raises(ReadOnlyError):
-        connect.arm("manual", read_only=True).move_linear(0, 0, 60, 0.0, 100.0)
+        connect.arm("manual", read_only=True).move_linear((0, 0, 60, 0.0), 100.0)
 
 
 def test_a_width_is_reported_on_the_grid_of_the_profile(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from drivers.modbus.framing import RtuFraming
 from drivers.robotiq.modbus import RTU, TCP, read_request
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
-from drivers.sim.devices.gripper_tcp import MbapSlave
 from drivers.sim.wire.modbus import crc16
+from drivers.sim.wire.rtu import MbapSlave
 
 CASES = settings(max_examples=100, derandomize=True)
 listeners, cuts = st.integers(0, 2), st.integers(0, 31)

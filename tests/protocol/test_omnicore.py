@@ -43,20 +43,20 @@ def test_the_first_motion_starts_our_program_and_the_next_feeds_it(rig):
     with rig.open() as arm:
         arm.pose()
         assert not rig.model.running
-        arm.move_linear(*TARGET, 200.0)
+        arm.move_linear(TARGET, 200.0)
         assert rig.model.pointer == ("SqueezeTree", "SqueezeTreeMain")
         assert rig.truth() == pytest.approx(TARGET, abs=1e-3)
-        arm.move_linear(0.0, 0.0, 60.0, 0.0, 200.0)
+        arm.move_linear((0.0, 0.0, 60.0, 0.0), 200.0)
     assert rig.moves == 2
     with rig.open() as arm:  # the program goes on waiting
-        arm.move_linear(*TARGET, 200.0)
+        arm.move_linear(TARGET, 200.0)
     assert (rig.moves, rig.model.running, rig.model.master) == (3, True, False)
 
 
 def test_a_request_that_was_left_over_is_not_executed_when_the_program_starts(basic):
     basic.model.symbols |= {"sq_request": "17", "sq_target": "[[300,0,300],[0,1,0,0]]"}
     with basic.open() as arm:
-        arm.move_linear(*TARGET, 200.0)
+        arm.move_linear(TARGET, 200.0)
     assert basic.moves == 1
 
 
@@ -74,7 +74,7 @@ def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(basic, change, m
         for name, value in change.items():
             setattr(basic.model, name, value)
         with pytest.raises(ArmError, match=f"not moved: .*{message}"):
-            arm.move_linear(*TARGET, 200.0)
+            arm.move_linear(TARGET, 200.0)
         assert arm.pose() == here
     assert basic.moves == 0
 
@@ -90,7 +90,7 @@ def test_a_program_that_stops_on_the_way_is_no_arrival(basic):
 
         arm._await = stopped
         with pytest.raises(ArmError, match="stopped on the way; see the event log"):
-            arm.move_linear(*TARGET, 5.0)
+            arm.move_linear(TARGET, 5.0)
         with pytest.raises(ArmError, match="state unknown since"):
             arm.pose()
 
@@ -107,7 +107,7 @@ def test_an_interrupted_motion_is_stopped(basic, when):
 
         arm._await = interrupted
         with pytest.raises(KeyboardInterrupt):
-            arm.move_linear(*TARGET, 2.0)
+            arm.move_linear(TARGET, 2.0)
         assert not basic.model.running
         here = basic.truth()
         time.sleep(0.05)
@@ -122,14 +122,14 @@ def test_the_controllers_own_limit_holds_and_the_deadline_ends_what_it_stretches
     with basic.open() as arm:
         arm.pose()
         with pytest.raises(ArmError, match="not there after"):
-            arm.move_linear(*TARGET, 1000.0)
+            arm.move_linear(TARGET, 1000.0)
     assert not basic.model.running
 
 
 def test_frames_go_to_the_controller(basic):
     tool, table = IDENTITY._replace(z_mm=150.0), IDENTITY._replace(x_mm=10.0, y_mm=20.0, z_mm=5.0)
     with basic.open(tool=tool, work_object=table) as arm:
-        arm.move_linear(0.0, 0.0, 100.0, 0.3, 400.0)
+        arm.move_linear((0.0, 0.0, 100.0, 0.3), 400.0)
         assert arm.pose() == pytest.approx((0.0, 0.0, 100.0, 0.3), abs=1e-4)
     assert basic.truth()[:3] == pytest.approx((10.0, 20.0, 255.0), abs=1e-3)
 
@@ -320,6 +320,6 @@ def test_answer_that_drips_ends_at_the_deadline_of_the_whole_exchange(name, monk
 def test_sentence_of_a_controller_is_shortened(basic):
     basic.model.mode = "MANR\r\n" + "\x1b[31m" * 1000
     with basic.open() as arm, pytest.raises(ArmError, match=r"in mode MANR") as raised:
-        arm.move_linear(*TARGET, 200.0)
+        arm.move_linear(TARGET, 200.0)
     assert len(str(raised.value)) < 300
     assert str(raised.value).isprintable()

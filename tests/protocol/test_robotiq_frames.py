@@ -9,7 +9,7 @@ import pytest
 from lines import Line
 
 from drivers.clock import Pace
-from drivers.robotiq.modbus import rtu_link
+from drivers.robotiq.modbus import ModbusLink
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.wire.rtu import RtuSlave
 
@@ -89,7 +89,7 @@ def test_the_read_write_frame_writes_first_and_tells_of_the_silence_before_it():
 
 def link(reply):
     line = Line([(0.004, bytes.fromhex(reply))])
-    return rtu_link(line, Pace(line.clock)), line
+    return ModbusLink(line, Pace(line.clock)), line
 
 
 @pytest.mark.parametrize("frame", [RESET, ACTIVATE, CLOSE, OPEN])

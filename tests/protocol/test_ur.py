@@ -58,7 +58,7 @@ def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(rig, change, mes
         here = arm.pose()
         change(rig.model)
         with pytest.raises(ArmError, match=f"not moved: .*{message}"):
-            arm.move_linear(*TARGET, 200.0)
+            arm.move_linear(TARGET, 200.0)
         assert arm.pose() == here
     assert rig.moves == 0
 
@@ -70,7 +70,7 @@ def test_a_pendant_that_is_not_in_remote_control_is_reported(rig, monkeypatch):
         rig.open() as arm,
         pytest.raises(ArmError, match="did not take a program; set the pendant to Remote"),
     ):
-        arm.move_linear(*TARGET, 200.0)
+        arm.move_linear(TARGET, 200.0)
     assert rig.moves == 0
 
 
@@ -85,7 +85,7 @@ def test_a_protective_stop_on_the_way_is_no_arrival(rig):
 
         arm._await_end = stopped
         with pytest.raises(ArmError, match=r"ended on the way \(protective stop"):
-            arm.move_linear(*TARGET, 5.0)
+            arm.move_linear(TARGET, 5.0)
         with pytest.raises(ArmError, match="state unknown since"):
             arm.pose()
     assert is_still(rig)
@@ -102,7 +102,7 @@ def test_another_program_on_the_way_is_reported(rig):
 
         arm._await_end = intruded
         with pytest.raises(ArmError, match="another program moves it"):
-            arm.move_linear(*TARGET, 5.0)
+            arm.move_linear(TARGET, 5.0)
         time.sleep(0.05)
         assert rig.model.registers[25] == 7  # nor was it stopped by us
 
@@ -115,7 +115,7 @@ def test_an_interrupted_motion_is_stopped(rig):
 
         arm._await_end = interrupt
         with pytest.raises(KeyboardInterrupt):
-            arm.move_linear(*TARGET, 2.0)
+            arm.move_linear(TARGET, 2.0)
         until(lambda: is_still(rig))
         assert math.dist(rig.truth()[:3], TARGET[:3]) > 1.0
         with pytest.raises(ArmError, match="interrupted"):
@@ -126,7 +126,7 @@ def test_a_motion_that_does_not_arrive_is_stopped_at_its_deadline(rig, monkeypat
     with rig.open() as arm:
         monkeypatch.setattr("drivers.ur.arm._pacing", lambda motion: ("v=0.0001", 0.1))
         with pytest.raises(ArmError, match="not there after"):
-            arm.move_linear(*TARGET, 500.0)
+            arm.move_linear(TARGET, 500.0)
     time.sleep(0.1)
     assert is_still(rig)
 
@@ -134,7 +134,7 @@ def test_a_motion_that_does_not_arrive_is_stopped_at_its_deadline(rig, monkeypat
 def test_a_slow_slider_stretches_the_deadline(rig):
     rig.model.speed_fraction = 0.1
     with rig.open() as arm:
-        arm.move_linear(*TARGET, 100.0)
+        arm.move_linear(TARGET, 100.0)
         assert arm.pose()[:3] == pytest.approx(TARGET[:3], abs=0.01)
 
 
@@ -208,7 +208,7 @@ def test_a_simulated_controller_survives_noise(rig):
             with socket.create_connection(("127.0.0.1", port)) as client:
                 client.sendall(rng.randbytes(rng.randrange(1, 60)) + b"\nend\n")
     with rig.open() as arm:
-        arm.move_linear(*TARGET, 200.0)
+        arm.move_linear(TARGET, 200.0)
     assert rig.moves == 1
 
 
@@ -239,7 +239,7 @@ def test_move_held_up_on_the_pendant_names_what_holds_it(rig, changed, reason):
 
         arm._await_start = held
         with pytest.raises(ArmError, match=f"not there after .*{reason}.*look at the pendant"):
-            arm.move_linear(*TARGET, 5.0)  # still under way when it is held up
+            arm.move_linear(TARGET, 5.0)  # still under way when it is held up
 
 
 def test_move_paused_and_resumed_arrives(rig):
@@ -254,5 +254,5 @@ def test_move_paused_and_resumed_arrives(rig):
             rig.site.call(lambda: delattr(rig.model, "fields"))
 
         arm._await_start = interrupted
-        arm.move_linear(*TARGET, 20.0)
+        arm.move_linear(TARGET, 20.0)
         assert rig.truth() == pytest.approx(TARGET, abs=1e-3)

@@ -4,7 +4,7 @@ import numpy as np
 
 from drivers.ports import GripperState, ObjectState
 from drivers.robotiq.counts import Counts
-from drivers.robotiq.faults import fault_text
+from drivers.robotiq.registers import fault_text
 from runtime.table import PROFILES, DecisionMap
 from runtime.table import decide as look_up
 

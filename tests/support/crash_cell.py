@@ -14,7 +14,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from drivers.clock import Pace
-from drivers.ports import TURN_RADIUS_MM
+from drivers.ports import TURN_RADIUS_MM, PoseOfHand
 from drivers.robotiq.gripper import Gripper
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.virtual.clock import VirtualClock
@@ -200,16 +200,10 @@ class CountedArm:
         return ""
 
     def move_linear(
-        self,
-        x_mm: float,
-        y_mm: float,
-        z_mm: float,
-        angle_rad: float,
-        speed_mm_s: float,
-        radius_mm: float = TURN_RADIUS_MM,
+        self, target: PoseOfHand, speed_mm_s: float, radius_mm: float = TURN_RADIUS_MM
     ) -> None:
         with self._life.moments():
-            self._world.move((x_mm, y_mm, z_mm, angle_rad))
+            self._world.move(target)
 
     def close(self) -> None:
         pass

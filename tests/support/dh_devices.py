@@ -43,7 +43,7 @@ class VirtualDh(Surroundings):
         def report(kind, fields):
             self.incidents.append(fields["incident"])
 
-        return Gripper(RtuLink(self.port.open(), pace, report), pace, report, self.profile)
+        return Gripper(RtuLink(self.port.open(), pace, report, dh.UNIT), pace, report, self.profile)
 
     def ready(self) -> Gripper:
         """The driver of an initialised gripper."""

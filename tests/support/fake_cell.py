@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from counting import PROFILE, SETTINGS, state
 
-from drivers.ports import TURN_RADIUS_MM, GripperState, Settled
+from drivers.ports import TURN_RADIUS_MM, GripperState, PoseOfHand, Settled
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell
 
@@ -135,17 +135,11 @@ class FakeArm:
         return self.obstacles(start, target)
 
     def move_linear(
-        self,
-        x_mm: float,
-        y_mm: float,
-        z_mm: float,
-        angle_rad: float,
-        speed_mm_s: float,
-        radius_mm: float = TURN_RADIUS_MM,
+        self, target: PoseOfHand, speed_mm_s: float, radius_mm: float = TURN_RADIUS_MM
     ) -> None:
-        self.log.call("arm", "move_linear", x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
+        self.log.call("arm", "move_linear", *target, speed_mm_s)
         self.radii_mm.append(radius_mm)
-        self.at = (x_mm, y_mm, z_mm, angle_rad)
+        self.at = target
 
     def close(self) -> None:
         self.log.call("arm", "close")

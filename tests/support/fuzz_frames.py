@@ -100,7 +100,7 @@ def towards_tcp_master(pieces: list[bytes]) -> None:
 
 
 def _link(pieces: list[bytes], framing: Framing, wiring: Wiring) -> ModbusLink:
-    return ModbusLink(FedStream(pieces), framing, wiring, Pace(CLOCK), no_report)
+    return ModbusLink(FedStream(pieces), Pace(CLOCK), no_report, wiring, framing)
 
 
 def _believes(link: ModbusLink, blocks: set[bytes]) -> None:

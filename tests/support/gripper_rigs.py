@@ -15,10 +15,9 @@ from drivers.robotiq.canopen import CanMap
 from drivers.robotiq.modbus import TCP
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
-from drivers.sim.devices.gripper_tcp import MbapSlave, open_port, stop_jaws
 from drivers.sim.devices.gripper_urcap import MAX_LINE, Urcap
 from drivers.sim.devices.jaws import Surroundings
-from drivers.sim.wire.rtu import PtyPort, RtuSlave
+from drivers.sim.wire.rtu import MbapSlave, RtuSlave, open_port, open_pty
 from drivers.sim.wire.serving import Site
 from runtime.table import profile_of
 
@@ -74,11 +73,11 @@ class Robotiq(GripperRig):
             return f"urcap://127.0.0.1:{port}"
         if bus == "tcp":
             self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP), unit=TCP.unit)
-            port = open_port(self.slave, self.site, lambda: stop_jaws(self.model, self.now))
+            port = open_port(self.slave, self.site, lambda: self.model.hang_up(self.now()))
             return f"tcp://127.0.0.1:{port}"
         self.slave = RtuSlave(GripperRegisters(self.model, self.now))
         if bus == "pty":
-            return PtyPort(self.slave, self.site).path
+            return open_pty(self.slave, self.site)
         return f"{bus}://127.0.0.1:{open_port(self.slave, self.site)}"
 
     def commanded(self):
@@ -115,7 +114,7 @@ class Dh(GripperRig):
         self.now = self.site.now
         self.device = DhModel(random.Random(1), self, self.profile)
         self.slave = RtuSlave(DhRegisters(self.device, self.now), None, dh.UNIT)
-        self.path = PtyPort(self.slave, self.site).path
+        self.path = open_pty(self.slave, self.site)
         self.name = f"dh://{self.path}"
 
     def commanded(self):

@@ -44,8 +44,7 @@ from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration.file import Reference
 from drivers.camera.vision import tag_file
 from drivers.clock import LINK_TIMEOUT_S
-from drivers.links import READ_TRIES
-from drivers.modbus.master import DRAIN_S
+from drivers.links import DRAIN_S, READ_TRIES
 from drivers.sim.camera.rig import standard_rig
 from drivers.sim.physics import scene_protocol
 from drivers.ur.rtde import ANSWER_S
@@ -257,7 +256,7 @@ class Bench:
                 if low and not case.device.startswith("arm") and "state unknown" not in said:
                     yield f"the arm stands at {after[2]:.1f} mm"
                 if low:  # up for the next one
-                    arm.move_linear(*after[:2], UP_MM, after[3], 100.0)
+                    arm.move_linear((*after[:2], UP_MM, after[3]), 100.0)
             gripper._send({})  # inactive again, so that each run has the same calls
 
 

@@ -185,7 +185,7 @@ class Bench:
         with contextlib.closing(connect.arm(self.cell.endpoints["arm"], time_scale=SCALE)) as arm:
             x_mm, y_mm, z_mm, angle_rad = arm.pose()
             if z_mm < UP_MM:
-                arm.move_linear(x_mm, y_mm, UP_MM, angle_rad, 250.0)
+                arm.move_linear((x_mm, y_mm, UP_MM, angle_rad), 250.0)
         if "arm at retreat height" in ended.out and z_mm < UP_MM - 0.1:
             yield f"the arm stands at {z_mm} mm"
 

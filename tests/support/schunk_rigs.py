@@ -14,7 +14,7 @@ from drivers.sim.devices.schunk import SILENCE_S, SchunkModel, SchunkRegisters
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import GripperPort
 from drivers.sim.wire import line
-from drivers.sim.wire.rtu import PtyPort, RtuSlave
+from drivers.sim.wire.rtu import RtuSlave, open_pty
 from drivers.sim.wire.serving import Site
 from runtime.table import PROFILES
 
@@ -47,9 +47,10 @@ class SchunkRig(GripperRig):
         self.site = Site(scale)
         self.part = Part()
         profile = PROFILES[model]
-        self.model = SchunkModel(random.Random(1), self.part, profile, silence_s=math.inf)
+        self.model = SchunkModel(random.Random(1), self.part, profile)
+        self.model.silence_s = math.inf
         self.slave = RtuSlave(SchunkRegisters(self.model, self.site.now), None, UNIT)
-        self.path = PtyPort(self.slave, self.site).path
+        self.path = open_pty(self.slave, self.site)
         self.name = f"schunk://{self.path}"
 
     def put_part(self):
@@ -82,12 +83,13 @@ class VirtualSchunk:
         self.clock = VirtualClock()
         self.pace = Pace(self.clock)
         self.part, self.line, self.reports = Part(), Line(), []
-        self.model = SchunkModel(random.Random(1), self.part, PROFILES[model], silence_s=silence_s)
+        self.model = SchunkModel(random.Random(1), self.part, PROFILES[model])
+        self.model.silence_s = silence_s
         self.clock.watch(self.model.next_change)
         slave = RtuSlave(SchunkRegisters(self.model, self.clock.now), self.line, UNIT)
         self.port = GripperPort(slave, self.clock)
 
     def connect(self, profile=None, **options):
         report = lambda kind, fields: self.reports.append(fields["incident"])  # noqa: E731
-        link = SchunkLink(self.port.open(), self.pace, report)
-        return Gripper.over(link, self.pace, report, profile, **{"read_only": False, **options})
+        link = SchunkLink(self.port.open(), self.pace, report, UNIT)
+        return Gripper(link, self.pace, report, profile, **{"read_only": False, **options})

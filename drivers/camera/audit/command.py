@@ -86,11 +86,10 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     """
     cv2.setNumThreads(1)
     full = service.limit_memory(options.memory_mb)
-    worker = service.Worker(lambda: make(options))
+    worker = service.Worker(lambda: make(options), options.deadline)
     lines = service.Lines(sys.stdin.fileno())
     judged_by = digest_of(options.tree)
-    write = partial(os.write, 1)
-    if service.serve(lines, worker, write, options.deadline, full, judged_by):
+    if service.serve(lines, worker, partial(os.write, 1), full, judged_by):
         again = [sys.executable, "-P", "-m", "drivers.camera.audit.command", *words]
         os.execv(sys.executable, again)
     if worker.why_not is not None:

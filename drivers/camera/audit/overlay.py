@@ -23,17 +23,14 @@ MOST_PICTURES = 1000
 QUALITY = 85
 
 
-def keep(
-    folder: Path, part: int, verdict: str, drawn: Picture, most: int = MOST_PICTURES
-) -> Path | None:
-    """Writes an overlay.
+def keep(folder: Path, part: int, verdict: str, drawn: Picture) -> Path | None:
+    """Writes an overlay; the folder keeps the newest `MOST_PICTURES`.
 
     Args:
         folder: folder of overlays; created if missing.
         part: number of the part.
         verdict: verdict on the part.
         drawn: the overlay, (h, w, 3).
-        most: number of overlays kept; the oldest are deleted.
 
     Returns:
         The file, or None where it cannot be written: an audit does not depend on overlays.
@@ -42,7 +39,7 @@ def keep(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         kept = sorted(folder.glob("part-*.jpg"))
-        for old in kept[: max(0, len(kept) - most + 1)]:
+        for old in kept[: max(0, len(kept) - MOST_PICTURES + 1)]:
             old.unlink(missing_ok=True)
         _, coded = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
         with writing(path) as draft:

@@ -29,9 +29,15 @@ MISUNDERSTOOD = "the question is not understood; it takes part, x_mm, y_mm and t
 
 
 class Worker:
-    """Judges one part after the other in a separate thread, so that a hanging camera cannot delay answers."""
+    """Judges one part after the other in a separate thread, so that a hanging camera cannot delay answers.
 
-    def __init__(self, make: Callable[[], Auditor]) -> None:
+    Args:
+        make: creates the auditor.
+        deadline_s: time limit for each answer.
+    """
+
+    def __init__(self, make: Callable[[], Auditor], deadline_s: float) -> None:
+        self.deadline_s = deadline_s
         self.asked = False
         self.why_not: Exception | None = None  # the error for which there is no auditor
         self._make = make
@@ -40,20 +46,17 @@ class Worker:
         self._owed = 0
         threading.Thread(target=self._work, name="audit", daemon=True).start()
 
-    def ask(
-        self, part: int, predicted: Pose2, deadline_s: float, name: str | None = None
-    ) -> Answer:
+    def ask(self, part: int, predicted: Pose2, name: str | None = None) -> Answer:
         """Judges one part; the verdict is "unknown" where this takes longer than `deadline_s`."""
         self.asked = True
-        start = time.monotonic()
+        start, deadline_s = time.monotonic(), self.deadline_s
         while self._owed:
             if self._next_answer(start + 0.5 * deadline_s) is None:
                 return Answer(UNKNOWN, "the camera still hangs; restart grasp-audit")
         self._questions.put((part, predicted, start + PICTURE_SHARE * deadline_s, name))
         self._owed += 1
-        return self._next_answer(start + deadline_s) or Answer(
-            UNKNOWN, f"the part was not judged within {deadline_s:g} s; check the camera"
-        )
+        late = f"the part was not judged within {deadline_s:g} s; check the camera"
+        return self._next_answer(start + deadline_s) or Answer(UNKNOWN, late)
 
     def _next_answer(self, until: float) -> Answer | None:
         try:
@@ -109,7 +112,6 @@ def serve(
     lines: Lines,
     worker: Worker,
     write: Callable[[bytes], object],
-    deadline_s: float,
     full: Callable[[], bool],
     table_sha256: str | None = None,
 ) -> bool:
@@ -119,7 +121,6 @@ def serve(
         lines: the questions.
         worker: judges the parts.
         write: writes an answer's line.
-        deadline_s: time limit for each answer.
         full: whether the process has grown too large.
         table_sha256: digest of the auditor's table; None: unknown.
 
@@ -127,7 +128,7 @@ def serve(
         Whether the process has grown too large, and has to be restarted.
     """
     while (line := lines.next()) is not None:
-        answer = _answered(line, worker, deadline_s, table_sha256)
+        answer = _answered(line, worker, table_sha256)
         try:
             write(json.dumps(answer).encode("ascii") + b"\n")
         except BrokenPipeError:  # the client has gone
@@ -153,9 +154,7 @@ def limit_memory(memory_mb: float) -> Callable[[], bool]:
     return lambda: _memory()[1] > resident + extra
 
 
-def _answered(
-    line: bytes, worker: Worker, deadline_s: float, table_sha256: str | None
-) -> dict[str, object]:
+def _answered(line: bytes, worker: Worker, table_sha256: str | None) -> dict[str, object]:
     """Returns the fields of the answer to a line.
 
     A question may state the digest of its table. If that is another table than the auditor's, or if the
@@ -176,7 +175,7 @@ def _answered(
         predicted = (float(asked["x_mm"]), float(asked["y_mm"]), float(asked["theta_rad"]))
     except (ValueError, TypeError, KeyError, OverflowError):
         return Answer(UNKNOWN, MISUNDERSTOOD).fields()
-    return worker.ask(part, predicted, deadline_s, name).fields()
+    return worker.ask(part, predicted, name).fields()
 
 
 def _memory() -> tuple[int, int]:

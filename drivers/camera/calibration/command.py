@@ -2,10 +2,9 @@
 
 import argparse
 import datetime
-import json
 import sys
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +19,13 @@ from drivers.camera.vision.board import parse
 from drivers.camera.vision.sources import open_source
 from drivers.camera.vision.tag_file import PartTag
 from drivers.planar import Pose2
-from runtime.shell.command import Parser, add_command, run
+from runtime.shell.command import Parser, add_command, run, say, say_result
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
-from runtime.shell.files import folder, usable, writing
+from runtime.shell.files import folder, usable, write, writing
 
 PICTURE_S = 10.0
-Lines = Generator[str, None, dict[str, object]]
-"""Yields lines of text for people; returns the same content for a JSON object."""
-Run = Callable[[argparse.Namespace], Lines]
+Run = Callable[[argparse.Namespace], None]
 FILE: dict[str, Any] = {"type": Path, "metavar": "F"}
 DIR: dict[str, Any] = {"type": Path, "metavar": "DIR"}
 CSV: dict[str, Any] = {"type": Path, "metavar": "CSV"}
@@ -69,13 +66,10 @@ def parser() -> Parser:
     add = add_to("camera", run_camera, purpose, example)
     text = "name or serial number of the camera: the file is for this one alone"
     add("--name", required=True, help=text)
-    text = "charuco:12x9:30:22.5 or chessboard:12x9:30"
-    add("--board", required=True, metavar="B", help=text)
+    add("--board", required=True, metavar="B", help="charuco:12x9:30:22.5 or chessboard:12x9:30")
     add("--views", required=True, **DIR, help="pictures of the board, held and tilted")
-    text = "pictures of it lying on the table"
-    add("--table", required=True, **FILE, nargs="+", help=text)
-    text = "the camera looks down, and the board lies face up"
-    add("--above", action="store_true", help=text)
+    add("--table", required=True, **FILE, nargs="+", help="pictures of it lying on the table")
+    add("--above", action="store_true", help="the camera looks down, and the board lies face up")
     add("--board-height", **MM, default=0.0, help="its face above the table (default: 0)")
     add("--touched", **CSV, help="places of a tag that the arm knows, with pictures")
     add("--number", **ID, default=0, help="id of that tag, and of the part's")
@@ -88,16 +82,14 @@ def parser() -> Parser:
     add("--number", required=True, **ID, help="id of its tag, family 36h11")
     add("--side", required=True, **MM, help="edge of the tag's black border")
     add("--height", **MM, default=0.0, help="its face above the table (default: 0)")
-    text = "where it is on the part, if that is known"
-    add("--at", type=_pose, metavar="X,Y,THETA", help=text)
+    add("--at", type=_pose, metavar="X,Y,THETA", help="where it is on the part, if that is known")
     add("--calibration", **FILE, help="of the camera that sees it")
     add("--poses", **CSV, help="poses of the part that the arm knows, with pictures")
     add("-o", "--output", required=True, **FILE, help="the tag file")
 
     purpose = "take pictures, one at each Enter"
     add = add_to("pictures", run_pictures, purpose, "--camera /dev/video0 -o views")
-    text = "/dev/video0, rtsp:// or http://"
-    add("--camera", required=True, metavar="ADDRESS", help=text)
+    add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp:// or http://")
     text = "of a device (default: 1920x1080)"
     add("--size", type=_size, default=(1920, 1080), metavar="WxH", help=text)
     add("--count", type=int, default=20, metavar="N", help="how many (default: 20)")
@@ -108,29 +100,17 @@ def parser() -> Parser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code."""
-    return run(parser(), arguments, _follow)
+
+    def body(options: argparse.Namespace) -> int:
+        cv2.setNumThreads(1)
+        options.run(options)
+        return 0
+
+    return run(parser(), arguments, body)
 
 
-def _follow(options: argparse.Namespace) -> int:
-    """Prints the lines of a subcommand as it yields them, or with `--json` one object at its end."""
-    cv2.setNumThreads(1)
-    lines = options.run(options)
-    try:
-        while True:
-            line = next(lines)
-            if not options.json:
-                print(line, flush=True)
-    except StopIteration as end:
-        if options.json:
-            print(json.dumps(end.value))
-    except EOFError:
-        problem = "standard input ended before Enter was pressed; run it in a terminal"
-        raise UsageError(problem) from None
-    return 0
-
-
-def run_camera(options: argparse.Namespace) -> Lines:
-    """Calibrates a camera, writes the calibration and a picture of its residuals, and yields a summary."""
+def run_camera(options: argparse.Namespace) -> None:
+    """Calibrates a camera, writes the calibration and a picture of its residuals; prints a summary."""
     board, held = parse(options.board), pictures_in(options.views)
     touched = () if options.touched is None else read_poses(options.touched)
     picture = options.output.with_suffix(".svg")
@@ -138,34 +118,23 @@ def run_camera(options: argparse.Namespace) -> Lines:
     read += [options.touched, options.references]
     for output, other in ((options.output, None), (picture, options.output)):
         usable(output, *read, other)
-    fitted = calibrate(
-        options.name,
-        _now(),
-        board,
-        Pictures(held, options.table, touched, options.references),
-        options.number,
-        from_below=not options.above,
-        height_mm=options.board_height,
-    )
+    shown = options.number, not options.above, options.board_height
+    pictures = Pictures(held, options.table, touched, options.references, *shown)
+    fitted = calibrate(options.name, _now(), board, pictures)
     calibration.save(fitted.calibration, options.output)
-    with writing(picture) as draft:
-        draft.write_text(residual_picture.draw(fitted), encoding="ascii")
+    write(picture, residual_picture.draw(fitted))
     known, off = fitted.calibration, np.hypot(*fitted.residuals.off.T)
     sigma = known.trust.sigma_mm
     numbers = [reference.number for reference in known.references]
-    yield f"camera {known.camera}, {known.views} views of the board, residual {known.rms_px:.3f} px"
-    for name in fitted.left_out:
-        yield f"left out: {name}, the board is not found in it"
-    yield f"boards on the table: {fitted.residuals.rms_mm:.3f} mm rms, {off.max():.3f} mm at most"
-    yield f"standard deviation of a place: {np.median(sigma):.3f} mm, at worst {sigma.max():.3f} mm"
-    if touched:
-        yield f"alignment with the arm: {known.alignment_mm:.3f} mm rms over {len(touched)} places"
-    else:
-        yield "no touched places were given: the board's middle and rows are the frame of all poses"
+    alignment = (
+        f"alignment with the arm: {known.alignment_mm:.3f} mm rms over {len(touched)} places"
+    )
+    if not touched:
+        alignment = (
+            "no touched places were given: the board's middle and rows are the frame of all poses"
+        )
     named = ", ".join(map(str, numbers))
-    yield f"reference tags: {named or 'none, so a moved camera will not be noticed'}"
-    yield f"written to {options.output} and {picture}"
-    return {
+    fields = {
         "output": str(options.output),
         "picture": str(picture),
         "camera": known.camera,
@@ -177,9 +146,19 @@ def run_camera(options: argparse.Namespace) -> Lines:
         "alignment_mm": known.alignment_mm if touched else None,
         "references": numbers,
     }
+    lines = [
+        f"camera {known.camera}, {known.views} views of the board, residual {known.rms_px:.3f} px",
+        *(f"left out: {name}, the board is not found in it" for name in fitted.left_out),
+        f"boards on the table: {fitted.residuals.rms_mm:.3f} mm rms, {off.max():.3f} mm at most",
+        f"standard deviation of a place: {np.median(sigma):.3f} mm, at worst {sigma.max():.3f} mm",
+        alignment,
+        f"reference tags: {named or 'none, so a moved camera will not be noticed'}",
+        f"written to {options.output} and {picture}",
+    ]
+    say_result(options.json, fields, lines)
 
 
-def run_tag(options: argparse.Namespace) -> Lines:
+def run_tag(options: argparse.Namespace) -> None:
     """Writes where a tag is on its part, as stated (`--at`) or measured from pictures (`--poses`)."""
     at = options.at or (0.0, 0.0, 0.0)
     tag = PartTag(options.part, options.number, options.side, at, options.height)
@@ -192,22 +171,25 @@ def run_tag(options: argparse.Namespace) -> Lines:
         tag = glue(calibration.load(options.calibration), tag, touched)
     tag_file.save(tag, options.output, _now())
     x_mm, y_mm, theta_rad = tag.on_part
-    yield f"tag {tag.number} on {tag.part}: x {x_mm:.3f} mm, y {y_mm:.3f} mm, {theta_rad:.5f} rad"
-    yield f"standard deviation: {tag.sigma_mm:.3f} mm, {tag.sigma_rad:.5f} rad"
-    yield f"written to {options.output}"
-    return {
+    fields = {
         "output": str(options.output),
         "part": tag.part,
         "tag": tag.number,
-        "x_mm": float(x_mm),
-        "y_mm": float(y_mm),
-        "theta_rad": float(theta_rad),
-        "sigma_mm": float(tag.sigma_mm),
-        "sigma_rad": float(tag.sigma_rad),
+        "x_mm": x_mm,
+        "y_mm": y_mm,
+        "theta_rad": theta_rad,
+        "sigma_mm": tag.sigma_mm,
+        "sigma_rad": tag.sigma_rad,
     }
+    lines = (
+        f"tag {tag.number} on {tag.part}: x {x_mm:.3f} mm, y {y_mm:.3f} mm, {theta_rad:.5f} rad",
+        f"standard deviation: {tag.sigma_mm:.3f} mm, {tag.sigma_rad:.5f} rad",
+        f"written to {options.output}",
+    )
+    say_result(options.json, fields, lines)
 
 
-def run_pictures(options: argparse.Namespace) -> Lines:
+def run_pictures(options: argparse.Namespace) -> None:
     """Takes pictures, one at each press of Enter."""
     ask = _ask_beside if options.json else input
     source = open_source(options.camera, options.size)
@@ -221,10 +203,14 @@ def run_pictures(options: argparse.Namespace) -> Lines:
             with writing(path) as draft:
                 draft.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
             taken.append(str(path))
-            yield f"{path}: {picture.shape[1]} x {picture.shape[0]}"
+            if not options.json:
+                say(f"{path}: {picture.shape[1]} x {picture.shape[0]}")
+    except EOFError:
+        problem = "standard input ended before Enter was pressed; run it in a terminal"
+        raise UsageError(problem) from None
     finally:
         source.close()
-    return {"pictures": taken}
+    say_result(options.json, {"pictures": taken}, ())
 
 
 def _now() -> str:

@@ -1,9 +1,7 @@
 """Drift of the camera: fixed tags must be where they were at the calibration."""
 
 from collections.abc import Sequence
-from math import isfinite
-
-import numpy as np
+from math import dist, isfinite
 
 from drivers.camera.calibration.file import Reference
 from drivers.camera.vision.plane import View
@@ -33,11 +31,7 @@ def check(
     if not references:
         return 0.0
     places = {tag.number: place(tag, view) for tag in seen}
-    moved = [
-        (float(np.hypot(places[number][0] - x, places[number][1] - y)), number)
-        for number, x, y in references
-        if number in places
-    ]
+    moved = [(dist(places[number], was), number) for number, *was in references if number in places]
     if not moved:
         names = ", ".join(str(reference.number) for reference in references)
         raise PictureError(

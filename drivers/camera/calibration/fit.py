@@ -39,24 +39,18 @@ class Fitted(NamedTuple):
 
 
 class Pictures(NamedTuple):
-    """The pictures that a camera is calibrated from."""
+    """The pictures that a camera is calibrated from, and what they show."""
 
     held: Sequence[Path]  # of the board held before the camera
     table: Sequence[Path]  # of the board on the table; the first one gives the frame
     touched: Sequence[Touched]  # of the part's tag; empty: the board's frame is the world
     references: Path | None  # of the fixed tags, None: none
+    number: int  # id of the part's tag
+    from_below: bool  # whether the camera looks up through the table
+    height_mm: float  # of the board's face above the table
 
 
-def calibrate(
-    camera: str,
-    date: str,
-    board: Board,
-    pictures: Pictures,
-    number: int,
-    *,
-    from_below: bool,
-    height_mm: float,
-) -> Fitted:
+def calibrate(camera: str, date: str, board: Board, pictures: Pictures) -> Fitted:
     """Calibrates lens and pose of a camera, the uncertainty of measured places, and the reference tags.
 
     Args:
@@ -64,15 +58,12 @@ def calibrate(
         date: of the calibration, ISO 8601.
         board: the printed board.
         pictures: of the board and of the tags.
-        number: id of the part's tag.
-        from_below: whether the camera looks up through the table.
-        height_mm: of the board's face above the table.
 
     Raises:
         InputError: a picture cannot be read, or the pictures do not suffice for a reliable calibration.
         PictureError: a file is not a picture.
     """
-    held, table, touched, references = pictures
+    held, table, touched, references, number, from_below, height_mm = pictures
     size, views, left_out = _views(board, [*table, *(path for path in held if path not in table)])
     lying = [view for view in views if view.name in {path.name for path in table}]
     if not lying or lying[0].name != table[0].name:

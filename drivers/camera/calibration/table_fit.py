@@ -151,8 +151,7 @@ def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, f
     """
     if len(parts) < LEAST_TOUCHED:
         raise InputError(f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed")
-    offsets = [relative(part, tag) for part, tag in zip(parts, tags, strict=True)]
-    result = np.array(offsets)
+    result = np.array([relative(part, tag) for part, tag in zip(parts, tags, strict=True)])
     theta = float(np.angle(np.mean(np.exp(1j * result[:, 2]))))
     place = result[:, :2].mean(axis=0)
     count = len(result)

@@ -119,7 +119,7 @@ class Still(Source):
         """Requests a picture."""
         left = max(until - time.monotonic(), 1e-3)
         try:
-            within = opener(until, MAX_PICTURE_BYTES, time.monotonic)
+            within = opener(until, MAX_PICTURE_BYTES)
             with within.open(self._address, timeout=left) as answer:
                 data = answer.read(MAX_PICTURE_BYTES)
         except urllib.error.HTTPError as error:

@@ -58,15 +58,12 @@ def _read(dictionary: int, picture: Picture) -> Iterable[tuple[int, Array]]:
     OpenCV 4 and 5 return corners of different shapes, and None where there are no tags.
     """
     soft = cv2.GaussianBlur(picture, (3, 3), 0.0)
-    corners, ids, _ = _detector(dictionary).detectMarkers(
-        cv2.copyMakeBorder(soft, RIM, RIM, RIM, RIM, cv2.BORDER_REPLICATE)
-    )
+    padded = cv2.copyMakeBorder(soft, RIM, RIM, RIM, RIM, cv2.BORDER_REPLICATE)
+    corners, ids, _ = _detector(dictionary).detectMarkers(padded)
     if ids is None or len(corners) == 0:
         return []
-    return [
-        (int(number), np.asarray(quad, np.float64).reshape(4, 2) - RIM)
-        for number, quad in zip(np.ravel(ids), corners, strict=True)
-    ]
+    quads = [np.asarray(quad, np.float64).reshape(4, 2) - RIM for quad in corners]
+    return list(zip(map(int, np.ravel(ids)), quads, strict=True))
 
 
 @cache

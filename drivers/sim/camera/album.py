@@ -99,27 +99,24 @@ def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Itera
     take("references.png", rig.cards(None))
     far = 0.6 * abs(float(rig.optics.eye_mm[2]))
     places = [(x * far, y * far, turn) for x, y, turn in SPREAD]
-    suffixes = enumerate(_suffixes(names))
-    parts = {f"part{suffix}": replace(rig, number=rig.number + k) for k, suffix in suffixes}
-    for name, shown in {"touched": replace(rig, on_part=(0.0, 0.0, 0.0)), **parts}.items():
+    shown = {"touched": replace(rig, on_part=(0.0, 0.0, 0.0))}
+    # Suffix of the names of a part's files, and its name.
+    parts = [(f"-{k}", name) for k, name in enumerate(names)] or [("", "part")]
+    for k, (suffix, _) in enumerate(parts):
+        shown[f"part{suffix}"] = replace(rig, number=rig.number + k)
+    for name, tagged in shown.items():
         # An arm knows poses well, but not exactly.
         rows = [("picture", "x_mm", "y_mm", "theta_rad")]
         for number, (x, y, turn) in enumerate(places):
-            take(f"{name}-{number}.png", shown.cards((x, y, turn)))
+            take(f"{name}-{number}.png", tagged.cards((x, y, turn)))
             off = rng.normal(0.0, ARM_SIGMA_MM, 2)
             place = (f"{x + off[0]:.4f}", f"{y + off[1]:.4f}", f"{turn}")
             rows.append((f"{name}-{number}.png", *place))
-        with files.writing(folder / f"{name}.csv") as draft:
-            draft.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
-    yield from _commands(rig, folder, names)
+        files.write(folder / f"{name}.csv", "\n".join(map(",".join, rows)) + "\n")
+    yield from _commands(rig, folder, parts)
 
 
-def _suffixes(names: Sequence[str]) -> list[str]:
-    """Suffix of the names of each part's files; one empty suffix if the parts have no names."""
-    return [f"-{k}" for k in range(len(names))] or [""]
-
-
-def _commands(rig: Rig, folder: Path, names: Sequence[str]) -> Iterator[str]:
+def _commands(rig: Rig, folder: Path, parts: Sequence[tuple[str, str]]) -> Iterator[str]:
     def at(name: str) -> str:
         return shlex.quote(str(folder / name))
 
@@ -131,7 +128,7 @@ def _commands(rig: Rig, folder: Path, names: Sequence[str]) -> Iterator[str]:
         f"--touched {at('touched.csv')} --number {rig.number} --references {at('references.png')} "
         f"{'' if rig.below else '--above '}-o {at('camera.json')}"
     )
-    for k, (name, suffix) in enumerate(zip(names or ("part",), _suffixes(names), strict=True)):
+    for k, (suffix, name) in enumerate(parts):
         yield (
             f"tag --part {shlex.quote(name)} --number {rig.number + k} --side {rig.side_mm:g} "
             f"--calibration {at('camera.json')} --poses {at(f'part{suffix}.csv')} "

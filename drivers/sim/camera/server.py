@@ -4,7 +4,6 @@ import contextlib
 import threading
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
 
 from drivers.sim.wire.serving import HOST, LibraryServer
 
@@ -15,31 +14,23 @@ class CameraServer(LibraryServer):
     def __init__(self, take: Callable[[], bytes]) -> None:
         lock = threading.Lock()
 
-        def locked() -> bytes:
-            with lock:
-                return take()
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                with contextlib.suppress(ConnectionError):
+                    if self.path != "/picture.jpg":
+                        self.send_error(404, "there is /picture.jpg")
+                        return
+                    with lock:
+                        data = take()
+                    self.send_response(200)
+                    self.send_header("Content-Type", "image/jpeg")
+                    self.send_header("Content-Length", str(len(data)))
+                    self.end_headers()
+                    self.wfile.write(data)
 
-        server = ThreadingHTTPServer((HOST, 0), lambda *call: _Handler(locked, *call))
+            def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the library's name
+                """Logs nothing."""
+
+        server = ThreadingHTTPServer((HOST, 0), Handler)
         super().__init__(server)
         self.url = f"http://{HOST}:{server.server_port}/picture.jpg"
-
-
-class _Handler(BaseHTTPRequestHandler):
-    def __init__(self, take: Callable[[], bytes], *call: Any) -> None:
-        self._take = take
-        super().__init__(*call)
-
-    def do_GET(self) -> None:
-        with contextlib.suppress(ConnectionError):
-            if self.path != "/picture.jpg":
-                self.send_error(404, "there is /picture.jpg")
-                return
-            data = self._take()
-            self.send_response(200)
-            self.send_header("Content-Type", "image/jpeg")
-            self.send_header("Content-Length", str(len(data)))
-            self.end_headers()
-            self.wfile.write(data)
-
-    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the library's name
-        """Logs nothing."""

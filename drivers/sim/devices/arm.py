@@ -34,9 +34,8 @@ TAKEN: dict[float, tuple[int, ...]] = {
 class Answer(NamedTuple):
     """What the server sends after an instruction, and when."""
 
-    text: str | None  # what is sent; None: nothing
+    text: str | None  # what is sent; None: nothing, the server disconnects
     ready_s: float  # time of the answer; infinity: never, RAPID execution has stopped
-    closing: bool = False  # the server disconnects without a message
     broken: bool = False  # the connection breaks at once, the motion goes on
     before: str = ""  # sent first, though it answers nothing
 
@@ -209,7 +208,7 @@ class ArmModel:
         if message.count not in TAKEN.get(message.code, ()):
             return Answer(f"{code} 0 ", now_s)
         if message.code == 99:
-            return Answer(None, now_s, closing=True)
+            return Answer(None, now_s)
         try:
             ready_s = self._run(message.code, tuple(message.parameters[: message.count]), now_s)
         except HaltError as halt:

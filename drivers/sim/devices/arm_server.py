@@ -58,7 +58,7 @@ class ArmServer:
                 answer = self._model.execute(data.decode("latin-1"), self._site.now())
             except rapid.RapidError:
                 return
-            if answer.closing or not await self._deliver(reader, writer, answer):
+            if not await self._deliver(reader, writer, answer):
                 return
 
     async def _deliver(
@@ -90,32 +90,32 @@ class ArmServer:
         return True
 
 
-class ArmLogger:
-    """Sends poses and joints in turn, without terminators (`RAPID/LOGGER.mod`).
+def open_logger(model: ArmModel, site: Site) -> str:
+    """Opens a TCP port that sends poses and joints in turn, without terminators (`RAPID/LOGGER.mod`).
 
     Args:
         model: the arm.
         site: where it is served.
+
+    Returns:
+        Its address.
     """
+    # CDate and CTime are read once, when the program starts; nothing else here depends on the machine.
+    stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M:%S")
 
-    def __init__(self, model: ArmModel, site: Site) -> None:
-        self._model = model
-        self._site = site
-        # CDate and CTime are read once, when the program starts; nothing else here depends on the machine.
-        self._stamp = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M:%S")
-        self.url = f"tcp://{HOST}:{site.listen(self._serve)}"
+    def record(kind: int) -> str:
+        now_s = site.now()
+        angles = " ".join(rapid.to_string(angle, 2) for angle in model.joints_at(now_s))
+        numbers = rapid.pose_string(model.pose_at(now_s), 1) if kind == 0 else angles
+        return f"# {kind} {stamp} {rapid.to_string(now_s, 2)} {numbers}"
 
-    async def _serve(self, _: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        await self._site.sleep(ACCEPT_S)
+    async def serve(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await site.sleep(ACCEPT_S)
         while True:
             for kind in (0, 1):
-                writer.write(self._record(kind).encode("ascii"))
+                writer.write(record(kind).encode("ascii"))
                 async with asyncio.timeout(SEND_S):
                     await writer.drain()
-                await self._site.sleep(LOGGER_WAIT_S)
+                await site.sleep(LOGGER_WAIT_S)
 
-    def _record(self, kind: int) -> str:
-        now_s = self._site.now()
-        angles = " ".join(rapid.to_string(angle, 2) for angle in self._model.joints_at(now_s))
-        numbers = rapid.pose_string(self._model.pose_at(now_s), 1) if kind == 0 else angles
-        return f"# {kind} {self._stamp} {rapid.to_string(now_s, 2)} {numbers}"
+    return f"tcp://{HOST}:{site.listen(serve)}"

@@ -5,16 +5,13 @@ adversely, so that a driver relies on no assumption: the grip state follows a co
 range gets no answer.
 """
 
-import random
 import struct
 from collections.abc import Callable
 
 from drivers.dh import registers as dh
-from drivers.dh.percent import Scale
+from drivers.dh.percent import MODEL, Scale
 from drivers.dh.registers import Grip, Initialised
-from drivers.ports import GripperProfile
-from drivers.sim.devices.jaws import Fingers, Surroundings
-from drivers.sim.faults import Desk
+from drivers.sim.devices.jaws import Fingers
 
 SEARCH_PERCENT = 40  # speed of the initialisation
 
@@ -39,28 +36,16 @@ class DhModel(Fingers):
     """A DH gripper from power-up on. Times are simulated seconds and never go back.
 
     It has no fault register, so gFLT faults do not apply.
-
-    Args:
-        rng: draws the lags of the grip state.
-        surroundings: what the fingers may meet.
-        profile: of its model.
-        desk: gives the current faults; None: never any.
     """
 
-    def __init__(
-        self,
-        rng: random.Random,
-        surroundings: Surroundings,
-        profile: GripperProfile,
-        desk: Desk | None = None,
-    ) -> None:
-        self._open_mm = profile.stroke_um / 1000.0
-        super().__init__(rng, surroundings, self._open_mm, desk)
-        self._scale = Scale(profile)
+    MODEL = MODEL
+
+    def _begin(self) -> None:
+        self._open_mm = self.profile.stroke_um / 1000.0
+        self._scale = Scale(self.profile)
         self.writes = 0  # number of registers written so far
         self._closed_mm = 0.0  # opening learnt as position 0
         self._settings = dict.fromkeys(ALLOWED, 0) | DEFAULTS
-        self._forget()
 
     def _forget(self) -> None:
         """Resets to the state after a power failure: not initialised."""

@@ -4,22 +4,16 @@ Behaviour by the 2F-85 manual ([M18] p54-62) and Robotiq's SDK.
 """
 
 import math
-import random
 from collections.abc import Callable
 from functools import lru_cache
 
-from drivers.ports import GripperProfile
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.counts import MODEL
-from drivers.robotiq.faults import is_major
 from drivers.robotiq.modbus import RTU, TCP, Wiring
-from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_mm_s_of, unpack
-from drivers.sim.devices.jaws import Fingers, Surroundings
-from drivers.sim.faults import Desk
+from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, is_major, pack, unpack
+from drivers.sim.devices.jaws import Fingers
 from runtime.shell.errors import UsageError
-from runtime.table import PROFILES
 
-CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
 SILENCE_S = 1.0  # silence that causes fault 0x09 until traffic returns ([SDK] fault_status.hpp)
 SWEEP_MM_S = 60.0  # activation: two strokes in about 3 s
 RELEASE_MM_S = 20.0  # automatic release is slow ([M18] p62)
@@ -32,6 +26,7 @@ FAULT_RELEASING, FAULT_BLOCKED_SWEEP, FAULT_RELEASED = 0x0B, 0x0D, 0x0F
 LEAST_MAJOR = 0x0A  # lesser faults of a schedule only show in readings
 
 BLOCK_WORDS = 8
+GOES = 0x08  # rGTO in byte 0 of the output block
 # Supported function codes; [M200] p66 promises no others over Modbus TCP.
 FUNCTIONS = {RTU: frozenset({3, 4, 6, 16, 23}), TCP: frozenset({4, 16})}
 
@@ -45,33 +40,22 @@ def input_block(**fields: int) -> bytes:
 class GripperModel(Fingers):
     """A Robotiq gripper from power-up on. Times are simulated seconds and never go back.
 
-    Args:
-        rng: draws the lags of gOBJ behind the echo ([SDK] gripper.cpp waits for it).
-        surroundings: what the fingers may meet.
-        profile: of a model whose readings are counts.
-        desk: gives the current faults; None: never any.
+    gOBJ lags behind the echo ([SDK] gripper.cpp waits for it).
 
     Raises:
         UsageError: the readings of the model are not counts.
     """
 
     CLOSING = 1.0
-    CYCLE_S = CYCLE_S
+    CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
+    MODEL = MODEL
 
-    def __init__(
-        self,
-        rng: random.Random,
-        surroundings: Surroundings | None = None,
-        profile: GripperProfile = PROFILES[MODEL],
-        desk: Desk | None = None,
-    ) -> None:
-        if profile.counts is None:
-            raise UsageError(f"there is no simulated gripper {profile.model}")
-        self._open, self._closed = profile.counts
-        self._counts_per_mm = (self._closed - self._open) / (profile.stroke_um / 1000.0)
-        super().__init__(rng, surroundings, float(self._open), desk)
+    def _begin(self) -> None:
+        if self.profile.counts is None:
+            raise UsageError(f"there is no simulated gripper {self.profile.model}")
+        self._open, self._closed = self.profile.counts
+        self._counts_per_mm = (self._closed - self._open) / (self.profile.stroke_um / 1000.0)
         self._heard_s = self._silent_until_s = 0.0
-        self._forget()
 
     def _forget(self) -> None:
         """Resets to the state after a power failure: all outputs are 0; the screw drive holds the jaws."""
@@ -89,11 +73,10 @@ class GripperModel(Fingers):
     # -- the two register blocks ------------------------------------------------------------------
 
     def read_input(self, now_s: float) -> bytes:
-        """The 16 input bytes, as the last refresh before `now_s` left them (echoes are immediate)."""
-        return input_block(**self._fields(now_s))
+        """The 16 input bytes, as the last refresh before `now_s` left them (echoes are immediate).
 
-    def _fields(self, now_s: float) -> dict[str, int]:
-        """Returns the fields of the input block for one more request, which counts as an event."""
+        Reading them is one more request, which counts as an event.
+        """
         self.next_request(now_s)
         self._refresh(now_s)
         request, state = self._request, self._flag.at(self._now)
@@ -102,16 +85,16 @@ class GripperModel(Fingers):
         fault = self._fault or (FAULT_SILENCE if now_s < self._silent_until_s else 0)
         for code in (each.code for each in self._faults):
             fault = code if 0 < code < LEAST_MAJOR else fault
-        return {
-            "gACT": request["rACT"],
-            "gGTO": going,
-            "gSTA": self._status,
-            "gOBJ": state if misstated is None else misstated,
-            "gFLT": fault,
-            "gPR": request["rPR"],
-            "gPO": self._misread(round(self._here())),
-            "gCU": round(self._current()),
-        }
+        return input_block(
+            gACT=request["rACT"],
+            gGTO=going,
+            gSTA=self._status,
+            gOBJ=state if misstated is None else misstated,
+            gFLT=fault,
+            gPR=request["rPR"],
+            gPO=self._misread(round(self._here())),
+            gCU=round(self._current()),
+        )
 
     def read_output(self) -> bytes:
         """The 16 output bytes as last written."""
@@ -125,6 +108,10 @@ class GripperModel(Fingers):
         old, self._request = self._request, unpack(OUTPUT_FIELDS, self._output)
         self._obey(old)
 
+    def hang_up(self, now_s: float) -> None:
+        """Stops the jaws (rGTO = 0), as the gripper does when a Modbus TCP connection closes ([M200] p66)."""
+        self.write_output(0, bytes((self._output[0] & ~GOES,)), now_s)
+
     def next_request(self, now_s: float) -> None:
         """Counts one more request, and notes whether it ends a silence longer than `SILENCE_S`.
 
@@ -133,7 +120,7 @@ class GripperModel(Fingers):
         super().next_request(now_s)
         # The register reports the silence until the next refresh, so the first answer does too.
         if now_s - self._heard_s > SILENCE_S:
-            self._silent_until_s = now_s + CYCLE_S
+            self._silent_until_s = now_s + self.CYCLE_S
         self._heard_s = now_s
 
     def opening_mm(self, now_s: float) -> float:
@@ -195,7 +182,7 @@ class GripperModel(Fingers):
 
     def _go(self, *, meets: bool = True) -> None:
         target = float(min(max(self._request["rPR"], self._open), self._closed))
-        self._drive(target, speed_mm_s_of(self._request["rSP"]), meets=meets)
+        self._drive(target, robotiq.speed_mm_s_of(self._request["rSP"]), meets=meets)
         self._follow()
 
     # -- motion -----------------------------------------------------------------------------------

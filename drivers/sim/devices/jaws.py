@@ -5,9 +5,10 @@ import random
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-from drivers.ports import MOST_COUNT
+from drivers.ports import MOST_COUNT, GripperProfile
 from drivers.robotiq.registers import OBJ_MOVING
 from drivers.sim.faults import Channel, Desk, Fault, Listed
+from runtime.table import PROFILES
 
 
 class Surroundings:
@@ -72,28 +73,36 @@ class Fingers(ABC):
     """Fingers that move, meet something, hold and release it. Times never go back.
 
     Positions are in the device's steps, which grow (`CLOSING` = 1) or fall (-1) as the fingers close. Each
-    request that the device receives counts as one event of the fault schedule.
+    request that the device receives counts as one event of the fault schedule. The fingers start open.
 
     Args:
         rng: draws the lags.
-        surroundings: what the fingers may meet.
-        start: initial position.
+        surroundings: what the fingers may meet; None: nothing.
+        profile: of the model; None: that of `MODEL`.
         desk: gives the current faults; None: never any.
     """
 
+    MODEL: str
     CLOSING = -1.0
     CYCLE_S = 0.005  # between two refreshes of the registers
     LAG_CYCLES = (1, 5)  # lag of a state behind its cause
 
     def __init__(
-        self, rng: random.Random, surroundings: Surroundings | None, start: float, desk: Desk | None
+        self,
+        rng: random.Random,
+        surroundings: Surroundings | None = None,
+        profile: GripperProfile | None = None,
+        desk: Desk | None = None,
     ) -> None:
+        self.profile = profile or PROFILES[self.MODEL]
         self._rng = rng
         self._surroundings = surroundings or Surroundings()
         self._desk = desk or Desk(Listed())
         self._faults: list[Fault] = []  # at the last event
         self._last: int | None = None  # last position read, for a frozen reading
         self._now = self._shown_s = 0.0
+        self._begin()
+        start = float(self._met_at(self.profile.stroke_um / 1000.0))
         self._stroke = Stroke(start, 0.0, 0.0, start, 0)
         self._ends_s = math.inf  # end of the current stroke; infinity: none
         # Position at which the closing stroke will meet something.
@@ -101,6 +110,11 @@ class Fingers(ABC):
         self._meets = False  # whether the current stroke ends at the contact
         self._show(OBJ_MOVING)
         self._gripping = False
+        self._forget()
+
+    @abstractmethod
+    def _begin(self) -> None:
+        """Sets up what a make adds, before it is powered."""
 
     def _met_at(self, width_mm: float) -> float:
         """The position at which an object of this width stops the fingers."""

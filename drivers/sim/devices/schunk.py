@@ -6,15 +6,12 @@ late, a grip cannot be changed while something is held.
 """
 
 import math
-import random
 from collections.abc import Callable
 from typing import NamedTuple
 
-from drivers.ports import GripperProfile
 from drivers.schunk import registers as schunk
-from drivers.schunk.registers import PARAMETERS, Command, Control, Output, Status, is_soft
-from drivers.sim.devices.jaws import Fingers, Surroundings
-from drivers.sim.faults import Desk
+from drivers.schunk.registers import PARAMETERS, Command, Control, Input, Output, Status, is_soft
+from drivers.sim.devices.jaws import Fingers
 
 # Silence that causes ERR_COMM_LOST; bkstools pauses for 0.5 s, users report that 2 s are too long.
 SILENCE_S = 1.0
@@ -42,57 +39,35 @@ MODULES = {
 _COMMANDS = {command.value: command.name for command in Command}
 
 
-class Stop(NamedTuple):
-    """What the device reports at the end of a motion: bits of the status word, and an error (0: none)."""
-
-    status: Status
-    error: int = 0
-
-
-REACHED = Stop(Status.SUCCESS | Status.POSITION_REACHED)
-EMPTY = Stop(Status.NO_WORKPIECE)
-HELD = Stop(Status.SUCCESS | Status.GRIPPED)
-WRONG = Stop(Status.WRONG_WORKPIECE | Status.GRIPPED)
-BLOCKED = Stop(Status(0), schunk.MOVE_BLOCKED)
+# Status bits at the end of a motion; of a blocked one, which ends in an error, none.
+REACHED = Status.SUCCESS | Status.POSITION_REACHED
+EMPTY = Status.NO_WORKPIECE
+HELD = Status.SUCCESS | Status.GRIPPED
+WRONG = Status.WRONG_WORKPIECE | Status.GRIPPED
+BLOCKED = Status(0)
 
 # Outcomes that correspond to gOBJ 0 to 3.
-STATES = (Status(0), REACHED.status, HELD.status, EMPTY.status)
+STATES = (Status(0), REACHED, HELD, EMPTY)
 # Counterparts of a Robotiq gripper's over temperature, and of its major faults.
 OVER_TEMPERATURE, LEAST_MAJOR = 0x08, 0x0A
 TOO_HOT, SUPPLY = 0x6D, 0x74
 
 
 class SchunkModel(Fingers):
-    """A SCHUNK gripper with a brake, after power-up. Times are simulated seconds and never go back.
-
-    Args:
-        rng: draws the lags of the outcomes.
-        surroundings: what the fingers may meet.
-        profile: stroke, speeds and forces.
-        desk: gives the current faults; None: never any.
-        silence_s: longest silence of the host that is no fault.
-    """
+    """A SCHUNK gripper with a brake, after power-up. Times are simulated seconds and never go back."""
 
     CYCLE_S = 0.002
+    MODEL = "schunk-egu"
+    silence_s = SILENCE_S  # longest silence of the host that is no fault
 
-    def __init__(
-        self,
-        rng: random.Random,
-        surroundings: Surroundings | None,
-        profile: GripperProfile,
-        desk: Desk | None = None,
-        silence_s: float = SILENCE_S,
-    ) -> None:
-        super().__init__(rng, surroundings, profile.stroke_um / 1000, desk)
-        self.profile, self.module = profile, MODULES[profile.model]
+    def _begin(self) -> None:
+        self.module = MODULES[self.profile.model]
         self.written: list[str] = []  # names of parameters written so far
-        self._silence_s = silence_s
         self._heard_s = 0.0
-        self._stop = REACHED
+        self._outcome = REACHED  # of the current motion
         self._positioning = False  # whether the last command was a move, not a grip
         self._messages: list[str] = []
         self._settings: dict[str, tuple[float | bytes, ...]] = {}
-        self._forget()
 
     def _forget(self) -> None:
         """Resets to the state after a power failure: an unacknowledged error, all control bits 1 ([DUMP])."""
@@ -158,34 +133,31 @@ class SchunkModel(Fingers):
             self._obey_code(int(values[0]))
 
     def _values(self, name: str) -> tuple[float | bytes, ...]:
-        position_mm = self._here()
-        match name:
-            case "plc_sync_input":
-                status, stroke_um = self._status, self.profile.stroke_um
-                misstated = self._misstated(moving=not status & schunk.OUTCOMES)
-                if misstated is not None:
-                    status = status & ~schunk.OUTCOMES | STATES[misstated]
-                closed_um = self._misread(stroke_um - int(1000 * position_mm), stroke_um)
-                position_um = stroke_um - closed_um
-                return (status, position_um, 0, self._error, self._warning, self._additional)
-            case "plc_sync_output":
-                return self._output
-            case "err_code":
-                return (self._error,)
-            case "wrn_code":
-                return (self._warning,)
-            case "actual_pos":
-                return (position_mm,)
-            case "actual_vel":
-                return (self._stroke.rate if self._now < self._stroke.end_s else 0.0,)
-            case "system_uptime":
-                return (int(self._now),)
-            case "sys_msg_buffer":
-                wanted = int(self._settings["sys_msg_req"][0])
-                texts = [*reversed(self._messages)]
-                text = texts[wanted] if wanted < len(texts) else ""
-                return (text.encode("ascii").ljust(214),)
-        return self._settings[name]
+        if name == "plc_sync_input":
+            return self._plc_sync_input()
+        live: dict[str, tuple[float | bytes, ...]] = {
+            "plc_sync_output": self._output,
+            "err_code": (self._error,),
+            "wrn_code": (self._warning,),
+            "actual_pos": (self._here(),),
+            "actual_vel": (self._stroke.rate if self._now < self._stroke.end_s else 0.0,),
+            "system_uptime": (int(self._now),),
+            "sys_msg_buffer": (self._message().encode("ascii").ljust(214),),
+        }
+        return live.get(name, self._settings[name])
+
+    def _plc_sync_input(self) -> Input:
+        status, stroke_um = self._status, self.profile.stroke_um
+        misstated = self._misstated(moving=not status & Status.OUTCOMES)
+        if misstated is not None:
+            status = status & ~Status.OUTCOMES | STATES[misstated]
+        closed_um = self._misread(stroke_um - int(1000 * self._here()), stroke_um)
+        return Input(status, stroke_um - closed_um, 0, self._error, self._warning, self._additional)
+
+    def _message(self) -> str:
+        """The message that `sys_msg_req` selects, 0 the newest; empty without one."""
+        wanted = int(self._settings["sys_msg_req"][0])
+        return self._messages[-1 - wanted] if wanted < len(self._messages) else ""
 
     def _value(self, name: str) -> float:
         (value,) = self._settings[name]
@@ -194,7 +166,7 @@ class SchunkModel(Fingers):
     def next_request(self, now_s: float) -> None:
         """Counts one more request; a ready device fails if the silence before it exceeded `silence_s`."""
         super().next_request(now_s)
-        lost_s = self._heard_s + self._silence_s
+        lost_s = self._heard_s + self.silence_s
         if lost_s < now_s and self._status & Status.READY:
             self.advance(lost_s)
             self._fail(schunk.COMM_LOST)
@@ -221,8 +193,8 @@ class SchunkModel(Fingers):
         gripping = self._status & (Status.GRIPPED | Status.READY)
         if gripping == Status.GRIPPED | Status.READY:
             self._status &= ~(Status.GRIPPED | Status.SUCCESS)
-            lost = Stop(Status.WORKPIECE_LOST)
-            self._go(self._value("min_pos"), self.module.grip_mm_s, lost, meets=False)
+            speed_mm_s = self.module.grip_mm_s
+            self._go(self._value("min_pos"), speed_mm_s, Status.WORKPIECE_LOST, meets=False)
 
     def _fail(self, code: int) -> None:
         self._halt()
@@ -243,7 +215,7 @@ class SchunkModel(Fingers):
         self._control, self._output = new, output
         risen = new & ~old
         if (old ^ new) & Control.REPEAT_TOGGLE:
-            risen |= new & schunk.MOTIONS
+            risen |= new & Control.MOTIONS
         if not new & Control.NO_FAST_STOP:
             if old & Control.NO_FAST_STOP:
                 self._received()
@@ -252,8 +224,8 @@ class SchunkModel(Fingers):
             self._acknowledge()
         elif risen & Control.STOP:
             self._controlled_stop()
-        elif risen & schunk.MOTIONS:
-            self._command(risen & schunk.MOTIONS, output)
+        elif risen & Control.MOTIONS:
+            self._command(risen & Control.MOTIONS, output)
 
     def _obey_code(self, code: int) -> None:
         if code == Command.ACKNOWLEDGE:
@@ -270,7 +242,7 @@ class SchunkModel(Fingers):
             self._command(Control[_COMMANDS[code]], asked)
 
     def _received(self) -> None:
-        self._status = (self._status ^ Status.RECEIVED_TOGGLE) & ~(schunk.OUTCOMES | Status.WARNING)
+        self._status = (self._status ^ Status.RECEIVED_TOGGLE) & ~(Status.OUTCOMES | Status.WARNING)
         self._warning = self._additional = 0
 
     def _refuse(self, reason: int) -> None:
@@ -280,7 +252,7 @@ class SchunkModel(Fingers):
         self._log(f"not feasible: {schunk.NOT_FEASIBLE[reason]}")
 
     def _acknowledge(self) -> None:
-        outcome = self._status & schunk.OUTCOMES
+        outcome = self._status & Status.OUTCOMES
         self._received()
         if self._status & Status.ERROR:
             outcome = Status.GRIPPED if self._gripping else Status(0)
@@ -290,13 +262,12 @@ class SchunkModel(Fingers):
         self._status |= Status.READY | Status.CONTROL_AUTHORITY
 
     def _controlled_stop(self) -> None:
-        if not self._status & Status.READY:
-            self._received()
-            self._refuse(0x06)
-            return
         self._received()
-        self._halt()
-        self._status |= REACHED.status
+        if self._status & Status.READY:
+            self._halt()
+            self._status |= REACHED
+        else:
+            self._refuse(0x06)
 
     def _command(self, command: Control, output: Output) -> None:
         """Executes a motion (one of `MOTIONS`) with the values of an output, or refuses it with a warning."""
@@ -333,9 +304,8 @@ class SchunkModel(Fingers):
         if moves:
             self._go(position_mm, speed_mm_s, REACHED)
         elif command == Control.RELEASE:
-            delta_mm = self._value("wp_release_delta")
-            here = self._here()
-            self._go(min(here + delta_mm, highest), fastest, REACHED)
+            released_mm = self._here() + self._value("wp_release_delta")
+            self._go(min(released_mm, highest), fastest, REACHED)
         else:
             soft = is_soft(self.module.module_type) and speed_mm_s > 0.0
             rate = speed_mm_s if soft else self.module.grip_mm_s * min(percent, 100) / 100
@@ -348,24 +318,24 @@ class SchunkModel(Fingers):
         self,
         target_mm: float,
         speed_mm_s: float,
-        stop: Stop,
+        outcome: Status,
         *,
         expected: float | None = None,
         grips: bool = False,
         meets: bool = True,
     ) -> None:
         self._start(target_mm, speed_mm_s, meets=meets)
-        self._stop = stop
+        self._outcome = outcome
         if self._meets:
             margin_mm = self._value("grp_pos_margin")
             fits = expected is None or abs(self._stroke.stop - expected) <= margin_mm
-            self._stop = BLOCKED if not grips else HELD if fits else WRONG
+            self._outcome = BLOCKED if not grips else HELD if fits else WRONG
         self._ends_s += self._lag()
 
     def _arrived(self) -> None:
-        if self._stop.error:
-            self._fail(self._stop.error)
-        self._status |= self._stop.status
+        if self._outcome == BLOCKED:
+            self._fail(schunk.MOVE_BLOCKED)
+        self._status |= self._outcome
 
 
 class SchunkRegisters:

@@ -71,23 +71,20 @@ class UrModel:
         """All available output fields at a time: by name, the type and the values."""
         self.advance(now_s)
         pose, soon = self._tcp_at(now_s), self._tcp_at(now_s + 0.002)
-        vector = _vector(pose)
         speed = tuple((b - a) / 2.0 for a, b in zip(pose[:3], soon[:3], strict=True))
         turning = turn_between(pose.rotation, soon.rotation) / 0.002
         runs = now_s < self._ends_s
-        bits = POWERED | (RUNS if runs else 0)
-        state = PLAYING if runs else STOPPED
         joints = tuple(math.radians(angle) for angle in self._arm.joints_at(now_s))
         fields: Fields = {
             "timestamp": ("DOUBLE", (now_s,)),
-            "actual_TCP_pose": ("VECTOR6D", vector),
+            "actual_TCP_pose": ("VECTOR6D", _vector(pose)),
             "actual_TCP_speed": ("VECTOR6D", (*speed, 0.0, 0.0, turning)),
             "actual_q": ("VECTOR6D", joints),
             "tcp_offset": ("VECTOR6D", _vector(self._tool)),
             "robot_mode": ("INT32", (self.mode,)),
-            "robot_status_bits": ("UINT32", (bits,)),
+            "robot_status_bits": ("UINT32", (POWERED | RUNS if runs else POWERED,)),
             "safety_status_bits": ("UINT32", (self.safety_bits,)),
-            "runtime_state": ("UINT32", (state,)),
+            "runtime_state": ("UINT32", (PLAYING if runs else STOPPED,)),
             "target_speed_fraction": ("DOUBLE", (self.speed_fraction,)),
         }
         for number, value in self.registers.items():

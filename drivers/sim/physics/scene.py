@@ -4,8 +4,7 @@ Drivers do not depend on the planner, which may be missing: its job reader is im
 """
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -95,17 +94,15 @@ class Setting(NamedTuple):
         Raises:
             UsageError: the factory fails, or a world lacks a method that the scene needs.
         """
-        subjects = [subject for _, subject in self.parts] or [self.subject]
-        return [self._make_world(subject, seed + number) for number, subject in enumerate(subjects)]
-
-    def _make_world(self, subject: Any, seed: int) -> World:
-        try:
-            world: World = make_world(self.factory, subject, seed)
-        except WorldError as error:
-            raise UsageError(f"world {self.world}: {error}") from error
-        if self.pushing and self.truthful and not hasattr(world, "push"):
+        worlds: list[World] = []
+        for subject in [subject for _, subject in self.parts] or [self.subject]:
+            try:
+                worlds.append(make_world(self.factory, subject, seed + len(worlds)))
+            except WorldError as error:
+                raise UsageError(f"world {self.world}: {error}") from error
+        if self.pushing and self.truthful and not all(hasattr(each, "push") for each in worlds):
             raise UsageError(f"world {self.world} has no push() and the table pushes; name another")
-        return world
+        return worlds
 
     @property
     def truthful(self) -> bool:
@@ -203,20 +200,14 @@ def warm_up(setting: Setting, seed: int) -> None:
         UsageError: the world fails.
     """
     for world in setting.make_worlds(seed):
-        with _telling(setting.world, "squeeze"):
-            world.squeeze((0.0, 0.0, 0.0))
         push = getattr(world, "push", None)
-        if setting.pushing and push is not None:
-            with _telling(setting.world, "push"):
+        method = "squeeze"
+        try:
+            world.squeeze((0.0, 0.0, 0.0))
+            if setting.pushing and push is not None:
+                method = "push"
                 push((setting.geometry.opening_mm, 0.0, 0.0), 0.0, 1.0)
-
-
-@contextmanager
-def _telling(world: str, method: str) -> Iterator[None]:
-    """Context that turns an error of an external world into a UsageError with the world's name."""
-    try:
-        yield
-    except Exception as error:
-        raise UsageError(
-            f"world {world}: {method}() failed: {type(error).__name__}: {error}"
-        ) from error
+        except Exception as error:
+            raise UsageError(
+                f"world {setting.world}: {method}() failed: {type(error).__name__}: {error}"
+            ) from error

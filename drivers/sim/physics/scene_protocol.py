@@ -28,7 +28,7 @@ class Feeder:
         ask: sends a request (`next_part`, `truth`) to the cell; returns the answer.
     """
 
-    def __init__(self, ask: Callable[[str], Mapping[str, object]]) -> None:
+    def __init__(self, ask: Callable[[str], Mapping[str, Any]]) -> None:
         self._ask = ask
 
     def next_part(self) -> int:
@@ -45,9 +45,7 @@ class Feeder:
         Raises:
             LinkError: the cell is gone, or refuses.
         """
-        said: Mapping[str, Any] = self._ask("truth")
-        nowhere = dict.fromkeys((name for name, value in said.items() if value is None), math.nan)
-        return Truth(**{**said, **nowhere})
+        return Truth(**self._ask("truth"))
 
     def close(self) -> None:
         """Does nothing: there is no connection to close."""
@@ -66,7 +64,7 @@ class Scene(Feeder):
         """Disconnects; the cell continues."""
         self._stream.close()
 
-    def _sent(self, what: str) -> Mapping[str, object]:
+    def _sent(self, what: str) -> Mapping[str, Any]:
         if self._lost:
             raise LinkError(f"scene {self.endpoint} broke before")
         try:
@@ -79,7 +77,7 @@ class Scene(Feeder):
         if not isinstance(said, dict) or "error" in said:
             reason = said.get("error") if isinstance(said, dict) else "the cell is gone"
             raise LinkError(f"scene {self.endpoint}: {shown(reason)}")
-        return said
+        return {name: math.nan if value is None else value for name, value in said.items()}
 
     def _line(self) -> bytes:
         """Receives one answer.
@@ -102,7 +100,9 @@ def open_port(answer: Callable[[str], Mapping[str, object]], site: Site) -> int:
         said = _reply(line, answer)
         if "quit" in said:
             site.stopped.set()
-        return json.dumps(said).encode() + b"\n"
+        # NaN is no JSON.
+        plain = {name: value if value == value else None for name, value in said.items()}
+        return json.dumps(plain).encode() + b"\n"
 
     return site.answer_lines(answered, MAX_LINE)
 

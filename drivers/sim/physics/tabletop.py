@@ -5,6 +5,7 @@ import random
 from typing import NamedTuple
 
 from drivers.planar import Pose2, compose, relative
+from drivers.ports import Truth
 from drivers.sim.faults import Channel, Desk
 from drivers.sim.physics.scene import Setting
 
@@ -35,7 +36,6 @@ class TableTop:
 
     def __init__(self, setting: Setting, seed: int, desk: Desk) -> None:
         self.geometry, self._setting = setting.geometry, setting
-        self.truthful = setting.truthful
         self._seed = seed
         self._desk = desk
         self._worlds = setting.make_worlds(seed)
@@ -136,23 +136,16 @@ class TableTop:
         if collides is not None and collides(relative(hand, self.pose), opening_mm):
             self.crashes += 1
 
-    def truth(self) -> dict[str, object]:
-        """The ground truth, for the scene protocol."""
-        x, y, theta = map(float, self.pose) if self.truthful else (None, None, None)
-        return {
-            "x_mm": x,
-            "y_mm": y,
-            "theta_rad": theta,
-            "squeezes": self.squeezes,
-            "crashes": self.crashes,
-            "status": self.status,
-            "covered": self._desk.holds("camera_covered") is not None,
-            "hypothesis": self.hypothesis,
-        }
+    def truth(self) -> Truth:
+        """The ground truth."""
+        x, y, theta = map(float, self.pose) if self._setting.truthful else (math.nan,) * 3
+        covered = self._desk.holds("camera_covered") is not None
+        counts = self.squeezes, self.crashes
+        return Truth(x, y, theta, *counts, self.status, covered, self.hypothesis)
 
     def look(self) -> Look:
         """What the camera has in view now, with the effects of the current faults."""
-        there = self.truthful and not self._desk.holds("part_missing")
+        there = self._setting.truthful and not self._desk.holds("part_missing")
         moved, two = self._desk.holds("camera_moved"), self._desk.holds("two_parts")
         wrong, covered = self._desk.holds("wrong_part"), self._desk.holds("camera_covered")
         second = compose(self.pose, BESIDE) if two and there else None

@@ -55,7 +55,9 @@ class VirtualCell:
             PortError: the port is gone.
             LinkError: there is no answer.
         """
-        return self.works.simulator.driver(self.serial(), self.pace, report, self.works.profile)
+        simulator = self.works.simulator
+        link = simulator.link(self.serial(), self.pace, report)
+        return simulator.gripper(link, self.pace, report, self.works.profile)
 
     def arm(self) -> Arm:
         """Connects a driver to the arm, set up with the arm's base frame.

@@ -123,7 +123,7 @@ class ArmPort:
         if math.isinf(answer.ready_s):
             return
         self.free_s = answer.ready_s
-        if answer.broken or answer.closing:
+        if answer.broken or answer.text is None:
             connection.hang_up()
         connection.arrives(answer.before, start_s)
         self.clock.at(answer.ready_s, lambda: self._over(answer, connection))

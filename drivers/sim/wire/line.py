@@ -38,13 +38,12 @@ class Line:
     rng: random.Random = field(default_factory=random.Random)  # draws the noise
     checked: bool = True  # whether frames end in a CRC (RTU)
 
-    def hears(self, frame: bytes) -> bool:
+    def hears(self) -> bool:
         """Counts a request as an event of the schedule; returns whether the gripper receives it.
 
         Raises:
             UnpluggedError: the line is gone.
         """
-        del frame
         self.desk.next(Channel.LINE)
         for kind in ("unplugged", "permission_lost"):
             if self.desk.holds(kind):

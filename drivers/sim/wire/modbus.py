@@ -65,14 +65,11 @@ def crc16(data: bytes) -> bytes:
     return FramerRTU.compute_CRC(data).to_bytes(2, "big")
 
 
-def frame_length(head: bytes | bytearray) -> int | None:
-    """Length of the RTU request that starts with `head`; 0: not known yet, None: unknown function."""
+def frame_length(head: bytes | bytearray) -> int:
+    """Length of the RTU request that starts with `head`; 0 if it is not known yet, or never."""
     if len(head) < 2:
         return 0
-    function = head[1]
-    if function in {1, 2, 3, 4, 5, 6}:
+    if head[1] in {1, 2, 3, 4, 5, 6}:
         return 8
-    at = {15: 6, 16: 6, 23: 10}.get(function)
-    if at is None:
-        return None
+    at = {15: 6, 16: 6, 23: 10}.get(head[1], len(head))  # place of the count of bytes
     return at + 1 + head[at] + 2 if len(head) > at else 0

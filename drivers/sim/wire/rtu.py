@@ -1,19 +1,20 @@
-"""An RTU slave on a pseudo-terminal: frames in, frames out, silence where the real device is silent."""
+"""Slaves with RTU or Modbus TCP frames, and their ports: silence where the real device is silent."""
 
 import asyncio
+import contextlib
 import os
 import tty
 from collections.abc import Callable
-from functools import partial
 
 from drivers.robotiq.modbus import RTU
-from drivers.sim.wire.line import BYTE_S, NETWORK_BYTE_S, Line, Outbox, Piece
+from drivers.sim.wire.line import BYTE_S, NETWORK_BYTE_S, Line, Outbox, Piece, UnpluggedError
 from drivers.sim.wire.modbus import Registers, answer, crc16, frame_length
 from drivers.sim.wire.serving import Site
 
 # Wall; silence that ends a frame. A real line's 0.3 ms are less than what a scheduler keeps.
 GAP_S = 0.010
 CHUNK = 1024
+HEADER = 7  # MBAP: transaction, protocol 0, length, unit
 
 
 class Slave:
@@ -24,6 +25,8 @@ class Slave:
         line: carries its frames.
         unit: its slave id; by default the usual one of a Robotiq gripper.
     """
+
+    gap_s: float | None = GAP_S
 
     def __init__(
         self, registers: Registers, line: Line | None = None, unit: int = RTU.unit
@@ -46,7 +49,7 @@ class Slave:
                 break
             frame = bytes(self._buffer[:length])
             del self._buffer[:length]
-            if self._line.hears(frame):
+            if self._line.hears():
                 pieces += self._line.carries(frame, self.reply(frame))
         return pieces
 
@@ -55,16 +58,16 @@ class Slave:
         self._buffer.clear()
 
     @property
-    def pending(self) -> bool:
-        """Whether an incomplete frame is waiting for more bytes; a silence on the line would drop it."""
-        return bool(self._buffer)
+    def patience_s(self) -> float | None:
+        """Silence of the line that drops an incomplete frame, wall seconds; None: nothing is dropped."""
+        return self.gap_s if self._buffer else None
 
     def reply(self, frame: bytes) -> bytes | None:
         """The answer to one frame, or None for silence."""
         raise NotImplementedError
 
-    def _frame_length(self) -> int | None:
-        """Length of the frame at the start of the buffer; 0 or None: unknown."""
+    def _frame_length(self) -> int:
+        """Length of the frame at the start of the buffer; 0: unknown."""
         raise NotImplementedError
 
 
@@ -81,8 +84,28 @@ class RtuSlave(Slave):
         body = bytes((self.unit,)) + pdu
         return body + crc16(body)
 
-    def _frame_length(self) -> int | None:
+    def _frame_length(self) -> int:
         return frame_length(self._buffer)
+
+
+class MbapSlave(Slave):
+    """A slave with Modbus TCP framing; frames of another unit or protocol get no answer."""
+
+    gap_s = None  # TCP delivers every byte
+
+    def reply(self, frame: bytes) -> bytes | None:
+        """The answer with the request's transaction number, or None for silence."""
+        if frame[2:4] != b"\0\0" or frame[6:7] != bytes((self.unit,)):
+            return None
+        pdu = answer(frame[HEADER:], self._registers)
+        if pdu is None:
+            return None
+        return frame[:4] + (len(pdu) + 1).to_bytes(2, "big") + frame[6:7] + pdu
+
+    def _frame_length(self) -> int:
+        if len(self._buffer) < HEADER:
+            return 0
+        return HEADER - 1 + int.from_bytes(self._buffer[4:6], "big")
 
 
 async def exchange(
@@ -107,7 +130,7 @@ async def exchange(
     outbox = Outbox(byte_s, site.at, write)
     while True:
         try:
-            async with asyncio.timeout(GAP_S if slave.pending else None):
+            async with asyncio.timeout(slave.patience_s):
                 data = await reader.read(CHUNK)
         except TimeoutError:
             slave.silence()
@@ -118,27 +141,47 @@ async def exchange(
         outbox.put(pieces, site.now() + len(data) * byte_s)
 
 
-class PtyPort:
-    """An RTU slave behind a pseudo-terminal; `path` is what a master opens, until the line is unplugged.
+def open_port(slave: Slave, site: Site, left: Callable[[], None] = lambda: None) -> int:
+    """Opens a TCP port that serves one client after the other; returns its number.
+
+    Args:
+        slave: the device.
+        site: where it is served.
+        left: called when a client has left.
+    """
+    turn = asyncio.Lock()
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        async with turn:
+            try:
+                with contextlib.suppress(ConnectionError):
+                    await exchange(slave, reader, writer.write, site)
+                left()
+            except UnpluggedError:
+                site.shut(port)
+
+    port = site.listen(serve)
+    return port
+
+
+def open_pty(slave: RtuSlave, site: Site) -> str:
+    """Opens a pseudo-terminal that serves a slave until the line is unplugged; returns its path for a master.
 
     Args:
         slave: the device.
         site: where it is served.
     """
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    os.set_blocking(ours, False)
+    path = os.ttyname(theirs)
 
-    def __init__(self, slave: RtuSlave, site: Site) -> None:
-        self._ends = os.openpty()
-        tty.setraw(self._ends[1])
-        os.set_blocking(self._ends[0], False)
-        self.path = os.ttyname(self._ends[1])
-        site.call(site.begin, partial(self._serve, slave, site))
-
-    async def _serve(self, slave: RtuSlave, site: Site) -> None:
+    async def serve() -> None:
         # The slave end stays open here, too: else the master end reports an error whenever a client
         # leaves.
         with (
-            os.fdopen(self._ends[0], "r+b", buffering=0) as master,
-            os.fdopen(self._ends[1], "r+b", buffering=0),
+            os.fdopen(ours, "r+b", buffering=0) as master,
+            os.fdopen(theirs, "r+b", buffering=0),
         ):
 
             def write(data: bytes) -> None:
@@ -151,3 +194,6 @@ class PtyPort:
                 await exchange(slave, reader, write, site, BYTE_S)
             finally:
                 loop.remove_reader(master)
+
+    site.call(site.begin, serve)
+    return path

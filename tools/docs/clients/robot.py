@@ -25,9 +25,8 @@ def locate(connection, robot):
         node = words[1]
         x, y, angle, opening, speed, force = map(float, words[2:])
         robot.place(x, y, angle, opening)  # up, jaws open, over there, down
-        count, held = robot.squeeze(
-            speed, force
-        )  # the settled count, and whether the jaws met something
+        # The settled count, and whether the jaws met something.
+        count, held = robot.squeeze(speed, force)
         words = connection.ask(f"COUNTS {count} {'OBJECT' if held else 'NONE'} {node}")
         if words[0] == "DRAG":
             robot.drag(float(words[1]), float(words[2]))  # along the table, without turning
@@ -44,9 +43,8 @@ class Person:
         input(f"open to {opening:g} mm, put the hand at ({x:g}, {y:g}) mm, {angle:g} deg; Enter ")
 
     def squeeze(self, speed, force):
-        return int(input(f"close at {speed:g} mm/s with {force:g} N; count? ")), input(
-            "anything held? y/n "
-        ) == "y"
+        count = int(input(f"close at {speed:g} mm/s with {force:g} N; count? "))
+        return count, input("anything held? y/n ") == "y"
 
     def drag(self, x, y):
         input(f"drag what is held to ({x:g}, {y:g}) mm; Enter ")

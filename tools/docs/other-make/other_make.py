@@ -2,11 +2,12 @@
 
 import math
 
+from drivers import ports
 from drivers.clock import Pace
 from drivers.errors import ArmError, GripperFault, LinkError, LinkTimeout, ReadOnlyError
 from drivers.links import StreamLink
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report, Settled, no_report
-from drivers.stream import Stream, open_tcp, tcp_address
+from drivers.stream import Stream, closed_on_error, open_tcp, tcp_address
 
 PROFILE = GripperProfile(
     model="other-60",
@@ -67,9 +68,8 @@ class OtherGripper:
         except (ValueError, OverflowError) as error:
             said = " ".join(words)
             raise LinkError(f"{self._lines.endpoint} answered {said!r}; check its make") from error
-        seen = ObjectState.CLOSING if held == "1" else ObjectState.AT_TARGET
-        if moving == "1":
-            seen = ObjectState.NONE
+        at_rest = ObjectState.CLOSING if held == "1" else ObjectState.AT_TARGET
+        seen = ObjectState.NONE if moving == "1" else at_rest
         return GripperState(ready == "1", moving == "1", 0, "", seen, target_um, width_um, 0)
 
     def activate(self) -> None:
@@ -119,11 +119,8 @@ def gripper(
 ) -> OtherGripper:
     stream = open_tcp(*tcp_address(port), port, "check its power")
     lines = Lines(stream, pace, report, read_only=read_only)
-    try:
+    with closed_on_error(lines):  # on Ctrl-C, too
         return OtherGripper(lines, pace)
-    except BaseException:  # Ctrl-C, too, must not leave the connection open
-        lines.close()
-        raise
 
 
 class OtherArm:
@@ -132,7 +129,7 @@ class OtherArm:
     def __init__(self, lines: Lines) -> None:
         self._lines = lines
 
-    def pose(self) -> tuple[float, float, float, float]:
+    def pose(self) -> ports.PoseOfHand:
         words = self._ask("where")
         try:
             x, y, z, angle = map(float, words)
@@ -143,24 +140,17 @@ class OtherArm:
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
         return -math.inf, math.inf
 
-    def obstacle(self, start: tuple[float, ...], target: tuple[float, ...]) -> str:
+    def obstacle(self, start: ports.PoseOfHand, target: ports.PoseOfHand) -> str:
         return ""
 
     def move_linear(
-        self,
-        x_mm: float,
-        y_mm: float,
-        z_mm: float,
-        angle_rad: float,
-        speed_mm_s: float,
-        radius_mm: float = 160.0,
+        self, target: ports.PoseOfHand, speed_mm_s: float, radius_mm: float = ports.TURN_RADIUS_MM
     ) -> None:
-        target = (x_mm, y_mm, z_mm, angle_rad)
         finite = all(map(math.isfinite, (*target, speed_mm_s)))
         if not (finite and speed_mm_s > 0.0 and max(target) <= 1e3):
             raise ArmError(f"arm not moved: {target} at {speed_mm_s} mm/s cannot be sent")
         path_s = math.dist(target[:3], self.pose()[:3]) / speed_mm_s
-        line = f"move {x_mm} {y_mm} {z_mm} {angle_rad} {speed_mm_s}"
+        line = f"move {' '.join(map(str, target))} {speed_mm_s}"
         if self._ask(line, 2.0 * path_s + 1.0) != ["ok"]:
             raise ArmError(f"arm not moved: {target} is out of its reach")
 

@@ -2,8 +2,6 @@
 
 import contextlib
 import math
-import socketserver
-import threading
 import time
 
 import pytest
@@ -13,6 +11,7 @@ from drivers import connect
 from drivers.contract.arm import ArmContract
 from drivers.contract.gripper import GripperContract
 from drivers.errors import LinkError
+from drivers.sim.wire.serving import Site
 
 SCALE = 20.0  # simulated seconds a second
 
@@ -35,92 +34,14 @@ class TestOtherArm(ArmContract):
         return ArmRig()
 
 
-class GripperRig:
-    contact_um = 24_000
-
-    def __init__(self):
-        self._device = GripperDevice()
-        self._server = Server(lambda words: self._device.answer(words))
-
-    def open(self, *, read_only=False):
-        address = f"other://127.0.0.1:{self._server.port}"
-        return contextlib.closing(connect.gripper(address, time_scale=SCALE, read_only=read_only))
-
-    def put_part(self):
-        self._device.contact_mm = 24.0
-
-    def commanded(self):
-        return self._device.commands > 0
-
-    def commands(self):
-        return self._device.commands
-
-    def silence(self):
-        self._device.mute = True
-
-    def says(self, line):
-        self._device.answer = lambda words: line
-
-    def close(self):
-        self._server.close()
-
-
-class ArmRig:
-    far_mm = 900.0
-
-    def __init__(self):
-        self._device = ArmDevice()
-        self._server = Server(self._device.answer)
-
-    @property
-    def moves(self):
-        return self._device.moves
-
-    def open(self, *, read_only=False):
-        address = f"other://127.0.0.1:{self._server.port}"
-        return contextlib.closing(connect.arm(address, time_scale=SCALE, read_only=read_only))
-
-    def truth(self):
-        return self._device.place
-
-    def silence(self):
-        self._device.mute = True
-
-    def close(self):
-        self._server.close()
-
-
-class Server:
-    """Answers lines on a TCP port; `answer` returns a line, or None for silence."""
-
-    def __init__(self, answer) -> None:
-        class Handler(socketserver.StreamRequestHandler):
-            def handle(self) -> None:
-                for line in self.rfile:
-                    if (said := answer(line.decode().split())) is not None:
-                        self.wfile.write(said.encode() + b"\n")
-
-        class Threaded(socketserver.ThreadingTCPServer):
-            daemon_threads = True
-            block_on_close = False
-
-        self._server = Threaded(("127.0.0.1", 0), Handler)
-        self.port = self._server.server_address[1]
-        self._thread = threading.Thread(
-            target=self._server.serve_forever, args=(0.02,), daemon=True
-        )
-        self._thread.start()
-
-    def close(self) -> None:
-        self._server.shutdown()
-        self._thread.join()
-        self._server.server_close()
-
-
 class GripperDevice:
-    """Simulates a gripper: the fingers move at the requested speed, and stop at `contact_mm`."""
+    """Simulates a gripper: the fingers move at the requested speed, and stop at `contact_mm`.
 
-    def __init__(self) -> None:
+    `now` returns simulated seconds.
+    """
+
+    def __init__(self, now) -> None:
+        self.now = now
         self.contact_mm, self.mute = None, False
         self.commands = 0
         self.asked = self.start = self.stop_mm = PROFILE.stroke_um / 1000
@@ -143,13 +64,13 @@ class GripperDevice:
                 self.contact_mm is not None and self.asked <= self.contact_mm < self.start + 1e-6
             )
             self.held, self.stop_mm = blocked, self.contact_mm if blocked else self.asked
-            self.since = time.monotonic()
+            self.since = self.now()
         elif words[0] == "stop":
             self.start = self.stop_mm = self.at()
         return "ok"
 
     def at(self) -> float:
-        way = self.speed * (time.monotonic() - self.since) * SCALE
+        way = self.speed * (self.now() - self.since)
         left = self.stop_mm - self.start
         return self.stop_mm if abs(left) <= way else self.start + math.copysign(way, left)
 
@@ -157,7 +78,7 @@ class GripperDevice:
 class ArmDevice:
     """Simulates an arm: answers when it is at rest; does not answer if `mute`."""
 
-    def __init__(self) -> None:
+    def __init__(self, _) -> None:
         self.mute, self.moves = False, 0
         self.place = (0.0, 0.0, 100.0, 0.0)
 
@@ -172,3 +93,60 @@ class ArmDevice:
         time.sleep(math.dist(self.place[:3], (x, y, z)) / speed / SCALE)
         self.place, self.moves = (x, y, z, math.remainder(angle, math.tau)), self.moves + 1
         return "ok"
+
+
+class Rig:
+    """A simulated device of the class `device_of`, which is served on a TCP port."""
+
+    def __init__(self):
+        self._site = Site(SCALE)
+        self._device = self.device_of(self._site.now)
+        port = self._site.answer_lines(self._answered, most_bytes=256)
+        self._address = f"other://127.0.0.1:{port}"
+
+    def _answered(self, line):
+        said = self._device.answer(line.decode().split())
+        return b"" if said is None else said.encode() + b"\n"
+
+    def silence(self):
+        self._device.mute = True
+
+    def close(self):
+        self._site.close()
+
+
+class GripperRig(Rig):
+    device_of = GripperDevice
+    contact_um = 24_000
+
+    def open(self, *, read_only=False):
+        options = {"time_scale": SCALE, "read_only": read_only}
+        return contextlib.closing(connect.gripper(self._address, **options))
+
+    def put_part(self):
+        self._device.contact_mm = 24.0
+
+    def commanded(self):
+        return self._device.commands > 0
+
+    def commands(self):
+        return self._device.commands
+
+    def says(self, line):
+        self._device.answer = lambda words: line
+
+
+class ArmRig(Rig):
+    device_of = ArmDevice
+    far_mm = 900.0
+
+    @property
+    def moves(self):
+        return self._device.moves
+
+    def open(self, *, read_only=False):
+        options = {"time_scale": SCALE, "read_only": read_only}
+        return contextlib.closing(connect.arm(self._address, **options))
+
+    def truth(self):
+        return self._device.place

@@ -38,12 +38,9 @@ def built(builder: str, cache: str, output: str) -> int:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="tools/site", description=__doc__)
-    parser.add_argument(
-        "-o", "--output", type=Path, default=ROOT / "out" / "site", help="default: out/site"
-    )
-    parser.add_argument(
-        "--links", action="store_true", help="also fetch every page outside that is linked to"
-    )
+    add = parser.add_argument
+    add("-o", "--output", type=Path, default=ROOT / "out" / "site", help="default: out/site")
+    add("--links", action="store_true", help="also fetch every page outside that is linked to")
     arguments = parser.parse_args()
     output: Path = arguments.output
     if output.exists() and not (output / "objects.inv").exists() and any(output.iterdir()):

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from sphinx.application import Sphinx
 
-ROOT = Path(__file__).resolve().parents[3]
-sys.path[:0] = [str(Path(__file__).parent), str(ROOT)]
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[2]
+sys.path[:0] = [str(HERE), str(ROOT)]
 
 from kept import filled  # noqa: E402
 
@@ -58,62 +59,8 @@ pygments_style = "default"
 pygments_dark_style = "github-dark"
 sphinx_argparse_cli_prefix_document = True
 
-CONTENTS = """
-
-```{toctree}
-:hidden:
-:caption: Start
-
-Overview <self>
-tools/docs/how-it-works
-tools/docs/architecture
-tools/docs/tutorial
-tools/docs/from-a-solid
-tools/docs/studio
-tools/docs/cheat-sheet
-tools/docs/performance
-tools/docs/results
-```
-
-```{toctree}
-:hidden:
-:caption: In the cell
-
-tools/docs/commissioning
-tools/docs/acceptance
-tools/docs/arms
-tools/docs/grippers
-tools/docs/refit
-tools/docs/controllers
-tools/docs/serve
-tools/docs/evidence
-tools/docs/plc
-tools/docs/drivers
-tools/docs/several-parts
-runtime/OUTCOMES
-drivers/abb/README
-drivers/camera/README
-drivers/dh/README
-drivers/schunk/README
-drivers/sim/FAULTS
-```
-
-```{toctree}
-:hidden:
-:caption: Reference
-
-tools/docs/commands
-tools/docs/python
-tools/docs/glossary
-tools/docs/notebooks/squeeze
-tools/docs/notebooks/belief
-tools/docs/notebooks/world
-runtime/table/TABLE
-tools/docs/decisions
-CHANGELOG
-```
-"""
-"""Shown beside every page, but not in the README, which is read elsewhere too."""
+# Shown beside every page, but not in the README, which is read elsewhere too.
+CONTENTS = "\n\n" + (HERE / "contents.md").read_text()
 # Links to folders, which a site cannot show.
 FOLDERS = {
     "](tools/decisions)": "](tools/docs/decisions.md)",

@@ -35,9 +35,8 @@ def inline(self: HTML5Translator, node: nodes.math) -> None:
 
 
 def block(self: HTML5Translator, node: nodes.math_block) -> None:
-    self.body.append(
-        f'<div class="formula">{drawn(" ".join(node.astext().split()), inline=False)}</div>\n'
-    )
+    latex = " ".join(node.astext().split())
+    self.body.append(f'<div class="formula">{drawn(latex, inline=False)}</div>\n')
     raise nodes.SkipNode
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
 LOADED = {"src", "srcset", "poster", "data"}  # attributes whose target a browser fetches by itself
+LOADED_STYLE = re.compile(r"(?:url\(|@import)\s*[\"']?(https?:[^\"')\s]+)")
 OUTSIDE = ("http://", "https://", "//")
 
 
@@ -48,24 +49,18 @@ def check(site: Path) -> Found:
     faults, outside = [], set()
     for path, page in pages.items():
         name = path.relative_to(site.resolve())
-        faults += [
-            f"{name}: the anchor {anchor} is there {n} times"
-            for anchor, n in page.ids.items()
-            if n > 1
-        ]
-        faults += [
-            f"{name}: loads {target} from elsewhere"
-            for target in page.loads
-            if target.startswith(OUTSIDE)
-        ]
+        for anchor, count in page.ids.items():
+            if count > 1:
+                faults.append(f"{name}: the anchor {anchor} is there {count} times")
+        for target in page.loads:
+            if target.startswith(OUTSIDE):
+                faults.append(f"{name}: loads {target} from elsewhere")
         outside |= {target for target in page.links if re.match("https?://[^/]", target)}
         for target in (*page.links, *page.loads):
             if not target.startswith(OUTSIDE):
                 faults += [f"{name}: {fault}" for fault in _faults(path, target, pages)]
     for style in sorted(site.rglob("*.css")):
-        for target in re.findall(
-            r"(?:url\(|@import)\s*[\"']?(https?:[^\"')\s]+)", style.read_text(encoding="utf-8")
-        ):
+        for target in LOADED_STYLE.findall(style.read_text(encoding="utf-8")):
             faults.append(f"{style.relative_to(site)}: loads {target} from elsewhere")
     return Found(faults, sorted(outside))
 

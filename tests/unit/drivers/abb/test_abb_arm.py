@@ -32,7 +32,7 @@ def impatient(monkeypatch):
 def test_settings_of_the_last_client_do_not_matter(rig):
     with rig.open(tool=Pose(0.0, 0.0, 120.0, (1.0, 0.0, 0.0, 0.0))) as arm:
         assert arm.pose().z_mm == pytest.approx(-20.0)
-        arm.move_linear(10.0, 0.0, 10.0, 0.0, 50.0)
+        arm.move_linear((10.0, 0.0, 10.0, 0.0), 50.0)
     with rig.open() as arm:
         assert arm.pose().z_mm == pytest.approx(130.0)
 
@@ -41,8 +41,8 @@ def test_settings_of_the_last_client_do_not_matter(rig):
 def test_silence_makes_the_state_unknown_and_further_motion_refused(rig):
     with rig.open() as arm:
         with pytest.raises(ArmError, match="silence"):
-            arm.move_linear(900.0, 0.0, 50.0, 0.0, 5000.0)
-        for call in (arm.pose, lambda: arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)):
+            arm.move_linear((900.0, 0.0, 50.0, 0.0), 5000.0)
+        for call in (arm.pose, lambda: arm.move_linear((0.0, 0.0, 50.0, 0.0), 100.0)):
             with pytest.raises(ArmError, match="state unknown since"):
                 call()
     assert rig.model.moves == 0
@@ -52,7 +52,7 @@ def test_whole_turns_are_counted_from_the_joints(rig):
     with rig.open(base=BASE) as arm:
         began = rig.model.joints_at(1e9)[5]
         for number in range(1, 5):
-            arm.move_linear(0.0, 0.0, 60.0, number * math.pi / 2.0, 500.0)
+            arm.move_linear((0.0, 0.0, 60.0, number * math.pi / 2.0), 500.0)
         assert rig.model.joints_at(1e9)[5] == pytest.approx(began - 360.0)
         assert arm.pose().angle_rad == pytest.approx(2.0 * math.pi, abs=0.003)
         low, high = arm.turn_range(0.0, 0.0)
@@ -68,16 +68,16 @@ def test_what_would_wind_the_wrist_up_is_never_sent(rig, way):
         turned = 0.0
         with pytest.raises(ArmError, match=r"not moved.*farther round than the wrist turns"):  # noqa: PT012
             while abs(turned) < 1200.0:
-                arm.move_linear(0.0, 0.0, 50.0, math.radians(turned + 60.0 * way), 500.0)
+                arm.move_linear((0.0, 0.0, 50.0, math.radians(turned + 60.0 * way)), 500.0)
                 turned += 60.0 * way
         assert (turned, rig.model.halted) == (-180.0 if way < 0 else 540.0, "")
-        arm.move_linear(0.0, 0.0, 50.0, math.radians(turned - 60.0 * way), 500.0)
+        arm.move_linear((0.0, 0.0, 50.0, math.radians(turned - 60.0 * way)), 500.0)
 
 
 @pytest.mark.parametrize("angle_deg", [-175.0, 180.0, 350.0])
 def test_half_a_turn_in_one_motion_is_refused_for_it_may_go_either_way(rig, angle_deg):
     with rig.open(base=BASE) as arm, pytest.raises(ArmError, match="either way"):
-        arm.move_linear(0.0, 0.0, 50.0, math.radians(angle_deg), 500.0)
+        arm.move_linear((0.0, 0.0, 50.0, math.radians(angle_deg)), 500.0)
     assert rig.moves == 0
 
 
@@ -87,15 +87,15 @@ def test_the_wrists_range_may_be_narrowed_and_one_beyond_it_only_turned_back(rig
     ) as arm:
         low, high = arm.turn_range(0.0, 0.0)  # axis 6 stands at 180 deg
         assert (math.degrees(low), math.degrees(high)) == pytest.approx((100.0, 260.0), abs=0.1)
-        arm.move_linear(0.0, 0.0, 60.0, 0.0, 500.0)
+        arm.move_linear((0.0, 0.0, 60.0, 0.0), 500.0)
         with pytest.raises(ArmError, match="not moved"):
-            arm.move_linear(0.0, 0.0, 60.0, -0.1, 500.0)
-        arm.move_linear(0.0, 0.0, 60.0, 1.0, 500.0)
+            arm.move_linear((0.0, 0.0, 60.0, -0.1), 500.0)
+        arm.move_linear((0.0, 0.0, 60.0, 1.0), 500.0)
 
 
 def test_a_wrist_that_somebody_else_turned_round_is_found(rig):
     with rig.open(base=BASE) as arm:
-        arm.move_linear(0.0, 0.0, 60.0, 0.5, 500.0)
+        arm.move_linear((0.0, 0.0, 60.0, 0.5), 500.0)
         *others, wrist = rig.model.joints_at(rig.now())
         message = " ".join(f"{joint:.4f}" for joint in (*others, wrist - 360.0))
         rig.model.execute(f"2 {message} #", rig.now())
@@ -117,22 +117,22 @@ def test_a_controller_whose_wrist_is_at_its_end_halts_without_a_word():
 
 def test_an_interrupted_move_is_waited_for_before_the_next_command(rig):
     with rig.open() as arm:
-        arm.move_linear(0.0, 0.0, 99.0, 0.0, 20.0)
-        receive = arm._stream.receive
+        arm.move_linear((0.0, 0.0, 99.0, 0.0), 20.0)
+        receive = arm._link.receive
 
         def interrupt(seconds):
-            arm._stream.receive = receive
+            arm._link.receive = receive
             raise KeyboardInterrupt
 
-        arm._stream.receive = interrupt
+        arm._link.receive = interrupt
         with pytest.raises(KeyboardInterrupt):
-            arm.move_linear(100.0, 0.0, 100.0, 0.0, 20.0)
+            arm.move_linear((100.0, 0.0, 100.0, 0.0), 20.0)
         assert arm.pose().x_mm == pytest.approx(100.0)
 
 
 def stopped(arm, times):
     """Let the process be stopped past the deadline, so many times that it waits for an answer."""
-    receive = arm._stream.receive
+    receive = arm._link.receive
 
     def waited(seconds):
         nonlocal times
@@ -142,7 +142,7 @@ def stopped(arm, times):
         time.sleep(seconds + 0.02)
         return b""
 
-    arm._stream.receive = waited
+    arm._link.receive = waited
 
 
 @pytest.mark.usefixtures("impatient")
@@ -150,7 +150,7 @@ def test_a_move_that_ended_while_the_process_was_stopped_has_ended(rig):
     with rig.open() as arm:
         arm.pose()
         stopped(arm, 2)  # for the speed's answer, and for the move's
-        arm.move_linear(10.0, 0.0, 100.0, 0.0, 50.0)
+        arm.move_linear((10.0, 0.0, 100.0, 0.0), 50.0)
         assert arm.pose().x_mm == pytest.approx(10.0)
 
 
@@ -169,9 +169,9 @@ def test_frames_and_limits_may_stand_in_the_address(rig):
     query = "?tool=0,0,120&work_object=20,0,10,1,0,0,0&base=-300,0,0&area=-50,-50,-500,50,50,90"
     with contextlib.closing(connect.arm(rig.url + query, time_scale=SCALE)) as arm:
         assert arm.pose()[:3] == pytest.approx((-20.0, 0.0, -30.0))
-        arm.move_linear(0.0, 0.0, 0.0, 0.0, 500.0)
+        arm.move_linear((0.0, 0.0, 0.0, 0.0), 500.0)
         with pytest.raises(ArmError, match="outside the work area"):
-            arm.move_linear(0.0, 51.0, 0.0, 0.0, 500.0)
+            arm.move_linear((0.0, 51.0, 0.0, 0.0), 500.0)
         assert rig.moves == 1
         assert rig.model.pose_at(1e9)[2] == pytest.approx(0.0)
 
@@ -179,10 +179,10 @@ def test_frames_and_limits_may_stand_in_the_address(rig):
 def test_the_way_is_looked_at_and_not_only_its_end(rig):
     """Both ends are in reach, the way between them leads through the arm's own foot."""
     with rig.open(base=BASE, work_object=BASE) as arm:
-        arm.move_linear(250.0, 250.0, 100.0, 0.0, 1000.0)
+        arm.move_linear((250.0, 250.0, 100.0, 0.0), 1000.0)
         with pytest.raises(ArmError, match="out of the arm's reach"):
-            arm.move_linear(-250.0, -250.0, 100.0, 0.0, 1000.0)
-        arm.move_linear(250.0, -250.0, 100.0, 0.0, 1000.0)
+            arm.move_linear((-250.0, -250.0, 100.0, 0.0), 1000.0)
+        arm.move_linear((250.0, -250.0, 100.0, 0.0), 1000.0)
 
 
 @pytest.mark.parametrize(
@@ -226,9 +226,9 @@ def test_a_server_that_hangs_up_is_tried_again_and_then_given_up():
 def test_a_turn_is_as_fast_as_the_radius_allows_that_is_asked_for(rig):
     with rig.open(base=BASE) as arm:
         for radius_mm in (80.0, 160.0):
-            arm.move_linear(0.0, 0.0, 60.0, 0.5 - radius_mm / 400.0, 100.0, radius_mm)
+            arm.move_linear((0.0, 0.0, 60.0, 0.5 - radius_mm / 400.0), 100.0, radius_mm)
             line_mm_s, turn_deg_s = rig.model._speed
             assert line_mm_s == pytest.approx(100.0)
             assert math.radians(turn_deg_s) * radius_mm == pytest.approx(100.0, rel=1e-4)
         with pytest.raises(ArmError, match="positive"):
-            arm.move_linear(0.0, 0.0, 60.0, 0.0, 100.0, 0.0)
+            arm.move_linear((0.0, 0.0, 60.0, 0.0), 100.0, 0.0)

@@ -9,10 +9,11 @@ from lines import Line
 from drivers import connect
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
+from drivers.links import DRAIN_S
 from drivers.modbus.framing import TcpFraming
-from drivers.modbus.master import DRAIN_S, GAP_S
+from drivers.modbus.master import GAP_S
 from drivers.ports import no_report
-from drivers.robotiq.modbus import TCP, ModbusLink, read_request, rtu_link, wiring_of
+from drivers.robotiq.modbus import TCP, ModbusLink, read_request, wiring_of
 from drivers.sim.wire.modbus import crc16
 
 STATUS = bytes.fromhex("B900 00FF BD00")
@@ -31,7 +32,7 @@ def answer(count=3, status=STATUS):
 def link(*script, report=None):
     line = Line(*script)
     lines = []
-    channel = rtu_link(line, Pace(line.clock), lambda kind, fields: lines.append((kind, fields)))
+    channel = ModbusLink(line, Pace(line.clock), lambda kind, fields: lines.append((kind, fields)))
     return channel, line, lines
 
 
@@ -109,7 +110,7 @@ def test_a_reading_that_waited_while_the_process_was_stopped_is_asked_for_again(
     line = Starved(*stops * [old], new)
     line.stops = stops
     lines = []
-    channel = rtu_link(
+    channel = ModbusLink(
         line, Pace(line.clock), lambda kind, fields: lines.append(fields["incident"])
     )
     assert channel.read() == STATUS
@@ -122,12 +123,12 @@ def test_a_process_that_is_stopped_again_and_again_says_so_and_not_that_the_grip
     with pytest.raises(
         LinkTimeout, match=r"answered, but this process was stopped or starved .* 4\.5 s"
     ):
-        rtu_link(line, Pace(line.clock)).read()
+        ModbusLink(line, Pace(line.clock)).read()
 
 
 def test_a_write_confirmed_while_the_process_was_stopped_is_confirmed():
     line = Starved([(0.004, frame("09 10 03E8 0003"))])
-    rtu_link(line, Pace(line.clock)).write(bytes(6))
+    ModbusLink(line, Pace(line.clock)).write(bytes(6))
     assert len(line.sent) == 1
 
 
@@ -206,7 +207,7 @@ def mbap(number, count=3, unit=2, status=STATUS):
 
 def tcp_link(*script):
     line = Line(*script)
-    return ModbusLink(line, TcpFraming(), TCP, Pace(line.clock), no_report), line
+    return ModbusLink(line, Pace(line.clock), no_report, TCP, TcpFraming()), line
 
 
 def test_a_modbus_tcp_answer_is_found_by_its_number():
@@ -241,7 +242,7 @@ def gateway(*codes):
     wiring = wiring_of("tcp://h:502?unit=9&output=0x03E8&input=0x07D0&function=3", TCP)
     pdus = [bytes((0x83, code)) for code in codes] + [b"\x03\x06" + STATUS]
     line = Line(*([(0.004, enveloped(number, 9, pdu))] for number, pdu in enumerate(pdus, 1)))
-    return ModbusLink(line, TcpFraming(), wiring, Pace(line.clock), no_report), line
+    return ModbusLink(line, Pace(line.clock), no_report, wiring, TcpFraming()), line
 
 
 def test_unit_and_addresses_behind_a_gateway_are_those_of_the_port():

@@ -4,11 +4,15 @@ import itertools
 
 import pytest
 
-from drivers.robotiq.faults import FAULTS, MINOR, PRIORITY, fault, is_major
 from drivers.robotiq.registers import (
+    FAULTS,
     INPUT_FIELDS,
+    MINOR,
     OUTPUT_FIELDS,
+    PRIORITY,
     decode,
+    fault,
+    is_major,
     pack,
     speed_mm_s_of,
     unpack,

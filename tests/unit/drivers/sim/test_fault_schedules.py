@@ -26,7 +26,7 @@ def line(*faults, checked=True):
 
 
 def through(result, reply=REPLY):
-    return result.carries(REQUEST, reply) if result.hears(REQUEST) else None
+    return result.carries(REQUEST, reply) if result.hears() else None
 
 
 def test_a_file_says_what_happens_when(tmp_path):
@@ -140,7 +140,7 @@ def test_a_port_that_is_gone(kind, forbidden):
 def test_the_unit_of_a_modbus_tcp_frame_is_its_seventh_byte():
     frame = bytes.fromhex("000100000009") + b"\x02" + BODY[1:]
     result = line(Fault("wrong_id", value=5), checked=False)
-    result.hears(b"")
+    result.hears()
     assert result.carries(b"", frame)[0].data == frame[:6] + b"\x05" + frame[7:]
 
 

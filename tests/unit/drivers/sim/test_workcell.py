@@ -25,7 +25,7 @@ class Hands:
         self.cell.scene.next_part()
 
     def go(self, x, y, z, angle=0.0):
-        self.arm.move_linear(x, y, z, angle, 200.0)
+        self.arm.move_linear((x, y, z, angle), 200.0)
 
     def jaws(self, counts):
         self.gripper.move(counts, 200, 50)

@@ -116,9 +116,9 @@ def test_jaws_that_do_not_stand_as_they_were_set_end_the_push():
     rig = fake_cell(LONGEST)
     slide = rig.arm.move_linear
 
-    def bend(*target):
-        slide(*target)
-        if target[4] == 30.0:
+    def bend(target, speed_mm_s, *radius):
+        slide(target, speed_mm_s, *radius)
+        if speed_mm_s == 30.0:
             rig.gripper.now = rig.gripper.now._replace(position_counts=220)
 
     rig.arm.move_linear = bend

@@ -87,10 +87,10 @@ def test_a_part_that_slips_while_it_is_carried_is_a_fault(change):
     rig = fake_cell([AT_21, AT_21])
     lift = rig.arm.move_linear
 
-    def slip(*target):
+    def slip(target, *pace):
         if target[2] == 60.0 and rig.gripper.gripping:
             rig.gripper.now = rig.gripper.now._replace(**change)
-        lift(*target)
+        lift(target, *pace)
 
     rig.arm.move_linear = slip
     result = run(rig, RunOptions(delivery=DELIVERY))

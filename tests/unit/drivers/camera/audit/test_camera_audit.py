@@ -23,6 +23,7 @@ from cameras import (
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.camera.audit import overlay
 from drivers.camera.audit.auditor import COVERAGE, FAIL, PASS, UNKNOWN, Auditor, Subject, judge
 from drivers.camera.audit.overlay import MEASURED, PREDICTED, keep
 from drivers.sim.camera.cards import lying, tag_cells
@@ -235,10 +236,11 @@ def test_overlay_is_kept_for_what_did_not_pass(tmp_path):
     assert unseen.fields().keys() == {"verdict", "reason", "picture"}
 
 
-def test_album_stays_small_and_a_full_disk_does_no_harm(tmp_path):
+def test_album_stays_small_and_a_full_disk_does_no_harm(tmp_path, monkeypatch):
+    monkeypatch.setattr(overlay, "MOST_PICTURES", 3)
     picture = np.zeros((20, 20, 3), np.uint8)
     for part in range(6):
-        assert keep(tmp_path / "a", part, FAIL, picture, most=3) is not None
+        assert keep(tmp_path / "a", part, FAIL, picture) is not None
     assert [p.name for p in sorted((tmp_path / "a").iterdir())] == [
         f"part-{k:07d}-fail.jpg" for k in (3, 4, 5)
     ]

@@ -41,7 +41,7 @@ def counter():
 
 @pytest.fixture
 def server(counter):
-    with CameraServer(counter) as running:
+    with contextlib.closing(CameraServer(counter)) as running:
         yield running
 
 
@@ -182,7 +182,7 @@ def test_stream_that_cannot_be_opened_is_reported_in_time():
 def test_simulated_camera_sees_the_part_where_it_is_now(tmp_path):
     poses = iter([(0.0, 0.0, 0.0), (60.0, 0.0, 0.0), None])
     take = rig(camera()).watcher(lambda: Look(next(poses)), seed=1)
-    with CameraServer(take) as running:
+    with contextlib.closing(CameraServer(take)) as running:
         source = open_source(running.url)
         first, moved, empty = (source.picture(soon()).astype(int) for _ in range(3))
     assert first.shape == (540, 960)

@@ -7,7 +7,7 @@ from counting import width_um
 from schunk_rigs import Part
 
 from drivers.robotiq.registers import OUTPUT_FIELDS, decode, pack, speed_mm_s_of
-from drivers.sim.devices.gripper import CYCLE_S, GripperModel
+from drivers.sim.devices.gripper import GripperModel
 
 
 def width_mm(count):
@@ -98,9 +98,9 @@ def test_the_request_echoes_at_once_while_gobj_is_stale():
         assert seen.echo_counts == 200
         assert seen.object_flag == 3  # still of the move before
         late = 0.0
-        while bench.read(CYCLE_S).object_flag == 3:
-            late += CYCLE_S
-        assert late <= 5.001 * CYCLE_S
+        while bench.read(GripperModel.CYCLE_S).object_flag == 3:
+            late += GripperModel.CYCLE_S
+        assert late <= 5.001 * GripperModel.CYCLE_S
 
 
 @pytest.mark.parametrize("speed", [0, 100, 255])
@@ -111,7 +111,7 @@ def test_speed_is_finite_and_linear_in_rsp(speed):
     second = bench.read(t)
     travelled = (second.position_counts - first.position_counts) * 85.0 / 227.0
     assert travelled == pytest.approx(
-        speed_mm_s_of(speed) * t, abs=85.0 / 227.0 + speed_mm_s_of(speed) * CYCLE_S
+        speed_mm_s_of(speed) * t, abs=85.0 / 227.0 + speed_mm_s_of(speed) * GripperModel.CYCLE_S
     )
 
 
@@ -187,10 +187,10 @@ def test_silence_of_a_second_shows_as_fault_9_in_the_first_answer_only():
     bench = Bench().activated()
     assert bench.read(0.9).fault == 0
     assert bench.read(1.1).fault == 0x09
-    assert bench.read(CYCLE_S).fault == 0
+    assert bench.read(GripperModel.CYCLE_S).fault == 0
     bench.now += 2.0
     bench.write(rACT=1)
-    assert bench.read(CYCLE_S).fault == 0
+    assert bench.read(GripperModel.CYCLE_S).fault == 0
 
 
 @pytest.mark.parametrize(("direction", "ends_at"), [(1, 3), (0, 230)])

@@ -81,9 +81,9 @@ def test_every_flipped_bit_is_silence(slave):
 def test_frames_may_come_in_any_pieces(slave):
     for cut in range(1, len(READ)):
         assert fed(slave, READ[:cut]) == []
-        assert slave.pending
+        assert slave.patience_s
         assert len(fed(slave, READ[cut:])) == 1
-        assert not slave.pending
+        assert not slave.patience_s
 
 
 def test_several_frames_in_one_piece_are_distinguished(slave):
