@@ -10,7 +10,7 @@ from random import Random
 
 from runtime.shell.errors import UsageError
 from runtime.table import Branch, Node, Pose2, Table, decision_map
-from runtime.traversal.geometry import compose, placement
+from runtime.table.geometry import compose, placement
 
 # The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree only to this.
 SAME_MM, SAME_RAD = 0.1, 0.01

@@ -19,8 +19,8 @@ from runtime.execution.watch import DEADLINE_FACTOR, expected_of
 from runtime.journal.chain import Journal
 from runtime.shell.plain_text import cleaned
 from runtime.table import HELD_UM, REJECT, DecisionMap, Table, decide
+from runtime.table.geometry import placement, sent
 from runtime.traversal.answer import outcome_fields
-from runtime.traversal.geometry import placement, sent
 from runtime.traversal.program import (
     Approach,
     Done,

@@ -19,7 +19,7 @@ from runtime.execution.hand import Hand
 from runtime.execution.reading import room_um
 from runtime.execution.strokes import of_any_width
 from runtime.table import Leaf, Limits, Node, Pose2, Table, close_alike, predicted_pose
-from runtime.traversal.geometry import compose, placement, same_turns, sent
+from runtime.table.geometry import compose, placement, same_turns, sent
 
 
 class Way(NamedTuple):

@@ -6,7 +6,7 @@ from drivers.ports import Arm, Gripper
 from runtime.execution import carry, held, safety, strokes
 from runtime.execution.executor import RunOptions
 from runtime.table import Schedule, Table, job_of, may_turn
-from runtime.traversal.geometry import end_of, placement, sent
+from runtime.table.geometry import end_of, placement, pose_text, sent
 
 
 def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[str]:
@@ -48,15 +48,14 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
     low_mm = table.limits.squeeze_height_um / 1000
     for index, node in enumerate(table.nodes):
         for push in node.pushes:
-            ways = [sent(place, handling.middle_mm) for place in (placement(push), end_of(push))]
-            (x_mm, y_mm, angle_rad), (to_x_mm, to_y_mm, _) = ways
+            start = pose_text(sent(placement(push), handling.middle_mm))
+            x_mm, y_mm, _ = sent(end_of(push), handling.middle_mm)
             opening_mm = calibration.nearest_um(push.opening_um) / 1000
             lines.append(
-                f"node {index}, before: jaws to {opening_mm:.2f} mm, push from "
-                f"({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, to ({to_x_mm:.2f}, "
-                f"{to_y_mm:.2f}) mm at {push.speed_um_s / 1000:g} mm/s"
+                f"node {index}, before: jaws to {opening_mm:.2f} mm, push from {start}, to ({x_mm:.2f}, "
+                f"{y_mm:.2f}) mm at {push.speed_um_s / 1000:g} mm/s"
             )
-        x_mm, y_mm, angle_rad = sent(placement(node.squeeze), handling.middle_mm)
+        place = pose_text(sent(placement(node.squeeze), handling.middle_mm))
         profile, wanted = calibration.profile, handling.regulated
         regulated = strokes.is_regulated(node.squeeze, profile, wanted=wanted)
         open_mm = node.squeeze.opening_um / 1000
@@ -71,13 +70,10 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         ]
         lines.append(
             f"node {index}: open to {calibration.opening_um(node.squeeze.opening_um) / 1000:.2f} mm, "
-            f"hand to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, down to {low_mm:g} mm, "
-            f"close to {', '.join(requests)}"
+            f"hand to {place}, down to {low_mm:g} mm, close to {', '.join(requests)}"
         )
     if options.delivery is not None:
         carry.check(options.delivery, table, arm, handling.middle_mm)
         for part, delivery in options.delivery.each():
-            x_mm, y_mm, angle_rad = delivery.drop
-            place = f"({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg"
-            lines.append(f"delivery: {part} from every leaf to {place}")
+            lines.append(f"delivery: {part} from every leaf to {pose_text(delivery.drop)}")
     return lines

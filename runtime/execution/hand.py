@@ -30,13 +30,12 @@ from runtime.table import (
     Push,
     Schedule,
     Squeeze,
-    Stand,
     Table,
     close_alike,
     job_of,
     may_turn,
 )
-from runtime.traversal.geometry import end_of, placement, same_turns, sent
+from runtime.table.geometry import end_of, placement, same_turns, sent
 
 # Distance from a height within which the arm counts as standing there.
 LEVEL_MM = 0.05
@@ -116,7 +115,7 @@ class Hand:
         low_rad, high_rad = self._turn_range(x_mm, y_mm)
         if high_rad - low_rad < tau + pi:
             return 0.0
-        return Stand(x_mm, y_mm, angle_rad).turn_from(Stand.at(first))
+        return remainder(angle_rad - placement(first)[2], tau)
 
     def retreat(self) -> None:
         """Moves straight up from anywhere; does nothing if the arm is up already."""

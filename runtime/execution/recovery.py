@@ -16,7 +16,7 @@ from runtime.execution.reading import room_um
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
 from runtime.journal.replay import Last, Replay
 from runtime.table import REJECT, Node, Pose2, Table, close_alike, from_segment
-from runtime.traversal.geometry import placement
+from runtime.table.geometry import placement
 
 ABORT_REMEDY = "clear the cell, then start with --after-crash abort"
 

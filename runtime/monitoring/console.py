@@ -8,8 +8,8 @@ from pathlib import Path
 from runtime.execution.events import Console, Sighting, Tally
 from runtime.shell.command import say
 from runtime.table import GoalSpec, Leaf, Pose2, Table, predicted_pose, takt_text
+from runtime.table.geometry import compose, placement, pose_text
 from runtime.traversal import answer
-from runtime.traversal.geometry import compose, placement
 from runtime.traversal.results import Outcome, PartResult, Step
 
 
@@ -25,11 +25,10 @@ class Lines(Console):
 
     def step(self, part: int, step: Step) -> None:
         """Prints the commanded pose, the width read and the node reached."""
-        x_mm, y_mm, angle_rad = placement(step.squeeze)
+        place = pose_text(placement(step.squeeze))
         say(
-            f"part {part} squeeze {step.number}: node {step.node}, hand at ({x_mm:.2f}, {y_mm:.2f}) mm, "
-            f"{degrees(angle_rad):z.1f} deg; width {step.width_um / 1000:.2f} mm "
-            f"-> {_reached(step)}"
+            f"part {part} squeeze {step.number}: node {step.node}, hand at {place}; "
+            f"width {step.width_um / 1000:.2f} mm -> {_reached(step)}"
         )
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
@@ -41,11 +40,11 @@ class Lines(Console):
             )
             named = "" if (name := self._table.name_of(leaf)) is None else f"{name}, "
             message += (
-                f", leaf {result.leaf}, {named}{_pose(predicted_pose(leaf))}, success {success}"
+                f", leaf {result.leaf}, {named}{pose_text(predicted_pose(leaf))}, success {success}"
             )
             datum = self._frames[leaf.hypothesis].datum
             if datum is not None and leaf.resolved:
-                message += f", datum {_pose(compose(predicted_pose(leaf), datum))}"
+                message += f", datum {pose_text(compose(predicted_pose(leaf), datum))}"
             if (error := _expected_error(leaf)) is not None:
                 message += f", error {error['median']:.2f} mm (95 %: {error['p95']:.2f})"
         if seen is not None and seen.error_mm is not None:
@@ -171,10 +170,6 @@ def _expected_error(leaf: Leaf) -> dict[str, float] | None:
     """Median and 95th percentile of the error of the leaf's trials [mm]; None without any."""
     errors_mm = {"median": leaf.error_median_um / 1000, "p95": leaf.error_p95_um / 1000}
     return errors_mm if leaf.trials else None
-
-
-def _pose(pose: Pose2) -> str:
-    return f"({pose[0]:.2f}, {pose[1]:.2f}) mm, {degrees(pose[2]):z.1f} deg"
 
 
 def _pose_object(pose: Pose2) -> dict[str, float]:

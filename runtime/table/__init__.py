@@ -21,8 +21,8 @@ from runtime.table.codec import decode, encode, names_table
 from runtime.table.embedded import job_of
 from runtime.table.evidence import refuted, successes_of, wilson_interval
 from runtime.table.fields import MAX_BRANCHES, MAX_BYTES
+from runtime.table.geometry import Pose2, placement, turned_pose
 from runtime.table.goal import (
-    Pose2,
     distance,
     error_mm,
     hypotheses_of,
@@ -65,7 +65,7 @@ from runtime.table.model import (
     Table,
     Tolerance,
 )
-from runtime.table.schedule import Schedule, Squeezed, Stand, close_alike
+from runtime.table.schedule import Schedule, Squeezed, close_alike
 from runtime.table.takt import figures as takt_figures
 from runtime.table.takt import text as takt_text
 from runtime.table.timing import (
@@ -79,7 +79,7 @@ from runtime.table.timing import (
     time_of,
     trapezoid_s,
 )
-from runtime.table.turning import may_turn, same_from_every_side, turned, turned_leaf, turned_pose
+from runtime.table.turning import may_turn, same_from_every_side, turned, turned_leaf
 from runtime.table.validation import validate
 
 

@@ -22,7 +22,8 @@ from runtime.table.embedded import (
     points,
     section,
 )
-from runtime.table.goal import Pose2, hypotheses_of, poses_of
+from runtime.table.geometry import Pose2
+from runtime.table.goal import hypotheses_of, poses_of
 from runtime.table.model import HELD_UM, Branch, Leaf, Node, Table
 
 MOST_POINTS = 48  # of an outline, so that hundreds of leaves are checked within milliseconds

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from runtime.table import Pose2, Table, TableError, job_of, predicted_pose
 from runtime.table.embedded import parts_of
-from runtime.traversal.geometry import compose
+from runtime.table.geometry import compose
 from runtime.traversal.results import PartResult
 
 CENTRE = (0.0, 0.0, 0.0)

@@ -1,10 +1,16 @@
 """Planar poses in mm and rad: from the hand's frame to the world's."""
 
-from math import cos, sin, tau
+from math import cos, degrees, hypot, remainder, sin, tau
 
-from runtime.table import Place, Pose2, Push, Squeeze
+from runtime.table.model import Place, Push, Squeeze
 
+Pose2 = tuple[float, float, float]  # x mm, y mm, theta rad
 MOST_TURNS = 3  # more than any wrist turns
+
+
+def pose_text(pose: Pose2) -> str:
+    """A pose for people: "(1.00, -2.00) mm, 30.0 deg"."""
+    return f"({pose[0]:.2f}, {pose[1]:.2f}) mm, {degrees(pose[2]):z.1f} deg"
 
 
 def placement(action: Squeeze | Push, released: Place | None = None) -> Pose2:
@@ -26,6 +32,17 @@ def compose(frame: Pose2, pose: Pose2) -> Pose2:
     x, y, theta = pose
     c, s = cos(frame[2]), sin(frame[2])
     return frame[0] + c * x - s * y, frame[1] + s * x + c * y, frame[2] + theta
+
+
+def turned_pose(pose: Pose2, turn_rad: float) -> Pose2:
+    """A pose turned about the origin."""
+    x, y, theta = compose((0.0, 0.0, turn_rad), pose)
+    return x, y, remainder(theta, tau)
+
+
+def way(start: Pose2, end: Pose2) -> tuple[float, float]:
+    """Distance and turn from one pose to another, mm and rad."""
+    return hypot(end[0] - start[0], end[1] - start[1]), remainder(end[2] - start[2], tau)
 
 
 def sent(hand: Pose2, middle_mm: float) -> Pose2:
