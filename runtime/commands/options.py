@@ -144,9 +144,18 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
     # A robot that uses --serve delivers parts itself.
     place = _delivery(["no"] if arguments.serve is not None else arguments.deliver, table)
-    person, timed = _is_manual(arguments), arguments.time_scale in (1.0, inf)
-    patience, takt_s = PATIENCE if person else 1.0, arguments.takt
-    return RunOptions(policy, handling, place, patience, takt_s, turns=not person, timed=timed)
+    person = _is_manual(arguments)
+    return RunOptions(
+        policy,
+        handling,
+        place,
+        # A simulated gripper powers up in reset like a real one, and holds nothing real.
+        activate=arguments.activate or arguments.port == SIMULATED,
+        patience=PATIENCE if person else 1.0,
+        takt_s=arguments.takt,
+        turns=not person,
+        timed=arguments.time_scale in (1.0, inf),
+    )
 
 
 def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | delivery.Sorting | None:

@@ -12,7 +12,6 @@ from contextlib import ExitStack, suppress
 from importlib.util import find_spec
 from math import inf
 
-from drivers.ports import Scene
 from runtime.commands.arguments import parser
 from runtime.commands.options import plc_options
 from runtime.commands.recipe import Recipe
@@ -123,21 +122,20 @@ class PlcRun:
         self._parts = 0
         self._stopped = False  # whether a stop request ended a part
 
-    def run(self, cell: Cell, scene: Scene | None, *, activate: bool) -> int:
+    def run(self, cell: Cell) -> int:
         """Serves until the parts are done, one ends the run or a stop request comes; returns the exit code.
 
         Args:
-            cell: devices and records; the journal must already have the header of the first table.
-            scene: brings the parts of a simulated cell, which are the first table's; None: a real cell.
-            activate: whether a gripper that is inactive or in fault may be activated.
+            cell: devices and records; the journal must already have the header of the first table, whose
+                parts a scene brings.
 
         Raises:
             Exception: any error that is not the outcome of a part; the PLC receives its exit code first.
         """
         with ExitStack() as stack:
-            return self._run(cell, scene, stack, activate=activate)
+            return self._run(cell, stack)
 
-    def _run(self, cell: Cell, scene: Scene | None, stack: ExitStack, *, activate: bool) -> int:
+    def _run(self, cell: Cell, stack: ExitStack) -> int:
         journal, number = cell.journal, 0
         try:
             with session.ending(journal) as tally:
@@ -151,8 +149,8 @@ class PlcRun:
                 while True:
                     recipe = self.recipes[number]
                     table, monitor = recipe.loaded.table, self._monitors[number]
-                    batch = session.Batch(self._numbers(number, journal), activate)
-                    session.run_batch(table, cell, scene, monitor, tally, batch, recipe.options)
+                    numbers = self._numbers(number, journal)
+                    session.run_parts(numbers, table, cell, monitor, tally, recipe.options)
                     order = self._exchange.glance.order
                     if order is None:
                         break

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from drivers.ports import Drivers, Report
-from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
+from runtime.commands.arguments import SIMULATED_CAMERA
 from runtime.commands.cell import Devices, connect
 from runtime.commands.options import check_usage, views
 from runtime.commands.recipe import Recipe, prepare
@@ -92,31 +92,24 @@ class _Asked:
         for recipe in recipes:
             delivery, middle_mm = recipe.options.delivery, recipe.options.handling.middle_mm
             carry.check(delivery, recipe.loaded.table, devices.arm, middle_mm)
-        # A simulated gripper powers up in reset like a real one, and holds nothing real.
-        activate = arguments.activate or arguments.port == SIMULATED
         # Refused now instead of later: a refused run leaves no record and no file.
         if begun is None or begun.part is None:
-            holds = self._holds(devices, journal, activate=activate)
+            holds = self._holds(devices, journal)
             if arguments.put_down and holds is None:
                 return self._say_put_down(None)
         auditor = self._auditor(devices)
         journal = journal or self._journal(clock)
-        cell = Cell(devices.gripper, devices.arm, devices.clock or clock, journal, auditor)
+        gripper, arm, scene = devices.gripper, devices.arm, devices.scene
+        cell = Cell(gripper, arm, devices.clock or clock, journal, auditor, scene)
         self._begin(journal, begun, monitor, clock, recipes)
         incidents.hand_over(journal)
         if arguments.put_down:
             return self._say_put_down(session.put_down(table, cell, monitor, self.recipe.options))
         if plc is not None:
-            return plc.run(cell, devices.scene, activate=activate)
+            return plc.run(cell)
+        count, options = arguments.count or 1, self.recipe.options
         tally = session.run_journalled(
-            table,
-            cell,
-            devices.scene,
-            monitor,
-            count=arguments.count or 1,
-            activate=activate,
-            options=self.recipe.options,
-            broken=begun,
+            table, cell, monitor, count=count, options=options, broken=begun
         )
         monitor.summary(tally, arguments.journal)
         return tally.exit_code
@@ -238,14 +231,14 @@ class _Asked:
     def _journal(self, clock: SystemClock) -> Journal:
         return self.stack.enter_context(Journal(self.arguments.journal, clock.stamp, clock.uptime))
 
-    def _holds(self, devices: Devices, journal: Journal | None, *, activate: bool) -> Held | None:
+    def _holds(self, devices: Devices, journal: Journal | None) -> Held | None:
         """Returns what the fingers may hold before a run; raises unless they may be moved anyway."""
-        arguments = self.arguments
+        arguments, options = self.arguments, self.recipe.options
         state = devices.gripper.state()
-        holds = held.look(state, self.recipe.options.handling.widths(self.recipe.loaded.table))
+        holds = held.look(state, options.handling.widths(self.recipe.loaded.table))
         if arguments.put_down and holds is None:
             return None
-        if not (activate and needs_activation(state)) or arguments.put_down:
+        if not (options.activate and needs_activation(state)) or arguments.put_down:
             ready_gripper(devices.gripper)
         if holds is not None and not (arguments.put_down or arguments.jaws_empty):
             raise holds.refusal(devices.arm.pose()[2], journal)

@@ -153,10 +153,8 @@ def _check_recent(last: Entry, now: Entry, most_s: float) -> None:
 
 def _give_up(journal: Journal, broken: Replay) -> None:
     if broken.part is not None:
-        message, notes = "the run broke off", ("nothing was moved",)
-        part, steps = broken.part, broken.steps
-        result = PartResult.of(part, Outcome.ABORTED, steps, message, safe_state=notes)
-        journal.record("outcome", result.fields())
+        result = PartResult.of(broken.part, Outcome.ABORTED, broken.steps, "the run broke off")
+        journal.record("outcome", {**result.fields(), "safe_state": ["nothing was moved"]})
     journal.record("end", GIVEN_UP)
 
 

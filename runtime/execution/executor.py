@@ -4,9 +4,10 @@
 and in a terminal outcome.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from drivers.ports import Arm, Gripper
+from drivers.ports import Arm, Gripper, Scene
 from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import Lap, SystemClock
 from runtime.errors import BrokenRunError, GripperStateError
@@ -24,9 +25,9 @@ from runtime.journal.replay import Replay
 from runtime.shell import interrupts
 from runtime.shell.errors import ExpectedError, exit_code_of, is_expected
 from runtime.table import Phases, Place, Squeeze, Table, predicted_pose
+from runtime.table.geometry import placement
 from runtime.traversal.answer import outcome_fields
 from runtime.traversal.decision import Policy, TraversalState
-from runtime.traversal.geometry import placement
 from runtime.traversal.program import (
     START,
     Approach,
@@ -49,6 +50,7 @@ class Cell:
     clock: SystemClock
     journal: Journal
     auditor: AuditProcess | None = None
+    scene: Scene | None = None  # brings and knows the parts of a simulated cell; None: a real cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,7 @@ class RunOptions:
     policy: Policy = field(default_factory=Policy)
     handling: Handling = field(default_factory=Handling)
     delivery: Delivery | Sorting | None = None
+    activate: bool = False  # whether a gripper that is inactive or in fault may be activated
     # factor on the deadline of a squeeze, above 1 where a person takes part
     patience: float = 1.0
     takt_s: float | None = None  # within which parts should be done; only reported
@@ -121,9 +124,8 @@ class Executor:
             self._cell.journal.record("outcome", outcome_fields(self._program.table, result))
         except BrokenRunError as error:
             # Nothing was moved; the operator looks at the fingers.
-            reason, notes = str(error), ("nothing was moved",)
-            aborted = PartResult.of(part, Outcome.ABORTED, self._steps, reason, safe_state=notes)
-            return self._ended(aborted)
+            aborted = PartResult.of(part, Outcome.ABORTED, self._steps, str(error))
+            return self._ended(aborted, ["nothing was moved"])
         except KeyboardInterrupt:
             return self._end(part, Outcome.STOPPED, "stopped by the operator")
         except Exception as error:
@@ -289,16 +291,14 @@ class Executor:
         self._console.phase(part, Phase.SAFE, None)
         cell, limits, known = self._cell, self._program.table.limits, self._hand.arm_known
         notes = reach_safe_state(cell.gripper, cell.arm, limits, arm_known=known)
-        result = PartResult.of(
-            part, outcome, self._steps, reason, exit_code=exit_code, safe_state=tuple(notes)
-        )
-        return self._ended(replace(result, leaf=self._found))
+        return self._ended(PartResult.of(part, outcome, self._steps, reason, exit_code), notes)
 
-    def _ended(self, result: PartResult) -> PartResult:
-        """Journals and returns the result of a fault, a stop or an abort.
+    def _ended(self, result: PartResult, notes: Sequence[str]) -> PartResult:
+        """Journals and returns the result of a fault, a stop or an abort, with the notes in `safe_state`.
 
-        If the journal cannot be written, the returned result says so in `safe_state`.
+        If the journal cannot be written, the returned result says so there.
         """
+        result = replace(result, leaf=self._found, safe_state=tuple(notes))
         try:
             self._cell.journal.record("outcome", outcome_fields(self._program.table, result))
         except ExpectedError as error:

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import isfinite
-from typing import NamedTuple
 
 from drivers.ports import Gripper, Scene, Truth
 from runtime.errors import JournalError
@@ -39,11 +38,9 @@ def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> No
 def run_journalled(
     table: Table,
     cell: Cell,
-    scene: Scene | None,
     console: Console,
     *,
     count: int,
-    activate: bool,
     options: RunOptions = PLAIN,
     broken: Replay | None = None,
 ) -> Tally:
@@ -52,11 +49,9 @@ def run_journalled(
     Args:
         table: the table to execute.
         cell: devices and records; the journal must already have its header.
-        scene: states the truth about simulated parts; None: unknown.
         console: receives the events.
         count: number of parts, including those before a crash; the part at which the run broke off is
             finished whatever the count.
-        activate: whether a gripper that is inactive or in fault may be activated.
         options: options of the run.
         broken: a run that broke off, to continue.
 
@@ -74,42 +69,40 @@ def run_journalled(
             console.note(
                 f"no part is left: the run that broke off did {first - 1}, and --count is {count}"
             )
-        batch = Batch(range(first, last + 1), activate, broken)
-        run_batch(table, cell, scene, console, tally, batch, options)
+        run_parts(range(first, last + 1), table, cell, console, tally, options, broken)
     return tally
 
 
-class Batch(NamedTuple):
-    """Parts to run in sequence."""
-
-    # of the parts; each number is requested once the part before has its outcome
-    numbers: Iterable[int]
-    activate: bool  # whether a gripper that is inactive or in fault may be activated
-    broken: Replay | None = None  # a run that broke off, to continue
-
-
-def run_batch(
+def run_parts(
+    numbers: Iterable[int],
     table: Table,
     cell: Cell,
-    scene: Scene | None,
     console: Console,
     tally: Tally,
-    batch: Batch,
     options: RunOptions,
+    broken: Replay | None = None,
 ) -> None:
     """Prepares the gripper, and runs parts until they are done or one ends the run.
+
+    Args:
+        numbers: of the parts; each is requested once the part before has its outcome.
+        table: the table to execute.
+        cell: devices and records.
+        console: receives the events.
+        tally: adds up the results.
+        options: options of the run.
+        broken: a run that broke off, to continue.
 
     Raises:
         Exception: any error other than an outcome of a part.
     """
     tally.takt_s, tally.timed = options.takt_s, options.timed
-    broken = batch.broken
     # Fingers that may still hold the part of a broken run are left to the executor and never sweep.
     if broken is None or broken.part is None:
         with interrupts.stoppable():
-            prepare_gripper(cell.gripper, console, activate=batch.activate)
-    executor = Executor(table, cell, console, options)
-    for number in batch.numbers:
+            prepare_gripper(cell.gripper, console, activate=options.activate)
+    executor, scene = Executor(table, cell, console, options), cell.scene
+    for number in numbers:
         resumed = broken if broken is not None and broken.part == number else None
         if scene is not None and resumed is None:
             scene.next_part()

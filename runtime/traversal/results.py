@@ -84,9 +84,7 @@ class PartResult:
         outcome: Outcome,
         steps: Sequence[Step],
         reason: str | None,
-        *,
         exit_code: int | None = None,
-        safe_state: tuple[str, ...] = (),
     ) -> Self:
         """The result of a part, whose last step states the leaf.
 
@@ -96,7 +94,7 @@ class PartResult:
         if outcome in (Outcome.LEAF, Outcome.UNRESOLVED) and steps and steps[-1].target is not None:
             leaf = ~steps[-1].target
         code = EXIT_CODES[outcome] if exit_code is None else exit_code
-        return cls(part, outcome, tuple(steps), leaf, reason, code, safe_state)
+        return cls(part, outcome, tuple(steps), leaf, reason, code)
 
     def leaf_of(self, table: Table) -> Leaf | None:
         """The leaf that was reached, turned back to the world; None without one."""

@@ -14,7 +14,7 @@ from drivers.ports import ObjectState
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.execution.events import Console
-from runtime.execution.executor import Cell
+from runtime.execution.executor import Cell, RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.execution.session import run_journalled
@@ -122,8 +122,8 @@ def driven(
 ) -> list[dict[str, object]]:
     """The parts of a run whose arm and gripper the executor moves."""
     cell, result = VirtualCell(setting, seed), Results()
-    devices = Cell(cell.gripper(), cell.arm(), cell.clock, journal)
-    run_journalled(table, devices, cell.scene, result, count=count, activate=True)
+    devices = Cell(cell.gripper(), cell.arm(), cell.clock, journal, scene=cell.scene)
+    run_journalled(table, devices, result, count=count, options=RunOptions(activate=True))
     return result.parts
 
 

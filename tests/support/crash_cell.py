@@ -24,7 +24,7 @@ from runtime.execution.executor import Cell, RunOptions
 from runtime.journal import chain as journal
 from runtime.journal.chain import Journal
 from runtime.table import Calibration, Node, Pose2, Table, dumps
-from runtime.traversal.geometry import end_of, placement
+from runtime.table.geometry import end_of, placement
 
 REACH_MM = 35.0
 RESUME_WITHIN_S = 60.0
@@ -262,14 +262,7 @@ def process(
         crash.begin(journal, begun, data, fields, after_crash)
         cell = Cell(gripper, CountedArm(world, life), world.time, journal)
         tally = session.run_journalled(
-            world.table,
-            cell,
-            None,
-            Console(),
-            count=1,
-            activate=False,
-            options=options,
-            broken=begun,
+            world.table, cell, Console(), count=1, options=options, broken=begun
         )
     return tally, life.moment
 

@@ -35,8 +35,7 @@ def write_run(
             fields["calibration_um"] = list(calibration.points_um)
         journal.header(dumps(table), fields)
         cell = Cell(rig.gripper, rig.arm, rig.cell.clock, journal)
-        run = {"count": 4, "activate": False, "options": RunOptions(policy)}
-        session.run_journalled(table, cell, None, Deaf(), **run)
+        session.run_journalled(table, cell, Deaf(), count=4, options=RunOptions(policy))
     return path
 
 
