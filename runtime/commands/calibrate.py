@@ -7,7 +7,6 @@ from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
-from math import isfinite
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -20,7 +19,7 @@ from runtime.execution.calibration import LEAST_BLOCKS, GripperCalibration
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.shell import interrupts
-from runtime.shell.command import Parser, add_command, say, say_result
+from runtime.shell.command import Parser, add_command, number, say, say_result
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable
@@ -50,15 +49,14 @@ is told by grasp-calibrate camera --help, tag --help and pictures --help.
 
 def parser() -> Parser:
     """Builds the argument parser of `grasp-calibrate`."""
-    built = Parser(
-        prog="grasp-calibrate", description="Measure the parameters of a cell.", epilog=EPILOG
-    )
+    text = "Measure the parameters of a cell."
+    built = Parser(prog="grasp-calibrate", description=text, epilog=EPILOG)
     built.add_debug()
     subcommands = built.add_subparsers(
         required=True, dest="what", metavar="width | middle | camera | tag | pictures"
     )
     purpose = "what the gripper's widths truly are, with gauge blocks"
-    width = add_command(subcommands, "width", purpose, EXAMPLE, EXIT_CODES)
+    width = add_command(subcommands, purpose, EXAMPLE, EXIT_CODES)
     calibrate_middle.add_to(subcommands, EXIT_CODES)
     # The audit's commands have a parser of their own, which is tried before this one.
     for name, help_text in OF_THE_AUDIT.items():
@@ -179,14 +177,9 @@ def _checked(
     if len(widths_mm) < LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
         raise UsageError(f"--blocks {named!r}: name at least {LEAST_BLOCKS}, each once")
     usable(arguments.output)
-    tips = current = None
-    if arguments.tips is not None:
-        link_mm, offset_mm = _numbers("--tips", arguments.tips, 2)
-        tips = (link_mm, offset_mm)
-    if arguments.current is not None:
-        least, most = _numbers("--current", arguments.current, 2)
-        current = (round(least), round(most))
-    return widths_mm, tips, current
+    tips = _pair("--tips", arguments.tips)
+    current = _pair("--current", arguments.current)
+    return widths_mm, tips, None if current is None else (round(current[0]), round(current[1]))
 
 
 def _blocks(model: str) -> str:
@@ -195,13 +188,18 @@ def _blocks(model: str) -> str:
     return ",".join(str(width) for width in DEFAULT_BLOCKS if 1000 * width < stroke_um)
 
 
-def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:
+def _pair(option: str, text: str | None) -> tuple[float, float] | None:
+    """The two numbers of an option; None where it was not given."""
+    if text is None:
+        return None
+    first, *others = _numbers(option, text)
+    if len(others) != 1:
+        raise UsageError(f"{option} {text!r}: takes 2 numbers")
+    return first, others[0]
+
+
+def _numbers(option: str, text: str) -> list[float]:
     try:
-        numbers = [float(word) for word in text.split(",")]
-    except ValueError:
-        numbers = []
-    if not numbers or not all(map(isfinite, numbers)):
-        raise UsageError(f"{option} {text!r}: write numbers separated by commas")
-    if wanted is not None and len(numbers) != wanted:
-        raise UsageError(f"{option} {text!r}: takes {wanted} numbers")
-    return numbers
+        return [number(word) for word in text.split(",")]
+    except argparse.ArgumentTypeError:
+        raise UsageError(f"{option} {text!r}: write numbers separated by commas") from None

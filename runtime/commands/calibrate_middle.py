@@ -24,7 +24,7 @@ from runtime.execution.middle import Middle
 from runtime.execution.reading import CURRENT_MA
 from runtime.execution.safe_state import fingers_stop, reach_safe_state
 from runtime.shell import interrupts
-from runtime.shell.command import Parser, number, say, say_result
+from runtime.shell.command import Parser, add_command, number, say, say_result
 from runtime.shell.errors import UsageError
 from runtime.shell.files import OutputError, usable
 from runtime.table import Pose2, Table, load
@@ -42,12 +42,9 @@ times in all. What the table of --tree allows (area, heights, arm speed) holds h
 
 def add_to(subcommands: Any, codes: str) -> None:
     """Adds the subcommand `middle`, with its arguments, to `grasp-calibrate`."""
-    parser = subcommands.add_parser(
-        NAME,
-        help="where the fingers meet, with a block held fast",
-        description=DESCRIPTION,
-        epilog=f"example:\n  {EXAMPLE}\n\n{codes}",
-    )
+    purpose = "where the fingers meet, with a block held fast"
+    parser = add_command(subcommands, purpose, EXAMPLE, codes)
+    parser.description = DESCRIPTION
     add = parser.add_argument
     add_shared(parser)
     add("--arm", type=address, required=True, metavar="URL", help="the arm, as for grasp-runtime")

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from drivers.ports import Answered, Arm, Gripper
 from runtime.devices.clock import SystemClock
+from runtime.shell.plain_text import capital
 from runtime.table import Area, Calibration, Limits, Table, misfits
 
 READS = 200
@@ -131,7 +132,7 @@ def check_gripper(gripper: Gripper) -> Iterator[Finding]:
         problem, _, remedy = seen.fault_text.partition("; ")
         yield bad(
             f"The gripper reports fault {problem}.",
-            _sentence(remedy) or "Remove the cause, then grasp-runtime --activate.",
+            f"{capital(remedy)}." if remedy else "Remove the cause, then grasp-runtime --activate.",
         )
     elif not seen.activated:
         yield warning(
@@ -154,11 +155,7 @@ def failed(device: str, error: Exception, remedy: str) -> Finding:
     problem, _, hint = str(error).partition("; ")
     silent = isinstance(error, ConnectionError | TimeoutError)
     how = "does not answer" if silent else "cannot be opened"
-    return bad(f"The {device} {how}: {problem}.", _sentence(hint) or remedy)
-
-
-def _sentence(clause: str) -> str:
-    return f"{clause[:1].upper()}{clause[1:]}." if clause else ""
+    return bad(f"The {device} {how}: {problem}.", f"{capital(hint)}." if hint else remedy)
 
 
 def check_rate(gripper: Gripper, clock: SystemClock) -> Iterator[Finding]:

@@ -70,8 +70,7 @@ def _add_subcommand(
     purpose: str,
 ) -> Callable[..., object]:
     """Adds a subcommand; returns its `add_argument`."""
-    name = example.partition(" ")[0]
-    subcommand = add_command(subcommands, name, purpose, f"{NAME} {example}", EXIT_CODES)
+    subcommand = add_command(subcommands, purpose, f"{NAME} {example}", EXIT_CODES)
     subcommand.add_common()
     subcommand.set_defaults(run=body)
     return subcommand.add_argument

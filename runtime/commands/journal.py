@@ -68,7 +68,7 @@ def _subcommand(
     subcommands: "argparse._SubParsersAction[Parser]", name: str, body: object, help_text: str
 ) -> Parser:
     example = f"grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
-    command = add_command(subcommands, name, help_text, example, EXIT_CODES)
+    command = add_command(subcommands, help_text, example, EXIT_CODES)
     text = "the journal; its sealed segments are read with it"
     command.add_argument("journal", type=Path, help=text)
     which = "a record" if name == "show" else "instead of text"

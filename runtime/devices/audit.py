@@ -106,15 +106,10 @@ class AuditProcess(ChildProcess):
             while self._owed:
                 answer = self._line(until)
                 self._owed -= 1
-        except BrokenPipeError as error:
+        except (BrokenPipeError, EOFError) as error:
             raise ConnectionError(
-                "the auditor has ended; run its command by itself to see why"
-            ) from error
-        except EOFError as error:
-            message = (
                 "the auditor has ended, or talks without end; run its command by itself to see why"
-            )
-            raise ConnectionError(message) from error
+            ) from error
         except TimeoutError as error:
             raise TimeoutError(f"the auditor did not answer within {answer_s:g} s") from error
         reply = strict_json.parse(answer)

@@ -20,7 +20,7 @@ from typing import Any, NoReturn, TextIO
 from runtime.shell import output
 from runtime.shell.errors import ExpectedError
 from runtime.shell.exit_codes import ExitCode
-from runtime.shell.plain_text import cleaned
+from runtime.shell.plain_text import capital, cleaned
 
 OURS = frozenset({"planner", "runtime", "drivers"})
 LONGEST_LINE = 2000
@@ -62,17 +62,13 @@ class Parser(argparse.ArgumentParser):
 
 
 def add_command(
-    commands: "argparse._SubParsersAction[Parser]",
-    name: str,
-    purpose: str,
-    example: str,
-    codes: str,
+    commands: "argparse._SubParsersAction[Parser]", purpose: str, example: str, codes: str
 ) -> Parser:
-    """Adds a subcommand, whose --help has its purpose, an example and the exit codes."""
+    """Adds a subcommand, the second word of its example; --help has purpose, example and exit codes."""
     return commands.add_parser(
-        name,
+        example.split()[1],
         help=purpose,
-        description=f"{purpose[0].upper()}{purpose[1:]}.",
+        description=f"{capital(purpose)}.",
         epilog=f"example:\n  {example}\n\n{codes}",
     )
 
@@ -138,7 +134,17 @@ def run(
     if closed:
         tell(built.prog, "standard output is closed; send it to a file, or to /dev/null")
         return ExitCode.USAGE
-    return _flushed(built.prog, _guarded(built.prog, arguments, body, stopped))
+    try:
+        code = body(arguments)
+    except KeyboardInterrupt:
+        code, words = stopped
+        tell(built.prog, words)
+    except (Exception, SystemExit) as error:  # a world's factory may be any function
+        if getattr(arguments, "debug", False):
+            say_lines(traceback.format_exc(), sys.stderr)
+        code, words = _end_of(error)
+        tell(built.prog, words)
+    return _flushed(built.prog, code)
 
 
 def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None) -> int:
@@ -253,26 +259,6 @@ def _at_least(least: int, text: str) -> int:
     if value < least:
         raise argparse.ArgumentTypeError(f"{text!r} is less than {least}")
     return value
-
-
-def _guarded(
-    name: str,
-    arguments: argparse.Namespace,
-    body: Callable[[argparse.Namespace], int],
-    stopped: tuple[int, str],
-) -> int:
-    try:
-        return body(arguments)
-    except KeyboardInterrupt:
-        code, words = stopped
-        tell(name, words)
-        return int(code)
-    except (Exception, SystemExit) as error:  # a world's factory may be any function
-        if getattr(arguments, "debug", False):
-            say_lines(traceback.format_exc(), sys.stderr)
-        code, words = _end_of(error)
-        tell(name, words)
-        return int(code)
 
 
 def _end_of(error: BaseException) -> tuple[int, str]:

@@ -42,6 +42,11 @@ def cleaned(text: str) -> str:
     return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
 
 
+def capital(sentence: str) -> str:
+    """A sentence with a capital letter at its beginning."""
+    return sentence[:1].upper() + sentence[1:]
+
+
 def shortened(text: str) -> str:
     """A text in quotes as ASCII, for an error's sentence; truncated if longer than `SHOWN`."""
     shown = ascii(text[:SHOWN])

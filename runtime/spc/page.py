@@ -5,6 +5,7 @@ from html import escape
 from math import degrees
 
 from runtime.pages import charts, frame
+from runtime.shell.plain_text import capital
 from runtime.spc.drift import REFIT
 from runtime.spc.summary import LeafRow, NodeRow, Series, Summary
 
@@ -59,7 +60,7 @@ def _verdict(summary: Summary) -> Iterator[str]:
     else:
         yield frame.verdict("fair", "No alarm, but success is not as predicted.")
     if summary.refit:
-        yield f"<p>{escape(REFIT[0].upper() + REFIT[1:])}.</p>"
+        yield f"<p>{escape(capital(REFIT))}.</p>"
 
 
 def _cards(summary: Summary) -> Iterator[tuple[str, str, str]]:

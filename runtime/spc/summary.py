@@ -8,6 +8,7 @@ from statistics import fmean, stdev
 from typing import NamedTuple
 
 from runtime.pages.charts import Line
+from runtime.shell.plain_text import capital
 from runtime.spc import monitor as monitors
 from runtime.spc.charts import RARE, binomial_tail, chi_square, chi_square_tail
 from runtime.spc.drift import DRIFTED, LEAST_REFIT
@@ -156,8 +157,7 @@ def _charts(
     def heading(chart: str) -> str:
         """Heading of a chart: the sentence of its first alarm, or that all is well."""
         sentences = (alarm.sentence for alarm in alarms if alarm.chart.startswith(chart))
-        first = next(sentences, STEADY[chart])
-        return first[0].upper() + first[1:]
+        return capital(next(sentences, STEADY[chart]))
 
     def lines(*names: str) -> tuple[Line, ...]:
         return tuple(Line(name, drawn.get(name, ())) for name in names)

@@ -106,8 +106,7 @@ class Squeeze(NamedTuple):
     @property
     def commands(self) -> tuple[int, int, int, int, int, int]:
         """The values that a controller needs: x, y, angle, opening, speed and force, in the table's units."""
-        place = self.x_um, self.y_um, self.angle_urad
-        return *place, self.opening_um, self.speed_um_s, self.force_mn
+        return self[:6]
 
 
 class Push(NamedTuple):

@@ -10,6 +10,7 @@ from typing import Any
 
 from runtime.pages.charts import Bar, Line, bars, trend
 from runtime.pages.frame import cards, table, verdict
+from runtime.shell.plain_text import capital
 from runtime.spc.drift import REFIT
 from runtime.spc.monitor import MEANING, STEADY
 from runtime.table import PPM, Table
@@ -53,7 +54,7 @@ def state(seen: Mapping[str, Any]) -> str:
     if seen["end"] is not None:
         last = seen["last_part"] or {"reason": None, "safe_state": []}
         said = [last["reason"], *last["safe_state"]] if seen["end"]["grade"] != "good" else []
-        why = f"<p>{escape(_capital('; '.join(filter(None, said))))}</p>" if any(said) else ""
+        why = f"<p>{escape(capital('; '.join(filter(None, said))))}</p>" if any(said) else ""
         return f"<div data-ended>{verdict(**seen['end'])}{why}</div>"
     part = f"Part {seen['part']}: " if seen["part"] else ""
     doing = PHASES[seen["phase"]]
@@ -87,13 +88,9 @@ def screen(loaded: Table, outlines: Outlines, seen: Mapping[str, Any]) -> str:
 def _signs(seen: Mapping[str, Any]) -> Iterator[str]:
     """Yields HTML warnings: one for each alarm of the control charts, and one if a refit would pay."""
     for alarm in seen["charts"]["alarms"]:
-        yield verdict("fair", f"{_capital(alarm['sentence'])} (part {alarm['number']}).")
+        yield verdict("fair", f"{capital(alarm['sentence'])} (part {alarm['number']}).")
     if seen["refit_pays"]:
-        yield verdict("fair", f"{_capital(REFIT)}.")
-
-
-def _capital(sentence: str) -> str:
-    return sentence[:1].upper() + sentence[1:]
+        yield verdict("fair", f"{capital(REFIT)}.")
 
 
 def _figures(seen: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
@@ -213,7 +210,7 @@ def _widths(charts: Mapping[str, Any]) -> Iterator[str]:
         return
     drift = any(alarm["chart"] == "widths" for alarm in charts["alarms"])
     yield (
-        verdict("fair", _capital(MEANING["widths"]) + ".")
+        verdict("fair", capital(MEANING["widths"]) + ".")
         if drift
         else verdict("good", STEADY["widths"] + ".")
     )

@@ -84,15 +84,12 @@ class Spread(NamedTuple):
 
     def fields(self) -> dict[str, object]:
         """The values as JSON types."""
-        percent = {f"{name}_percent": self.percent(value) for name, value in self._named().items()}
+        names = ("repeatability", "reproducibility", "gauge", "part")
+        named = {name: getattr(self, name) for name in names}
+        percent = {f"{name}_percent": self.percent(value) for name, value in named.items()}
         ndc = self.categories
         whole = None if ndc is None else max(int(ndc), 1)
-        values = {**self._named(), "total": self.total, **percent}
-        return {**values, "ndc": whole, "ndc_unrounded": ndc}
-
-    def _named(self) -> dict[str, float]:
-        names = ("repeatability", "reproducibility", "gauge", "part")
-        return {name: getattr(self, name) for name in names}
+        return {**named, "total": self.total, **percent, "ndc": whole, "ndc_unrounded": ndc}
 
 
 Readings = Sequence[Sequence[Sequence[float]]]
