@@ -34,10 +34,8 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
     from runtime.commands import calibrate as calibrate_command
 
     words = list(sys.argv[1:] if argv is None else argv)
-    if (
-        next((word for word in words if not word.startswith("-")), "")
-        in calibrate_command.OF_THE_AUDIT
-    ):
+    first = next((word for word in words if not word.startswith("-")), "")
+    if first in calibrate_command.OF_THE_AUDIT:
         from drivers.camera.commands import calibrate as of_the_audit
 
         return of_the_audit(words)

@@ -12,10 +12,10 @@ from runtime.devices.cell_process import CellProcess
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.execution.events import Console
+from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import Table
 
 REHEARSAL = "runtime.devices.rehearsal:make"
-CONTACT_WORLD = "planner.world:make"
 PLANNER_NEEDS = ("numpy", "scipy", "numba")
 
 
@@ -52,11 +52,15 @@ def connect(
     """
     gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:
+        tree, world = arguments.trees[0], arguments.world or _default_world(table, console)
         if arguments.time_scale == inf:
-            return _virtual(arguments, table, console, drivers, report)
+            virtual = drivers.virtual(tree, world=world, seed=arguments.seed, report=report)
+            console.note(f"simulated cell ({world}), in virtual time")
+            clock = cast(SystemClock, virtual.clock)
+            return Devices(virtual.gripper, virtual.arm, virtual.scene, clock=clock)
         process = CellProcess(
-            arguments.trees[0],
-            world=arguments.world or _default_world(table, console),
+            tree,
+            world=world,
             seed=arguments.seed,
             time_scale=arguments.time_scale,
             camera=SIMULATED_CAMERA in (arguments.audit or ""),
@@ -82,21 +86,11 @@ def connect(
     return Devices(gripper, arm, scene, camera)
 
 
-def _virtual(
-    arguments: argparse.Namespace, table: Table, console: Console, drivers: Drivers, report: Report
-) -> Devices:
-    """Starts a cell in this process, in virtual time."""
-    world = arguments.world or _default_world(table, console)
-    cell = drivers.virtual(arguments.trees[0], world=world, seed=arguments.seed, report=report)
-    console.note(f"simulated cell ({world}), in virtual time")
-    return Devices(cell.gripper, cell.arm, cell.scene, clock=cast(SystemClock, cell.clock))
-
-
 def _default_world(table: Table, console: Console) -> str:
     """Name of the contact world if it can run here, else of the rehearsal, which a note then states."""
     missing = [name for name in PLANNER_NEEDS if find_spec(name) is None]
     if table.job is not None and not missing:
-        return CONTACT_WORLD
+        return DEFAULT_WORLD
     reason = f"{missing[0]} is not installed" if missing else "the table carries no job"
     console.note(f"no contact world: {reason}; widths are drawn from the table's own statistics")
     return REHEARSAL

@@ -1,6 +1,7 @@
 """The command `grasp-evidence`: signs the software of a cell, and verifies signatures."""
 
 import argparse
+import os
 import socket
 import sys
 from collections.abc import Callable, Sequence
@@ -93,10 +94,8 @@ def _pack(arguments: argparse.Namespace) -> int:
     output = usable(arguments.output, arguments.tree, arguments.calibration, arguments.key)
     if output.exists():
         raise OutputError(f"{output} is there, and a pack is never overwritten; name another file")
-    table = load(arguments.tree)
-    measured, path = None, arguments.calibration
-    if path is not None:
-        measured = calibration.bytes_of(path)
+    table, path = load(arguments.tree), arguments.calibration
+    measured = None if path is None else calibration.bytes_of(path)
     key = _signing_key(arguments.key)
     signer, created = arguments.signer or _person(), SystemClock().stamp()
     facts = {"signer": signer, "created": created, "versions": _versions()}
@@ -149,7 +148,8 @@ def _signing_key(path: Path | None) -> keys.SigningKey:
 
 def _default_key() -> Path:
     """The default key's file; creates its folder, readable for its owner only."""
-    path = keys.default_path()
+    home = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    path = Path(home) / "squeezetree" / "signing-key.pem"
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:

@@ -12,7 +12,7 @@ from contextlib import ExitStack, suppress
 from importlib.util import find_spec
 from math import inf
 
-from runtime.commands.arguments import parser
+from runtime.commands.arguments import given
 from runtime.commands.options import plc_options
 from runtime.commands.recipe import Recipe
 from runtime.devices.clock import SystemClock
@@ -56,12 +56,11 @@ def check(arguments: argparse.Namespace) -> Address:
         UsageError: the address is invalid, or reachable from other machines without permission; or an
             option conflicts with several tables or with triggers.
     """
-    defaults = parser()
     several = OF_ONE_TABLE if len(arguments.trees) > 1 else ()
-    for name, reason in (EXCLUDED | dict.fromkeys(several, "needs the only table")).items():
-        if getattr(arguments, name) != defaults.get_default(name):
-            option = f"--{name.replace('_', '-')}"
-            raise UsageError(f"{option} {reason}; leave it out, or leave out --plc")
+    excluded = EXCLUDED | dict.fromkeys(several, "needs the only table")
+    for name, option in given(arguments).items():
+        if name in excluded:
+            raise UsageError(f"{option} {excluded[name]}; leave it out, or leave out --plc")
     address = server.served(
         arguments.plc, "--plc", (MODBUS, OPC_UA), network=arguments.network, risk="trigger motions"
     )
@@ -70,11 +69,11 @@ def check(arguments: argparse.Namespace) -> Address:
 
 
 def _check_security(arguments: argparse.Namespace, scheme: str) -> None:
-    given = plc_options(arguments)
-    if scheme == MODBUS and given:
-        raise UsageError(f"{given[0]} is for {OPC_UA}; leave it out with {MODBUS}")
-    if arguments.plc_insecure and len(given) > 1:
-        raise UsageError(f"--plc-insecure uses no certificates; leave it out, or {given[0]}")
+    stated = plc_options(arguments)
+    if scheme == MODBUS and stated:
+        raise UsageError(f"{stated[0]} is for {OPC_UA}; leave it out with {MODBUS}")
+    if arguments.plc_insecure and len(stated) > 1:
+        raise UsageError(f"--plc-insecure uses no certificates; leave it out, or {stated[0]}")
     if scheme == OPC_UA and find_spec("asyncua") is None:
         raise UsageError(
             f"--plc {OPC_UA} needs asyncua; install squeezetree[opcua]; in a clone: pip install '.[opcua]'"

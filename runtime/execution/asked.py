@@ -20,17 +20,8 @@ from runtime.journal.chain import Journal
 from runtime.shell.plain_text import cleaned
 from runtime.table import HELD_UM, REJECT, DecisionMap, Table, decide
 from runtime.table.geometry import placement, sent
+from runtime.traversal import program
 from runtime.traversal.answer import outcome_fields
-from runtime.traversal.program import (
-    Approach,
-    Done,
-    Program,
-    Reading,
-    Release,
-    Request,
-    Requests,
-    released,
-)
 from runtime.traversal.results import Outcome, PartResult, Step
 
 VERSION = 1
@@ -90,8 +81,8 @@ class _Part:
     """The part that the robot is locating: its pending request, its squeezes so far, its deadline."""
 
     number: int
-    requests: Requests
-    request: Request  # the current request: an `Approach`, or a `Release` that drags the part
+    requests: program.Requests
+    request: program.Request  # the current one: an `Approach`, or a `Release` that drags
     steps: tuple[Step, ...] = ()
     deadline: float = 0.0
 
@@ -99,9 +90,9 @@ class _Part:
     def node(self) -> int:
         """Index of the node to squeeze at now, or after the drag."""
         request = self.request
-        if isinstance(request, Release):
+        if isinstance(request, program.Release):
             return request.after.node
-        assert isinstance(request, Approach)
+        assert isinstance(request, program.Approach)
         return request.index
 
 
@@ -128,7 +119,7 @@ class AskedParts:
         self._policy, self._count = options.policy, count
         self._calibration = options.handling.widths(table)
         self._middle_mm = options.handling.middle_mm
-        self._program = Program(table, self._calibration, options.policy)
+        self._program = program.Program(table, self._calibration, options.policy)
         self._part: _Part | None = None
         self.over = False  # whether the last part is done
         self._readings = {"WIDTH": self._width, "COUNTS": self._counts}
@@ -178,7 +169,7 @@ class AskedParts:
             self._journal.record("part", {"part": number})
             self._part = part
             return self._follow(part)
-        _check(isinstance(part.request, Release), 12)
+        _check(isinstance(part.request, program.Release), 12)
         return self._go_on(part)
 
     def _width(self, words: list[str]) -> str:
@@ -206,7 +197,7 @@ class AskedParts:
     def _status(self) -> str:
         if self._part is None:
             return f"STATUS IDLE {self._tally.parts} 0 -1"
-        state = "DRAG" if isinstance(self._part.request, Release) else "SQUEEZE"
+        state = "DRAG" if isinstance(self._part.request, program.Release) else "SQUEEZE"
         return f"STATUS {state} {self._part.number} {len(self._part.steps)} {self._part.node}"
 
     def _reset(self) -> str:
@@ -226,7 +217,7 @@ class AskedParts:
 
     def _due(self, words: list[str], least: int) -> tuple[_Part, ObjectState | None]:
         """Checks the words of a reading; returns the part and the object state, None if not stated."""
-        _check(self._part is not None and isinstance(self._part.request, Approach), 11)
+        _check(self._part is not None and isinstance(self._part.request, program.Approach), 11)
         assert self._part is not None
         more = words[1:]
         seen = FLAGS[more.pop(0)] if more and more[0] in FLAGS else None
@@ -248,10 +239,10 @@ class AskedParts:
 
     def _read(self, part: _Part, reading_um: int, seen: ObjectState, reply: str) -> str:
         approach = part.request
-        assert isinstance(approach, Approach)
+        assert isinstance(approach, program.Approach)
         self._check_possible(approach, reading_um, seen)
         self._console.phase(part.number, Phase.READ, approach.index)
-        release = released(part.requests, approach, Reading(reading_um, seen))
+        release = program.released(part.requests, approach, program.Reading(reading_um, seen))
         fields = {**release.step.fields(), "object_flag": int(seen), "told": reply}
         self._journal.record("squeeze", {"part": part.number, **fields})
         part.request, part.steps = release, release.steps
@@ -262,7 +253,9 @@ class AskedParts:
         x_mm, y_mm, _ = sent(placement(release.node.squeeze, release.point), self._middle_mm)
         return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
-    def _check_possible(self, approach: Approach, reading_um: int, seen: ObjectState) -> None:
+    def _check_possible(
+        self, approach: program.Approach, reading_um: int, seen: ObjectState
+    ) -> None:
         calibration, decided = self._calibration, self._program.maps[approach.index]
         try:
             check_closed(Settled(reading_um, seen, 0, 0, 0.0), calibration, (0, 0))
@@ -283,10 +276,10 @@ class AskedParts:
     def _follow(self, part: _Part) -> str:
         """Journals that the next squeeze begins or the part ends; returns the line for the robot."""
         request = part.request
-        if isinstance(request, Done):
+        if isinstance(request, program.Done):
             self._end(request.result)
             return self._ended(request.result)
-        assert isinstance(request, Approach)
+        assert isinstance(request, program.Approach)
         squeeze = request.node.squeeze
         fields = {"part": part.number, "number": request.number, "node": request.index}
         self._journal.record("placed", fields)

@@ -26,18 +26,9 @@ from runtime.shell import interrupts
 from runtime.shell.errors import ExpectedError, exit_code_of, is_expected
 from runtime.table import Phases, Place, Squeeze, Table, predicted_pose
 from runtime.table.geometry import placement
+from runtime.traversal import program
 from runtime.traversal.answer import outcome_fields
 from runtime.traversal.decision import Policy, TraversalState
-from runtime.traversal.program import (
-    START,
-    Approach,
-    Done,
-    Program,
-    Reading,
-    Release,
-    Requests,
-    Tighten,
-)
 from runtime.traversal.results import Outcome, PartResult, Step
 
 
@@ -93,7 +84,7 @@ class Executor:
         self._steps: tuple[Step, ...] = ()  # squeezes of the current part whose release is done
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
         self._cell = replace(cell, journal=self._hand.watch.watched(cell.journal, MACHINE))
-        self._plan = Program(table, self._hand.calibration, options.policy)
+        self._plan = program.Program(table, self._hand.calibration, options.policy)
         self._program = self._plan  # turned for the current part
 
     def run_part(self, part: int, broken: Replay | None = None) -> PartResult:
@@ -115,7 +106,7 @@ class Executor:
                 turn_urad = self._turned(part, broken)
                 if broken is not None:
                     self._free(part, broken)
-                state = START if broken is None else broken.traversal
+                state = program.START if broken is None else broken.traversal
                 result = self._finish(self._descend(part, state))
                 result = replace(result, turn_urad=turn_urad)
                 self._hand.where()  # an arm that was displaced makes any outcome a fault
@@ -157,8 +148,8 @@ class Executor:
         self._phases.clear()
         requests = self._program.part(part, state, self._steps)
         request = next(requests)
-        while not isinstance(request, Done):
-            assert isinstance(request, Approach)
+        while not isinstance(request, program.Done):
+            assert isinstance(request, program.Approach)
             expected = expected_of(self._program.table, request.node)
             with self._hand.watch.squeeze(expected, self._options.patience):
                 release = self._squeeze(part, requests, request)
@@ -167,7 +158,9 @@ class Executor:
             request = next(requests)
         return request.result
 
-    def _squeeze(self, part: int, requests: Requests, approach: Approach) -> Release:
+    def _squeeze(
+        self, part: int, requests: program.Requests, approach: program.Approach
+    ) -> program.Release:
         """Performs one squeeze, starting and ending above the part; returns its `Release` request."""
         index, node, lap = approach.index, approach.node, Lap(self._cell.clock)
         if not approach.again:
@@ -181,13 +174,12 @@ class Executor:
         document = {"part": part, "number": approach.number, "node": index}
         self._cell.journal.record("placed", document)
         self._console.phase(part, Phase.SQUEEZE, index)
-        next(requests)  # to squeeze
         reading = self._hand.meet(node)
-        request = requests.send(Reading(reading.width_um, reading.object))
-        if isinstance(request, Tighten):
+        request = requests.send(program.Reading(reading.width_um, reading.object))
+        if isinstance(request, program.Tighten):
             reading = self._hand.tighten(node, reading)
-            request = requests.send(Reading(reading.width_um, reading.object))
-        assert isinstance(request, Release)
+            request = requests.send(program.Reading(reading.width_um, reading.object))
+        assert isinstance(request, program.Release)
         self._console.phase(part, Phase.READ, index)
         # Before anything moves on: a decision that is not on the disk was never taken.
         fields = {"part": part, **request.step.fields(), **reading_fields(reading)}
@@ -206,7 +198,7 @@ class Executor:
         self._phases.append(Phases(push_s, travel_s, lower_s, close_s, release_s, lap.lap()))
         return request
 
-    def _push(self, part: int, approach: Approach) -> None:
+    def _push(self, part: int, approach: program.Approach) -> None:
         node, index = approach.node, approach.index
         for push in node.pushes:
             self._console.phase(part, Phase.PUSH, index)

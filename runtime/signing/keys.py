@@ -71,12 +71,6 @@ class SigningKey:
         return self.private.sign(data)
 
 
-def default_path() -> Path:
-    """Path of the default signing key."""
-    home = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    return Path(home) / "squeezetree" / "signing-key.pem"
-
-
 def public_of(path: Path) -> Path:
     """Path of the public key, beside the private key's file."""
     return path.with_name(f"{path.name}.pub")

@@ -110,11 +110,8 @@ def _validate_errors(index: int, leaf: Leaf, goal: GoalSpec) -> None:
     if goal.kind not in ("pose", "modes") or not leaf.trials:
         return
     successes = successes_of(leaf)
-    figures = (
-        ("error_median_um", leaf.error_median_um, 0.5),
-        ("error_p95_um", leaf.error_p95_um, 0.95),
-    )
-    for name, error_um, share in figures:
+    for name, share in (("error_median_um", 0.5), ("error_p95_um", 0.95)):
+        error_um = getattr(leaf, name)
         # The quantile lies between two adjacent errors, both of trials that met the goal.
         if successes >= share * (leaf.trials - 1) + 2 and error_um > goal.distance_um:
             raise TableError(
