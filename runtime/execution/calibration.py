@@ -14,7 +14,7 @@ from runtime.execution.reading import CLOSED_UM, check_fresh
 from runtime.execution.safety import stroke
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError
-from runtime.shell.files import read_regular, writing
+from runtime.shell.files import read_input, writing
 from runtime.table import PROFILES, Calibration
 
 FORMAT = 2
@@ -184,10 +184,7 @@ def bytes_of(path: Path) -> bytes:
         InputError: see `load`.
     """
     load(path)
-    try:
-        return read_regular(path, strict_json.MOST_BYTES)[0]
-    except OSError as error:
-        raise InputError(f"calibration {path}: cannot be read: {error.strerror}") from error
+    return read_input(path, strict_json.MOST_BYTES, f"calibration {path}")[0]
 
 
 def _parsed(record: object) -> GripperCalibration:

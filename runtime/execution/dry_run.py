@@ -56,13 +56,9 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
                 f"{y_mm:.2f}) mm at {push.speed_um_s / 1000:g} mm/s"
             )
         place = pose_text(sent(placement(node.squeeze), handling.middle_mm))
-        profile, wanted = calibration.profile, handling.regulated
-        regulated = strokes.is_regulated(node.squeeze, profile, wanted=wanted)
         open_mm = node.squeeze.opening_um / 1000
-        plan_of_jaws = strokes.closing(
-            node, calibration, handling.arc, open_mm, timing, regulated=regulated
-        )
-        forces = strokes.raising(node.squeeze, profile) if regulated else []
+        plan_of_jaws = strokes.closing(node, handling, calibration, open_mm, timing)
+        forces = strokes.raising(node.squeeze, handling, calibration.profile)
         plan_of_jaws += [plan_of_jaws[-1]._replace(force_n=force) for force in forces]
         requests = [
             f"{s.request_um / 1000:.2f} mm at {s.speed_mm_s:.0f} mm/s with {s.force_n:.0f} N"

@@ -296,15 +296,11 @@ class Hand:
             GripperStateError: the reading is not fresh, or contradicts itself.
             MotionRefusedError: the arm was displaced meanwhile.
         """
-        handling, profile = self._handling, self._profile
-        regulated, open_mm = self._is_regulated(node), self.jaws.open_mm
-        approached = node if handling.approaches else node._replace(contact_um=None)
-        plan = strokes.closing(
-            approached, self.calibration, handling.arc, open_mm, self.timing, regulated=regulated
-        )
+        open_mm = self.jaws.open_mm
+        plan = strokes.closing(node, self._handling, self.calibration, open_mm, self.timing)
         for stroke, following in pairwise(plan):
             self._level(stroke.advance_mm)
-            through = profile.streams and stroke.advance_mm == following.advance_mm
+            through = self._profile.streams and stroke.advance_mm == following.advance_mm
             if not (self.jaws.passes(stroke) if through else self.jaws.arrives(stroke)):
                 break
         else:
@@ -316,10 +312,11 @@ class Hand:
 
         If the squeeze is not regulated or holds nothing, `reading` is returned unchanged.
         """
-        if not self._is_regulated(node) or reading.object is not ObjectState.CLOSING:
+        forces = strokes.raising(node.squeeze, self._handling, self._profile)
+        if not forces or reading.object is not ObjectState.CLOSING:
             return reading
         limit_ma, speed = self._handling.grip_current_ma, node.squeeze.speed_um_s / 1000
-        for force in strokes.raising(node.squeeze, self._profile):
+        for force in forces:
             if limit_ma is not None and reading.current_ma >= limit_ma:
                 break
             reading = self.jaws.stroke(Stroke(CLOSED_UM, speed, force, 0.0))
@@ -327,9 +324,6 @@ class Hand:
             if reading.object is ObjectState.AT_TARGET:  # it slipped out: the width shows it
                 break
         return self._checked(reading)
-
-    def _is_regulated(self, node: Node) -> bool:
-        return strokes.is_regulated(node.squeeze, self._profile, wanted=self._handling.regulated)
 
     def _checked(self, reading: Settled) -> Settled:
         check_fresh(reading, CLOSED_UM)

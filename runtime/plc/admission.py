@@ -22,8 +22,8 @@ MOST_SUBSCRIPTIONS = 64
 MOST_MESSAGE_BYTES = 1 << 20
 NOBODY = User(role=UserRole.Anonymous)  # a client until its session is activated
 
+# The session whose method is being called.
 caller: ContextVar["Session"] = ContextVar("caller")
-"""The session whose method is being called."""
 
 
 class ListeningServer(Server):

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runtime.shell.errors import InputError, UsageError
-from runtime.shell.files import OutputError, bring_to_disk, quoted, read_regular, usable
+from runtime.shell.files import OutputError, bring_to_disk, quoted, read_input, usable
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import (
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _PREFIX = bytes.fromhex("302a300506032b6570032100")  # of a public key in DER (RFC 8410, section 4)
 _MOST_BYTES = 1 << 16
+_REMEDY = "; squeezetree key makes one"
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 
@@ -107,7 +108,7 @@ def load_private(path: Path) -> SigningKey:
         UsageError: the extra for signatures is not installed.
     """
     private = _ed25519().Ed25519PrivateKey
-    data, mode = _read(path)
+    data, mode = read_input(path, _MOST_BYTES, f"key {path}", _REMEDY)
     if b"PRIVATE KEY" not in data and b"PUBLIC KEY" in data:
         raise InputError(f"key {path} holds a public key; name the private one")
     if mode & OTHERS:
@@ -119,9 +120,7 @@ def load_private(path: Path) -> SigningKey:
     except TypeError:
         raise InputError(f"key {path} has a passphrase; name a key without one") from None
     except Exception as error:  # the library has several kinds of errors for unparsable files
-        raise InputError(
-            f"key {path} holds no private key in PEM; squeezetree key makes one"
-        ) from error
+        raise InputError(f"key {path} holds no private key in PEM{_REMEDY}") from error
     if not isinstance(loaded, private):
         raise InputError(f"key {path} holds {_kind(loaded)}; squeezetree key makes an Ed25519 key")
     return SigningKey(loaded)
@@ -129,7 +128,7 @@ def load_private(path: Path) -> SigningKey:
 
 def load_public(path: Path) -> PublicKey:
     """Reads a public key; errors as for `load_private`."""
-    data, _ = _read(path)
+    data, _ = read_input(path, _MOST_BYTES, f"key {path}", _REMEDY)
     if b"PRIVATE KEY" in data:
         raise InputError(
             f"key {path} holds a private key; name the public one, {public_of(path).name}"
@@ -215,14 +214,4 @@ def write_new(path: Path, data: bytes, mode: int) -> None:
     except OSError as error:
         raise OutputError(
             f"{path} cannot be written: {error.strerror}; name another file"
-        ) from error
-
-
-def _read(path: Path) -> tuple[bytes, int]:
-    """A key file's bytes and mode."""
-    try:
-        return read_regular(path, _MOST_BYTES)
-    except OSError as error:
-        raise InputError(
-            f"key {path} cannot be read: {error.strerror}; squeezetree key makes one"
         ) from error

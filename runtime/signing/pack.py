@@ -14,7 +14,7 @@ from typing import Any
 from runtime.errors import PackError
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError
-from runtime.shell.files import read_regular
+from runtime.shell.files import read_input
 from runtime.shell.plain_text import unprintable
 from runtime.signing.archive import SIGNATURE_BYTES, members_of, unsigned
 from runtime.signing.keys import PublicKey, SigningKey, parse_public
@@ -84,10 +84,7 @@ def read(path: Path) -> bytes:
         InputError: it cannot be read.
         PackError: it is too large for a pack.
     """
-    try:
-        data, _ = read_regular(path, MOST_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"pack {path}: cannot be read: {error.strerror}") from error
+    data, _ = read_input(path, MOST_BYTES + 1, f"pack {path}")
     if len(data) > MOST_BYTES:
         raise PackError(f"is larger than {MOST_BYTES >> 20} MiB, which no pack is")
     return data

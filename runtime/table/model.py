@@ -33,11 +33,11 @@ from runtime.table.grippers import known
 PPM = 1_000_000
 
 MOST_BINS = 300  # of a histogram of readings
+# Least expected width at which the jaws hold a part; the hand then drags the part to `Node.release`.
 HELD_UM = 2000
-"""Least expected width at which the jaws hold a part; the hand then drags the part to `Node.release`."""
 
+# Stands for the index of a branch where no branch has the reading.
 REJECT = -1
-"""Stands for the index of a branch where no branch has the reading."""
 
 KINDS = ("pose", "tolerances", "modes", "orientation", "identity")
 

@@ -16,12 +16,11 @@ from runtime.table.model import Covariance, Leaf, LeafPose, Node, Place, Table
 
 Pose = TypeVar("Pose", Leaf, LeafPose)
 TURN_URAD = 1e6 * tau
+# Goals that are invariant under rotation.
+#
+# Tolerances along axes of the world are not, and the auditor finds the other modes of a leaf by its pose in
+# the table.
 KINDS = ("pose", "orientation", "identity")
-"""Goals that are invariant under rotation.
-
-Tolerances along axes of the world are not, and the auditor finds the other modes of a leaf by its pose in
-the table.
-"""
 
 
 def may_turn(table: Table, job: Mapping[str, Any] | None, middle_mm: float = 0.0) -> bool:
