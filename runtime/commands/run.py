@@ -101,7 +101,7 @@ class _Asked:
         journal = journal or self._journal(clock)
         gripper, arm, scene = devices.gripper, devices.arm, devices.scene
         cell = Cell(gripper, arm, devices.clock or clock, journal, auditor, scene)
-        self._begin(journal, begun, monitor, clock, recipes)
+        self._begin(journal, begun, monitor, recipes)
         incidents.hand_over(journal)
         if arguments.put_down:
             return self._say_put_down(session.put_down(table, cell, monitor, self.recipe.options))
@@ -136,7 +136,7 @@ class _Asked:
         journal = self._look_back(clock)[0] or self._journal(clock)
         place = f"{address.host}:{listener.getsockname()[1]}"
         self.recipe.console.note(f"a robot may ask at tcp://{place}")
-        self._begin(journal, None, monitor, clock, (self.recipe,))
+        self._begin(journal, None, monitor, (self.recipe,))
         with session.ending(journal) as tally:
             name, options, count = self.recipe.loaded.digest, self.recipe.options, arguments.count
             parts = AskedParts(table, name, journal, clock, monitor, tally, options, count)
@@ -190,12 +190,7 @@ class _Asked:
         return Monitor(recipe.console, recipe.loaded, recipe.path, views(self.arguments))
 
     def _begin(
-        self,
-        journal: Journal,
-        begun: Replay | None,
-        monitor: Monitor,
-        clock: SystemClock,
-        recipes: Sequence[Recipe],
+        self, journal: Journal, begun: Replay | None, monitor: Monitor, recipes: Sequence[Recipe]
     ) -> None:
         """Records that the run begins, or that a broken one continues.
 
@@ -204,7 +199,7 @@ class _Asked:
         self.stack.enter_context(interrupts.whole())
         monitor.ready()
         for recipe in recipes:
-            log.note(journal.path, recipe.loaded.data, recipe.software, clock.stamp, clock.uptime)
+            log.note(journal, recipe.loaded.data, recipe.software)
         data, policy = self.recipe.loaded.data, self.arguments.after_crash
         crash.begin(journal, begun, data, self.recipe.header, policy)
 
@@ -214,13 +209,10 @@ class _Asked:
         if not files.exists(arguments.journal):
             return None, None
         journal = self._journal(clock)
-        now, most_s = {"time": clock.stamp(), **clock.uptime()}, arguments.resume_within
-        recipe, policy = self.recipe, arguments.after_crash
-        data, console = recipe.loaded.data, recipe.console
+        data, header, console = self.recipe.loaded.data, self.recipe.header, self.recipe.console
+        policy, most_s = arguments.after_crash, arguments.resume_within
         try:
-            broken = crash.look(
-                journal, data, recipe.header, policy, console, now=now, most_s=most_s
-            )
+            broken = crash.look(journal, data, header, policy, console, most_s)
         except BrokenRunError as error:
             if not arguments.put_down:
                 raise

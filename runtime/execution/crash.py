@@ -35,8 +35,6 @@ def look(
     fields: Mapping[str, object],
     policy: str,
     console: Console,
-    *,
-    now: Entry,
     most_s: float,
 ) -> Replay | None:
     """Finds out whether a journal's last run broke off; gives such a run up, or returns it to be resumed.
@@ -50,7 +48,6 @@ def look(
         fields: the header of a new run.
         policy: `ABORT`, `RESUME` or `RESTART`.
         console: receives the result.
-        now: `time`, `boot` and `up_s` as a record would hold them now.
         most_s: age of the last record above which a part is not continued, s.
 
     Returns:
@@ -90,7 +87,7 @@ def look(
             f"{RESTART}, which begins with that part again, or with --after-crash {ABORT}"
         )
     if broken.part is not None:
-        _check_recent(journal.last_part[-1], now, most_s)
+        _check_recent(journal.last_part[-1], journal.now(), most_s)
     goes_on = "going on with it" if policy == RESUME else "starting that part over"
     console.note(f"{message}; {goes_on}")
     if policy == RESTART:  # from the root; the record of what the hand may hold is kept

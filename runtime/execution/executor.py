@@ -117,10 +117,10 @@ class Executor:
             # Nothing was moved; the operator looks at the fingers.
             aborted = PartResult.of(part, Outcome.ABORTED, self._steps, str(error))
             return self._ended(aborted, ["nothing was moved"])
-        except KeyboardInterrupt:
-            return self._end(part, Outcome.STOPPED, "stopped by the operator")
+        except KeyboardInterrupt as request:
+            return self._end(part, Outcome.STOPPED, "stopped by the operator", request)
         except Exception as error:
-            fault = self._end(part, Outcome.FAULT, str(error), exit_code_of(error))
+            fault = self._end(part, Outcome.FAULT, str(error), error)
             if not is_expected(error):
                 raise
             return fault
@@ -277,13 +277,12 @@ class Executor:
             self._cell.journal.record("delivery", ended)
         return result
 
-    def _end(
-        self, part: int, outcome: Outcome, reason: str, exit_code: int | None = None
-    ) -> PartResult:
+    def _end(self, part: int, outcome: Outcome, reason: str, error: BaseException) -> PartResult:
         self._console.phase(part, Phase.SAFE, None)
         cell, limits, known = self._cell, self._program.table.limits, self._hand.arm_known
         notes = reach_safe_state(cell.gripper, cell.arm, limits, arm_known=known)
-        return self._ended(PartResult.of(part, outcome, self._steps, reason, exit_code), notes)
+        result = PartResult.of(part, outcome, self._steps, reason)
+        return self._ended(replace(result, exit_code=exit_code_of(error)), notes)
 
     def _ended(self, result: PartResult, notes: Sequence[str]) -> PartResult:
         """Journals and returns the result of a fault, a stop or an abort, with the notes in `safe_state`.

@@ -78,7 +78,7 @@ class Journal:
         self.cut_bytes = 0  # length of the incomplete line that was cut off
         # The last run's header and the records of its last part, when the journal was opened.
         self.last_part: list[Entry] = []
-        self._stamp, self._uptime, self._segment_bytes = stamp, uptime, segment_bytes
+        self.stamp, self.uptime, self._segment_bytes = stamp, uptime, segment_bytes
         self._place = path  # of the file being written
         self._header: Mapping[str, object] = {}  # the fields of the run's header
         self._full_bytes = segment_bytes  # length above which the file is sealed
@@ -123,6 +123,10 @@ class Journal:
             self.last_part = [*self.last_part[:1], entry]
         else:
             self.last_part.append(entry)
+
+    def now(self) -> dict[str, object]:
+        """The fields `time`, `boot` and `up_s` of a record written now."""
+        return {"time": self.stamp(), **self.uptime()}
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
         """Writes the first record: the table's bytes and their digest, and the other fields of the run.
@@ -217,7 +221,7 @@ class Journal:
             raise
 
     def _line(self, kind: str, fields: Mapping[str, object]) -> tuple[bytes, str]:
-        frame = {"seq": self._end.records, "time": self._stamp(), **self._uptime(), "kind": kind}
+        frame = {"seq": self._end.records, **self.now(), "kind": kind}
         body = json.dumps(
             {**frame, **fields, "previous": self._end.head}, separators=(",", ":"), allow_nan=False
         )

@@ -132,9 +132,8 @@ def advance(
         return traversal._replace(node=target, again=False)
     if target is None:
         outcome, leaf = Outcome.REJECT, None
-        action = policy.on_reject[
-            traversal.rejects
-        ]  # the last action is final: there is no further one
+        # The last action is final: there is no further one.
+        action = policy.on_reject[traversal.rejects]
         traversal = traversal._replace(rejects=traversal.rejects + 1)
     else:
         outcome, leaf = Outcome.UNRESOLVED, ~target

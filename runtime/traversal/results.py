@@ -78,22 +78,12 @@ class PartResult:
     turn_urad: int = 0  # by which its plan was turned about the origin
 
     @classmethod
-    def of(
-        cls,
-        part: int,
-        outcome: Outcome,
-        steps: Sequence[Step],
-        reason: str | None,
-        exit_code: int | None = None,
-    ) -> Self:
-        """The result of a part, whose last step states the leaf.
-
-        `exit_code` is for faults; every other outcome has its exit code in `EXIT_CODES`.
-        """
+    def of(cls, part: int, outcome: Outcome, steps: Sequence[Step], reason: str | None) -> Self:
+        """The result of a part, whose last step states the leaf."""
         leaf = None
         if outcome in (Outcome.LEAF, Outcome.UNRESOLVED) and steps and steps[-1].target is not None:
             leaf = ~steps[-1].target
-        code = EXIT_CODES[outcome] if exit_code is None else exit_code
+        code = EXIT_CODES.get(outcome, ExitCode.DEVICE)
         return cls(part, outcome, tuple(steps), leaf, reason, code)
 
     def leaf_of(self, table: Table) -> Leaf | None:

@@ -253,11 +253,7 @@ def process(
     on_reject, on_unresolved = options.policy.texts()
     fields = {"on_reject": on_reject, "on_unresolved": on_unresolved}
     with CountedJournal(path, world, life) as journal:
-        begun = crash.look(
-            *(journal, data, fields, after_crash, Console()),
-            now={"time": world.time.stamp(), **world.time.uptime()},
-            most_s=RESUME_WITHIN_S,
-        )
+        begun = crash.look(journal, data, fields, after_crash, Console(), RESUME_WITHIN_S)
         gripper = Gripper(CountedLink(world, life), Pace(world.time))
         crash.begin(journal, begun, data, fields, after_crash)
         cell = Cell(gripper, CountedArm(world, life), world.time, journal)
