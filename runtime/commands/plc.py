@@ -4,13 +4,12 @@ Parts run as without a PLC, except that a trigger of the PLC starts each part.
 """
 
 import argparse
-import hashlib
-import socket
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from importlib.util import find_spec
 from math import inf
+from typing import TYPE_CHECKING
 
 from runtime.commands.arguments import given
 from runtime.commands.options import plc_options
@@ -33,6 +32,9 @@ from runtime.shell import interrupts
 from runtime.shell.errors import UsageError, exit_code_of
 from runtime.shell.exit_codes import ExitCode
 from runtime.traversal.results import Outcome, PartResult
+
+if TYPE_CHECKING:
+    from runtime.plc.opcua import Security
 
 MODBUS, OPC_UA = "modbus-tcp", "opc.tcp"
 WAKE_S = 2.0  # between two notifications of the service manager
@@ -85,36 +87,30 @@ class ForPlc(Monitor):
 
     def __init__(self, recipe: Recipe, views: Views, exchange: Exchange) -> None:
         super().__init__(recipe.console, recipe.loaded, recipe.path, views)
-        self._recipe, self._exchange = recipe, exchange
+        self.recipe, self._exchange = recipe, exchange
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
         """Receives the result of a part, and reports it to the PLC."""
         super().part(result, seen)
-        if self._recipe.options.policy.ends_run(result.outcome):
+        if self.recipe.options.policy.ends_run(result.outcome):
             self._exchange.end()
-        self._exchange.finish(answer_of(self._recipe.loaded.table, result))
+        self._exchange.finish(answer_of(self.recipe.loaded.table, result))
 
 
 class PlcRun:
     """Runs the parts that a PLC triggers; each change of the table starts a new run in the journal.
 
     Args:
-        recipes: the tables, by their numbers.
-        monitors: one for each table; the first has the views.
+        monitors: one for each table, by the tables' numbers; the first has the views.
         server: communicates with the PLC.
         url: address of the server.
         count: total number of parts, None for no end.
     """
 
     def __init__(
-        self,
-        recipes: Sequence[Recipe],
-        monitors: Sequence[Monitor],
-        server: PlcServer,
-        url: str,
-        count: int | None,
+        self, monitors: Sequence[ForPlc], server: PlcServer, url: str, count: int | None
     ) -> None:
-        self.recipes = recipes
+        self.recipes = [monitor.recipe for monitor in monitors]
         self.monitor = monitors[0]  # the one with views
         self._monitors, self._server, self._exchange = monitors, server, server.exchange
         self._clock, self._url, self._count = server.clock, url, count
@@ -146,9 +142,8 @@ class PlcRun:
                     if not self._ended_withdrawn(journal):
                         self._wait()
                 while True:
-                    recipe = self.recipes[number]
-                    table, monitor = recipe.loaded.table, self._monitors[number]
-                    numbers = self._numbers(number, journal)
+                    recipe, monitor = self.recipes[number], self._monitors[number]
+                    table, numbers = recipe.loaded.table, self._numbers(number, journal)
                     session.run_parts(numbers, table, cell, monitor, tally, recipe.options)
                     order = self._exchange.glance.order
                     if order is None:
@@ -245,42 +240,35 @@ def opened(
             raise UsageError(
                 f"--tree {recipe.path} is for another gripper than {first.path}; recompile one of them"
             )
-    address, clock = check(arguments), SystemClock()
+    address = check(arguments)
     # What a PLC sent before the run begins would move the gripper late.
     listener = stack.enter_context(server.listening(address, "--plc", at_once=False))
     scheme = arguments.plc.partition("://")[0]
     digests = [int(recipe.loaded.digest[:8], 16) for recipe in recipes]
-    exchange = Exchange(Station(digests, first.options.takt_s, beats=scheme == MODBUS), clock)
+    station = Station(digests, first.options.takt_s, beats=scheme == MODBUS)
+    exchange = Exchange(station, SystemClock())
     monitors = [
         ForPlc(recipe, views if recipe is first else Views(), exchange) for recipe in recipes
     ]
-    served = (
-        ModbusServer(listener, exchange, clock)
-        if scheme == MODBUS
-        else _opc_ua(arguments, recipes, listener, exchange, clock)
-    )
+    served: PlcServer = ModbusServer(listener, exchange)
+    if scheme == OPC_UA:
+        from runtime.plc.opcua import OpcUaServer  # with a library that no other run has to load
+
+        panel = Panel(_offers(recipes), _configuration(arguments, first), exchange.glance)
+        served = OpcUaServer(listener, exchange, panel, _security(arguments))
     place = Address(address.host, listener.getsockname()[1])
-    return PlcRun(recipes, monitors, served, f"{scheme}://{place}", arguments.count)
+    return PlcRun(monitors, served, f"{scheme}://{place}", arguments.count)
 
 
-def _opc_ua(
-    arguments: argparse.Namespace,
-    recipes: Sequence[Recipe],
-    listener: socket.socket,
-    exchange: Exchange,
-    clock: SystemClock,
-) -> PlcServer:
-    from runtime.plc import certificates, opcua  # with a library that no other run has to load
+def _security(arguments: argparse.Namespace) -> "Security | None":
+    from runtime.plc import certificates, opcua
 
+    if arguments.plc_insecure:
+        return None
     journal = arguments.journal
     folder = arguments.plc_certificates or journal.with_name(f"{journal.name}.opcua")
-    security = None
-    if not arguments.plc_insecure:
-        trusted = arguments.plc_trusted
-        trust = certificates.Trust(folder / certificates.PINNED, trusted)
-        security = opcua.Security(certificates.identity_in(folder), trust)
-    panel = Panel(_offers(recipes), _configuration(arguments), exchange.glance)
-    return opcua.OpcUaServer(listener, exchange, clock, panel, security)
+    trust = certificates.Trust(folder / certificates.PINNED, arguments.plc_trusted)
+    return opcua.Security(certificates.identity_in(folder), trust)
 
 
 def _offers(recipes: Sequence[Recipe]) -> list[Offer]:
@@ -296,8 +284,7 @@ def _offers(recipes: Sequence[Recipe]) -> list[Offer]:
     ]
 
 
-def _configuration(arguments: argparse.Namespace) -> Configuration:
+def _configuration(arguments: argparse.Namespace, recipe: Recipe) -> Configuration:
     if arguments.calibration is None:
         return Configuration("linear map", "")
-    digest = hashlib.sha256(arguments.calibration.read_bytes()).hexdigest()
-    return Configuration(arguments.calibration.name, digest)
+    return Configuration(arguments.calibration.name, str(recipe.software["calibration_sha256"]))

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple, get_type_hints
 
 from asyncua import ua
 
-from runtime.devices.clock import SystemClock
 from runtime.plc.address_space import TYPES, AddressSpace, Arguments, argument
 from runtime.plc.admission import GuardedServer, ListeningServer, Session, caller
 from runtime.plc.certificates import Identity, Trust
@@ -59,24 +58,18 @@ class OpcUaServer(PlcServer):
     Args:
         listener: the socket.
         exchange: between the server and the run; its station needs no heartbeat, since sessions have one.
-        clock: of real time.
         panel: the values.
         security: of the endpoint, None for an unencrypted one.
     """
 
     def __init__(
-        self,
-        listener: socket.socket,
-        exchange: Exchange,
-        clock: SystemClock,
-        panel: Panel,
-        security: Security | None,
+        self, listener: socket.socket, exchange: Exchange, panel: Panel, security: Security | None
     ) -> None:
-        super().__init__(exchange, clock)
+        super().__init__(exchange)
         self._listener, self._panel, self._security = listener, panel, security
         self._master: Session | None = None
         self._jobs = 0
-        self._begun = clock.stamp()
+        self._begun = self.clock.stamp()
         self._glances: deque[Glance] = deque()
 
     async def serve(self, stop: asyncio.Event) -> None:
