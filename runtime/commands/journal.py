@@ -186,10 +186,8 @@ def _since(text: str) -> object:
 
 def _line(entry: Entry) -> str:
     """A record as a line for people: number, time, kind, and the fields that are not in `HIDDEN`."""
-    message = " ".join(
-        f"{name}={_short(value)}" for name, value in entry.items() if name not in HIDDEN
-    )
-    return f"{entry['seq']:>6} {entry['time']} {entry['kind']:<8} {message}"
+    shown = (f"{name}={_short(value)}" for name, value in entry.items() if name not in HIDDEN)
+    return f"{entry['seq']:>6} {entry['time']} {entry['kind']:<8} {' '.join(shown)}"
 
 
 def _short(value: object) -> str:

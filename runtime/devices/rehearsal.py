@@ -91,9 +91,8 @@ class Rehearsal:
         low = min(start for start, _, number in meant if number == mine)
         high = max(end for _, end, number in meant if number == mine)
         gripper = self._table.gripper
-        room = min(
-            NOISE_SIGMAS * gripper.noise_um + gripper.profile.resolution_um, (high - low) / 2
-        )
+        margin = NOISE_SIGMAS * gripper.noise_um + gripper.profile.resolution_um
+        room = min(margin, (high - low) / 2)
         return self._random.uniform(low + room, high - room)
 
 

@@ -103,9 +103,8 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
         InputError: see `from_file`.
     """
     goal, numbers = table.goal, dict(enumerate(hypothesis.name for hypothesis in table.hypotheses))
-    picks = {
-        name: frames.picks for name, frames in zip(numbers.values(), frames_of(table), strict=True)
-    }
+    parts = zip(numbers.values(), frames_of(table), strict=True)
+    picks = {name: frames.picks for name, frames in parts}
     if goal.kind == "identity" or not goal.identify:
         raise UsageError(
             "--deliver: this table does not tell both which part it is and where it lies"

@@ -34,7 +34,7 @@ from typing import Self
 from runtime.errors import JournalError
 from runtime.journal import files
 from runtime.journal.files import write_all as _write_all
-from runtime.journal.lines import RESERVED, UPTIME, VERSION, Entry, Verified, follow
+from runtime.journal.lines import RESERVED, VERSION, Entry, Verified, content_of, follow
 from runtime.shell import interrupts
 from runtime.shell.sealed_lines import sealed, sealed_segments
 
@@ -115,9 +115,7 @@ class Journal:
         if not self.last_part:
             self._full_bytes = size + self._segment_bytes
         if entry["kind"] == "header":
-            self._header = {
-                name: value for name, value in entry.items() if name not in RESERVED | UPTIME
-            }
+            self._header = content_of(entry)
             self.last_part = [entry]
         elif entry["kind"] == "part":
             self.last_part = [*self.last_part[:1], entry]
@@ -222,10 +220,8 @@ class Journal:
 
     def _line(self, kind: str, fields: Mapping[str, object]) -> tuple[bytes, str]:
         frame = {"seq": self._end.records, **self.now(), "kind": kind}
-        body = json.dumps(
-            {**frame, **fields, "previous": self._end.head}, separators=(",", ":"), allow_nan=False
-        )
-        return sealed(body.encode("ascii"))
+        entry = {**frame, **fields, "previous": self._end.head}
+        return sealed(json.dumps(entry, separators=(",", ":"), allow_nan=False).encode("ascii"))
 
     def _rotate(self, header: Mapping[str, object]) -> None:
         """Ends the file with a seal, keeps it as a segment, and starts a new file with the given header."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from runtime.journal.chain import Journal
-from runtime.journal.lines import RESERVED, UPTIME
+from runtime.journal.lines import content_of
 
 _TABLE = frozenset({"journal_version", "table_base64"})
 
@@ -33,9 +33,8 @@ def note(journal: Journal, table: bytes, fields: Mapping[str, object]) -> bool:
     """
     with Journal(log_of(journal.path), journal.stamp, journal.uptime) as log:
         installed = {**fields, "table_sha256": hashlib.sha256(table).hexdigest()}
-        last = log.last_part[0] if log.last_part else {}
-        ours = RESERVED | UPTIME | _TABLE
-        if {name: value for name, value in last.items() if name not in ours} == installed:
+        last = content_of(log.last_part[0]) if log.last_part else {}
+        if {name: value for name, value in last.items() if name not in _TABLE} == installed:
             return False
         log.header(table, fields)
         log.record("end", {})

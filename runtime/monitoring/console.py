@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Iterator
 from math import degrees
 from pathlib import Path
 
@@ -56,24 +57,8 @@ class Lines(Console):
 
     def summary(self, tally: Tally, journal: Path) -> None:
         """Prints counts of outcomes, parts within the goal, mean squeezes, and the journal's path."""
-        lines = [
-            f"{tally.outcomes[outcome]} {outcome.name}"
-            for outcome in Outcome
-            if tally.outcomes[outcome]
-        ]
-        if tally.within is not None:
-            lines.append(f"{tally.within} within {_goal(self._table.goal)}")
-        if tally.crashes is not None:
-            lines.append(f"{tally.crashes} crashes")
-        lines.append(f"{tally.squeezes / max(tally.parts, 1):.2f} squeezes a part")
-        if times := tally.times():
-            lines.append(
-                f"{times['seconds_mean']:.1f} s a part, 95 % within {times['seconds_p95']:.1f} s"
-            )
-        if "takt_s" in times:
-            lines.append(takt_text(times))
         parts = "1 part" if tally.parts == 1 else f"{tally.parts} parts"
-        say(f"{parts}: {', '.join(lines)}; journal {journal}")
+        say(f"{parts}: {', '.join(_totals(tally, self._table.goal))}; journal {journal}")
 
 
 class Objects(Console):
@@ -140,6 +125,19 @@ def _names(table: Table, leaf: Leaf | None, seen: Sighting | None) -> dict[str, 
         return {}
     said = None if leaf is None else table.name_of(leaf)
     return {"hypothesis": said, "true_hypothesis": None if seen is None else seen.hypothesis}
+
+
+def _totals(tally: Tally, goal: GoalSpec) -> Iterator[str]:
+    yield from (f"{tally.outcomes[each]} {each.name}" for each in Outcome if tally.outcomes[each])
+    if tally.within is not None:
+        yield f"{tally.within} within {_goal(goal)}"
+    if tally.crashes is not None:
+        yield f"{tally.crashes} crashes"
+    yield f"{tally.squeezes / max(tally.parts, 1):.2f} squeezes a part"
+    if times := tally.times():
+        yield f"{times['seconds_mean']:.1f} s a part, 95 % within {times['seconds_p95']:.1f} s"
+    if "takt_s" in times:
+        yield takt_text(times)
 
 
 def _goal(goal: GoalSpec) -> str:

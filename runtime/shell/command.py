@@ -202,9 +202,8 @@ def tell(name: str, words: object) -> None:
 
 def sentence_of(error: BaseException) -> str:
     """An error's message and its notes, joined into one line."""
-    return one_line(
-        "; ".join([str(error) or type(error).__name__, *getattr(error, "__notes__", ())])
-    )
+    words = [str(error) or type(error).__name__, *getattr(error, "__notes__", ())]
+    return one_line("; ".join(words))
 
 
 def one_line(words: object) -> str:

@@ -153,9 +153,8 @@ def _objection(path: Path) -> str:
     try:
         mode = path.lstat().st_mode
     except FileNotFoundError:
-        return (
-            "" if os.access(path.parent, os.W_OK | os.X_OK) else "its folder may not be written to"
-        )
+        writable = os.access(path.parent, os.W_OK | os.X_OK)
+        return "" if writable else "its folder may not be written to"
     return oddity(mode) or ("" if os.access(path, os.W_OK) else "it is read-only")
 
 

@@ -197,9 +197,8 @@ def write_new(path: Path, data: bytes, mode: int) -> None:
         OutputError: the file exists or cannot be written; a file that was begun is removed.
     """
     try:
-        file = os.open(
-            path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode
-        )
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        file = os.open(path, flags, mode)
         try:
             os.fchmod(file, mode)  # whatever the umask
             with open(file, "wb", closefd=False) as written:

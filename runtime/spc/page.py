@@ -69,9 +69,8 @@ def _cards(summary: Summary) -> Iterator[tuple[str, str, str]]:
     yield "Parts", str(total), f"{share:.1%} of them located"
     if summary.judged:
         low, high = summary.interval
-        note = (
-            f"{summary.passed} of {summary.judged} audited; 95 % interval {low:.2%} to {high:.2%}"
-        )
+        counted = f"{summary.passed} of {summary.judged} audited"
+        note = f"{counted}; 95 % interval {low:.2%} to {high:.2%}"
         yield "Right answers", f"{summary.passed / summary.judged:.2%}", note
         agreed = "as predicted" if summary.agrees else "not as predicted"
         yield "The table says", f"{summary.predicted:.2%}", f"the cell does {agreed}"

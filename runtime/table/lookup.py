@@ -64,9 +64,8 @@ class Calibration:
 
     def reads(self, low_um: int, high_um: int) -> bool:
         """Whether the true width of some reading lies in an interval, ends included."""
-        return self._width_at(self.profile.step(self.opening_um(low_um))) <= high_um and (
-            self.widest_um >= low_um
-        )
+        nearest_um = self.width_um(self.opening_um(low_um))
+        return nearest_um <= high_um and self.widest_um >= low_um
 
     def _width_at(self, step: int) -> int:
         return self.width_um(self.profile.reading_um(step))

@@ -162,9 +162,8 @@ def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None,
     )
     between_parts = o * r * sum((x - mean) ** 2 for x in rows)
     between_appraisers = p * r * sum((x - mean) ** 2 for x in columns)
-    both = r * sum(
-        (cells[i][j] - rows[i] - columns[j] + mean) ** 2 for i in range(p) for j in range(o)
-    )
+    off = (cells[i][j] - rows[i] - columns[j] + mean for i in range(p) for j in range(o))
+    both = r * sum(each**2 for each in off)
     free_both, free_within = (p - 1) * (o - 1), p * o * (r - 1)
     error, noise = both / free_both, within / free_within
     tail = f_tail(error / noise, free_both, free_within) if within else None
