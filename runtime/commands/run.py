@@ -170,7 +170,8 @@ class _Asked:
     def dry_run(self) -> int:
         """Prints what would be sent to the devices, over links that cannot write."""
         devices, recipe = self._connect(Incidents().record), self.recipe
-        lines = dry_run.tell(recipe.loaded.table, devices.gripper, devices.arm, recipe.options)
+        table, options = recipe.loaded.table, recipe.options
+        lines = list(dry_run.tell(table, devices.gripper, devices.arm, options))
         if self.arguments.json:
             say(json.dumps({"told": lines}))
         else:

@@ -128,7 +128,7 @@ class AskedParts:
             "STATUS": self._status,
             "RESET": self._reset,
             "TABLE": self._tell_table,
-            "VERSION": self._version,
+            "VERSION": lambda: f"VERSION {VERSION} squeezetree",
         }
 
     @property
@@ -209,9 +209,6 @@ class AskedParts:
         heights = f"{limits.squeeze_height_um / 1000:.3f} {limits.retreat_height_um / 1000:.3f}"
         sizes = f"{len(self._table.nodes)} {len(self._table.leaves)}"
         return f"TABLE {sizes} {heights} {self._name[:16]}"
-
-    def _version(self) -> str:
-        return f"VERSION {VERSION} squeezetree"
 
     # -- readings -------------------------------------------------------------------------------------
 

@@ -230,7 +230,7 @@ class Executor:
     def _drag(self, point: Place | None) -> None:
         """Drags the held part to its place of release; None: it is released in place."""
         if point is not None:
-            self._hand.drag(point.x_um / 1000, point.y_um / 1000)
+            self._hand.slide(point.x_um / 1000, point.y_um / 1000)
 
     def _free(self, part: int, broken: Replay) -> None:
         """Releases the part that a broken run may still hold, as that run would have done."""

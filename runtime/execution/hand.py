@@ -220,10 +220,6 @@ class Hand:
         advance_mm = 0.0 if arc is None else arc.advance_mm(width_mm)
         self._go((x_mm, y_mm, self._low_mm(advance_mm), angle_rad))
 
-    def drag(self, x_mm: float, y_mm: float) -> None:
-        """Drags what the fingers hold along the table to another place, without turning it."""
-        self._slide(x_mm, y_mm, self.limits.arm_speed_um_s)
-
     def push(self, push: Push) -> None:
         """Performs a push: lowers the jaws, already set to its opening, at its start; slides them to its end.
 
@@ -231,11 +227,12 @@ class Hand:
             GripperStateError: the jaws are no longer where they were set.
         """
         self.descend(*placement(push))
-        self._slide(*end_of(push)[:2], push.speed_um_s)
+        self.slide(*end_of(push)[:2], push.speed_um_s)
         asked_um = self.calibration.nearest_um(push.opening_um)
         check_set(self.gripper.state().width_um, asked_um, self.calibration)
 
-    def _slide(self, x_mm: float, y_mm: float, speed_um_s: int) -> None:
+    def slide(self, x_mm: float, y_mm: float, speed_um_s: int | None = None) -> None:
+        """Slides the hand along the table to another place, without turning it or what it holds."""
         _, _, z_mm, angle_rad = self._place()
         # An arm that was only read may stand below the squeeze height by its rounding.
         self._go((x_mm, y_mm, max(z_mm, self._low_mm(0.0)), angle_rad), speed_um_s)

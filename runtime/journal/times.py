@@ -60,12 +60,9 @@ def times_of(entries: Iterable[Entry], takt_s: float | None = None) -> Times:
             spent += map(phases_of, listed)
     parts = seconds.total()
     sums = [fsum(column) for column in zip(*spent, strict=True)] or [0.0] * len(Phases._fields)
-    means = {name: value / max(parts, 1) for name, value in zip(_names(), sums, strict=True)}
+    names = (name.removesuffix("_s") for name in Phases._fields)
+    means = {name: value / max(parts, 1) for name, value in zip(names, sums, strict=True)}
     if parts:
         whole_s = fsum(taken * many for taken, many in seconds.items())
         means["other"] = max(whole_s - fsum(sums), 0.0) / parts
     return Times(parts, len(spent), means, takt_figures(seconds, takt_s) if parts else {})
-
-
-def _names() -> list[str]:
-    return [name.removesuffix("_s") for name in Phases._fields]

@@ -93,22 +93,19 @@ def table(
         kind: class of the surrounding element.
     """
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
-    lines = (
-        "<tr>"
-        + "".join(
-            f"<td>{escape(cell)}</td>" if k else f'<th scope="row">{escape(cell)}</th>'
-            for k, cell in enumerate(row)
-        )
-        + "</tr>"
-        for row in rows
-    )
     return "\n".join(
         [
             f'<div class="{kind}" tabindex="0" role="region" aria-label="{escape(label)}"><table>',
             f"<thead><tr>{head}</tr></thead>",
-            *("<tbody>", *lines, "</tbody></table></div>"),
+            *("<tbody>", *map(_row, rows), "</tbody></table></div>"),
         ]
     )
+
+
+def _row(cells: Iterable[str]) -> str:
+    head, *others = map(escape, cells)
+    inner = "".join(f"<td>{cell}</td>" for cell in others)
+    return f'<tr><th scope="row">{head}</th>{inner}</tr>'
 
 
 def folded(summary: str, *content: str) -> str:

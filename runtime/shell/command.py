@@ -120,7 +120,7 @@ def run(
         built: the command's parser; arguments without `debug` count as without --debug.
         argv: the arguments, without the command's name; None for the process's own.
         body: does the work and returns the exit code.
-        stopped: exit code and sentence of a KeyboardInterrupt.
+        stopped: exit code and sentence of a KeyboardInterrupt, whose notes follow.
 
     Raises:
         SystemExit: by the parser, for --help and for invalid arguments.
@@ -136,9 +136,10 @@ def run(
         return ExitCode.USAGE
     try:
         code = body(arguments)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as request:
         code, words = stopped
-        tell(built.prog, words)
+        request.args = (words,)
+        tell(built.prog, sentence_of(request))
     except (Exception, SystemExit) as error:  # a world's factory may be any function
         if getattr(arguments, "debug", False):
             say_lines(traceback.format_exc(), sys.stderr)

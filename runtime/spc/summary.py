@@ -143,11 +143,6 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     )
 
 
-def moments(values: Sequence[float]) -> tuple[float, float]:
-    """Mean and standard deviation; the latter 0 for fewer than two values."""
-    return fmean(values), stdev(values) if len(values) > 1 else 0.0
-
-
 def _charts(
     history: History,
     monitor: Monitor,
@@ -213,8 +208,9 @@ def _leaves(history: History) -> Iterator[LeafRow]:
     for leaf, parts in by_leaf(history.parts):
         residuals = [part.residual for part in parts if part.residual is not None]
         passed, judged = _judged(parts)
-        columns = tuple(moments(column) for column in zip(*residuals, strict=True))
-        yield LeafRow(leaf, len(parts), judged, passed, history.table.leaves[leaf].success, columns)
+        columns = zip(*residuals, strict=True)
+        moments = tuple((fmean(each), stdev(each) if len(each) > 1 else 0.0) for each in columns)
+        yield LeafRow(leaf, len(parts), judged, passed, history.table.leaves[leaf].success, moments)
 
 
 def _nodes(history: History) -> Iterator[NodeRow]:

@@ -142,10 +142,6 @@ def load(path: Path | str) -> TableFile:
     try:
         return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
     except TableError as error:
-        hint = (
-            f"; it is a job file: squeezetree plan {quoted(path)} -o {quoted(path.with_suffix('.msgpack'))} "
-            "makes its table"
-        )
-        raise TableError(
-            f"table {path.name}: {error}{hint if path.suffix == '.toml' else ''}"
-        ) from error
+        command = f"squeezetree plan {quoted(path)} -o {quoted(path.with_suffix('.msgpack'))}"
+        hint = f"; it is a job file: {command} makes its table" if path.suffix == ".toml" else ""
+        raise TableError(f"table {path.name}: {error}{hint}") from error

@@ -57,17 +57,11 @@ def fields(table: Table, result: PartResult, frames: tuple[PartFrames, ...]) -> 
     """
     end = result.leaf_of(table)
     assert end is not None
-    pose, part_frames = predicted_pose(end), frames[end.hypothesis]
-    return {
-        **({"hypothesis": table.name_of(end)} if table.hypotheses else {}),
-        **as_degrees(pose),
-        "datum": None
-        if part_frames.datum is None
-        else as_degrees(compose(pose, part_frames.datum)),
-        "picks": {
-            name: as_degrees(compose(pose, pick)) for name, pick in part_frames.picks.items()
-        },
-    }
+    pose, (datum, picks) = predicted_pose(end), frames[end.hypothesis]
+    named = {"hypothesis": table.name_of(end)} if table.hypotheses else {}
+    shown = None if datum is None else as_degrees(compose(pose, datum))
+    placed = {name: as_degrees(compose(pose, pick)) for name, pick in picks.items()}
+    return {**named, **as_degrees(pose), "datum": shown, "picks": placed}
 
 
 def outcome_fields(table: Table, result: PartResult) -> dict[str, object]:

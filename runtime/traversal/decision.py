@@ -98,12 +98,10 @@ class Policy:
             )
         return cls(rejected, unresolved)
 
-    def texts(self) -> tuple[str, str]:
+    def fields(self) -> dict[str, str]:
         """The two lists of names, each a text with commas, from which `of` restores the policy."""
-        return (
-            ",".join(action.value for action in self.on_reject),
-            ",".join(action.value for action in self.on_unresolved),
-        )
+        lists = {"on_reject": self.on_reject, "on_unresolved": self.on_unresolved}
+        return {name: ",".join(each.value for each in actions) for name, actions in lists.items()}
 
     def ends_run(self, outcome: Outcome) -> bool:
         """Whether the run ends after a part with this outcome."""

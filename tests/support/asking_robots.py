@@ -57,7 +57,7 @@ class SimulatedRobot:
         return count_of(reading.width_um), reading.object is ObjectState.CLOSING
 
     def drag(self, x: float, y: float) -> None:
-        self._hand.drag(x, y)
+        self._hand.slide(x, y)
 
     def release(self) -> None:
         assert self._plan is not None

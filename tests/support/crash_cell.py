@@ -250,8 +250,7 @@ def process(
     """
     life = Life(last)
     data = dumps(world.table)
-    on_reject, on_unresolved = options.policy.texts()
-    fields = {"on_reject": on_reject, "on_unresolved": on_unresolved}
+    fields = options.policy.fields()
     with CountedJournal(path, world, life) as journal:
         begun = crash.look(journal, data, fields, after_crash, Console(), RESUME_WITHIN_S)
         gripper = Gripper(CountedLink(world, life), Pace(world.time))

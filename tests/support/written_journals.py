@@ -26,11 +26,9 @@ def write_run(
     """One run of four parts: leaf 0, leaf 1 by two squeezes, unresolved leaf 2, reject."""
     rig = fake_cell([AT_21, AT_30, AT_21, AT_30, AT_36, AT_36])
     policy = policy or Policy()
-    on_reject, on_unresolved = policy.texts()
     table = small_table()
     with Journal(path, SystemClock().stamp, SystemClock().uptime, segment_bytes) as journal:
-        fields: dict[str, object] = {"on_reject": on_reject, "on_unresolved": on_unresolved}
-        fields["port"] = "memory"
+        fields: dict[str, object] = {**policy.fields(), "port": "memory"}
         if calibration is not None:
             fields["calibration_um"] = list(calibration.points_um)
         journal.header(dumps(table), fields)

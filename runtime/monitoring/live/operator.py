@@ -209,11 +209,8 @@ def _widths(charts: Mapping[str, Any]) -> Iterator[str]:
         yield '<p class="note">Nothing was squeezed yet.</p>'
         return
     drift = any(alarm["chart"] == "widths" for alarm in charts["alarms"])
-    yield (
-        verdict("fair", capital(MEANING["widths"]) + ".")
-        if drift
-        else verdict("good", STEADY["widths"] + ".")
-    )
+    grade, sentence = ("fair", MEANING["widths"]) if drift else ("good", STEADY["widths"])
+    yield verdict(grade, f"{capital(sentence)}.")
     lines = [Line(name, charts[name]) for name in ("wider", "narrower")]
     limit = charts["limit"]
     yield trend("Widths against the plan", lines, (-limit, limit), "squeeze")
@@ -231,14 +228,11 @@ def _part(part: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _loaded(loaded: Table, seen: Mapping[str, Any]) -> Iterator[str]:
-    predicted = loaded.predicted.success_ppm / PPM
+    predicted = f"{100 * loaded.predicted.success_ppm / PPM:.2f} % located"
     facts = (
         ("file", seen["table"]),
         ("digest (SHA-256)", f"{seen['table_sha256'][:16]}…"),
-        (
-            "expected",
-            f"{100 * predicted:.2f} % located" if loaded.predicted.trials else "not tried",
-        ),
+        ("expected", predicted if loaded.predicted.trials else "not tried"),
         ("squeezes planned", str(len(loaded.nodes))),
     )
     rows = "".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts)

@@ -56,7 +56,8 @@ class SequentialTest:
         """Logarithm of the likelihood ratio of the mixture over s to a true share m = `share` of failures."""
         a, b = _SHAPE, _SHAPE * (1.0 - self.limit) / self.limit  # most sensitive about the limit
         mixed = _beta(a + failures, b + parts - failures) - _beta(a, b)
-        return mixed - _times_log(failures, share) - (parts - failures) * log1p(-share)
+        failed = failures * log(share) if failures else 0.0
+        return mixed - failed - (parts - failures) * log1p(-share)
 
     def accepts(self, failures: int, parts: int) -> bool:
         """Whether `failures` among `parts` show that the share is below the limit."""
@@ -192,7 +193,3 @@ def _first(does: Callable[[int], bool]) -> int | None:
 def _beta(a: float, b: float) -> float:
     """Logarithm of the beta function."""
     return lgamma(a) + lgamma(b) - lgamma(a + b)
-
-
-def _times_log(count: int, share: float) -> float:
-    return count * log(share) if count else 0.0

@@ -88,7 +88,7 @@ def test_whatever_is_read_every_part_ends_within_what_the_policy_allows(on_rejec
 def test_a_policy_survives_being_written_down():
     for on_reject, on_unresolved in itertools.product(RECOVERIES, ["next", "restart,stop"]):
         policy = Policy.of(on_reject, on_unresolved)
-        assert Policy.of(*policy.texts()) == policy
+        assert Policy.of(**policy.fields()) == policy
     assert Policy.of(" resqueeze , restart ", "restart") == Policy(
         (RecoveryAction.RESQUEEZE, RecoveryAction.RESTART, RecoveryAction.NEXT),
         (RecoveryAction.RESTART, RecoveryAction.NEXT),
