@@ -23,15 +23,8 @@ SERVED = {
     *("on_reject", "on_unresolved", "http", "shifts", "require_signed"),
 }
 
-RUN_CODES = epilog(
-    ExitCode.INPUT,
-    ExitCode.NOT_LOCATED,
-    ExitCode.DEVICE,
-    ExitCode.UNREACHABLE,
-    ExitCode.JOURNAL,
-    ExitCode.SIGNATURE,
-    ExitCode.STOPPED,
-)
+ENDS = (ExitCode.INPUT, ExitCode.NOT_LOCATED, ExitCode.DEVICE, ExitCode.UNREACHABLE)
+RUN_CODES = epilog(*ENDS, ExitCode.JOURNAL, ExitCode.SIGNATURE, ExitCode.STOPPED)
 EPILOG = f"""\
 examples:
   grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 5 --time-scale 20

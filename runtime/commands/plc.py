@@ -4,7 +4,6 @@ Parts run as without a PLC, except that a trigger of the PLC starts each part.
 """
 
 import argparse
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from importlib.util import find_spec
@@ -254,7 +253,7 @@ def opened(
     if scheme == OPC_UA:
         from runtime.plc.opcua import OpcUaServer  # with a library that no other run has to load
 
-        panel = Panel(_offers(recipes), _configuration(arguments, first), exchange.glance)
+        panel = Panel([*_offers(recipes)], _configuration(arguments, first), exchange.glance)
         served = OpcUaServer(listener, exchange, panel, _security(arguments))
     place = Address(address.host, listener.getsockname()[1])
     return PlcRun(monitors, served, f"{scheme}://{place}", arguments.count)
@@ -271,17 +270,12 @@ def _security(arguments: argparse.Namespace) -> "Security | None":
     return opcua.Security(certificates.identity_in(folder), trust)
 
 
-def _offers(recipes: Sequence[Recipe]) -> list[Offer]:
-    """The tables that OPC UA offers, by file name; a number precedes a name that two tables have."""
-    names = Counter(recipe.path.stem for recipe in recipes)
-    return [
-        Offer(
-            recipe.path.stem if names[recipe.path.stem] == 1 else f"{number}-{recipe.path.stem}",
-            recipe.loaded.digest,
-            parts_of(recipe.loaded.table),
-        )
-        for number, recipe in enumerate(recipes)
-    ]
+def _offers(recipes: Sequence[Recipe]) -> Iterator[Offer]:
+    """Yields the tables for OPC UA, by file name; a number precedes a name that two tables have."""
+    names = [recipe.path.stem for recipe in recipes]
+    for number, (name, recipe) in enumerate(zip(names, recipes, strict=True)):
+        unique = name if names.count(name) == 1 else f"{number}-{name}"
+        yield Offer(unique, recipe.loaded.digest, parts_of(recipe.loaded.table))
 
 
 def _configuration(arguments: argparse.Namespace, recipe: Recipe) -> Configuration:

@@ -14,11 +14,8 @@ from runtime.table import Node, Schedule, Table, job_of
 # Longest duration of a squeeze, as a factor of stroke and path at the commanded speeds.
 DEADLINE_FACTOR = 3.0
 ARM, GRIPPER, MACHINE = "arm", "gripper", "this machine"
-REMEDIES = {
-    ARM: "check its speed, and what slows it down",
-    GRIPPER: "check its speed, and what slows it down",
-    MACHINE: "take load off it, and check its disk",
-}
+SLOW = "check its speed, and what slows it down"
+REMEDIES = {ARM: SLOW, GRIPPER: SLOW, MACHINE: "take load off it, and check its disk"}
 Device = TypeVar("Device")
 
 
