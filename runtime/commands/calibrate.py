@@ -52,9 +52,8 @@ def parser() -> Parser:
     text = "Measure the parameters of a cell."
     built = Parser(prog="grasp-calibrate", description=text, epilog=EPILOG)
     built.add_debug()
-    subcommands = built.add_subparsers(
-        required=True, dest="what", metavar="width | middle | camera | tag | pictures"
-    )
+    names = "width | middle | camera | tag | pictures"
+    subcommands = built.add_subparsers(required=True, dest="what", metavar=names)
     purpose = "what the gripper's widths truly are, with gauge blocks"
     width = add_command(subcommands, purpose, EXAMPLE, EXIT_CODES)
     calibrate_middle.add_to(subcommands, EXIT_CODES)

@@ -124,11 +124,8 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _show_times(arguments: argparse.Namespace) -> int:
-    entries = (
-        entry
-        for entry in _entries(arguments.journal)
-        if _is_wanted(arguments, entry) and arguments.outcome in (None, entry.get("outcome"))
-    )
+    wanted = (entry for entry in _entries(arguments.journal) if _is_wanted(arguments, entry))
+    entries = (entry for entry in wanted if arguments.outcome in (None, entry.get("outcome")))
     if arguments.node is not None:
         raise UsageError("--times is of whole parts; leave out --node")
     try:

@@ -67,11 +67,8 @@ class AuditProcess(ChildProcess):
         except Exception as error:
             return {"verdict": UNKNOWN, "reason": one_line(error)[:MAX_TEXT]}
         verdict = record.get("verdict")
-        plain = {
-            name: value
-            for name, value in record.items()
-            if name.isidentifier() and _is_plain(value)
-        }
+        fields = record.items()
+        plain = {name: value for name, value in fields if name.isidentifier() and _is_plain(value)}
         return {**plain, "verdict": verdict if verdict in VERDICTS else UNKNOWN}
 
     def check(self) -> None:

@@ -60,10 +60,8 @@ class Rehearsal:
             node.branches, weights=[branch.probability_ppm for branch in node.branches]
         )[0]
         self._lies = self._poses(index, pose_hand)
-        self._next = sorted(
-            (other.target for other in node.branches if other.target >= 0),
-            key=lambda target: target != branch.target,
-        )
+        targets = (other.target for other in node.branches if other.target >= 0)
+        self._next = sorted(targets, key=lambda target: target != branch.target)
         self._last, self._width_mm = index, self._width_um(node, branch) / 1000
         self._status = "grasped" if branch.grip else "untouched"
         return pose_hand, self._width_mm, self._status

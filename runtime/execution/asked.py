@@ -83,17 +83,9 @@ class _Part:
     number: int
     requests: program.Requests
     request: program.Request  # the current one: an `Approach`, or a `Release` that drags
+    node: int = 0  # index of the node to squeeze at now, or after the drag
     steps: tuple[Step, ...] = ()
     deadline: float = 0.0
-
-    @property
-    def node(self) -> int:
-        """Index of the node to squeeze at now, or after the drag."""
-        request = self.request
-        if isinstance(request, program.Release):
-            return request.after.node
-        assert isinstance(request, program.Approach)
-        return request.index
 
 
 class AskedParts:
@@ -242,7 +234,7 @@ class AskedParts:
         release = program.released(part.requests, approach, program.Reading(reading_um, seen))
         fields = {**release.step.fields(), "object_flag": int(seen), "told": reply}
         self._journal.record("squeeze", {"part": part.number, **fields})
-        part.request, part.steps = release, release.steps
+        part.request, part.steps, part.node = release, release.steps, release.after.node
         self._console.step(part.number, release.step)
         if release.point is None:
             return self._go_on(part)

@@ -206,10 +206,9 @@ class Journal:
         try:
             _write_all(self._file, line)
             os.fsync(self._file)
+            size = end.size + len(line)
             # One assignment: a stop request comes before or after it, never in between.
-            self._end = end._replace(
-                head=digest, records=end.records + 1, size=end.size + len(line)
-            )
+            self._end = end._replace(head=digest, records=end.records + 1, size=size)
         except OSError as error:
             self._failed = True  # a failed sync cannot be repeated
             self._take_back()

@@ -118,15 +118,12 @@ class Status:
 
 
 def _labelled(label: str, values: Mapping[Any, float]) -> dict[str, float]:
-    return {f'{label}="{name}"': value for name, value in values.items()}
+    return {f'{{{label}="{name}"}}': value for name, value in values.items()}
 
 
 def _metric(name: str, help_text: str, values: dict[str, float]) -> str:
     """The lines of a metric: a counter if its name ends in `_total`, as is usual, else a gauge."""
     name, kind = f"squeezetree_{name}", "counter" if name.endswith("_total") else "gauge"
     lines = [f"# HELP {name} {help_text}", f"# TYPE {name} {kind}"]
-    lines += [
-        f"{name}{{{labels}}} {value:g}" if labels else f"{name} {value:g}"
-        for labels, value in values.items()
-    ]
+    lines += [f"{name}{labels} {value:g}" for labels, value in values.items()]
     return "\n".join(lines) + "\n"

@@ -36,10 +36,9 @@ def refuted(successes: int, trials: int, confidence: float, leaves: int = 1) -> 
     """
     level, misses, log_none = LEVEL / leaves, trials - successes, trials * log(confidence)
     if misses > MOST_TERMS or log_none < LEAST_LOG:
+        more = misses - trials * (1.0 - confidence)
         spread = sqrt(2.0 * trials * confidence * (1.0 - confidence))
-        return misses > 0 and (
-            spread == 0.0 or 0.5 * erfc((misses - trials * (1.0 - confidence)) / spread) < level
-        )
+        return misses > 0 and (spread == 0.0 or 0.5 * erfc(more / spread) < level)
     term, fewer = exp(log_none), 0.0  # probability of k misses, and of fewer than `misses`
     for k in range(misses):
         fewer += term

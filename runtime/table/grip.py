@@ -223,9 +223,8 @@ def _shape(outline: Outline) -> Shape:
     turns = [pi * k / DIRECTIONS for k in range(DIRECTIONS)]
     across = [[cos(turn) * x + sin(turn) * y for x, y in kept] for turn in turns]
     narrowest = min(max(row) - min(row) for row in across)
-    return Shape(
-        kept, max(hypot(*point) for point in outline), gyration_mm(outline), narrowest, coarse
-    )
+    reach = max(hypot(*point) for point in outline)
+    return Shape(kept, reach, gyration_mm(outline), narrowest, coarse)
 
 
 def from_segment(

@@ -42,9 +42,8 @@ class Schedule:
         before, jaws_s, all_phases = start, 0.0, []
         for number, squeezed in enumerate(squeezes):
             after = squeezes[number + 1].node if number + 1 < len(squeezes) else None
-            phases, before, jaws_s = self.squeeze(
-                squeezed, before, after, jaws_s, first=number == 0
-            )
+            first = number == 0
+            phases, before, jaws_s = self.squeeze(squeezed, before, after, jaws_s, first=first)
             all_phases.append(phases)
         return all_phases
 

@@ -41,10 +41,8 @@ def frames_in(part: object) -> PartFrames:
         assert isinstance(part, dict)
         stated = part.get("datum")
         datum = None if stated is None else _pose(stated)
-        picks = {
-            str(name): compose(datum or CENTRE, _pose(pick))
-            for name, pick in part.get("picks", {}).items()
-        }
+        named = ((str(name), _pose(pick)) for name, pick in part.get("picks", {}).items())
+        picks = {name: compose(datum or CENTRE, pick) for name, pick in named}
     except (AssertionError, AttributeError, TypeError, ValueError):
         return NO_FRAMES
     return PartFrames(datum, picks)

@@ -31,11 +31,8 @@ class Decision(NamedTuple):
             return None
         if self.object is ObjectState.AT_TARGET:
             return "the fingers closed on nothing"
-        widths = [
-            f"{branch.low_um / 1000:.2f}..{branch.high_um / 1000:.2f}"
-            for branch in self.node.branches
-            if branch.grip  # an object was felt
-        ]
+        felt = (branch for branch in self.node.branches if branch.grip)  # an object was felt
+        widths = [f"{each.low_um / 1000:.2f}..{each.high_um / 1000:.2f}" for each in felt]
         planned = f"{', '.join(widths)} mm" if widths else "nothing between the fingers"
         return f"no outcome of this squeeze has this width (planned: {planned})"
 
