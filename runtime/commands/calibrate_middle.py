@@ -22,7 +22,7 @@ from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling, check_arc
 from runtime.execution.middle import Middle
 from runtime.execution.reading import CURRENT_MA
-from runtime.execution.safe_state import fingers_stop, reach_safe_state
+from runtime.execution.safe_state import ending_safely, fingers_stop
 from runtime.shell import interrupts
 from runtime.shell.command import Parser, add_command, number, say, say_result
 from runtime.shell.errors import UsageError
@@ -109,15 +109,8 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
                     gripper.activate()
             safety.ready_gripper(gripper)
             hand = Hand(gripper, arm, SystemClock(), table, handling)
-            try:
+            with ending_safely(hand):
                 result = fixed_block.measure(hand, node, arguments.block, at, tell)
-            except BaseException as error:
-                arm_known, may_hold = hand.arm_known, hand.jaws.may_hold
-                for note in reach_safe_state(
-                    gripper, arm, table.limits, arm_known=arm_known, may_hold_fixed=may_hold
-                ):
-                    error.add_note(note)
-                raise
     completed = replace(known, middle=result)
     interrupts.conclude()  # measured: a stop request has nothing left to stop
     calibration.save(completed, arguments.output)

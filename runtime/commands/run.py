@@ -104,7 +104,7 @@ class _Asked:
         self._begin(journal, begun, monitor, recipes)
         incidents.hand_over(journal)
         if arguments.put_down:
-            return self._say_put_down(session.put_down(table, cell, monitor, self.recipe.options))
+            return self._say_put_down(session.put_down(table, cell, self.recipe.options))
         if plc is not None:
             return plc.run(cell)
         count, options = arguments.count or 1, self.recipe.options

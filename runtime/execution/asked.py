@@ -174,7 +174,7 @@ class AskedParts:
         reading_um = self._calibration.nearest_um(width_um)
         if seen is None:
             seen = self._state_of(reading_um, self._program.maps[part.node])
-        return self._read(part, reading_um, seen, " ".join(["WIDTH", *words]))
+        return self._read(part, program.Reading(reading_um, seen), ["WIDTH", *words])
 
     def _counts(self, words: list[str]) -> str:
         """Takes the encoder count of `COUNTS n OBJECT|NONE [node]` as the reading; returns the answer."""
@@ -184,7 +184,7 @@ class AskedParts:
         profile = self._table.gripper.profile
         _check(profile.counts is not None and int(words[0]) <= MOST_COUNT, 20)
         reading_um = profile.counted_um(int(words[0]))
-        return self._read(part, reading_um, seen, " ".join(["COUNTS", *words]))
+        return self._read(part, program.Reading(reading_um, seen), ["COUNTS", *words])
 
     def _status(self) -> str:
         if self._part is None:
@@ -226,13 +226,14 @@ class AskedParts:
         held = width_um >= HELD_UM if felt == unfelt else unfelt == REJECT
         return ObjectState.CLOSING if held else ObjectState.AT_TARGET
 
-    def _read(self, part: _Part, reading_um: int, seen: ObjectState, reply: str) -> str:
+    def _read(self, part: _Part, reading: program.Reading, reply: list[str]) -> str:
         approach = part.request
         assert isinstance(approach, program.Approach)
-        self._check_possible(approach, reading_um, seen)
+        self._check_possible(approach, reading)
         self._console.phase(part.number, Phase.READ, approach.index)
-        release = program.released(part.requests, approach, program.Reading(reading_um, seen))
-        fields = {**release.step.fields(), "object_flag": int(seen), "told": reply}
+        release = program.released(part.requests, approach, reading)
+        stated = {"object_flag": int(reading.object), "told": " ".join(reply)}
+        fields = {**release.step.fields(), **stated}
         self._journal.record("squeeze", {"part": part.number, **fields})
         part.request, part.steps, part.node = release, release.steps, release.after.node
         self._console.step(part.number, release.step)
@@ -242,10 +243,9 @@ class AskedParts:
         x_mm, y_mm, _ = sent(placement(release.node.squeeze, release.point), self._middle_mm)
         return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
-    def _check_possible(
-        self, approach: program.Approach, reading_um: int, seen: ObjectState
-    ) -> None:
+    def _check_possible(self, approach: program.Approach, reading: program.Reading) -> None:
         calibration, decided = self._calibration, self._program.maps[approach.index]
+        reading_um, seen = reading
         try:
             check_closed(Settled(reading_um, seen, 0, 0, 0.0), calibration, (0, 0))
         except GripperStateError:

@@ -10,7 +10,7 @@ from runtime.execution import held
 from runtime.execution.events import Console, Sighting, Tally
 from runtime.execution.executor import PLAIN, Cell, Executor, RunOptions
 from runtime.execution.hand import Hand
-from runtime.execution.safe_state import fingers_stop, reach_safe_state
+from runtime.execution.safe_state import ending_safely, fingers_stop
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
@@ -118,27 +118,15 @@ def run_parts(
             return
 
 
-def put_down(
-    table: Table, cell: Cell, console: Console, options: RunOptions
-) -> Mapping[str, object]:
+def put_down(table: Table, cell: Cell, options: RunOptions) -> Mapping[str, object]:
     """Puts down what the fingers hold, as a run without parts; returns its place and width.
 
     Raises:
         Exception: any error, once the declared safe state is reached and recorded.
     """
     hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
-    with ending(cell.journal):
-        try:
-            with interrupts.stoppable():
-                return held.put_down(hand, table, options.delivery, cell.journal)
-        except BaseException:
-            # The fingers may hold anything: after a calibration perhaps a clamped block.
-            gripper, arm, may_hold = cell.gripper, cell.arm, hand.jaws.may_hold
-            for sentence in reach_safe_state(
-                gripper, arm, table.limits, arm_known=hand.arm_known, may_hold_fixed=may_hold
-            ):
-                console.note(sentence)
-            raise
+    with ending(cell.journal), ending_safely(hand), interrupts.stoppable():
+        return held.put_down(hand, table, options.delivery, cell.journal)
 
 
 @contextmanager

@@ -41,14 +41,13 @@ class AddressSpace:
     async def build(self, values: Iterable[tuple[str, Value]]) -> None:
         """Creates the nodes: the two state machines, and a variable for each value."""
         self._index = await self._server.register_namespace(NAMESPACE)
-        self._nodes[""] = await self._add_object(self._server.nodes.objects, SYSTEM)
         for machine in (MACHINE, AUTOMATIC):
             await self._add_machine(machine)
         for path, value in values:
             if path not in self._nodes:
                 parent = await self._at(_above(path))
-                ids = self._ids(f"{SYSTEM}/{path}")
-                self._nodes[path] = await parent.add_variable(*ids, value, TYPES[type(value)])
+                kind = TYPES[type(value)]
+                self._nodes[path] = await parent.add_variable(*self._ids(path), value, kind)
             await self._write(path, value)
         self._transitions = await self._server.get_event_generator(
             TransitionEvent(), emitting_node=self._nodes[MACHINE]
@@ -74,8 +73,7 @@ class AddressSpace:
     ) -> None:
         """Adds a method, which asyncua calls with the object's id, then variants."""
         parent = await self._at(_above(path))
-        ids = self._ids(f"{SYSTEM}/{path}")
-        node = await parent.add_method(*ids, call, [*inputs], [*outputs])
+        node = await parent.add_method(*self._ids(path), call, [*inputs], [*outputs])
         if _above(path) == AUTOMATIC:  # offered by the outer machine, too
             await self._nodes[MACHINE].add_reference(node, ua.ObjectIds.HasComponent)
 
@@ -91,9 +89,7 @@ class AddressSpace:
         await (await node.get_child("0:Id")).write_value(state_id, ua.VariantType.NodeId)
 
     async def _add_machine(self, machine: str) -> None:
-        parent = await self._at(_above(machine))
-        node = await self._add_object(parent, f"{SYSTEM}/{machine}", STATE_MACHINE)
-        self._nodes[machine] = node
+        node = await self._at(machine, STATE_MACHINE)
         for name in ("CurrentState", "LastTransition"):
             self._nodes[f"{machine}/{name}"] = await node.get_child(f"0:{name}")
         # Like a finite state machine, whose type asyncua cannot instantiate.
@@ -104,25 +100,22 @@ class AddressSpace:
         states = [state for state in VisionState if outer or state.automatic]
         names = dict.fromkeys(state.outer if outer else state.value for state in states)
         for number, name in enumerate(names, 1):
-            path = f"{machine}/{name}"
-            self._nodes[path] = await self._add_object(node, f"{SYSTEM}/{path}", STATE)
-            state_number = await self._nodes[path].get_child("0:StateNumber")
+            state = await self._at(f"{machine}/{name}", STATE)
+            state_number = await state.get_child("0:StateNumber")
             await state_number.write_value(number, ua.VariantType.UInt32)
 
-    async def _at(self, path: str) -> Node:
-        """The object at a path, added if missing."""
+    async def _at(self, path: str, kind: ua.NodeId | None = None) -> Node:
+        """The object at a path, the system's own for ""; added if missing, with a type."""
         if path not in self._nodes:
-            parent = await self._at(_above(path))
-            self._nodes[path] = await self._add_object(parent, f"{SYSTEM}/{path}")
+            parent = await self._at(_above(path)) if path else self._server.nodes.objects
+            every = kind is STATE_MACHINE  # its LastTransition is optional
+            node = await parent.add_object(*self._ids(path), kind, instantiate_optional=every)
+            self._nodes[path] = node
         return self._nodes[path]
 
-    async def _add_object(self, parent: Node, path: str, kind: ua.NodeId | None = None) -> Node:
-        ids, every = self._ids(path), kind is STATE_MACHINE  # its LastTransition is optional
-        return await parent.add_object(*ids, objecttype=kind, instantiate_optional=every)
-
     def _ids(self, path: str) -> tuple[ua.NodeId, ua.QualifiedName]:
-        name = path.rpartition("/")[2]
-        return ua.NodeId(path.replace("/", "."), self._index), ua.QualifiedName(name, self._index)
+        names = [SYSTEM, *filter(None, path.split("/"))]
+        return ua.NodeId(".".join(names), self._index), ua.QualifiedName(names[-1], self._index)
 
 
 def _above(path: str) -> str:

@@ -157,14 +157,12 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
 
 def _manifest(members: Mapping[str, bytes]) -> Mapping[str, Any]:
     try:
-        manifest = strict_json.parse(members[MANIFEST])
+        manifest: Mapping[str, Any] = strict_json.parse(members[MANIFEST])
     except ValueError as error:
         raise PackError(f"{MANIFEST} is {error}") from error
     others = _digests({name: content for name, content in members.items() if name != MANIFEST})
-    if not isinstance(manifest, dict) or (manifest.get("kind"), manifest.get("version")) != (
-        KIND,
-        VERSION,
-    ):
+    is_pack = isinstance(manifest, dict) and manifest.get("kind") == KIND
+    if not is_pack or manifest.get("version") != VERSION:
         raise PackError(f"{MANIFEST} is none of a pack of version {VERSION}")
     stated = manifest.get("sha256")
     if not isinstance(stated, dict) or unprintable(manifest) is not None:
