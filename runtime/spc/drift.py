@@ -1,7 +1,5 @@
 """Drift of a cell during a run: the control charts of its table, part after part."""
 
-from collections import deque
-
 from runtime.spc.history import Part, Squeezed
 from runtime.spc.monitor import Alarm, Monitor
 from runtime.table import Table
@@ -17,19 +15,15 @@ class Drift:
     """The control charts of a table, fed during a run; `add` returns whether a refit would pay."""
 
     def __init__(self, table: Table) -> None:
-        self._courses = {name: deque[float](maxlen=RECENT) for name in ("wider", "narrower")}
-        self._table, self._charts = table, Monitor(table, draw=self._keep)
+        self._table, self._charts = table, Monitor(table, keep=RECENT)
         self._drifted = False
         self._alarms: dict[str, Alarm] = {}  # the latest of each chart
 
-    def _keep(self, name: str, value: float) -> None:
-        if name in self._courses:
-            self._courses[name].append(round(value, 2))
-
     def as_object(self) -> dict[str, object]:
         """The latest cumulative sums of widths, their limit, and the latest alarm of each chart."""
+        drawn = self._charts.drawn
         return {
-            **{name: list(course) for name, course in self._courses.items()},
+            **{name: [round(v, 2) for v in drawn[name]] for name in ("wider", "narrower")},
             "limit": self._charts.widths.limit,
             "alarms": [alarm._asdict() for alarm in self._alarms.values()],
         }

@@ -1,6 +1,7 @@
 """All control charts over a history: their values, and where they alarm."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import defaultdict, deque
+from collections.abc import Iterable, Iterator, Sequence
 from math import hypot, inf, log1p, sqrt
 from typing import NamedTuple
 
@@ -51,23 +52,20 @@ STEADY = {
 class Monitor:
     """The control charts of one table, which receive one part after the other.
 
-    Of the parts only those within the charts' windows are kept.
+    Of the parts only those within the charts' windows are kept. `drawn` has the values of the charts to draw:
+    `wider` and `narrower` after each squeeze, `COORDINATES` after each measured part, and `friction` after
+    each part if readings are expected.
     """
 
     def __init__(
-        self,
-        table: Table,
-        expected: Expectation | None = None,
-        draw: Callable[[str, float], object] = lambda _name, _value: None,
+        self, table: Table, expected: Expectation | None = None, keep: int | None = None
     ) -> None:
         """Starts without parts.
 
         Args:
             table: the table.
             expected: the expected readings, if known.
-            draw: called with name and value of each drawn chart: `wider` and `narrower` after each squeeze,
-                `COORDINATES` after each measured part, and `friction` after each part if readings are
-                expected.
+            keep: number of values kept of each drawn chart; None: all.
         """
         predicted = table.predicted
         rejects = round(predicted.reject_ppm / PPM * predicted.trials)
@@ -81,7 +79,7 @@ class Monitor:
         self.residuals = (Ewma(), Ewma(), Ewma())
         # Only where the expectation is known.
         self.readings = None if expected is None else ShiryaevRoberts(expected)
-        self._draw = draw
+        self.drawn = defaultdict[str, deque[float]](lambda: deque(maxlen=keep))
 
     def watch(self, history: History) -> Iterator[Alarm]:
         """All alarms of a history of this table, in order.
@@ -99,7 +97,7 @@ class Monitor:
         sentences = {chart: MEANING[chart] for chart in self._alarmed(part)}
         if self.readings is not None:
             world = self.readings.add(self.table, part)
-            self._draw("friction", log1p(self.readings.value if world is None else LIMIT))
+            self.drawn["friction"].append(log1p(self.readings.value if world is None else LIMIT))
             if world is not None:
                 sentences["readings"] = MEANING["readings"].format(world)
         place, self.parts = self.parts, self.parts + 1
@@ -109,8 +107,8 @@ class Monitor:
         shifted = False
         for squeeze in part.squeezes:
             shifted |= self.widths.add(*deviation(self.table, squeeze))
-            self._draw("wider", self.widths.up)
-            self._draw("narrower", -self.widths.down)
+            self.drawn["wider"].append(self.widths.up)
+            self.drawn["narrower"].append(-self.widths.down)
         if shifted:
             yield "widths"
         taken = tuple((s.node, s.branch) for s in part.squeezes if s.branch is not None)
@@ -126,7 +124,7 @@ class Monitor:
         for name, chart, value in zip(COORDINATES, self.residuals, values, strict=False):
             if chart.add(value):
                 yield f"residual {name}"
-            self._draw(name, chart.mean)
+            self.drawn[name].append(chart.mean)
 
 
 def failure_share(predicted: Prediction) -> float:

@@ -1,7 +1,7 @@
 """Summary for a report: success against the prediction, residuals by leaf, fit of the branches, charts."""
 
-from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import log1p
 from statistics import fmean, stdev
@@ -123,8 +123,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     interval, predicted = wilson_interval(passed, judged), table.predicted.success_ppm / PPM
     nodes = tuple(_nodes(history))
     statistic, freedom = sum(row.statistic for row in nodes), sum(row.freedom for row in nodes)
-    drawn: dict[str, list[float]] = defaultdict(list)
-    monitor = Monitor(table, expected, lambda name, value: drawn[name].append(value))
+    monitor = Monitor(table, expected)
     alarms = tuple(monitor.watch(history))
     return Summary(
         _counted(part.outcome or "broken off" for part in parts),
@@ -138,24 +137,19 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
         nodes,
         chi_square_tail(statistic, freedom),
         alarms,
-        tuple(_charts(history, monitor, drawn, alarms)),
+        tuple(_charts(history, monitor, alarms)),
         tuple(_names(history)),
     )
 
 
-def _charts(
-    history: History,
-    monitor: Monitor,
-    drawn: Mapping[str, Sequence[float]],
-    alarms: Sequence[Alarm],
-) -> Iterator[Series]:
+def _charts(history: History, monitor: Monitor, alarms: Sequence[Alarm]) -> Iterator[Series]:
     def heading(chart: str) -> str:
         """Heading of a chart: the sentence of its first alarm, or that all is well."""
         sentences = (alarm.sentence for alarm in alarms if alarm.chart.startswith(chart))
         return capital(next(sentences, STEADY[chart]))
 
     def lines(*names: str) -> tuple[Line, ...]:
-        return tuple(Line(name, drawn.get(name, ())) for name in names)
+        return tuple(Line(name, list(monitor.drawn[name])) for name in names)
 
     yield failures(history)._replace(heading=heading("failures"))
     limit = monitor.residuals[0].limit
