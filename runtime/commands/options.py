@@ -137,6 +137,7 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
         place,
         # A simulated gripper powers up in reset like a real one, and holds nothing real.
         activate=arguments.activate or arguments.port == SIMULATED,
+        count=arguments.count or (None if arguments.serve or arguments.plc else 1),
         patience=PATIENCE if person else 1.0,
         takt_s=arguments.takt,
         turns=not person,

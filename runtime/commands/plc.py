@@ -103,16 +103,13 @@ class PlcRun:
         monitors: one for each table, by the tables' numbers; the first has the views.
         server: communicates with the PLC.
         url: address of the server.
-        count: total number of parts, None for no end.
     """
 
-    def __init__(
-        self, monitors: Sequence[ForPlc], server: PlcServer, url: str, count: int | None
-    ) -> None:
+    def __init__(self, monitors: Sequence[ForPlc], server: PlcServer, url: str) -> None:
         self.recipes = [monitor.recipe for monitor in monitors]
         self.monitor = monitors[0]  # the one with views
         self._monitors, self._server, self._exchange = monitors, server, server.exchange
-        self._clock, self._url, self._count = server.clock, url, count
+        self._clock, self._url, self._count = server.clock, url, self.recipes[0].options.count
         self._parts = 0
         self._stopped = False  # whether a stop request ended a part
 
@@ -256,7 +253,7 @@ def opened(
         panel = Panel([*_offers(recipes)], _configuration(arguments, first), exchange.glance)
         served = OpcUaServer(listener, exchange, panel, _security(arguments))
     place = Address(address.host, listener.getsockname()[1])
-    return PlcRun(monitors, served, f"{scheme}://{place}", arguments.count)
+    return PlcRun(monitors, served, f"{scheme}://{place}")
 
 
 def _security(arguments: argparse.Namespace) -> "Security | None":

@@ -78,7 +78,7 @@ def _header(arguments: argparse.Namespace, tree: Path, options: RunOptions) -> d
         "arm": arguments.arm,
         "serve": arguments.serve,
         "plc": arguments.plc,
-        "count": arguments.count if arguments.serve or arguments.plc else arguments.count or 1,
+        "count": options.count,
         "time_scale": "max" if arguments.time_scale == inf else arguments.time_scale,
         "seed": arguments.seed if arguments.port == SIMULATED else None,
         **options.policy.fields(),

@@ -107,10 +107,7 @@ class _Asked:
             return self._say_put_down(session.put_down(table, cell, self.recipe.options))
         if plc is not None:
             return plc.run(cell)
-        count, options = arguments.count or 1, self.recipe.options
-        tally = session.run_journalled(
-            table, cell, monitor, count=count, options=options, broken=begun
-        )
+        tally = session.run_journalled(table, cell, monitor, self.recipe.options, begun)
         monitor.summary(tally, arguments.journal)
         return tally.exit_code
 
@@ -138,8 +135,8 @@ class _Asked:
         self.recipe.console.note(f"a robot may ask at tcp://{place}")
         self._begin(journal, None, monitor, (self.recipe,))
         with session.ending(journal) as tally:
-            name, options, count = self.recipe.loaded.digest, self.recipe.options, arguments.count
-            parts = AskedParts(table, name, journal, clock, monitor, tally, options, count)
+            name, options = self.recipe.loaded.digest, self.recipe.options
+            parts = AskedParts(table, name, journal, clock, monitor, tally, options)
             serve.RobotServer(listener, parts, clock).serve()
         monitor.summary(tally, arguments.journal)
         return tally.exit_code

@@ -104,11 +104,10 @@ class AskedParts:
         console: Console,
         tally: Tally,
         options: RunOptions,
-        count: int | None = None,
     ) -> None:
         self._table, self._name = table, name
         self._journal, self._clock, self._console, self._tally = journal, clock, console, tally
-        self._policy, self._count = options.policy, count
+        self._policy, self._count = options.policy, options.count
         self._calibration = options.handling.widths(table)
         self._middle_mm = options.handling.middle_mm
         self._program = program.Program(table, self._calibration, options.policy)

@@ -52,6 +52,7 @@ class RunOptions:
     handling: Handling = field(default_factory=Handling)
     delivery: Delivery | Sorting | None = None
     activate: bool = False  # whether a gripper that is inactive or in fault may be activated
+    count: int | None = 1  # number of parts, including those before a crash; None: no end
     # factor on the deadline of a squeeze, above 1 where a person takes part
     patience: float = 1.0
     takt_s: float | None = None  # within which parts should be done; only reported

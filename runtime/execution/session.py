@@ -8,7 +8,7 @@ from drivers.ports import Gripper, Scene, Truth
 from runtime.errors import JournalError
 from runtime.execution import held
 from runtime.execution.events import Console, Sighting, Tally
-from runtime.execution.executor import PLAIN, Cell, Executor, RunOptions
+from runtime.execution.executor import Cell, Executor, RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.safe_state import ending_safely, fingers_stop
 from runtime.execution.safety import needs_activation, ready_gripper
@@ -36,23 +36,15 @@ def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> No
 
 
 def run_journalled(
-    table: Table,
-    cell: Cell,
-    console: Console,
-    *,
-    count: int,
-    options: RunOptions = PLAIN,
-    broken: Replay | None = None,
+    table: Table, cell: Cell, console: Console, options: RunOptions, broken: Replay | None = None
 ) -> Tally:
-    """Prepares the gripper, runs up to `count` parts, and writes the run's last record in any case.
+    """Prepares the gripper, runs the parts, and writes the run's last record in any case.
 
     Args:
         table: the table to execute.
         cell: devices and records; the journal must already have its header.
         console: receives the events.
-        count: number of parts, including those before a crash; the part at which the run broke off is
-            finished whatever the count.
-        options: options of the run.
+        options: options of the run; the part at which a run broke off is finished whatever their count.
         broken: a run that broke off, to continue.
 
     Returns:
@@ -63,6 +55,7 @@ def run_journalled(
         Exception: any other error, once it is recorded.
     """
     with ending(cell.journal) as tally:
+        count = options.count or 1
         first = 1 if broken is None else broken.parts + 1
         last = count if broken is None or broken.part is None else max(count, broken.part)
         if first > last:

@@ -64,8 +64,8 @@ def run_parts(tree, handling, delivery=None):
     console.part = lambda result, seen: ended.append((result, seen, virtual.scene.truth()))
     devices = virtual.gripper(), virtual.arm(), virtual.clock
     cell = Cell(*devices, FakeJournal(), scene=virtual.scene)
-    options = RunOptions(handling=handling, delivery=delivery, activate=True)
-    session.run_journalled(load(tree).table, cell, console, count=PARTS, options=options)
+    options = RunOptions(handling=handling, delivery=delivery, activate=True, count=PARTS)
+    session.run_journalled(load(tree).table, cell, console, options)
     return ended
 
 

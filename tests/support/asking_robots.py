@@ -123,7 +123,7 @@ def driven(
     """The parts of a run whose arm and gripper the executor moves."""
     cell, result = VirtualCell(setting, seed), Results()
     devices = Cell(cell.gripper(), cell.arm(), cell.clock, journal, scene=cell.scene)
-    run_journalled(table, devices, result, count=count, options=RunOptions(activate=True))
+    run_journalled(table, devices, result, RunOptions(activate=True, count=count))
     return result.parts
 
 

@@ -256,9 +256,7 @@ def process(
         gripper = Gripper(CountedLink(world, life), Pace(world.time))
         crash.begin(journal, begun, data, fields, after_crash)
         cell = Cell(gripper, CountedArm(world, life), world.time, journal)
-        tally = session.run_journalled(
-            world.table, cell, Console(), count=1, options=options, broken=begun
-        )
+        tally = session.run_journalled(world.table, cell, Console(), options, begun)
     return tally, life.moment
 
 

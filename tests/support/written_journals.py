@@ -33,7 +33,7 @@ def write_run(
             fields["calibration_um"] = list(calibration.points_um)
         journal.header(dumps(table), fields)
         cell = Cell(rig.gripper, rig.arm, rig.cell.clock, journal)
-        session.run_journalled(table, cell, Deaf(), count=4, options=RunOptions(policy))
+        session.run_journalled(table, cell, Deaf(), RunOptions(policy, count=4))
     return path
 
 

@@ -26,8 +26,8 @@ TRUTH = SimpleNamespace(
 
 def run(rig: FakeCell, truth: object, console: Console, count: int = 1, *, activate=False) -> Tally:
     scene = None if truth is None else FakeScene(truth)
-    cell, options = replace(rig.cell, scene=scene), RunOptions(activate=activate)
-    return session.run_journalled(small_table(), cell, console, count=count, options=options)
+    cell, options = replace(rig.cell, scene=scene), RunOptions(activate=activate, count=count)
+    return session.run_journalled(small_table(), cell, console, options)
 
 
 def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_wins():
