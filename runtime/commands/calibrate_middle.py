@@ -16,13 +16,13 @@ from runtime.commands.arguments import MANUAL, SIMULATED, address
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.errors import GripperStateError
-from runtime.execution import calibration, fixed_block, held, middle, safety
+from runtime.execution import calibration, fixed_block, held, middle, safety, session
 from runtime.execution.calibration import GripperCalibration
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling, check_arc
 from runtime.execution.middle import Middle
 from runtime.execution.reading import CURRENT_MA
-from runtime.execution.safe_state import ending_safely, fingers_stop
+from runtime.execution.safe_state import ending_safely
 from runtime.shell import interrupts
 from runtime.shell.command import Parser, add_command, number, say, say_result
 from runtime.shell.errors import UsageError
@@ -104,10 +104,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
                     f"{holds.sentence()}; take it out, open the fingers, start again"
                 )
             ask(_warning(arguments, at, table))
-            if arguments.activate and safety.needs_activation(state):
-                with fingers_stop(gripper):
-                    gripper.activate()
-            safety.ready_gripper(gripper)
+            session.prepare_gripper(gripper, tell, activate=arguments.activate)
             hand = Hand(gripper, arm, SystemClock(), table, handling)
             with ending_safely(hand):
                 result = fixed_block.measure(hand, node, arguments.block, at, tell)

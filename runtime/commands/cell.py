@@ -8,6 +8,7 @@ from typing import NamedTuple, cast
 
 from drivers.ports import Arm, Drivers, Gripper, Report, Scene
 from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA
+from runtime.commands.recipe import Recipe
 from runtime.devices.cell_process import CellProcess
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
@@ -31,8 +32,7 @@ class Devices(NamedTuple):
 
 def connect(
     arguments: argparse.Namespace,
-    table: Table,
-    console: Console,
+    recipe: Recipe,
     drivers: Drivers,
     stack: ExitStack,
     report: Report,
@@ -41,8 +41,8 @@ def connect(
 
     Args:
         arguments: of `grasp-runtime`.
-        table: states the gripper's model, and the part of a simulated cell.
-        console: receives the name of the started cell.
+        recipe: its table states the gripper's model, and the part of a simulated cell; its console receives
+            the name of the started cell.
         drivers: opens the devices.
         stack: closes what was opened.
         report: receives retries and failures on the gripper's link.
@@ -50,6 +50,7 @@ def connect(
     Raises:
         ExpectedError: a lock is taken, the simulated cell does not start, or a driver fails.
     """
+    table, console = recipe.loaded.table, recipe.console
     gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:
         tree, world = arguments.trees[0], arguments.world or _default_world(table, console)

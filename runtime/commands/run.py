@@ -180,8 +180,7 @@ class _Asked:
         return 0
 
     def _connect(self, report: Report) -> Devices:
-        table, console = self.recipe.loaded.table, self.recipe.console
-        return connect(self.arguments, table, console, self.drivers, self.stack, report)
+        return connect(self.arguments, self.recipe, self.drivers, self.stack, report)
 
     def _monitor(self) -> Monitor:
         recipe = self.recipe
@@ -207,10 +206,10 @@ class _Asked:
         if not files.exists(arguments.journal):
             return None, None
         journal = self._journal(clock)
-        data, header, console = self.recipe.loaded.data, self.recipe.header, self.recipe.console
-        policy, most_s = arguments.after_crash, arguments.resume_within
+        header = {**self.recipe.header, "table_sha256": self.recipe.loaded.digest}
+        console, policy = self.recipe.console, arguments.after_crash
         try:
-            broken = crash.look(journal, data, header, policy, console, most_s)
+            broken = crash.look(journal, header, policy, console, arguments.resume_within)
         except BrokenRunError as error:
             if not arguments.put_down:
                 raise

@@ -1,6 +1,5 @@
 """Decides by a policy (abort, resume, restart) what becomes of a run that broke off; opens no device."""
 
-import hashlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -30,12 +29,7 @@ SAME = {
 
 
 def look(
-    journal: Journal,
-    table: bytes,
-    fields: Mapping[str, object],
-    policy: str,
-    console: Console,
-    most_s: float,
+    journal: Journal, fields: Mapping[str, object], policy: str, console: Console, most_s: float
 ) -> Replay | None:
     """Finds out whether a journal's last run broke off; gives such a run up, or returns it to be resumed.
 
@@ -44,8 +38,7 @@ def look(
 
     Args:
         journal: the open journal, without an incomplete last line.
-        table: the table's bytes.
-        fields: the header of a new run.
+        fields: the header of a new run, with `table_sha256`.
         policy: `ABORT`, `RESUME` or `RESTART`.
         console: receives the result.
         most_s: age of the last record above which a part is not continued, s.
@@ -75,9 +68,8 @@ def look(
             f"{message}; it is given up and nothing was moved: "
             "look at the fingers, clear the cell, start again"
         )
-    stated = {**fields, "table_sha256": hashlib.sha256(table).hexdigest()}
     for name, what in SAME.items():
-        if (broken.header.get(name) or None) != (stated.get(name) or None):
+        if (broken.header.get(name) or None) != (fields.get(name) or None):
             raise BrokenRunError(
                 f"the run that broke off had another {what}; start with that one, or with --after-crash abort"
             )

@@ -1,6 +1,6 @@
 """Runs many parts: feeds and executes each, compares it with the truth if known, and sums up."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import isfinite
 
@@ -22,14 +22,19 @@ from runtime.traversal.results import Outcome, PartResult
 CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
 
 
-def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> None:
+def prepare_gripper(gripper: Gripper, tell: Callable[[str], object], *, activate: bool) -> None:
     """Checks that the gripper may be moved; with `activate`, activates it if needed: the fingers sweep.
+
+    Args:
+        gripper: the gripper.
+        tell: receives a sentence before they sweep.
+        activate: whether they may.
 
     Raises:
         GripperStateError: it is inactive or in fault, and must not be activated or stays so.
     """
     if activate and needs_activation(gripper.state()):
-        console.note("activating the gripper: the fingers open and close fully")
+        tell("activating the gripper: the fingers open and close fully")
         with fingers_stop(gripper):
             gripper.activate()
     ready_gripper(gripper)
@@ -93,7 +98,7 @@ def run_parts(
     # Fingers that may still hold the part of a broken run are left to the executor and never sweep.
     if broken is None or broken.part is None:
         with interrupts.stoppable():
-            prepare_gripper(cell.gripper, console, activate=options.activate)
+            prepare_gripper(cell.gripper, console.note, activate=options.activate)
     executor, scene = Executor(table, cell, console, options), cell.scene
     for number in numbers:
         resumed = broken if broken is not None and broken.part == number else None

@@ -5,6 +5,7 @@ motions, as its controller does: a motion that was sent is carried out, whoever 
 world knows where the part lies, and keeps a list of what must never happen to it.
 """
 
+import hashlib
 import os
 import random
 from collections.abc import Iterator, Mapping
@@ -252,7 +253,8 @@ def process(
     data = dumps(world.table)
     fields = options.policy.fields()
     with CountedJournal(path, world, life) as journal:
-        begun = crash.look(journal, data, fields, after_crash, Console(), RESUME_WITHIN_S)
+        header = {**fields, "table_sha256": hashlib.sha256(data).hexdigest()}
+        begun = crash.look(journal, header, after_crash, Console(), RESUME_WITHIN_S)
         gripper = Gripper(CountedLink(world, life), Pace(world.time))
         crash.begin(journal, begun, data, fields, after_crash)
         cell = Cell(gripper, CountedArm(world, life), world.time, journal)
