@@ -13,7 +13,7 @@ from runtime import VERSION
 from runtime.devices.clock import SystemClock
 from runtime.errors import PackError
 from runtime.execution import calibration
-from runtime.shell.command import Parser, add_command, run, say_result, tell
+from runtime.shell.command import Body, Commands, Parser, add_command, run, say_result, tell
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import OutputError, usable, writing
 from runtime.shell.plain_text import is_plain
@@ -65,10 +65,7 @@ def parser() -> Parser:
 
 
 def _add_subcommand(
-    subcommands: "argparse._SubParsersAction[Parser]",
-    example: str,
-    body: Callable[[argparse.Namespace], int],
-    purpose: str,
+    subcommands: Commands, example: str, body: Body, purpose: str
 ) -> Callable[..., object]:
     """Adds a subcommand; returns its `add_argument`."""
     subcommand = add_command(subcommands, purpose, f"{NAME} {example}", EXIT_CODES)

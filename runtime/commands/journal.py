@@ -14,7 +14,7 @@ from runtime.journal.chain import records, verify
 from runtime.journal.lines import RESERVED, UPTIME, Entry, begins_run
 from runtime.journal.replay import Replay
 from runtime.journal.times import times_of
-from runtime.shell.command import Parser, add_command, natural, run, say_result, seconds
+from runtime.shell.command import Commands, Parser, add_command, natural, run, say_result, seconds
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, words_of
@@ -64,9 +64,7 @@ def parser() -> Parser:
     return built
 
 
-def _subcommand(
-    subcommands: "argparse._SubParsersAction[Parser]", name: str, body: object, help_text: str
-) -> Parser:
+def _subcommand(subcommands: Commands, name: str, body: object, help_text: str) -> Parser:
     example = f"grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
     command = add_command(subcommands, help_text, example, EXIT_CODES)
     text = "the journal; its sealed segments are read with it"

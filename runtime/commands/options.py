@@ -145,7 +145,7 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     )
 
 
-def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | delivery.Sorting | None:
+def _delivery(words: list[str] | None, table: Table) -> delivery.Places | None:
     if words is None or words == ["job"]:
         return delivery.from_job(job_of(table))
     if words == ["no"]:

@@ -73,6 +73,9 @@ class Sorting:
         return list(self.named.items())
 
 
+Places = Delivery | Sorting  # where the parts of a run are put down
+
+
 def from_word(word: str, picks: Mapping[str, Pose2]) -> Delivery:
     """Parses the word of a delivery: `x,y,angle` (see `from_text`), or a file's name (see `from_file`)."""
     return from_text(word) if "," in word else from_file(Path(word), picks)

@@ -13,7 +13,7 @@ from runtime.devices.clock import Lap, SystemClock
 from runtime.errors import BrokenRunError, GripperStateError
 from runtime.execution import recovery, safety
 from runtime.execution.carry import deliver
-from runtime.execution.delivery import Delivery, Sorting
+from runtime.execution.delivery import Places
 from runtime.execution.events import Console, Phase
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
@@ -50,7 +50,7 @@ class RunOptions:
 
     policy: Policy = field(default_factory=Policy)
     handling: Handling = field(default_factory=Handling)
-    delivery: Delivery | Sorting | None = None
+    delivery: Places | None = None
     activate: bool = False  # whether a gripper that is inactive or in fault may be activated
     count: int | None = 1  # number of parts, including those before a crash; None: no end
     # factor on the deadline of a squeeze, above 1 where a person takes part

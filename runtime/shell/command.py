@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn, TextIO, TypeAlias
 
 from runtime.shell import output
 from runtime.shell.errors import ExpectedError
@@ -23,6 +23,7 @@ from runtime.shell.exit_codes import ExitCode
 from runtime.shell.plain_text import capital, cleaned
 
 OURS = frozenset({"planner", "runtime", "drivers"})
+INTERRUPTED = ExitCode.INTERRUPTED, "interrupted"
 LONGEST_LINE = 2000
 UNWRITABLE = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE})
 
@@ -61,9 +62,11 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--debug", action="store_true", help="print the traceback of an error")
 
 
-def add_command(
-    commands: "argparse._SubParsersAction[Parser]", purpose: str, example: str, codes: str
-) -> Parser:
+Body = Callable[[argparse.Namespace], int]
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+
+
+def add_command(commands: Commands, purpose: str, example: str, codes: str) -> Parser:
     """Adds a subcommand, the second word of its example; --help has purpose, example and exit codes."""
     return commands.add_parser(
         example.split()[1],
@@ -104,10 +107,7 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 
 def run(
-    built: Parser,
-    argv: Sequence[str] | None,
-    body: Callable[[argparse.Namespace], int],
-    stopped: tuple[int, str] = (ExitCode.INTERRUPTED, "interrupted"),
+    built: Parser, argv: Sequence[str] | None, body: Body, stopped: tuple[int, str] = INTERRUPTED
 ) -> int:
     """Runs a command; every error becomes one line on standard error and an exit code, which is returned.
 
