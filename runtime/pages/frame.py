@@ -7,26 +7,12 @@ from html import escape
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-HEAD = """\
-<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{policy}">
-<link rel="icon" href="data:,">
-<title>{title}</title>
-<style>
-{style}</style>
-</head>
-<body{kind}>
-"""
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
 @cache
 def asset(name: str) -> str:
-    """The text of a stylesheet or script that pages share."""
+    """The text of a file that pages share: their head, a stylesheet or a script."""
     return (FOLDER / name).read_text("utf-8")
 
 
@@ -52,7 +38,7 @@ def page(
         policy: further directives of the Content-Security-Policy.
     """
     rules = [POLICY, *(["script-src 'unsafe-inline'"] if script else []), *filter(None, [policy])]
-    head = HEAD.format(
+    head = asset("head.html").format(
         policy="; ".join(rules),
         title=escape(title),
         style=asset("style.css") + style,

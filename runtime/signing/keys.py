@@ -17,10 +17,7 @@ from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import OutputError, bring_to_disk, quoted, read_input, usable
 
 if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import (
-        Ed25519PrivateKey,
-        Ed25519PublicKey,
-    )
+    from cryptography.hazmat.primitives.asymmetric import ed25519
 
 _PREFIX = bytes.fromhex("302a300506032b6570032100")  # of a public key in DER (RFC 8410, section 4)
 _MOST_BYTES = 1 << 16
@@ -60,7 +57,7 @@ class PublicKey:
 class SigningKey:
     """A private key."""
 
-    private: "Ed25519PrivateKey"
+    private: "ed25519.Ed25519PrivateKey"
 
     @property
     def public(self) -> PublicKey:
@@ -174,11 +171,11 @@ def _ed25519() -> Any:
     return ed25519
 
 
-def _public(key: "Ed25519PublicKey") -> PublicKey:
+def _public(key: "ed25519.Ed25519PublicKey") -> PublicKey:
     return PublicKey(key.public_bytes_raw())
 
 
-def _private_pem(key: "Ed25519PrivateKey") -> bytes:
+def _private_pem(key: "ed25519.Ed25519PrivateKey") -> bytes:
     from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
     return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())

@@ -37,7 +37,6 @@ from runtime.table.grippers import (
     DEFAULT_MODEL,
     PROFILES,
     doubt_um,
-    known,
     profile_of,
     same_model,
     selectable,
@@ -45,7 +44,6 @@ from runtime.table.grippers import (
 from runtime.table.lookup import Calibration, DecisionMap, Segments, decide, decision_map, misfits
 from runtime.table.model import (
     HELD_UM,
-    KINDS,
     PPM,
     REJECT,
     Area,

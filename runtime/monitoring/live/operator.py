@@ -6,6 +6,7 @@ The server writes the HTML, which the browser only inserts; all text from files 
 from collections.abc import Iterator, Mapping
 from html import escape
 from math import degrees
+from pathlib import Path
 from typing import Any
 
 from runtime.pages.charts import Bar, Line, bars, trend
@@ -38,13 +39,7 @@ KINDS = {
     "delivery": "Not delivered",
 }
 HEADS = ("part", "outcome", "lies at", "squeezes", "seconds", "audit", "why")
-CHANGE = """\
-<p>The table changes between two runs, never while parts are run. Check the new one, which moves nothing. Then
-end this run with Ctrl-C in its terminal: the fingers stop, the arm retreats, and a part under way has to be
-fed again. Start again with the other options as before.</p>
-<pre>squeezetree run --tree NEW.msgpack --check
-squeezetree run --tree NEW.msgpack ...</pre>
-"""
+CHANGE = (Path(__file__).parent / "templates" / "change.html").read_text("utf-8")
 NONE = "\N{EN DASH}"
 Outlines = list[list[list[float]]]  # of each part that may lie there (n, 2) [mm]; empty if unknown
 
