@@ -23,19 +23,9 @@ from runtime.execution.jaws import Jaws
 from runtime.execution.reading import CLOSED_UM, check_closed, check_fresh, check_set
 from runtime.execution.strokes import Stroke
 from runtime.execution.watch import ARM, GRIPPER, Watch
-from runtime.table import (
-    CLEAR_MM,
-    Limits,
-    Node,
-    Push,
-    Schedule,
-    Squeeze,
-    Table,
-    close_alike,
-    job_of,
-    may_turn,
-)
+from runtime.table import CLEAR_MM, Limits, Node, Push, Squeeze, Table, job_of, may_turn
 from runtime.table.geometry import end_of, placement, same_turns, sent
+from runtime.table.schedule import Schedule, close_alike
 
 # Distance from a height within which the arm counts as standing there.
 LEVEL_MM = 0.05

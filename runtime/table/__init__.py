@@ -32,7 +32,7 @@ from runtime.table.goal import (
     residual,
     threshold,
 )
-from runtime.table.grip import from_segment, not_held
+from runtime.table.grip import not_held
 from runtime.table.grippers import (
     DEFAULT_MODEL,
     PROFILES,

@@ -1,10 +1,12 @@
-"""Planar poses in mm and rad: from the hand's frame to the world's."""
+"""Planar poses in mm and rad, from the hand's frame to the world's; distances and moments of outlines."""
 
-from math import cos, degrees, hypot, remainder, sin, tau
+from collections.abc import Sequence
+from math import cos, degrees, fsum, hypot, remainder, sin, sqrt, tau
 
 from runtime.table.model import Place, Push, Squeeze
 
 Pose2 = tuple[float, float, float]  # x mm, y mm, theta rad
+Outline = Sequence[tuple[float, float]]  # vertices, counter-clockwise about the origin, mm
 MOST_TURNS = 3  # more than any wrist turns
 
 
@@ -59,3 +61,25 @@ def same_turns(angle_rad: float, low_rad: float, high_rad: float, near_rad: floa
     turns = (nearest + tau * number for number in range(-MOST_TURNS, MOST_TURNS + 1))
     results = [turn for turn in turns if low_rad <= turn <= high_rad]
     return sorted(results, key=lambda turn: abs(turn - near_rad))
+
+
+def from_segment(
+    point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]
+) -> float:
+    """The distance of a point from a segment."""
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    px, py = point[0] - start[0], point[1] - start[1]
+    along = (px * dx + py * dy) / max(dx * dx + dy * dy, 1e-18)
+    share = min(max(along, 0.0), 1.0)
+    return hypot(px - share * dx, py - share * dy)
+
+
+def gyration_mm(outline: Outline) -> float:
+    """The radius of gyration about the origin of the area in an outline; 0 without area."""
+    crosses, moments = [], []
+    for (x0, y0), (x1, y1) in zip(outline, (*outline[1:], *outline[:1]), strict=True):
+        cross = x0 * y1 - x1 * y0
+        crosses.append(cross)
+        moments.append(cross * (x0 * x0 + x0 * x1 + x1 * x1 + y0 * y0 + y0 * y1 + y1 * y1))
+    area = 6.0 * fsum(crosses)
+    return sqrt(max(fsum(moments) / area, 0.0)) if area > 0.0 else 0.0
