@@ -11,9 +11,7 @@ from drivers import connect
 from drivers.ports import Drivers
 from runtime.devices.clock import SystemClock
 from runtime.shell import command, interrupts, output
-from runtime.shell.command import Parser
 from runtime.shell.exit_codes import ExitCode
-from runtime.shell.interrupts import StopRequests
 
 Body = Callable[[argparse.Namespace, Drivers], int]
 STOPPED = ExitCode.STOPPED, "stopped by the operator while no part was being squeezed"
@@ -47,7 +45,7 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
     return guarded(calibrate_command.parser(), argv, calibrate_command.measured)
 
 
-def guarded(built: Parser, argv: Sequence[str] | None, body: Body) -> int:
+def guarded(built: command.Parser, argv: Sequence[str] | None, body: Body) -> int:
     """Runs a command of the cell so that stop requests end it and slow readers do not delay it.
 
     Returns:
@@ -58,7 +56,7 @@ def guarded(built: Parser, argv: Sequence[str] | None, body: Body) -> int:
         with interrupts.stoppable():
             return body(arguments, connect)
 
-    with StopRequests(last=argv is None), output.unblocked(SystemClock().now):
+    with interrupts.StopRequests(last=argv is None), output.unblocked(SystemClock().now):
         return command.run(built, argv, stoppable, STOPPED)
 
 

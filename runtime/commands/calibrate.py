@@ -15,7 +15,6 @@ from runtime.commands import calibrate_middle
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.execution import calibration, held
-from runtime.execution.calibration import LEAST_BLOCKS, GripperCalibration
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.shell import interrupts
@@ -141,7 +140,7 @@ def report(measured: Measured) -> Iterator[str]:
         yield f"{line}  {block['off_nominal_mm']:+.3f} mm"
 
 
-def figures(measured: GripperCalibration) -> Measured:
+def figures(measured: calibration.GripperCalibration) -> Measured:
     """The measurement in plain types, with the deviations that `report` shows."""
     left_out = [None, *calibration.residuals_mm(measured)]
     blocks = [
@@ -173,8 +172,8 @@ def _checked(
     widths_mm = sorted(_numbers("--blocks", named))
     if arguments.grips < 1 or widths_mm[0] < 0.0:
         raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
-    if len(widths_mm) < LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
-        raise UsageError(f"--blocks {named!r}: name at least {LEAST_BLOCKS}, each once")
+    if len(widths_mm) < calibration.LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
+        raise UsageError(f"--blocks {named!r}: name at least {calibration.LEAST_BLOCKS}, each once")
     usable(arguments.output)
     tips = _pair("--tips", arguments.tips)
     current = _pair("--current", arguments.current)

@@ -17,10 +17,8 @@ from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.errors import GripperStateError
 from runtime.execution import calibration, fixed_block, held, middle, safety, session
-from runtime.execution.calibration import GripperCalibration
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling, check_arc
-from runtime.execution.middle import Middle
 from runtime.execution.reading import CURRENT_MA
 from runtime.execution.safe_state import ending_safely
 from runtime.shell import interrupts
@@ -125,7 +123,7 @@ def _warning(arguments: argparse.Namespace, at: Pose2, table: Table) -> str:
     )
 
 
-def _print(arguments: argparse.Namespace, known: Middle, table: Table) -> None:
+def _print(arguments: argparse.Namespace, known: middle.Middle, table: Table) -> None:
     width_mm, leaves = middle.narrowest_mm(table), middle.left(known, table)
     beside = middle.off_mm(known, table)
     record = {"output": str(arguments.output), **known._asdict(), "narrowest_mm": width_mm}
@@ -142,7 +140,7 @@ def _print(arguments: argparse.Namespace, known: Middle, table: Table) -> None:
     say_result(arguments.json, {**record, "beside_mm": beside, "doubt": leaves}, lines)
 
 
-def _checked(arguments: argparse.Namespace) -> tuple[Pose2, GripperCalibration]:
+def _checked(arguments: argparse.Namespace) -> tuple[Pose2, calibration.GripperCalibration]:
     """Checks and returns the block's place and the gripper's calibration, before anything is opened."""
     if MANUAL in (arguments.port, arguments.arm) or SIMULATED in (arguments.port, arguments.arm):
         raise UsageError(

@@ -6,7 +6,6 @@ from math import inf
 
 from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA, given
 from runtime.execution import calibration, delivery, middle
-from runtime.execution.calibration import GripperCalibration
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 from runtime.execution.reading import CURRENT_MA
@@ -164,7 +163,7 @@ def _is_manual(arguments: argparse.Namespace) -> bool:
 
 
 def arc_of(
-    arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None
+    arguments: argparse.Namespace, table: Table, measured: calibration.GripperCalibration | None
 ) -> TipArc | None:
     """The arc of the finger tips: as `--tips` states, else as measured, else that of the gripper's model.
 

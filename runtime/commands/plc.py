@@ -19,7 +19,6 @@ from runtime.execution.events import Sighting
 from runtime.execution.executor import Cell
 from runtime.journal.chain import Journal
 from runtime.monitoring.live import server
-from runtime.monitoring.live.server import Address
 from runtime.monitoring.monitor import Monitor, Views, notify
 from runtime.plc.exchange import Exchange, answer_of, parts_of
 from runtime.plc.handshake import OPEN, State
@@ -50,7 +49,7 @@ EXCLUDED = {
 OF_ONE_TABLE = ("http", "audit")
 
 
-def check(arguments: argparse.Namespace) -> Address:
+def check(arguments: argparse.Namespace) -> server.Address:
     """Checks the options that `--plc` requires or excludes; returns the address to listen at.
 
     Raises:
@@ -252,7 +251,7 @@ def opened(
 
         panel = Panel([*_offers(recipes)], _configuration(arguments, first), exchange.glance)
         served = OpcUaServer(listener, exchange, panel, _security(arguments))
-    place = Address(address.host, listener.getsockname()[1])
+    place = server.Address(address.host, listener.getsockname()[1])
     return PlcRun(monitors, served, f"{scheme}://{place}")
 
 

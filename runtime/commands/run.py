@@ -18,7 +18,6 @@ from runtime.devices.lock import PortLock
 from runtime.errors import BrokenRunError
 from runtime.execution import carry, crash, dry_run, held, session
 from runtime.execution.executor import Cell
-from runtime.execution.held import Held
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.journal import files
 from runtime.journal import installed as log
@@ -220,7 +219,7 @@ class _Asked:
     def _journal(self, clock: SystemClock) -> Journal:
         return self.stack.enter_context(Journal(self.arguments.journal, clock.stamp, clock.uptime))
 
-    def _holds(self, devices: Devices, journal: Journal | None) -> Held | None:
+    def _holds(self, devices: Devices, journal: Journal | None) -> held.Held | None:
         """Returns what the fingers may hold before a run; raises unless they may be moved anyway."""
         arguments, options = self.arguments, self.recipe.options
         state = devices.gripper.state()

@@ -21,7 +21,6 @@ from runtime.execution import safety, strokes
 from runtime.execution.handling import Handling, check_arc
 from runtime.execution.jaws import Jaws
 from runtime.execution.reading import CLOSED_UM, check_closed, check_fresh, check_set
-from runtime.execution.strokes import Stroke
 from runtime.execution.watch import ARM, GRIPPER, Watch
 from runtime.table import CLEAR_MM, Limits, Node, Push, Squeeze, Table, job_of, may_turn
 from runtime.table.geometry import end_of, placement, same_turns, sent
@@ -306,7 +305,7 @@ class Hand:
         for force in forces:
             if limit_ma is not None and reading.current_ma >= limit_ma:
                 break
-            reading = self.jaws.stroke(Stroke(CLOSED_UM, speed, force, 0.0))
+            reading = self.jaws.stroke(strokes.Stroke(CLOSED_UM, speed, force, 0.0))
             check_fresh(reading, CLOSED_UM)
             if reading.object is ObjectState.AT_TARGET:  # it slipped out: the width shows it
                 break
