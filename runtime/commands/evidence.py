@@ -131,12 +131,10 @@ def _lines(arguments: argparse.Namespace, pack: Pack) -> list[str]:
     return [f"{arguments.pack}: whole, every byte of it; {who}", *digests]
 
 
-def _signing_key(path: Path | None) -> keys.SigningKey:
+def _signing_key(given: Path | None) -> keys.SigningKey:
     """The key to sign with; the default one is created if missing."""
-    if path is not None:
-        return keys.load_private(path)
-    path = _default_key()
-    if path.exists():
+    path = given or _default_key()
+    if given is not None or path.exists():
         return keys.load_private(path)
     key = keys.generate(path)
     tell(NAME, f"made a key to sign with: {path}; others check by {keys.public_of(path)}")

@@ -55,7 +55,6 @@ class Hand:
         self.limits = table.limits
         self.calibration = handling.widths(table)
         self.middle_mm = handling.middle_mm
-        self._profile = table.gripper.profile
         self.arm_known = True
         self._clock = clock
         self._handling = handling
@@ -286,7 +285,7 @@ class Hand:
         plan = strokes.closing(node, self._handling, self.calibration, open_mm, self.timing)
         for stroke, following in pairwise(plan):
             self._level(stroke.advance_mm)
-            through = self._profile.streams and stroke.advance_mm == following.advance_mm
+            through = self.calibration.profile.streams and stroke.advance_mm == following.advance_mm
             if not (self.jaws.passes(stroke) if through else self.jaws.arrives(stroke)):
                 break
         else:
@@ -298,7 +297,7 @@ class Hand:
 
         If the squeeze is not regulated or holds nothing, `reading` is returned unchanged.
         """
-        forces = strokes.raising(node.squeeze, self._handling, self._profile)
+        forces = strokes.raising(node.squeeze, self._handling, self.calibration.profile)
         if not forces or reading.object is not ObjectState.CLOSING:
             return reading
         limit_ma, speed = self._handling.grip_current_ma, node.squeeze.speed_um_s / 1000

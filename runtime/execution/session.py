@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import isfinite
 
-from drivers.ports import Gripper, Scene, Truth
+from drivers.ports import Gripper, Scene
 from runtime.errors import JournalError
 from runtime.execution import held
 from runtime.execution.events import Console, Sighting, Tally
@@ -154,22 +154,19 @@ def end_run(journal: Journal, tally: Tally) -> None:
 def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
     """Compares a part's predicted pose with the truth."""
     truth = scene.truth()
+    named = table.hypotheses[truth.hypothesis].name if table.hypotheses else None
     true = (truth.x_mm, truth.y_mm, truth.theta_rad)
     if not all(map(isfinite, true)):
         return Sighting(None, None, None, truth.crashes)
     # A delivered part lies elsewhere now.
     leaf = result.leaf_of(table)
     if result.outcome is not Outcome.LEAF or leaf is None or result.delivery is not None:
-        return Sighting(true, None, None, truth.crashes, _named(table, truth))
+        return Sighting(true, None, None, truth.crashes, named)
     goal = table.goal_of(truth.hypothesis)
     off_mm = min(error_mm(goal, pose, true) for pose in poses_of(goal, leaf))
     shown_mm = None if goal.kind in ("orientation", "identity") else off_mm
     within = meets(goal, leaf, true, truth.hypothesis)
-    return Sighting(true, shown_mm, within, truth.crashes, _named(table, truth))
-
-
-def _named(table: Table, truth: Truth) -> str | None:
-    return table.hypotheses[truth.hypothesis].name if table.hypotheses else None
+    return Sighting(true, shown_mm, within, truth.crashes, named)
 
 
 def truth_fields(seen: Sighting) -> dict[str, object]:

@@ -117,16 +117,13 @@ class Watch:
         now, spent = self._count(), self._spent
         expected = {ARM: self._expected.arm_s, GRIPPER: self._expected.gripper_s, MACHINE: 0.0}
         slowest = max(spent, key=lambda name: spent[name] - expected[name])
+        device = slowest if slowest == MACHINE else f"the {slowest}"
         problem = (
             f"the squeeze may take {self._deadline - self._began:.1f} s and is "
-            f"{max(now - self._deadline, 0.0):.1f} s late: {_the(slowest)} took {spent[slowest]:.1f} s, "
+            f"{max(now - self._deadline, 0.0):.1f} s late: {device} took {spent[slowest]:.1f} s, "
             f"{expected[slowest]:.1f} s are usual; {REMEDIES[slowest]}"
         )
         return MotionRefusedError(problem) if slowest == ARM else GripperStateError(problem)
-
-
-def _the(name: str) -> str:
-    return name if name == MACHINE else f"the {name}"
 
 
 class _Watched:

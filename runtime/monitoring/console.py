@@ -81,12 +81,10 @@ def as_object(
     table: Table, result: PartResult, seen: Sighting | None, journal: Path
 ) -> dict[str, object]:
     """The result of one part in the form of JSON, with the true pose if known; units are in the names."""
-    leaf = result.leaf_of(table)
+    leaf, fields = result.leaf_of(table), result.fields()
+    del fields["phases"]
     return {
-        "part": result.part,
-        "outcome": result.outcome.value,
-        "leaf": result.leaf,
-        "path": [step.node for step in result.steps],
+        **fields,
         "readings_mm": [step.reading_um / 1000 for step in result.steps],
         "widths_mm": [step.width_um / 1000 for step in result.steps],
         "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
@@ -95,16 +93,10 @@ def as_object(
         "success_trials": None if leaf is None else leaf.trials,
         "expected_error_mm": None if leaf is None else _expected_error(leaf),
         **_names(table, leaf, seen),
-        "seconds": None if result.seconds is None else round(result.seconds, 4),
-        "audit": result.audit,
-        "delivery": result.delivery,
         "true_pose": None if seen is None or seen.true is None else _pose_object(seen.true),
         "error_mm": None if seen is None or seen.error_mm is None else round(seen.error_mm, 4),
         "within_goal": None if seen is None else seen.within,
         "crashes": None if seen is None else seen.crashes,
-        "reason": result.reason,
-        "safe_state": list(result.safe_state),
-        "exit_code": result.exit_code,
         "journal": str(journal),
     }
 

@@ -43,18 +43,11 @@ class Step(NamedTuple):
 
     def fields(self) -> dict[str, object]:
         """The step as fields of a journal record: with place and opening instead of the squeeze."""
-        return {
-            "number": self.number,
-            "node": self.node,
-            "x_um": self.squeeze.x_um,
-            "y_um": self.squeeze.y_um,
-            "angle_urad": self.squeeze.angle_urad,
-            "opening_um": self.squeeze.opening_um,
-            "reading_um": self.reading_um,
-            "width_um": self.width_um,
-            "target": self.target,
-            "reason": self.reason,
-        }
+        fields = self._asdict()
+        squeeze = fields.pop("squeeze")
+        names = ("x_um", "y_um", "angle_urad", "opening_um")
+        place = {name: getattr(squeeze, name) for name in names}
+        return {"number": self.number, "node": self.node, **place, **fields}
 
 
 @dataclass(frozen=True, slots=True)
