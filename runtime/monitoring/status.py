@@ -7,7 +7,7 @@ from typing import Any
 
 from runtime.execution.events import Phase
 from runtime.monitoring.shift import Shift
-from runtime.spc.drift import Drift
+from runtime.spc.monitor import Drift
 from runtime.table import PPM, TableFile
 from runtime.traversal import answer
 from runtime.traversal.results import Outcome, PartResult, Step

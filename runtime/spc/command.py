@@ -10,8 +10,8 @@ from runtime.shell.command import Parser, run
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, writing
 from runtime.spc import expectation
-from runtime.spc.drift import REFIT
 from runtime.spc.history import RESIDUAL, History, Part, read
+from runtime.spc.monitor import REFIT
 from runtime.spc.page import page
 from runtime.spc.summary import Summary, summarise
 

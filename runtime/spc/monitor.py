@@ -1,4 +1,4 @@
-"""All control charts over a history: their values, and where they alarm."""
+"""All control charts over a history or during a run: their values, where they alarm, whether a refit pays."""
 
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -9,6 +9,7 @@ from runtime.spc.charts import WINDOWS, BinomialWindowChart, Cusum, Ewma, GTestC
 from runtime.spc.expectation import LIMIT, Expectation, ShiryaevRoberts
 from runtime.spc.history import History, Part, Squeezed
 from runtime.table import PPM, Branch, Leaf, Prediction, Table, wilson_interval
+from runtime.traversal.results import PartResult
 
 WIDTH_SHIFT_UM = 700.0  # shift of widths to detect (worn fingers, a slipped encoder): two counts
 LEAST_WIDTH_SIGMA_UM = 150.0
@@ -16,6 +17,10 @@ FLOOR_SHARE = 1.0 / 12.0  # least standard deviation of residuals, as a share of
 LEAST_SHARE = 2e-3  # least share of failures that a prediction is trusted to have
 NEAR_UM = 3000  # distance within which a rejected width counts for a branch
 COORDINATES = ("x", "y", "theta")
+LEAST_REFIT = 20  # least parts for a refit
+DRIFTED = ("widths", "branches", "readings", "rejects")  # charts of quantities that a refit learns
+REFIT = "a refit would pay: plan-refit JOB.toml --journal J... -o JOB2.toml learns what is off in the cell"
+RECENT = 120  # squeezes whose chart values are kept
 
 
 class Alarm(NamedTuple):
@@ -125,6 +130,37 @@ class Monitor:
             if chart.add(value):
                 yield f"residual {name}"
             self.drawn[name].append(chart.mean)
+
+
+class Drift:
+    """The control charts of a table, fed during a run; `add` returns whether a refit would pay."""
+
+    def __init__(self, table: Table) -> None:
+        self._charts = Monitor(table, keep=RECENT)
+        self._drifted = False
+        self._alarms: dict[str, Alarm] = {}  # the latest of each chart
+
+    def as_object(self) -> dict[str, object]:
+        """The latest cumulative sums of widths, their limit, and the latest alarm of each chart."""
+        drawn = self._charts.drawn
+        return {
+            **{name: [round(v, 2) for v in drawn[name]] for name in ("wider", "narrower")},
+            "limit": self._charts.widths.limit,
+            "alarms": [alarm._asdict() for alarm in self._alarms.values()],
+        }
+
+    def add(self, result: PartResult) -> bool:
+        """Adds a part that has ended; returns whether a refit would pay now."""
+        nodes = self._charts.table.nodes
+        squeezes = (
+            Squeezed(step.node, nodes[step.node].branch_to(step.target), step.width_um)
+            for step in result.steps
+        )
+        part = Part(result.part, tuple(squeezes), result.outcome.value, result.leaf, result.audit)
+        alarms = self._charts.add(part)
+        self._alarms |= {alarm.chart: alarm for alarm in alarms}
+        self._drifted |= any(alarm.chart in DRIFTED for alarm in alarms)
+        return self._drifted and self._charts.parts >= LEAST_REFIT
 
 
 def failure_share(predicted: Prediction) -> float:

@@ -6,7 +6,7 @@ from math import degrees
 
 from runtime.pages import charts, frame
 from runtime.shell.plain_text import capital
-from runtime.spc.drift import REFIT
+from runtime.spc.monitor import REFIT
 from runtime.spc.summary import LeafRow, NodeRow, Series, Summary
 
 

@@ -11,10 +11,9 @@ from runtime.pages.charts import Line
 from runtime.shell.plain_text import capital
 from runtime.spc import monitor as monitors
 from runtime.spc.charts import RARE, binomial_tail, chi_square, chi_square_tail
-from runtime.spc.drift import DRIFTED, LEAST_REFIT
 from runtime.spc.expectation import LIMIT, Expectation
 from runtime.spc.history import History, Part, by_leaf
-from runtime.spc.monitor import COORDINATES, STEADY, Alarm, Monitor
+from runtime.spc.monitor import COORDINATES, DRIFTED, LEAST_REFIT, STEADY, Alarm, Monitor
 from runtime.table import PPM, wilson_interval
 
 PREDICTED_FROM = 6000  # assumed trials behind a share without a stated number

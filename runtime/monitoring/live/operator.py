@@ -12,8 +12,7 @@ from typing import Any
 from runtime.pages.charts import Bar, Line, bars, trend
 from runtime.pages.frame import cards, table, verdict
 from runtime.shell.plain_text import capital
-from runtime.spc.drift import REFIT
-from runtime.spc.monitor import MEANING, STEADY
+from runtime.spc.monitor import MEANING, REFIT, STEADY
 from runtime.table import PPM, Table
 
 PHASES = {
