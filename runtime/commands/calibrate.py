@@ -10,7 +10,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any, TextIO
 
-from drivers.ports import Drivers, Gripper
+from drivers.ports import Drivers
 from runtime.commands import calibrate_middle
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
@@ -22,7 +22,7 @@ from runtime.shell.command import Parser, add_command, number, say, say_result
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable
-from runtime.table import DEFAULT_MODEL, PROFILES, Calibration, GripperProfile, profile_of
+from runtime.table import DEFAULT_MODEL, PROFILES, Calibration, profile_of
 
 Measured = dict[str, Any]
 DEFAULT_BLOCKS = (0, 5, 10, 20, 40, 60, 80, 100, 120)
@@ -80,21 +80,16 @@ def parser() -> Parser:
 def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """Runs the subcommand `width` or `middle`; returns 0, and raises as `run` and `calibrate_middle.run`."""
     ask = partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
-    if arguments.what == calibrate_middle.NAME:
-        return calibrate_middle.run(arguments, drivers, ask)
-    return run(arguments, drivers.gripper, ask)
+    body = calibrate_middle.run if arguments.what == calibrate_middle.NAME else run
+    return body(arguments, drivers, ask)
 
 
-def run(
-    arguments: argparse.Namespace,
-    open_gripper: Callable[[str, GripperProfile], Gripper],
-    ask: Callable[[str], object],
-) -> int:
+def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
     """Measures the gripper as the arguments ask, and writes the result to a file; returns 0.
 
     Args:
         arguments: parsed.
-        open_gripper: opens a gripper by its port and profile, moving nothing.
+        drivers: opens a gripper, moving nothing.
         ask: prompts the operator and waits.
 
     Raises:
@@ -103,7 +98,7 @@ def run(
     widths_mm, tips, current = _checked(arguments)
     profile = profile_of(arguments.model)
     with PortLock(arguments.port):
-        gripper = open_gripper(arguments.port, profile)
+        gripper = drivers.gripper(arguments.port, profile)
         with closing(gripper), fingers_stop(gripper):
             state = gripper.state()
             if state.activated and (holds := held.look(state, Calibration(profile))):

@@ -97,10 +97,6 @@ class DecisionMap(NamedTuple):
     unfelt: Segments  # without an object felt
     felt: Segments  # with an object felt
 
-    def of(self, felt: bool) -> Segments:
-        """The segments for readings with or without an object felt."""
-        return self.felt if felt else self.unfelt
-
     @property
     def either(self) -> Segments:
         """The segments without regard to the object flag, for drawings.
@@ -173,7 +169,7 @@ def decide(decided: DecisionMap, width_um: int, felt: bool) -> int:
     Returns:
         An index into the node's branches, or `REJECT`.
     """
-    return decided.of(felt).at(width_um)
+    return (decided.felt if felt else decided.unfelt).at(width_um)
 
 
 def unread(decided: DecisionMap, calibration: Calibration, branches: int) -> list[int]:
