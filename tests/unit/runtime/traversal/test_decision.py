@@ -119,7 +119,8 @@ def test_every_node_count_and_flag_means_what_the_map_says(seed):
         outcomes = decision_map(node, GRIPPER)
         for width, flag in itertools.product(range(0, 86_000, 331), (CONTACT, ARRIVED)):
             result = decide(node, outcomes, width, flag)
-            assert result.branch == outcomes.of(flag is CONTACT).at(width)
+            segments = outcomes.felt if flag is CONTACT else outcomes.unfelt
+            assert result.branch == segments.at(width)
             assert (result.reason is None) == (result.branch != REJECT)
             if result.reason is not None:
                 assert ("closed on nothing" in result.reason) == (flag == ARRIVED)
