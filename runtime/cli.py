@@ -8,25 +8,27 @@ import sys
 from collections.abc import Callable, Sequence
 
 from drivers import connect
+from drivers.ports import Drivers
 from runtime.devices.clock import SystemClock
-from runtime.errors import StoppedError
 from runtime.shell import command, interrupts, output
-from runtime.shell.command import Parser
-from runtime.shell.interrupts import StopRequests
+from runtime.shell.exit_codes import ExitCode
+
+Body = Callable[[argparse.Namespace, Drivers], int]
+STOPPED = ExitCode.STOPPED, "stopped by the operator while no part was being squeezed"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs `grasp-runtime`; returns its exit code."""
     from runtime.commands import arguments, run
 
-    return guarded(arguments.parser(), argv, lambda given: run.run(given, connect))
+    return guarded(arguments.parser(), argv, run.run)
 
 
 def doctor(argv: Sequence[str] | None = None) -> int:
     """Runs `grasp-doctor`; returns its exit code."""
     from runtime.commands import doctor as doctor_command
 
-    return guarded(doctor_command.parser(), argv, lambda given: doctor_command.run(given, connect))
+    return guarded(doctor_command.parser(), argv, doctor_command.run)
 
 
 def calibrate(argv: Sequence[str] | None = None) -> int:
@@ -34,43 +36,28 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
     from runtime.commands import calibrate as calibrate_command
 
     words = list(sys.argv[1:] if argv is None else argv)
-    if (
-        next((word for word in words if not word.startswith("-")), "")
-        in calibrate_command.OF_THE_AUDIT
-    ):
+    first = next((word for word in words if not word.startswith("-")), "")
+    if first in calibrate_command.OF_THE_AUDIT:
         from drivers.camera.commands import calibrate as of_the_audit
 
         return of_the_audit(words)
 
-    return guarded(
-        calibrate_command.parser(), argv, lambda given: calibrate_command.measured(given, connect)
-    )
+    return guarded(calibrate_command.parser(), argv, calibrate_command.measured)
 
 
-def guarded(
-    built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]
-) -> int:
+def guarded(built: command.Parser, argv: Sequence[str] | None, body: Body) -> int:
     """Runs a command of the cell so that stop requests end it and slow readers do not delay it.
 
     Returns:
         The exit code.
     """
-    with StopRequests(last=argv is None), output.unblocked(SystemClock().now):
-        return command.run(built, argv, lambda arguments: stopped(body, arguments))
 
-
-def stopped(body: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
-    """Runs a command's body, which a stop request may end; returns its exit code.
-
-    Raises:
-        StoppedError: a stop request ended the body.
-    """
-    try:
+    def stoppable(arguments: argparse.Namespace) -> int:
         with interrupts.stoppable():
-            return body(arguments)
-    except KeyboardInterrupt as request:
-        request.args = ("stopped by the operator while no part was being squeezed",)
-        raise StoppedError(command.sentence_of(request)) from None
+            return body(arguments, connect)
+
+    with interrupts.StopRequests(last=argv is None), output.unblocked(SystemClock().now):
+        return command.run(built, argv, stoppable, STOPPED)
 
 
 if __name__ == "__main__":

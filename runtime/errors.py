@@ -46,9 +46,3 @@ class PackError(ExpectedError):
     """A pack is refused, or no pack covers the software of a run."""
 
     exit_code = ExitCode.SIGNATURE
-
-
-class StoppedError(ExpectedError):
-    """The operator stopped the run; the cell was left in the declared safe state."""
-
-    exit_code = ExitCode.STOPPED

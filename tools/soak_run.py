@@ -196,9 +196,8 @@ class Records:
         self.findings: list[str] = []
         self._replay = Replay()
         self._seq = 0
-        on_reject, on_unresolved = plan.policy.texts()
         header = {"table_base64": base64.b64encode(dumps(table)).decode("ascii")}
-        self.record("header", {**header, "on_reject": on_reject, "on_unresolved": on_unresolved})
+        self.record("header", {**header, **plan.policy.fields()})
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
         self.digest.update(json.dumps([kind, fields], sort_keys=True).encode())

@@ -15,7 +15,7 @@ from planner.arrays import Array
 from planner.belief.transition import Push, finger_speed_mm_s
 from planner.job.cell import timing_of
 from planner.job.model import Job
-from runtime.table import Stand, Visit, same_from_every_side, turned_pose
+from runtime.table import Visit, same_from_every_side, turned_pose
 
 PUSH_SQUEEZES = 0.1
 """Cost of a push where squeezes are counted; about the difference in J between two plans."""
@@ -95,8 +95,8 @@ class Costs:
         if not self._timed or hand is None or home is None:
             return 0.0
         if self._plans_turn:
-            stand, first = Stand(*hand.placement.tolist()), Stand(*home.tolist())
-            home = np.array(turned_pose(first, stand.turn_from(first)))
+            turn = math.remainder(hand.placement[2] - home[2], math.tau)
+            home = np.array(turned_pose(home.tolist(), turn))
         return self.timing.move_s(*self._way(hand, home)) / self.typical_s
 
     def pushes(self, hand: Hand | None, pushes: tuple[Push, ...]) -> tuple[float, Hand | None]:

@@ -17,7 +17,7 @@ from planner.paper.sensorless import SqueezePlan, plan
 from planner.part.outline import convex_hull
 from planner.work.scheduler import Scheduler, Threads
 from planner.world import ContactWorld, ContactWorlds
-from runtime.table import REJECT, Node, Schedule, Squeeze, Squeezed, Stand
+from runtime.table import REJECT, Node, Schedule, Squeeze, Squeezed, placement
 
 ORIENTED_DEG = 5.0  # A part counts as oriented within this (the paper's tolerance, VII)
 IDEAL = {
@@ -120,7 +120,7 @@ def seconds_of(job: Job, angles: Array, widths: Array) -> float:
         for angle in turns
     ]
     schedule = Schedule(nodes, timing_of(job))
-    before = Stand.at(nodes[-1].squeeze)
+    before = placement(nodes[-1].squeeze)
     rows, parts = np.unique(widths.round(WIDTH_DIGITS), axis=0, return_counts=True)
     taken = []
     for row in rows.tolist():

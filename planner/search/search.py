@@ -144,7 +144,7 @@ class Search:
         Leaves below the goal at which no squeeze gained anything are open again. The first squeeze is fixed:
         others, which such a pass leaves half explored, would be begun anew once repairs make it dearer.
         """
-        del root.actions[1:]
+        root.actions = (root.actions or [])[:1]
         for leaf in leaves(root):
             if leaf.actions is not None and not self.problem.stopping.reached(leaf.mode.ratio):
                 leaf.actions, leaf.previous = None, None

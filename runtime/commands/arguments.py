@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from collections.abc import Callable
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from runtime.monitoring.shift import CHANGES
 from runtime.shell.command import Parser, positive, positive_int, say, seconds
 from runtime.shell.exit_codes import ExitCode, epilog
 
+Add = Callable[..., object]  # `add_argument` of a group
 DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
 SIMULATED = "sim"
 MANUAL = "manual"  # a person at the terminal
@@ -21,15 +23,8 @@ SERVED = {
     *("on_reject", "on_unresolved", "http", "shifts", "require_signed"),
 }
 
-RUN_CODES = epilog(
-    ExitCode.INPUT,
-    ExitCode.NOT_LOCATED,
-    ExitCode.DEVICE,
-    ExitCode.UNREACHABLE,
-    ExitCode.JOURNAL,
-    ExitCode.SIGNATURE,
-    ExitCode.STOPPED,
-)
+ENDS = (ExitCode.INPUT, ExitCode.NOT_LOCATED, ExitCode.DEVICE, ExitCode.UNREACHABLE)
+RUN_CODES = epilog(*ENDS, ExitCode.JOURNAL, ExitCode.SIGNATURE, ExitCode.STOPPED)
 EPILOG = f"""\
 examples:
   grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 5 --time-scale 20
@@ -62,6 +57,13 @@ def address(text: str) -> str:
     if near:
         raise argparse.ArgumentTypeError(f"{text!r} is no port; is {near[0]} meant?")
     return text
+
+
+def given(arguments: argparse.Namespace) -> dict[str, str]:
+    """The options that differ from their defaults, by their names in the parsed arguments."""
+    defaults, values = parser(), vars(arguments).items()
+    names = (name for name, value in values if value != defaults.get_default(name))
+    return {name: f"--{name.replace('_', '-')}" for name in names}
 
 
 class PrintedMap(argparse.Action):
@@ -108,16 +110,15 @@ def parser() -> Parser:
     built.add_common(
         "print one JSON object a part, or one for --check or --dry-run; messages go to standard error"
     )
-    _add_instead(built.add_argument_group("instead of a run"))
-    _add_handling(built.add_argument_group("how parts are handled"))
-    _add_policy(built.add_argument_group("what follows"))
-    _add_views(built.add_argument_group("who watches"))
-    _add_simulated(built.add_argument_group("with --port sim"))
+    _add_instead(built.add_argument_group("instead of a run").add_argument)
+    _add_handling(built.add_argument_group("how parts are handled").add_argument)
+    _add_policy(built.add_argument_group("what follows").add_argument)
+    _add_views(built.add_argument_group("who watches").add_argument)
+    _add_simulated(built.add_argument_group("with --port sim").add_argument)
     return built
 
 
-def _add_instead(group: argparse._ArgumentGroup) -> None:
-    add = group.add_argument
+def _add_instead(add: Add) -> None:
     text = "validate the table against the gripper's calibration, read the gripper at --port, move nothing"
     add("--check", action="store_true", help=text)
     text = "connect over links that cannot write, and print what would be sent"
@@ -152,8 +153,7 @@ def _add_instead(group: argparse._ArgumentGroup) -> None:
     add("--network", action="store_true", help=text)
 
 
-def _add_handling(group: argparse._ArgumentGroup) -> None:
-    add = group.add_argument
+def _add_handling(add: Add) -> None:
     text = "of this gripper, as grasp-calibrate width wrote it"
     add("--calibration", type=Path, metavar="F", help=text)
     text = (
@@ -180,8 +180,7 @@ def _add_handling(group: argparse._ArgumentGroup) -> None:
     add("--audit", metavar="COMMAND", help=text)
 
 
-def _add_policy(group: argparse._ArgumentGroup) -> None:
-    add = group.add_argument
+def _add_policy(add: Add) -> None:
     text = "start although the fingers may hold something: you see that they do not (a held part falls)"
     add("--jaws-empty", action="store_true", help=text)
     text = (
@@ -201,8 +200,7 @@ def _add_policy(group: argparse._ArgumentGroup) -> None:
     add("--resume-within", type=positive, default=300.0, metavar="S", help=text)
 
 
-def _add_views(group: argparse._ArgumentGroup) -> None:
-    add = group.add_argument
+def _add_views(add: Add) -> None:
     text = (
         "a page that follows the run, with /status.json and /metrics; read-only, and for this machine alone "
         "unless HOST names another address of it"
@@ -222,8 +220,7 @@ def hours(text: str) -> tuple[int, ...]:
     return tuple(map(int, words))
 
 
-def _add_simulated(group: argparse._ArgumentGroup) -> None:
-    add = group.add_argument
+def _add_simulated(add: Add) -> None:
     text = "speed as a multiple of real time; max: virtual time, in this process"
     add("--time-scale", type=time_scale, default=1.0, metavar="S", help=text)
     add("--seed", type=int, default=0, metavar="N", help="of the simulated cell (default: 0)")

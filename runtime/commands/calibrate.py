@@ -7,24 +7,22 @@ from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
-from math import isfinite
 from pathlib import Path
 from typing import Any, TextIO
 
-from drivers.ports import Drivers, Gripper
+from drivers.ports import Drivers
 from runtime.commands import calibrate_middle
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.execution import calibration, held
-from runtime.execution.calibration import LEAST_BLOCKS, GripperCalibration
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.shell import interrupts
-from runtime.shell.command import Parser, add_command, say, say_result
+from runtime.shell.command import Parser, add_command, number, say, say_result
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable
-from runtime.table import DEFAULT_MODEL, PROFILES, Calibration, GripperProfile, profile_of
+from runtime.table import DEFAULT_MODEL, PROFILES, Calibration, profile_of
 
 Measured = dict[str, Any]
 DEFAULT_BLOCKS = (0, 5, 10, 20, 40, 60, 80, 100, 120)
@@ -50,15 +48,13 @@ is told by grasp-calibrate camera --help, tag --help and pictures --help.
 
 def parser() -> Parser:
     """Builds the argument parser of `grasp-calibrate`."""
-    built = Parser(
-        prog="grasp-calibrate", description="Measure the parameters of a cell.", epilog=EPILOG
-    )
+    text = "Measure the parameters of a cell."
+    built = Parser(prog="grasp-calibrate", description=text, epilog=EPILOG)
     built.add_debug()
-    subcommands = built.add_subparsers(
-        required=True, dest="what", metavar="width | middle | camera | tag | pictures"
-    )
+    names = "width | middle | camera | tag | pictures"
+    subcommands = built.add_subparsers(required=True, dest="what", metavar=names)
     purpose = "what the gripper's widths truly are, with gauge blocks"
-    width = add_command(subcommands, "width", purpose, EXAMPLE, EXIT_CODES)
+    width = add_command(subcommands, purpose, EXAMPLE, EXIT_CODES)
     calibrate_middle.add_to(subcommands, EXIT_CODES)
     # The audit's commands have a parser of their own, which is tried before this one.
     for name, help_text in OF_THE_AUDIT.items():
@@ -84,21 +80,16 @@ def parser() -> Parser:
 def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """Runs the subcommand `width` or `middle`; returns 0, and raises as `run` and `calibrate_middle.run`."""
     ask = partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
-    if arguments.what == calibrate_middle.NAME:
-        return calibrate_middle.run(arguments, drivers, ask)
-    return run(arguments, drivers.gripper, ask)
+    body = calibrate_middle.run if arguments.what == calibrate_middle.NAME else run
+    return body(arguments, drivers, ask)
 
 
-def run(
-    arguments: argparse.Namespace,
-    open_gripper: Callable[[str, GripperProfile], Gripper],
-    ask: Callable[[str], object],
-) -> int:
+def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
     """Measures the gripper as the arguments ask, and writes the result to a file; returns 0.
 
     Args:
         arguments: parsed.
-        open_gripper: opens a gripper by its port and profile, moving nothing.
+        drivers: opens a gripper, moving nothing.
         ask: prompts the operator and waits.
 
     Raises:
@@ -107,7 +98,7 @@ def run(
     widths_mm, tips, current = _checked(arguments)
     profile = profile_of(arguments.model)
     with PortLock(arguments.port):
-        gripper = open_gripper(arguments.port, profile)
+        gripper = drivers.gripper(arguments.port, profile)
         with closing(gripper), fingers_stop(gripper):
             state = gripper.state()
             if state.activated and (holds := held.look(state, Calibration(profile))):
@@ -144,7 +135,7 @@ def report(measured: Measured) -> Iterator[str]:
         yield f"{line}  {block['off_nominal_mm']:+.3f} mm"
 
 
-def figures(measured: GripperCalibration) -> Measured:
+def figures(measured: calibration.GripperCalibration) -> Measured:
     """The measurement in plain types, with the deviations that `report` shows."""
     left_out = [None, *calibration.residuals_mm(measured)]
     blocks = [
@@ -176,17 +167,12 @@ def _checked(
     widths_mm = sorted(_numbers("--blocks", named))
     if arguments.grips < 1 or widths_mm[0] < 0.0:
         raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
-    if len(widths_mm) < LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
-        raise UsageError(f"--blocks {named!r}: name at least {LEAST_BLOCKS}, each once")
+    if len(widths_mm) < calibration.LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
+        raise UsageError(f"--blocks {named!r}: name at least {calibration.LEAST_BLOCKS}, each once")
     usable(arguments.output)
-    tips = current = None
-    if arguments.tips is not None:
-        link_mm, offset_mm = _numbers("--tips", arguments.tips, 2)
-        tips = (link_mm, offset_mm)
-    if arguments.current is not None:
-        least, most = _numbers("--current", arguments.current, 2)
-        current = (round(least), round(most))
-    return widths_mm, tips, current
+    tips = _pair("--tips", arguments.tips)
+    current = _pair("--current", arguments.current)
+    return widths_mm, tips, None if current is None else (round(current[0]), round(current[1]))
 
 
 def _blocks(model: str) -> str:
@@ -195,13 +181,18 @@ def _blocks(model: str) -> str:
     return ",".join(str(width) for width in DEFAULT_BLOCKS if 1000 * width < stroke_um)
 
 
-def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:
+def _pair(option: str, text: str | None) -> tuple[float, float] | None:
+    """The two numbers of an option; None where it was not given."""
+    if text is None:
+        return None
+    first, *others = _numbers(option, text)
+    if len(others) != 1:
+        raise UsageError(f"{option} {text!r}: takes 2 numbers")
+    return first, others[0]
+
+
+def _numbers(option: str, text: str) -> list[float]:
     try:
-        numbers = [float(word) for word in text.split(",")]
-    except ValueError:
-        numbers = []
-    if not numbers or not all(map(isfinite, numbers)):
-        raise UsageError(f"{option} {text!r}: write numbers separated by commas")
-    if wanted is not None and len(numbers) != wanted:
-        raise UsageError(f"{option} {text!r}: takes {wanted} numbers")
-    return numbers
+        return [number(word) for word in text.split(",")]
+    except argparse.ArgumentTypeError:
+        raise UsageError(f"{option} {text!r}: write numbers separated by commas") from None

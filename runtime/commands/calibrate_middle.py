@@ -16,15 +16,13 @@ from runtime.commands.arguments import MANUAL, SIMULATED, address
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.errors import GripperStateError
-from runtime.execution import calibration, fixed_block, held, middle, safety
-from runtime.execution.calibration import GripperCalibration
+from runtime.execution import calibration, fixed_block, held, middle, safety, session
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling, check_arc
-from runtime.execution.middle import Middle
 from runtime.execution.reading import CURRENT_MA
-from runtime.execution.safe_state import fingers_stop, reach_safe_state
+from runtime.execution.safe_state import ending_safely
 from runtime.shell import interrupts
-from runtime.shell.command import Parser, number, say, say_result
+from runtime.shell.command import Parser, add_command, number, say, say_result
 from runtime.shell.errors import UsageError
 from runtime.shell.files import OutputError, usable
 from runtime.table import Pose2, Table, load
@@ -42,12 +40,9 @@ times in all. What the table of --tree allows (area, heights, arm speed) holds h
 
 def add_to(subcommands: Any, codes: str) -> None:
     """Adds the subcommand `middle`, with its arguments, to `grasp-calibrate`."""
-    parser = subcommands.add_parser(
-        NAME,
-        help="where the fingers meet, with a block held fast",
-        description=DESCRIPTION,
-        epilog=f"example:\n  {EXAMPLE}\n\n{codes}",
-    )
+    purpose = "where the fingers meet, with a block held fast"
+    parser = add_command(subcommands, purpose, EXAMPLE, codes)
+    parser.description = DESCRIPTION
     add = parser.add_argument
     add_shared(parser)
     add("--arm", type=address, required=True, metavar="URL", help="the arm, as for grasp-runtime")
@@ -107,20 +102,10 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
                     f"{holds.sentence()}; take it out, open the fingers, start again"
                 )
             ask(_warning(arguments, at, table))
-            if arguments.activate and safety.needs_activation(state):
-                with fingers_stop(gripper):
-                    gripper.activate()
-            safety.ready_gripper(gripper)
+            session.prepare_gripper(gripper, tell, activate=arguments.activate)
             hand = Hand(gripper, arm, SystemClock(), table, handling)
-            try:
+            with ending_safely(hand):
                 result = fixed_block.measure(hand, node, arguments.block, at, tell)
-            except BaseException as error:
-                arm_known, may_hold = hand.arm_known, hand.jaws.may_hold
-                for note in reach_safe_state(
-                    gripper, arm, table.limits, arm_known=arm_known, may_hold_fixed=may_hold
-                ):
-                    error.add_note(note)
-                raise
     completed = replace(known, middle=result)
     interrupts.conclude()  # measured: a stop request has nothing left to stop
     calibration.save(completed, arguments.output)
@@ -138,7 +123,7 @@ def _warning(arguments: argparse.Namespace, at: Pose2, table: Table) -> str:
     )
 
 
-def _print(arguments: argparse.Namespace, known: Middle, table: Table) -> None:
+def _print(arguments: argparse.Namespace, known: middle.Middle, table: Table) -> None:
     width_mm, leaves = middle.narrowest_mm(table), middle.left(known, table)
     beside = middle.off_mm(known, table)
     record = {"output": str(arguments.output), **known._asdict(), "narrowest_mm": width_mm}
@@ -155,7 +140,7 @@ def _print(arguments: argparse.Namespace, known: Middle, table: Table) -> None:
     say_result(arguments.json, {**record, "beside_mm": beside, "doubt": leaves}, lines)
 
 
-def _checked(arguments: argparse.Namespace) -> tuple[Pose2, GripperCalibration]:
+def _checked(arguments: argparse.Namespace) -> tuple[Pose2, calibration.GripperCalibration]:
     """Checks and returns the block's place and the gripper's calibration, before anything is opened."""
     if MANUAL in (arguments.port, arguments.arm) or SIMULATED in (arguments.port, arguments.arm):
         raise UsageError(

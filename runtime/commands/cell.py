@@ -8,14 +8,15 @@ from typing import NamedTuple, cast
 
 from drivers.ports import Arm, Drivers, Gripper, Report, Scene
 from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA
+from runtime.commands.recipe import Recipe
 from runtime.devices.cell_process import CellProcess
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.execution.events import Console
+from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import Table
 
 REHEARSAL = "runtime.devices.rehearsal:make"
-CONTACT_WORLD = "planner.world:make"
 PLANNER_NEEDS = ("numpy", "scipy", "numba")
 
 
@@ -31,8 +32,7 @@ class Devices(NamedTuple):
 
 def connect(
     arguments: argparse.Namespace,
-    table: Table,
-    console: Console,
+    recipe: Recipe,
     drivers: Drivers,
     stack: ExitStack,
     report: Report,
@@ -41,8 +41,8 @@ def connect(
 
     Args:
         arguments: of `grasp-runtime`.
-        table: states the gripper's model, and the part of a simulated cell.
-        console: receives the name of the started cell.
+        recipe: its table states the gripper's model, and the part of a simulated cell; its console receives
+            the name of the started cell.
         drivers: opens the devices.
         stack: closes what was opened.
         report: receives retries and failures on the gripper's link.
@@ -50,13 +50,18 @@ def connect(
     Raises:
         ExpectedError: a lock is taken, the simulated cell does not start, or a driver fails.
     """
+    table, console = recipe.loaded.table, recipe.console
     gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:
+        tree, world = arguments.trees[0], arguments.world or _default_world(table, console)
         if arguments.time_scale == inf:
-            return _virtual(arguments, table, console, drivers, report)
+            virtual = drivers.virtual(tree, world=world, seed=arguments.seed, report=report)
+            console.note(f"simulated cell ({world}), in virtual time")
+            clock = cast(SystemClock, virtual.clock)
+            return Devices(virtual.gripper, virtual.arm, virtual.scene, clock=clock)
         process = CellProcess(
-            arguments.trees[0],
-            world=arguments.world or _default_world(table, console),
+            tree,
+            world=world,
             seed=arguments.seed,
             time_scale=arguments.time_scale,
             camera=SIMULATED_CAMERA in (arguments.audit or ""),
@@ -82,21 +87,11 @@ def connect(
     return Devices(gripper, arm, scene, camera)
 
 
-def _virtual(
-    arguments: argparse.Namespace, table: Table, console: Console, drivers: Drivers, report: Report
-) -> Devices:
-    """Starts a cell in this process, in virtual time."""
-    world = arguments.world or _default_world(table, console)
-    cell = drivers.virtual(arguments.trees[0], world=world, seed=arguments.seed, report=report)
-    console.note(f"simulated cell ({world}), in virtual time")
-    return Devices(cell.gripper, cell.arm, cell.scene, clock=cast(SystemClock, cell.clock))
-
-
 def _default_world(table: Table, console: Console) -> str:
     """Name of the contact world if it can run here, else of the rehearsal, which a note then states."""
     missing = [name for name in PLANNER_NEEDS if find_spec(name) is None]
     if table.job is not None and not missing:
-        return CONTACT_WORLD
+        return DEFAULT_WORLD
     reason = f"{missing[0]} is not installed" if missing else "the table carries no job"
     console.note(f"no contact world: {reason}; widths are drawn from the table's own statistics")
     return REHEARSAL

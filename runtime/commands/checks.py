@@ -16,8 +16,10 @@ from typing import NamedTuple
 
 from drivers.ports import Answered, Arm, Gripper
 from runtime.devices.clock import SystemClock
+from runtime.shell.plain_text import capital
 from runtime.table import Area, Calibration, Limits, Table, misfits
 
+ROOT = Path("/")  # of the system's files; tests use a folder of their own
 READS = 200
 READING_S = 10.0  # time after which slow readings end early
 LEAST_READS = 3  # least number of readings, where they are slow
@@ -45,19 +47,12 @@ class Finding(NamedTuple):
 good, warning, bad = (partial(Finding, verdict) for verdict in Verdict)
 
 
-class System(NamedTuple):
-    """The system folders that the checks read; tests use folders of their own."""
-
-    dev: Path = Path("/dev")
-    proc: Path = Path("/proc")
-    sys: Path = Path("/sys")
-
-
-def check_port(port: str, system: System) -> Iterator[Finding]:
+def check_port(port: str, root: Path = ROOT) -> Iterator[Finding]:
     """Checks whether a tty exists, may be opened, and is not held by another process."""
     path = Path(port)
     if not path.exists():
-        others = ", ".join(sorted(str(tty) for tty in system.dev.glob("tty[UA][SC]*"))) or "none"
+        ttys = sorted(map(str, (root / "dev").glob("tty[UA][SC]*")))
+        others = ", ".join(ttys) or "none"
         yield bad(
             f"Port {port} does not exist; serial ports here: {others}.",
             "Plug the adapter in, look at `dmesg | tail`, or name one of those ports.",
@@ -75,7 +70,7 @@ def check_port(port: str, system: System) -> Iterator[Finding]:
     yield good(f"Port {port} exists and may be opened.")
     if os.major(path.stat().st_rdev) in PSEUDO_TERMINALS:
         yield good("It is a pseudo-terminal, as a simulated cell has.")
-    holders = list(_holders(path, system.proc))
+    holders = list(_holders(path, root / "proc"))
     if holders:
         message = ", ".join(f"{name} (process {pid})" for pid, name in holders)
         yield bad(f"Port {port} is held by {message}.", "Stop it; two masters garble each other.")
@@ -83,10 +78,10 @@ def check_port(port: str, system: System) -> Iterator[Finding]:
         yield good("Nobody else holds the port.")
 
 
-def check_latency(port: str, system: System) -> Iterator[Finding]:
+def check_latency(port: str, root: Path = ROOT) -> Iterator[Finding]:
     """Checks the latency timer of an FTDI adapter."""
     name = Path(port).resolve().name
-    timer = system.sys / "bus" / "usb-serial" / "devices" / name / "latency_timer"
+    timer = root / "sys/bus/usb-serial/devices" / name / "latency_timer"
     try:
         value = int(timer.read_text())
     except (OSError, ValueError):
@@ -131,7 +126,7 @@ def check_gripper(gripper: Gripper) -> Iterator[Finding]:
         problem, _, remedy = seen.fault_text.partition("; ")
         yield bad(
             f"The gripper reports fault {problem}.",
-            _sentence(remedy) or "Remove the cause, then grasp-runtime --activate.",
+            f"{capital(remedy)}." if remedy else "Remove the cause, then grasp-runtime --activate.",
         )
     elif not seen.activated:
         yield warning(
@@ -154,11 +149,7 @@ def failed(device: str, error: Exception, remedy: str) -> Finding:
     problem, _, hint = str(error).partition("; ")
     silent = isinstance(error, ConnectionError | TimeoutError)
     how = "does not answer" if silent else "cannot be opened"
-    return bad(f"The {device} {how}: {problem}.", _sentence(hint) or remedy)
-
-
-def _sentence(clause: str) -> str:
-    return f"{clause[:1].upper()}{clause[1:]}." if clause else ""
+    return bad(f"The {device} {how}: {problem}.", f"{capital(hint)}." if hint else remedy)
 
 
 def check_rate(gripper: Gripper, clock: SystemClock) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ from drivers.ports import Drivers
 from runtime.commands import checks as doctor
 from runtime.commands.arguments import MANUAL, SIMULATED, address
 from runtime.commands.cell import REHEARSAL
-from runtime.commands.checks import Finding, System, Verdict
+from runtime.commands.checks import Finding, Verdict
 from runtime.commands.ur_checks import check_controllers
 from runtime.devices.cell_process import CellProcess
 from runtime.devices.clock import SystemClock
@@ -50,7 +50,7 @@ def parser() -> Parser:
     return built
 
 
-def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None = None) -> int:
+def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """Runs the checks, and prints a line for each finding, or all findings as one JSON object; returns 0.
 
     Raises:
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
     known = None if arguments.calibration is None else calibration.load(arguments.calibration)
     results: list[Finding] = []
     with _devices(arguments) as (port, arm):
-        for finding in findings(port, arm, table, profile, known, drivers, system or System()):
+        for finding in findings(port, arm, table, profile, known, drivers):
             results.append(finding)
             if not arguments.json:
                 say(_as_line(finding))
@@ -96,14 +96,13 @@ def findings(
     profile: GripperProfile | None,
     known: calibration.GripperCalibration | None,
     drivers: Drivers,
-    system: System,
 ) -> Iterator[Finding]:
     """Yields the findings of all checks; a check comes after those that it depends on."""
     if table is not None:
         of_table = table.gripper.profile
         yield from doctor.check_table(table, known.of(of_table) if known else Calibration(of_table))
     yield from check_controllers(filter(None, (port, arm_url)))
-    yield from _gripper_findings(port, profile, drivers, system)
+    yield from _gripper_findings(port, profile, drivers)
     if arm_url is not None:
         try:
             with closing(drivers.arm(arm_url, read_only=True)) as arm:
@@ -130,15 +129,15 @@ def _serial_port(port: str) -> str:
 
 
 def _gripper_findings(
-    port: str, profile: GripperProfile | None, drivers: Drivers, system: System
+    port: str, profile: GripperProfile | None, drivers: Drivers
 ) -> Iterator[Finding]:
     path = _serial_port(port)
     if path:
-        for finding in doctor.check_port(path, system):
+        for finding in doctor.check_port(path):
             yield finding
             if finding.verdict is Verdict.BAD:
                 return
-        yield from doctor.check_latency(path, system)
+        yield from doctor.check_latency(path)
     failed = None
     try:
         with PortLock(port), closing(drivers.gripper(port, profile, read_only=True)) as gripper:

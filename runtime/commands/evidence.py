@@ -1,6 +1,7 @@
 """The command `grasp-evidence`: signs the software of a cell, and verifies signatures."""
 
 import argparse
+import os
 import socket
 import sys
 from collections.abc import Callable, Sequence
@@ -12,7 +13,7 @@ from runtime import VERSION
 from runtime.devices.clock import SystemClock
 from runtime.errors import PackError
 from runtime.execution import calibration
-from runtime.shell.command import Parser, add_command, run, say_result, tell
+from runtime.shell.command import Body, Commands, Parser, add_command, run, say_result, tell
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import OutputError, usable, writing
 from runtime.shell.plain_text import is_plain
@@ -64,14 +65,10 @@ def parser() -> Parser:
 
 
 def _add_subcommand(
-    subcommands: "argparse._SubParsersAction[Parser]",
-    example: str,
-    body: Callable[[argparse.Namespace], int],
-    purpose: str,
+    subcommands: Commands, example: str, body: Body, purpose: str
 ) -> Callable[..., object]:
     """Adds a subcommand; returns its `add_argument`."""
-    name = example.partition(" ")[0]
-    subcommand = add_command(subcommands, name, purpose, f"{NAME} {example}", EXIT_CODES)
+    subcommand = add_command(subcommands, purpose, f"{NAME} {example}", EXIT_CODES)
     subcommand.add_common()
     subcommand.set_defaults(run=body)
     return subcommand.add_argument
@@ -94,10 +91,8 @@ def _pack(arguments: argparse.Namespace) -> int:
     output = usable(arguments.output, arguments.tree, arguments.calibration, arguments.key)
     if output.exists():
         raise OutputError(f"{output} is there, and a pack is never overwritten; name another file")
-    table = load(arguments.tree)
-    measured, path = None, arguments.calibration
-    if path is not None:
-        measured = calibration.bytes_of(path)
+    table, path = load(arguments.tree), arguments.calibration
+    measured = None if path is None else calibration.bytes_of(path)
     key = _signing_key(arguments.key)
     signer, created = arguments.signer or _person(), SystemClock().stamp()
     facts = {"signer": signer, "created": created, "versions": _versions()}
@@ -136,12 +131,10 @@ def _lines(arguments: argparse.Namespace, pack: Pack) -> list[str]:
     return [f"{arguments.pack}: whole, every byte of it; {who}", *digests]
 
 
-def _signing_key(path: Path | None) -> keys.SigningKey:
+def _signing_key(given: Path | None) -> keys.SigningKey:
     """The key to sign with; the default one is created if missing."""
-    if path is not None:
-        return keys.load_private(path)
-    path = _default_key()
-    if path.exists():
+    path = given or _default_key()
+    if given is not None or path.exists():
         return keys.load_private(path)
     key = keys.generate(path)
     tell(NAME, f"made a key to sign with: {path}; others check by {keys.public_of(path)}")
@@ -150,7 +143,8 @@ def _signing_key(path: Path | None) -> keys.SigningKey:
 
 def _default_key() -> Path:
     """The default key's file; creates its folder, readable for its owner only."""
-    path = keys.default_path()
+    home = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    path = Path(home) / "squeezetree" / "signing-key.pem"
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:

@@ -14,7 +14,7 @@ from runtime.journal.chain import records, verify
 from runtime.journal.lines import RESERVED, UPTIME, Entry, begins_run
 from runtime.journal.replay import Replay
 from runtime.journal.times import times_of
-from runtime.shell.command import Parser, add_command, natural, run, say_result, seconds
+from runtime.shell.command import Commands, Parser, add_command, natural, run, say_result, seconds
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, words_of
@@ -64,11 +64,9 @@ def parser() -> Parser:
     return built
 
 
-def _subcommand(
-    subcommands: "argparse._SubParsersAction[Parser]", name: str, body: object, help_text: str
-) -> Parser:
+def _subcommand(subcommands: Commands, name: str, body: object, help_text: str) -> Parser:
     example = f"grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
-    command = add_command(subcommands, name, help_text, example, EXIT_CODES)
+    command = add_command(subcommands, help_text, example, EXIT_CODES)
     text = "the journal; its sealed segments are read with it"
     command.add_argument("journal", type=Path, help=text)
     which = "a record" if name == "show" else "instead of text"
@@ -124,11 +122,8 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _show_times(arguments: argparse.Namespace) -> int:
-    entries = (
-        entry
-        for entry in _entries(arguments.journal)
-        if _is_wanted(arguments, entry) and arguments.outcome in (None, entry.get("outcome"))
-    )
+    wanted = (entry for entry in _entries(arguments.journal) if _is_wanted(arguments, entry))
+    entries = (entry for entry in wanted if arguments.outcome in (None, entry.get("outcome")))
     if arguments.node is not None:
         raise UsageError("--times is of whole parts; leave out --node")
     try:
@@ -186,10 +181,8 @@ def _since(text: str) -> object:
 
 def _line(entry: Entry) -> str:
     """A record as a line for people: number, time, kind, and the fields that are not in `HIDDEN`."""
-    message = " ".join(
-        f"{name}={_short(value)}" for name, value in entry.items() if name not in HIDDEN
-    )
-    return f"{entry['seq']:>6} {entry['time']} {entry['kind']:<8} {message}"
+    shown = (f"{name}={_short(value)}" for name, value in entry.items() if name not in HIDDEN)
+    return f"{entry['seq']:>6} {entry['time']} {entry['kind']:<8} {' '.join(shown)}"
 
 
 def _short(value: object) -> str:

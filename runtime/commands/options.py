@@ -1,11 +1,11 @@
 """Derives the options of a run from the arguments of `grasp-runtime`, and refuses contradictions in them."""
 
 import argparse
+from collections.abc import Iterator
 from math import inf
 
-from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA
+from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA, given
 from runtime.execution import calibration, delivery, middle
-from runtime.execution.calibration import GripperCalibration
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 from runtime.execution.reading import CURRENT_MA
@@ -25,7 +25,6 @@ def check_usage(arguments: argparse.Namespace) -> None:
     Raises:
         UsageError: arguments contradict one another, or one is missing.
     """
-    simulated = arguments.port == SIMULATED
     _check_views(arguments)
     if arguments.plc is not None:
         from runtime.commands import plc
@@ -38,75 +37,61 @@ def check_usage(arguments: argparse.Namespace) -> None:
 
         serve.check(arguments)
         return
+    if (problem := next(_contradictions(arguments), None)) is not None:
+        raise UsageError(problem)
+
+
+def _contradictions(arguments: argparse.Namespace) -> Iterator[str]:
+    """Yields what is wrong with the arguments of a run whose devices this program moves."""
     if arguments.network and arguments.plc is None:
-        raise UsageError(
-            "--network is for --serve and --plc; leave it out, or name an address with one of them"
-        )
-    if arguments.plc is None and (given := plc_options(arguments)):
-        raise UsageError(f"{given[0]} is for --plc opc.tcp; leave it out, or add --plc")
+        yield "--network is for --serve and --plc; leave it out, or name an address with one of them"
+    if arguments.plc is None and (stated := plc_options(arguments)):
+        yield f"{stated[0]} is for --plc opc.tcp; leave it out, or add --plc"
     if arguments.put_down and (arguments.check or arguments.dry_run or arguments.jaws_empty):
-        raise UsageError(
-            "--put-down moves what is held; leave out --check, --dry-run and --jaws-empty"
-        )
+        yield "--put-down moves what is held; leave out --check, --dry-run and --jaws-empty"
     if arguments.put_down and arguments.after_crash != "abort":
-        raise UsageError("--put-down goes on with no run; leave out --after-crash")
+        yield "--put-down goes on with no run; leave out --after-crash"
     if arguments.port is None and not arguments.check:
-        raise UsageError("name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim")
-    if MANUAL in (arguments.port, arguments.arm):
-        _check_manual(arguments)
-    if simulated and arguments.arm not in (None, SIMULATED, MANUAL):
-        raise UsageError(
+        yield "name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim"
+    if arguments.put_down and arguments.arm == MANUAL:
+        yield "--put-down is for an arm; with --arm manual put it down yourself"
+    if arguments.calibration is not None and arguments.port == MANUAL:
+        yield "--calibration is of a gripper's readings; with --port manual you tell the width"
+    yield from _of_simulation(arguments) if arguments.port == SIMULATED else _of_devices(arguments)
+
+
+def _of_simulation(arguments: argparse.Namespace) -> Iterator[str]:
+    person = arguments.arm == MANUAL
+    if not person and arguments.arm not in (None, SIMULATED):
+        yield (
             "--port sim brings its own arm; leave out --arm, or write --arm manual, or name the real gripper"
         )
-    if simulated and arguments.time_scale == inf:
-        _check_virtual(arguments)
-    if simulated and arguments.check:
-        raise UsageError("--check looks at an attached gripper; name its port, or leave --port out")
-    if simulated or arguments.check:
+    if arguments.time_scale == inf and arguments.dry_run:
+        yield "--dry-run moves nothing, so that time has no scale; leave out --time-scale max"
+    if arguments.time_scale == inf and (person or SIMULATED_CAMERA in (arguments.audit or "")):
+        yield "--time-scale max allows no camera and no person; name a number, e.g. --time-scale 20"
+    if arguments.check:
+        yield "--check looks at an attached gripper; name its port, or leave --port out"
+
+
+def _of_devices(arguments: argparse.Namespace) -> Iterator[str]:
+    if arguments.check:
         return
     if SIMULATED_CAMERA in (arguments.audit or ""):
-        raise UsageError(
-            f"{SIMULATED_CAMERA} is the camera of --port sim; name the real one in --audit"
-        )
+        yield f"{SIMULATED_CAMERA} is the camera of --port sim; name the real one in --audit"
     if arguments.arm in (None, SIMULATED):
-        raise UsageError(
+        yield (
             "a real gripper needs a real arm; name it with --arm tcp://host:port, or write --arm manual"
         )
     if arguments.arm == arguments.port != MANUAL:
-        raise UsageError(
-            f"--port and --arm both name {arguments.arm}; one of them is another device's"
-        )
+        yield f"--port and --arm both name {arguments.arm}; one of them is another device's"
     if arguments.time_scale != 1.0 or arguments.world is not None:
-        raise UsageError(
-            "--time-scale and --world are for --port sim; a real cell has its own time and world"
-        )
+        yield "--time-scale and --world are for --port sim; a real cell has its own time and world"
 
 
 def plc_options(arguments: argparse.Namespace) -> list[str]:
     """The options of `--plc opc.tcp` that were given."""
-    names = ("plc_certificates", "plc_trusted", "plc_insecure")
-    return [f"--{name.replace('_', '-')}" for name in names if getattr(arguments, name)]
-
-
-def _check_virtual(arguments: argparse.Namespace) -> None:
-    """Refuses what cannot be combined with virtual time: a dry run, a person, a camera."""
-    if arguments.dry_run:
-        raise UsageError(
-            "--dry-run moves nothing, so that time has no scale; leave out --time-scale max"
-        )
-    if arguments.arm == MANUAL or SIMULATED_CAMERA in (arguments.audit or ""):
-        raise UsageError(
-            "--time-scale max allows no camera and no person; name a number, e.g. --time-scale 20"
-        )
-
-
-def _check_manual(arguments: argparse.Namespace) -> None:
-    if arguments.put_down and arguments.arm == MANUAL:
-        raise UsageError("--put-down is for an arm; with --arm manual put it down yourself")
-    if arguments.calibration is not None and arguments.port == MANUAL:
-        raise UsageError(
-            "--calibration is of a gripper's readings; with --port manual you tell the width"
-        )
+    return [option for option in given(arguments).values() if option.startswith("--plc-")]
 
 
 def views(arguments: argparse.Namespace) -> Views:
@@ -144,12 +129,22 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
     # A robot that uses --serve delivers parts itself.
     place = _delivery(["no"] if arguments.serve is not None else arguments.deliver, table)
-    person, timed = _is_manual(arguments), arguments.time_scale in (1.0, inf)
-    patience, takt_s = PATIENCE if person else 1.0, arguments.takt
-    return RunOptions(policy, handling, place, patience, takt_s, turns=not person, timed=timed)
+    person = _is_manual(arguments)
+    return RunOptions(
+        policy,
+        handling,
+        place,
+        # A simulated gripper powers up in reset like a real one, and holds nothing real.
+        activate=arguments.activate or arguments.port == SIMULATED,
+        count=arguments.count or (None if arguments.serve or arguments.plc else 1),
+        patience=PATIENCE if person else 1.0,
+        takt_s=arguments.takt,
+        turns=not person,
+        timed=arguments.time_scale in (1.0, inf),
+    )
 
 
-def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | delivery.Sorting | None:
+def _delivery(words: list[str] | None, table: Table) -> delivery.Places | None:
     if words is None or words == ["job"]:
         return delivery.from_job(job_of(table))
     if words == ["no"]:
@@ -168,7 +163,7 @@ def _is_manual(arguments: argparse.Namespace) -> bool:
 
 
 def arc_of(
-    arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None
+    arguments: argparse.Namespace, table: Table, measured: calibration.GripperCalibration | None
 ) -> TipArc | None:
     """The arc of the finger tips: as `--tips` states, else as measured, else that of the gripper's model.
 

@@ -4,16 +4,13 @@ Parts run as without a PLC, except that a trigger of the PLC starts each part.
 """
 
 import argparse
-import hashlib
-import socket
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from importlib.util import find_spec
 from math import inf
+from typing import TYPE_CHECKING
 
-from drivers.ports import Scene
-from runtime.commands.arguments import parser
+from runtime.commands.arguments import given
 from runtime.commands.options import plc_options
 from runtime.commands.recipe import Recipe
 from runtime.devices.clock import SystemClock
@@ -22,7 +19,6 @@ from runtime.execution.events import Sighting
 from runtime.execution.executor import Cell
 from runtime.journal.chain import Journal
 from runtime.monitoring.live import server
-from runtime.monitoring.live.server import Address
 from runtime.monitoring.monitor import Monitor, Views, notify
 from runtime.plc.exchange import Exchange, answer_of, parts_of
 from runtime.plc.handshake import OPEN, State
@@ -34,6 +30,9 @@ from runtime.shell import interrupts
 from runtime.shell.errors import UsageError, exit_code_of
 from runtime.shell.exit_codes import ExitCode
 from runtime.traversal.results import Outcome, PartResult
+
+if TYPE_CHECKING:
+    from runtime.plc.opcua import Security
 
 MODBUS, OPC_UA = "modbus-tcp", "opc.tcp"
 WAKE_S = 2.0  # between two notifications of the service manager
@@ -50,19 +49,18 @@ EXCLUDED = {
 OF_ONE_TABLE = ("http", "audit")
 
 
-def check(arguments: argparse.Namespace) -> Address:
+def check(arguments: argparse.Namespace) -> server.Address:
     """Checks the options that `--plc` requires or excludes; returns the address to listen at.
 
     Raises:
         UsageError: the address is invalid, or reachable from other machines without permission; or an
             option conflicts with several tables or with triggers.
     """
-    defaults = parser()
     several = OF_ONE_TABLE if len(arguments.trees) > 1 else ()
-    for name, reason in (EXCLUDED | dict.fromkeys(several, "needs the only table")).items():
-        if getattr(arguments, name) != defaults.get_default(name):
-            option = f"--{name.replace('_', '-')}"
-            raise UsageError(f"{option} {reason}; leave it out, or leave out --plc")
+    excluded = EXCLUDED | dict.fromkeys(several, "needs the only table")
+    for name, option in given(arguments).items():
+        if name in excluded:
+            raise UsageError(f"{option} {excluded[name]}; leave it out, or leave out --plc")
     address = server.served(
         arguments.plc, "--plc", (MODBUS, OPC_UA), network=arguments.network, risk="trigger motions"
     )
@@ -71,11 +69,11 @@ def check(arguments: argparse.Namespace) -> Address:
 
 
 def _check_security(arguments: argparse.Namespace, scheme: str) -> None:
-    given = plc_options(arguments)
-    if scheme == MODBUS and given:
-        raise UsageError(f"{given[0]} is for {OPC_UA}; leave it out with {MODBUS}")
-    if arguments.plc_insecure and len(given) > 1:
-        raise UsageError(f"--plc-insecure uses no certificates; leave it out, or {given[0]}")
+    stated = plc_options(arguments)
+    if scheme == MODBUS and stated:
+        raise UsageError(f"{stated[0]} is for {OPC_UA}; leave it out with {MODBUS}")
+    if arguments.plc_insecure and len(stated) > 1:
+        raise UsageError(f"--plc-insecure uses no certificates; leave it out, or {stated[0]}")
     if scheme == OPC_UA and find_spec("asyncua") is None:
         raise UsageError(
             f"--plc {OPC_UA} needs asyncua; install squeezetree[opcua]; in a clone: pip install '.[opcua]'"
@@ -87,57 +85,47 @@ class ForPlc(Monitor):
 
     def __init__(self, recipe: Recipe, views: Views, exchange: Exchange) -> None:
         super().__init__(recipe.console, recipe.loaded, recipe.path, views)
-        self._recipe, self._exchange = recipe, exchange
+        self.recipe, self._exchange = recipe, exchange
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
         """Receives the result of a part, and reports it to the PLC."""
         super().part(result, seen)
-        if self._recipe.options.policy.ends_run(result.outcome):
+        if self.recipe.options.policy.ends_run(result.outcome):
             self._exchange.end()
-        self._exchange.finish(answer_of(self._recipe.loaded.table, result))
+        self._exchange.finish(answer_of(self.recipe.loaded.table, result))
 
 
 class PlcRun:
     """Runs the parts that a PLC triggers; each change of the table starts a new run in the journal.
 
     Args:
-        recipes: the tables, by their numbers.
-        monitors: one for each table; the first has the views.
+        monitors: one for each table, by the tables' numbers; the first has the views.
         server: communicates with the PLC.
         url: address of the server.
-        count: total number of parts, None for no end.
     """
 
-    def __init__(
-        self,
-        recipes: Sequence[Recipe],
-        monitors: Sequence[Monitor],
-        server: PlcServer,
-        url: str,
-        count: int | None,
-    ) -> None:
-        self.recipes = recipes
+    def __init__(self, monitors: Sequence[ForPlc], server: PlcServer, url: str) -> None:
+        self.recipes = [monitor.recipe for monitor in monitors]
         self.monitor = monitors[0]  # the one with views
         self._monitors, self._server, self._exchange = monitors, server, server.exchange
-        self._clock, self._url, self._count = server.clock, url, count
+        self._clock, self._url, self._count = server.clock, url, self.recipes[0].options.count
         self._parts = 0
         self._stopped = False  # whether a stop request ended a part
 
-    def run(self, cell: Cell, scene: Scene | None, *, activate: bool) -> int:
+    def run(self, cell: Cell) -> int:
         """Serves until the parts are done, one ends the run or a stop request comes; returns the exit code.
 
         Args:
-            cell: devices and records; the journal must already have the header of the first table.
-            scene: brings the parts of a simulated cell, which are the first table's; None: a real cell.
-            activate: whether a gripper that is inactive or in fault may be activated.
+            cell: devices and records; the journal must already have the header of the first table, whose
+                parts a scene brings.
 
         Raises:
             Exception: any error that is not the outcome of a part; the PLC receives its exit code first.
         """
         with ExitStack() as stack:
-            return self._run(cell, scene, stack, activate=activate)
+            return self._run(cell, stack)
 
-    def _run(self, cell: Cell, scene: Scene | None, stack: ExitStack, *, activate: bool) -> int:
+    def _run(self, cell: Cell, stack: ExitStack) -> int:
         journal, number = cell.journal, 0
         try:
             with session.ending(journal) as tally:
@@ -149,10 +137,9 @@ class PlcRun:
                     if not self._ended_withdrawn(journal):
                         self._wait()
                 while True:
-                    recipe = self.recipes[number]
-                    table, monitor = recipe.loaded.table, self._monitors[number]
-                    batch = session.Batch(self._numbers(number, journal), activate)
-                    session.run_batch(table, cell, scene, monitor, tally, batch, recipe.options)
+                    recipe, monitor = self.recipes[number], self._monitors[number]
+                    table, numbers = recipe.loaded.table, self._numbers(number, journal)
+                    session.run_parts(numbers, table, cell, monitor, tally, recipe.options)
                     order = self._exchange.glance.order
                     if order is None:
                         break
@@ -248,59 +235,46 @@ def opened(
             raise UsageError(
                 f"--tree {recipe.path} is for another gripper than {first.path}; recompile one of them"
             )
-    address, clock = check(arguments), SystemClock()
+    address = check(arguments)
     # What a PLC sent before the run begins would move the gripper late.
     listener = stack.enter_context(server.listening(address, "--plc", at_once=False))
     scheme = arguments.plc.partition("://")[0]
     digests = [int(recipe.loaded.digest[:8], 16) for recipe in recipes]
-    exchange = Exchange(Station(digests, first.options.takt_s, beats=scheme == MODBUS), clock)
+    station = Station(digests, first.options.takt_s, beats=scheme == MODBUS)
+    exchange = Exchange(station, SystemClock())
     monitors = [
         ForPlc(recipe, views if recipe is first else Views(), exchange) for recipe in recipes
     ]
-    served = (
-        ModbusServer(listener, exchange, clock)
-        if scheme == MODBUS
-        else _opc_ua(arguments, recipes, listener, exchange, clock)
-    )
-    place = Address(address.host, listener.getsockname()[1])
-    return PlcRun(recipes, monitors, served, f"{scheme}://{place}", arguments.count)
+    served: PlcServer = ModbusServer(listener, exchange)
+    if scheme == OPC_UA:
+        from runtime.plc.opcua import OpcUaServer  # with a library that no other run has to load
+
+        panel = Panel([*_offers(recipes)], _configuration(arguments, first), exchange.glance)
+        served = OpcUaServer(listener, exchange, panel, _security(arguments))
+    place = server.Address(address.host, listener.getsockname()[1])
+    return PlcRun(monitors, served, f"{scheme}://{place}")
 
 
-def _opc_ua(
-    arguments: argparse.Namespace,
-    recipes: Sequence[Recipe],
-    listener: socket.socket,
-    exchange: Exchange,
-    clock: SystemClock,
-) -> PlcServer:
-    from runtime.plc import certificates, opcua  # with a library that no other run has to load
+def _security(arguments: argparse.Namespace) -> "Security | None":
+    from runtime.plc import certificates, opcua
 
+    if arguments.plc_insecure:
+        return None
     journal = arguments.journal
     folder = arguments.plc_certificates or journal.with_name(f"{journal.name}.opcua")
-    security = None
-    if not arguments.plc_insecure:
-        trusted = arguments.plc_trusted
-        trust = certificates.Trust(folder / certificates.PINNED, trusted)
-        security = opcua.Security(certificates.identity_in(folder), trust)
-    panel = Panel(_offers(recipes), _configuration(arguments), exchange.glance)
-    return opcua.OpcUaServer(listener, exchange, clock, panel, security)
+    trust = certificates.Trust(folder / certificates.PINNED, arguments.plc_trusted)
+    return opcua.Security(certificates.identity_in(folder), trust)
 
 
-def _offers(recipes: Sequence[Recipe]) -> list[Offer]:
-    """The tables that OPC UA offers, by file name; a number precedes a name that two tables have."""
-    names = Counter(recipe.path.stem for recipe in recipes)
-    return [
-        Offer(
-            recipe.path.stem if names[recipe.path.stem] == 1 else f"{number}-{recipe.path.stem}",
-            recipe.loaded.digest,
-            parts_of(recipe.loaded.table),
-        )
-        for number, recipe in enumerate(recipes)
-    ]
+def _offers(recipes: Sequence[Recipe]) -> Iterator[Offer]:
+    """Yields the tables for OPC UA, by file name; a number precedes a name that two tables have."""
+    names = [recipe.path.stem for recipe in recipes]
+    for number, (name, recipe) in enumerate(zip(names, recipes, strict=True)):
+        unique = name if names.count(name) == 1 else f"{number}-{name}"
+        yield Offer(unique, recipe.loaded.digest, parts_of(recipe.loaded.table))
 
 
-def _configuration(arguments: argparse.Namespace) -> Configuration:
+def _configuration(arguments: argparse.Namespace, recipe: Recipe) -> Configuration:
     if arguments.calibration is None:
         return Configuration("linear map", "")
-    digest = hashlib.sha256(arguments.calibration.read_bytes()).hexdigest()
-    return Configuration(arguments.calibration.name, digest)
+    return Configuration(arguments.calibration.name, str(recipe.software["calibration_sha256"]))

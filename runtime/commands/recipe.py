@@ -71,7 +71,6 @@ def _headline(path: Path, table: Table) -> str:
 
 
 def _header(arguments: argparse.Namespace, tree: Path, options: RunOptions) -> dict[str, object]:
-    on_reject, on_unresolved = options.policy.texts()
     measured = options.handling.calibration
     return {
         "table": str(tree),
@@ -79,11 +78,10 @@ def _header(arguments: argparse.Namespace, tree: Path, options: RunOptions) -> d
         "arm": arguments.arm,
         "serve": arguments.serve,
         "plc": arguments.plc,
-        "count": arguments.count if arguments.serve or arguments.plc else arguments.count or 1,
+        "count": options.count,
         "time_scale": "max" if arguments.time_scale == inf else arguments.time_scale,
         "seed": arguments.seed if arguments.port == SIMULATED else None,
-        "on_reject": on_reject,
-        "on_unresolved": on_unresolved,
+        **options.policy.fields(),
         "delivery": None if options.delivery is None else options.delivery.record(),
         "after_crash": arguments.after_crash,
         "force": arguments.force,

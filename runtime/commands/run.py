@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from drivers.ports import Drivers, Report
-from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
+from runtime.commands.arguments import SIMULATED_CAMERA
 from runtime.commands.cell import Devices, connect
 from runtime.commands.options import check_usage, views
 from runtime.commands.recipe import Recipe, prepare
@@ -18,7 +18,6 @@ from runtime.devices.lock import PortLock
 from runtime.errors import BrokenRunError
 from runtime.execution import carry, crash, dry_run, held, session
 from runtime.execution.executor import Cell
-from runtime.execution.held import Held
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.journal import files
 from runtime.journal import installed as log
@@ -92,32 +91,22 @@ class _Asked:
         for recipe in recipes:
             delivery, middle_mm = recipe.options.delivery, recipe.options.handling.middle_mm
             carry.check(delivery, recipe.loaded.table, devices.arm, middle_mm)
-        # A simulated gripper powers up in reset like a real one, and holds nothing real.
-        activate = arguments.activate or arguments.port == SIMULATED
         # Refused now instead of later: a refused run leaves no record and no file.
         if begun is None or begun.part is None:
-            holds = self._holds(devices, journal, activate=activate)
+            holds = self._holds(devices, journal)
             if arguments.put_down and holds is None:
                 return self._say_put_down(None)
         auditor = self._auditor(devices)
         journal = journal or self._journal(clock)
-        cell = Cell(devices.gripper, devices.arm, devices.clock or clock, journal, auditor)
-        self._begin(journal, begun, monitor, clock, recipes)
+        gripper, arm, scene = devices.gripper, devices.arm, devices.scene
+        cell = Cell(gripper, arm, devices.clock or clock, journal, auditor, scene)
+        self._begin(journal, begun, monitor, recipes)
         incidents.hand_over(journal)
         if arguments.put_down:
-            return self._say_put_down(session.put_down(table, cell, monitor, self.recipe.options))
+            return self._say_put_down(session.put_down(table, cell, self.recipe.options))
         if plc is not None:
-            return plc.run(cell, devices.scene, activate=activate)
-        tally = session.run_journalled(
-            table,
-            cell,
-            devices.scene,
-            monitor,
-            count=arguments.count or 1,
-            activate=activate,
-            options=self.recipe.options,
-            broken=begun,
-        )
+            return plc.run(cell)
+        tally = session.run_journalled(table, cell, monitor, self.recipe.options, begun)
         monitor.summary(tally, arguments.journal)
         return tally.exit_code
 
@@ -143,10 +132,10 @@ class _Asked:
         journal = self._look_back(clock)[0] or self._journal(clock)
         place = f"{address.host}:{listener.getsockname()[1]}"
         self.recipe.console.note(f"a robot may ask at tcp://{place}")
-        self._begin(journal, None, monitor, clock, (self.recipe,))
+        self._begin(journal, None, monitor, (self.recipe,))
         with session.ending(journal) as tally:
-            name, options, count = self.recipe.loaded.digest, self.recipe.options, arguments.count
-            parts = AskedParts(table, name, journal, clock, monitor, tally, options, count)
+            name, options = self.recipe.loaded.digest, self.recipe.options
+            parts = AskedParts(table, name, journal, clock, monitor, tally, options)
             serve.RobotServer(listener, parts, clock).serve()
         monitor.summary(tally, arguments.journal)
         return tally.exit_code
@@ -177,7 +166,8 @@ class _Asked:
     def dry_run(self) -> int:
         """Prints what would be sent to the devices, over links that cannot write."""
         devices, recipe = self._connect(Incidents().record), self.recipe
-        lines = dry_run.tell(recipe.loaded.table, devices.gripper, devices.arm, recipe.options)
+        table, options = recipe.loaded.table, recipe.options
+        lines = list(dry_run.tell(table, devices.gripper, devices.arm, options))
         if self.arguments.json:
             say(json.dumps({"told": lines}))
         else:
@@ -189,20 +179,14 @@ class _Asked:
         return 0
 
     def _connect(self, report: Report) -> Devices:
-        table, console = self.recipe.loaded.table, self.recipe.console
-        return connect(self.arguments, table, console, self.drivers, self.stack, report)
+        return connect(self.arguments, self.recipe, self.drivers, self.stack, report)
 
     def _monitor(self) -> Monitor:
         recipe = self.recipe
         return Monitor(recipe.console, recipe.loaded, recipe.path, views(self.arguments))
 
     def _begin(
-        self,
-        journal: Journal,
-        begun: Replay | None,
-        monitor: Monitor,
-        clock: SystemClock,
-        recipes: Sequence[Recipe],
+        self, journal: Journal, begun: Replay | None, monitor: Monitor, recipes: Sequence[Recipe]
     ) -> None:
         """Records that the run begins, or that a broken one continues.
 
@@ -211,7 +195,7 @@ class _Asked:
         self.stack.enter_context(interrupts.whole())
         monitor.ready()
         for recipe in recipes:
-            log.note(journal.path, recipe.loaded.data, recipe.software, clock.stamp, clock.uptime)
+            log.note(journal, recipe.loaded.data, recipe.software)
         data, policy = self.recipe.loaded.data, self.arguments.after_crash
         crash.begin(journal, begun, data, self.recipe.header, policy)
 
@@ -221,13 +205,10 @@ class _Asked:
         if not files.exists(arguments.journal):
             return None, None
         journal = self._journal(clock)
-        now, most_s = {"time": clock.stamp(), **clock.uptime()}, arguments.resume_within
-        recipe, policy = self.recipe, arguments.after_crash
-        data, console = recipe.loaded.data, recipe.console
+        header = {**self.recipe.header, "table_sha256": self.recipe.loaded.digest}
+        console, policy = self.recipe.console, arguments.after_crash
         try:
-            broken = crash.look(
-                journal, data, recipe.header, policy, console, now=now, most_s=most_s
-            )
+            broken = crash.look(journal, header, policy, console, arguments.resume_within)
         except BrokenRunError as error:
             if not arguments.put_down:
                 raise
@@ -238,14 +219,14 @@ class _Asked:
     def _journal(self, clock: SystemClock) -> Journal:
         return self.stack.enter_context(Journal(self.arguments.journal, clock.stamp, clock.uptime))
 
-    def _holds(self, devices: Devices, journal: Journal | None, *, activate: bool) -> Held | None:
+    def _holds(self, devices: Devices, journal: Journal | None) -> held.Held | None:
         """Returns what the fingers may hold before a run; raises unless they may be moved anyway."""
-        arguments = self.arguments
+        arguments, options = self.arguments, self.recipe.options
         state = devices.gripper.state()
-        holds = held.look(state, self.recipe.options.handling.widths(self.recipe.loaded.table))
+        holds = held.look(state, options.handling.widths(self.recipe.loaded.table))
         if arguments.put_down and holds is None:
             return None
-        if not (activate and needs_activation(state)) or arguments.put_down:
+        if not (options.activate and needs_activation(state)) or arguments.put_down:
             ready_gripper(devices.gripper)
         if holds is not None and not (arguments.put_down or arguments.jaws_empty):
             raise holds.refusal(devices.arm.pose()[2], journal)

@@ -11,7 +11,7 @@ import math
 import select
 import socket
 
-from runtime.commands.arguments import SERVED, parser
+from runtime.commands.arguments import SERVED, given
 from runtime.devices.clock import SystemClock
 from runtime.errors import JournalError
 from runtime.execution.asked import MAX_LINE, AskedParts, refused
@@ -35,10 +35,8 @@ def check(arguments: argparse.Namespace) -> server.Address:
         UsageError: the address is invalid, or reachable from other machines without permission; or an
             option is about devices, which the robot moves itself.
     """
-    defaults = parser()
-    for name, given in vars(arguments).items():
-        if name not in SERVED and given != defaults.get_default(name):
-            option = f"--{name.replace('_', '-')}"
+    for name, option in given(arguments).items():
+        if name not in SERVED:
             raise UsageError(f"--serve answers a robot that moves itself; leave out {option}")
     return server.served(
         arguments.serve, "--serve", ("tcp",), network=arguments.network, risk="answer for the robot"

@@ -114,10 +114,8 @@ def _call(program: Program, rest: list[str]) -> int:
     asks = bool({"-h", "--help"} & set(rest))
     before = [word for word in program.before if not (asks and word.startswith("-"))]
     sys.argv = [program.name, *before, *rest]
-    (entry,) = metadata.distribution(NAME).entry_points.select(
-        group="console_scripts", name=program.name
-    )
-    return int(entry.load()())
+    scripts = metadata.distribution(NAME).entry_points.select(group="console_scripts")
+    return int(scripts[program.name].load()())
 
 
 if __name__ == "__main__":

@@ -67,11 +67,8 @@ class AuditProcess(ChildProcess):
         except Exception as error:
             return {"verdict": UNKNOWN, "reason": one_line(error)[:MAX_TEXT]}
         verdict = record.get("verdict")
-        plain = {
-            name: value
-            for name, value in record.items()
-            if name.isidentifier() and _is_plain(value)
-        }
+        fields = record.items()
+        plain = {name: value for name, value in fields if name.isidentifier() and _is_plain(value)}
         return {**plain, "verdict": verdict if verdict in VERDICTS else UNKNOWN}
 
     def check(self) -> None:
@@ -106,15 +103,10 @@ class AuditProcess(ChildProcess):
             while self._owed:
                 answer = self._line(until)
                 self._owed -= 1
-        except BrokenPipeError as error:
+        except (BrokenPipeError, EOFError) as error:
             raise ConnectionError(
-                "the auditor has ended; run its command by itself to see why"
-            ) from error
-        except EOFError as error:
-            message = (
                 "the auditor has ended, or talks without end; run its command by itself to see why"
-            )
-            raise ConnectionError(message) from error
+            ) from error
         except TimeoutError as error:
             raise TimeoutError(f"the auditor did not answer within {answer_s:g} s") from error
         reply = strict_json.parse(answer)

@@ -64,9 +64,8 @@ class CellProcess(ChildProcess):
             ) from None
         try:
             record = json.loads(line)
-            return Endpoints(
-                **{name: str(record[name]) for name in Endpoints._fields if name in record}
-            )
+            named = {name: str(record[name]) for name in Endpoints._fields if name in record}
+            return Endpoints(**named)
         except (ValueError, TypeError) as error:
             raise UnreachableError(
                 f"grasp-cell told {line[:200]!r} instead of its endpoints"

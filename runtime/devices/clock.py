@@ -86,11 +86,10 @@ def age_s(record: Mapping[str, object], now: Mapping[str, object]) -> float | No
         now: the same of this moment.
     """
     since_s, up_s = record.get("up_s"), now.get("up_s")
-    known = isinstance(since_s, int | float) and isinstance(up_s, int | float)
-    if not (known and record.get("boot") and now.get("boot")):
+    if not (isinstance(since_s, int | float) and isinstance(up_s, int | float)):
         return None
-    assert isinstance(since_s, int | float)
-    assert isinstance(up_s, int | float)
+    if not (record.get("boot") and now.get("boot")):
+        return None
     if record["boot"] == now["boot"]:
         return up_s - since_s if up_s >= since_s else None
     try:

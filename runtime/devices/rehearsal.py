@@ -10,7 +10,7 @@ from random import Random
 
 from runtime.shell.errors import UsageError
 from runtime.table import Branch, Node, Pose2, Table, decision_map
-from runtime.traversal.geometry import compose, placement
+from runtime.table.geometry import compose, placement
 
 # The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree only to this.
 SAME_MM, SAME_RAD = 0.1, 0.01
@@ -60,10 +60,8 @@ class Rehearsal:
             node.branches, weights=[branch.probability_ppm for branch in node.branches]
         )[0]
         self._lies = self._poses(index, pose_hand)
-        self._next = sorted(
-            (other.target for other in node.branches if other.target >= 0),
-            key=lambda target: target != branch.target,
-        )
+        targets = (other.target for other in node.branches if other.target >= 0)
+        self._next = sorted(targets, key=lambda target: target != branch.target)
         self._last, self._width_mm = index, self._width_um(node, branch) / 1000
         self._status = "grasped" if branch.grip else "untouched"
         return pose_hand, self._width_mm, self._status
@@ -91,9 +89,8 @@ class Rehearsal:
         low = min(start for start, _, number in meant if number == mine)
         high = max(end for _, end, number in meant if number == mine)
         gripper = self._table.gripper
-        room = min(
-            NOISE_SIGMAS * gripper.noise_um + gripper.profile.resolution_um, (high - low) / 2
-        )
+        margin = NOISE_SIGMAS * gripper.noise_um + gripper.profile.resolution_um
+        room = min(margin, (high - low) / 2)
         return self._random.uniform(low + room, high - room)
 
 

@@ -19,18 +19,9 @@ from runtime.execution.watch import DEADLINE_FACTOR, expected_of
 from runtime.journal.chain import Journal
 from runtime.shell.plain_text import cleaned
 from runtime.table import HELD_UM, REJECT, DecisionMap, Table, decide
+from runtime.table.geometry import placement, sent
+from runtime.traversal import program
 from runtime.traversal.answer import outcome_fields
-from runtime.traversal.geometry import placement, sent
-from runtime.traversal.program import (
-    Approach,
-    Done,
-    Program,
-    Reading,
-    Release,
-    Request,
-    Requests,
-    released,
-)
 from runtime.traversal.results import Outcome, PartResult, Step
 
 VERSION = 1
@@ -90,19 +81,11 @@ class _Part:
     """The part that the robot is locating: its pending request, its squeezes so far, its deadline."""
 
     number: int
-    requests: Requests
-    request: Request  # the current request: an `Approach`, or a `Release` that drags the part
+    requests: program.Requests
+    request: program.Request  # the current one: an `Approach`, or a `Release` that drags
+    node: int = 0  # index of the node to squeeze at now, or after the drag
     steps: tuple[Step, ...] = ()
     deadline: float = 0.0
-
-    @property
-    def node(self) -> int:
-        """Index of the node to squeeze at now, or after the drag."""
-        request = self.request
-        if isinstance(request, Release):
-            return request.after.node
-        assert isinstance(request, Approach)
-        return request.index
 
 
 class AskedParts:
@@ -121,14 +104,13 @@ class AskedParts:
         console: Console,
         tally: Tally,
         options: RunOptions,
-        count: int | None = None,
     ) -> None:
         self._table, self._name = table, name
         self._journal, self._clock, self._console, self._tally = journal, clock, console, tally
-        self._policy, self._count = options.policy, count
+        self._policy, self._count = options.policy, options.count
         self._calibration = options.handling.widths(table)
         self._middle_mm = options.handling.middle_mm
-        self._program = Program(table, self._calibration, options.policy)
+        self._program = program.Program(table, self._calibration, options.policy)
         self._part: _Part | None = None
         self.over = False  # whether the last part is done
         self._readings = {"WIDTH": self._width, "COUNTS": self._counts}
@@ -137,7 +119,7 @@ class AskedParts:
             "STATUS": self._status,
             "RESET": self._reset,
             "TABLE": self._tell_table,
-            "VERSION": self._version,
+            "VERSION": lambda: f"VERSION {VERSION} squeezetree",
         }
 
     @property
@@ -178,7 +160,7 @@ class AskedParts:
             self._journal.record("part", {"part": number})
             self._part = part
             return self._follow(part)
-        _check(isinstance(part.request, Release), 12)
+        _check(isinstance(part.request, program.Release), 12)
         return self._go_on(part)
 
     def _width(self, words: list[str]) -> str:
@@ -191,7 +173,7 @@ class AskedParts:
         reading_um = self._calibration.nearest_um(width_um)
         if seen is None:
             seen = self._state_of(reading_um, self._program.maps[part.node])
-        return self._read(part, reading_um, seen, " ".join(["WIDTH", *words]))
+        return self._read(part, program.Reading(reading_um, seen), ["WIDTH", *words])
 
     def _counts(self, words: list[str]) -> str:
         """Takes the encoder count of `COUNTS n OBJECT|NONE [node]` as the reading; returns the answer."""
@@ -201,12 +183,12 @@ class AskedParts:
         profile = self._table.gripper.profile
         _check(profile.counts is not None and int(words[0]) <= MOST_COUNT, 20)
         reading_um = profile.counted_um(int(words[0]))
-        return self._read(part, reading_um, seen, " ".join(["COUNTS", *words]))
+        return self._read(part, program.Reading(reading_um, seen), ["COUNTS", *words])
 
     def _status(self) -> str:
         if self._part is None:
             return f"STATUS IDLE {self._tally.parts} 0 -1"
-        state = "DRAG" if isinstance(self._part.request, Release) else "SQUEEZE"
+        state = "DRAG" if isinstance(self._part.request, program.Release) else "SQUEEZE"
         return f"STATUS {state} {self._part.number} {len(self._part.steps)} {self._part.node}"
 
     def _reset(self) -> str:
@@ -219,14 +201,11 @@ class AskedParts:
         sizes = f"{len(self._table.nodes)} {len(self._table.leaves)}"
         return f"TABLE {sizes} {heights} {self._name[:16]}"
 
-    def _version(self) -> str:
-        return f"VERSION {VERSION} squeezetree"
-
     # -- readings -------------------------------------------------------------------------------------
 
     def _due(self, words: list[str], least: int) -> tuple[_Part, ObjectState | None]:
         """Checks the words of a reading; returns the part and the object state, None if not stated."""
-        _check(self._part is not None and isinstance(self._part.request, Approach), 11)
+        _check(self._part is not None and isinstance(self._part.request, program.Approach), 11)
         assert self._part is not None
         more = words[1:]
         seen = FLAGS[more.pop(0)] if more and more[0] in FLAGS else None
@@ -246,15 +225,16 @@ class AskedParts:
         held = width_um >= HELD_UM if felt == unfelt else unfelt == REJECT
         return ObjectState.CLOSING if held else ObjectState.AT_TARGET
 
-    def _read(self, part: _Part, reading_um: int, seen: ObjectState, reply: str) -> str:
+    def _read(self, part: _Part, reading: program.Reading, reply: list[str]) -> str:
         approach = part.request
-        assert isinstance(approach, Approach)
-        self._check_possible(approach, reading_um, seen)
+        assert isinstance(approach, program.Approach)
+        self._check_possible(approach, reading)
         self._console.phase(part.number, Phase.READ, approach.index)
-        release = released(part.requests, approach, Reading(reading_um, seen))
-        fields = {**release.step.fields(), "object_flag": int(seen), "told": reply}
+        release = program.released(part.requests, approach, reading)
+        stated = {"object_flag": int(reading.object), "told": " ".join(reply)}
+        fields = {**release.step.fields(), **stated}
         self._journal.record("squeeze", {"part": part.number, **fields})
-        part.request, part.steps = release, release.steps
+        part.request, part.steps, part.node = release, release.steps, release.after.node
         self._console.step(part.number, release.step)
         if release.point is None:
             return self._go_on(part)
@@ -262,8 +242,9 @@ class AskedParts:
         x_mm, y_mm, _ = sent(placement(release.node.squeeze, release.point), self._middle_mm)
         return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
-    def _check_possible(self, approach: Approach, reading_um: int, seen: ObjectState) -> None:
+    def _check_possible(self, approach: program.Approach, reading: program.Reading) -> None:
         calibration, decided = self._calibration, self._program.maps[approach.index]
+        reading_um, seen = reading
         try:
             check_closed(Settled(reading_um, seen, 0, 0, 0.0), calibration, (0, 0))
         except GripperStateError:
@@ -283,10 +264,10 @@ class AskedParts:
     def _follow(self, part: _Part) -> str:
         """Journals that the next squeeze begins or the part ends; returns the line for the robot."""
         request = part.request
-        if isinstance(request, Done):
+        if isinstance(request, program.Done):
             self._end(request.result)
             return self._ended(request.result)
-        assert isinstance(request, Approach)
+        assert isinstance(request, program.Approach)
         squeeze = request.node.squeeze
         fields = {"part": part.number, "number": request.number, "node": request.index}
         self._journal.record("placed", fields)

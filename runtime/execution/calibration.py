@@ -1,6 +1,7 @@
 """Calibration of one gripper's widths with gauge blocks, stored in one JSON file per gripper."""
 
 import json
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import accumulate, pairwise
@@ -14,7 +15,7 @@ from runtime.execution.reading import CLOSED_UM, check_fresh
 from runtime.execution.safety import stroke
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError
-from runtime.shell.files import read_regular, writing
+from runtime.shell.files import read_input, writing
 from runtime.table import PROFILES, Calibration
 
 FORMAT = 2
@@ -128,9 +129,9 @@ def fit(
                 f"{narrow.width_mm:g} mm block {narrow.mean / 1000:.2f} mm; a wider one reads more, "
                 "measure both again"
             )
-    curve = Curve(ordered)
+    width_mm = curve(ordered)
     readings = [profile.stroke_um * k // POINTS for k in range(-BEYOND, POINTS + BEYOND + 1)]
-    widths = (max(round(1000 * curve.at(reading)), 0) for reading in readings)
+    widths = (max(round(1000 * width_mm(reading)), 0) for reading in readings)
     # Rounding must not make a width fall by a micrometre.
     points = tuple(zip(readings, accumulate(widths, max), strict=True))
     return GripperCalibration(gripper, date, tuple(ordered), points)
@@ -140,7 +141,7 @@ def residuals_mm(calibration: GripperCalibration) -> list[float]:
     """For each block but the outermost, the width that a fit without it gives, minus its true width, mm."""
     gauges = calibration.gauges
     return [
-        Curve([*gauges[:k], *gauges[k + 1 :]]).at(gauges[k].mean) - gauges[k].width_mm
+        curve([*gauges[:k], *gauges[k + 1 :]])(gauges[k].mean) - gauges[k].width_mm
         for k in range(1, len(gauges) - 1)
     ]
 
@@ -184,10 +185,7 @@ def bytes_of(path: Path) -> bytes:
         InputError: see `load`.
     """
     load(path)
-    try:
-        return read_regular(path, strict_json.MOST_BYTES)[0]
-    except OSError as error:
-        raise InputError(f"calibration {path}: cannot be read: {error.strerror}") from error
+    return read_input(path, strict_json.MOST_BYTES, f"calibration {path}")[0]
 
 
 def _parsed(record: object) -> GripperCalibration:
@@ -214,26 +212,26 @@ def _parsed(record: object) -> GripperCalibration:
     return result
 
 
-class Curve:
-    """Monotone cubic through the gauged points (reading in um, width in mm), continued straight beyond them.
+def curve(gauges: Sequence[Gauge]) -> Callable[[float], float]:
+    """The width, mm, as a function of the reading, um: a monotone cubic through the gauged points.
 
-    Its slope is continuous, like that of the fingers' arc (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
+    It continues straight beyond them. Its slope is continuous, like that of the fingers' arc (Fritsch,
+    Carlson, SIAM J. Numer. Anal. 17, 1980).
     """
+    points = sorted((gauge.mean, gauge.width_mm) for gauge in gauges)
+    x = [reading_um for reading_um, _ in points]
+    y = [width_mm for _, width_mm in points]
+    secants = [(y1 - y0) / (x1 - x0) for (x0, y0), (x1, y1) in pairwise(points)]
+    # Harmonic means of the secants inside, the outermost secants at the ends.
+    inner = [2.0 * a * b / (a + b) for a, b in pairwise(secants)]
+    slope = [secants[0], *inner, secants[-1]]
 
-    def __init__(self, gauges: Sequence[Gauge]) -> None:
-        points = sorted((gauge.mean, gauge.width_mm) for gauge in gauges)
-        self._x = [x for x, _ in points]
-        self._y = [y for _, y in points]
-        self._slope = _slopes(self._x, self._y)
-
-    def at(self, reading_um: float) -> float:
-        """The width at a reading, mm."""
-        x, y, slope = self._x, self._y, self._slope
+    def at(reading_um: float) -> float:
         if reading_um <= x[0]:
             return y[0] + slope[0] * (reading_um - x[0])
         if reading_um >= x[-1]:
             return y[-1] + slope[-1] * (reading_um - x[-1])
-        k = next(k for k in range(len(x) - 1) if reading_um <= x[k + 1])
+        k = bisect_left(x, reading_um) - 1
         h = x[k + 1] - x[k]
         t = (reading_um - x[k]) / h
         return (
@@ -243,9 +241,4 @@ class Curve:
             + slope[k + 1] * h * t**2 * (t - 1)
         )
 
-
-def _slopes(x: Sequence[float], y: Sequence[float]) -> list[float]:
-    """Slopes at the points: harmonic means of the secants inside, the outermost secants at the ends."""
-    secants = [(y1 - y0) / (x1 - x0) for (x0, y0), (x1, y1) in pairwise(zip(x, y, strict=True))]
-    inner = [2.0 * a * b / (a + b) for a, b in pairwise(secants)]
-    return [secants[0], *inner, secants[-1]]
+    return at

@@ -14,12 +14,12 @@ from typing import NamedTuple
 from drivers.ports import Arm, ObjectState, PoseOfHand
 from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.execution import safety
-from runtime.execution.delivery import Delivery, Sorting
+from runtime.execution.delivery import Delivery, Places
 from runtime.execution.hand import Hand
 from runtime.execution.reading import room_um
 from runtime.execution.strokes import of_any_width
 from runtime.table import Leaf, Limits, Node, Pose2, Table, close_alike, predicted_pose
-from runtime.traversal.geometry import compose, placement, same_turns, sent
+from runtime.table.geometry import compose, placement, same_turns, sent
 
 
 class Way(NamedTuple):
@@ -30,10 +30,7 @@ class Way(NamedTuple):
 
 
 def check(
-    delivery: Delivery | Sorting | None,
-    table: Table,
-    arm: Arm | None = None,
-    middle_mm: float = 0.0,
+    delivery: Places | None, table: Table, arm: Arm | None = None, middle_mm: float = 0.0
 ) -> None:
     """Checks, before anything moves, that the part can be delivered from every leaf that may state its pose.
 

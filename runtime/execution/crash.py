@@ -1,6 +1,5 @@
 """Decides by a policy (abort, resume, restart) what becomes of a run that broke off; opens no device."""
 
-import hashlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -30,14 +29,7 @@ SAME = {
 
 
 def look(
-    journal: Journal,
-    table: bytes,
-    fields: Mapping[str, object],
-    policy: str,
-    console: Console,
-    *,
-    now: Entry,
-    most_s: float,
+    journal: Journal, fields: Mapping[str, object], policy: str, console: Console, most_s: float
 ) -> Replay | None:
     """Finds out whether a journal's last run broke off; gives such a run up, or returns it to be resumed.
 
@@ -46,11 +38,9 @@ def look(
 
     Args:
         journal: the open journal, without an incomplete last line.
-        table: the table's bytes.
-        fields: the header of a new run.
+        fields: the header of a new run, with `table_sha256`.
         policy: `ABORT`, `RESUME` or `RESTART`.
         console: receives the result.
-        now: `time`, `boot` and `up_s` as a record would hold them now.
         most_s: age of the last record above which a part is not continued, s.
 
     Returns:
@@ -78,9 +68,8 @@ def look(
             f"{message}; it is given up and nothing was moved: "
             "look at the fingers, clear the cell, start again"
         )
-    stated = {**fields, "table_sha256": hashlib.sha256(table).hexdigest()}
     for name, what in SAME.items():
-        if (broken.header.get(name) or None) != (stated.get(name) or None):
+        if (broken.header.get(name) or None) != (fields.get(name) or None):
             raise BrokenRunError(
                 f"the run that broke off had another {what}; start with that one, or with --after-crash abort"
             )
@@ -90,7 +79,7 @@ def look(
             f"{RESTART}, which begins with that part again, or with --after-crash {ABORT}"
         )
     if broken.part is not None:
-        _check_recent(journal.last_part[-1], now, most_s)
+        _check_recent(journal.last_part[-1], journal.now(), most_s)
     goes_on = "going on with it" if policy == RESUME else "starting that part over"
     console.note(f"{message}; {goes_on}")
     if policy == RESTART:  # from the root; the record of what the hand may hold is kept
@@ -153,10 +142,8 @@ def _check_recent(last: Entry, now: Entry, most_s: float) -> None:
 
 def _give_up(journal: Journal, broken: Replay) -> None:
     if broken.part is not None:
-        message, notes = "the run broke off", ("nothing was moved",)
-        part, steps = broken.part, broken.steps
-        result = PartResult.of(part, Outcome.ABORTED, steps, message, safe_state=notes)
-        journal.record("outcome", result.fields())
+        result = PartResult.of(broken.part, Outcome.ABORTED, broken.steps, "the run broke off")
+        journal.record("outcome", {**result.fields(), "safe_state": ["nothing was moved"]})
     journal.record("end", GIVEN_UP)
 
 

@@ -73,6 +73,9 @@ class Sorting:
         return list(self.named.items())
 
 
+Places = Delivery | Sorting  # where the parts of a run are put down
+
+
 def from_word(word: str, picks: Mapping[str, Pose2]) -> Delivery:
     """Parses the word of a delivery: `x,y,angle` (see `from_text`), or a file's name (see `from_file`)."""
     return from_text(word) if "," in word else from_file(Path(word), picks)
@@ -103,9 +106,8 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
         InputError: see `from_file`.
     """
     goal, numbers = table.goal, dict(enumerate(hypothesis.name for hypothesis in table.hypotheses))
-    picks = {
-        name: frames.picks for name, frames in zip(numbers.values(), frames_of(table), strict=True)
-    }
+    parts = zip(numbers.values(), frames_of(table), strict=True)
+    picks = {name: frames.picks for name, frames in parts}
     if goal.kind == "identity" or not goal.identify:
         raise UsageError(
             "--deliver: this table does not tell both which part it is and where it lies"

@@ -4,15 +4,16 @@
 and in a terminal outcome.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from drivers.ports import Arm, Gripper
+from drivers.ports import Arm, Gripper, Scene
 from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import Lap, SystemClock
 from runtime.errors import BrokenRunError, GripperStateError
 from runtime.execution import recovery, safety
 from runtime.execution.carry import deliver
-from runtime.execution.delivery import Delivery, Sorting
+from runtime.execution.delivery import Places
 from runtime.execution.events import Console, Phase
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
@@ -24,19 +25,10 @@ from runtime.journal.replay import Replay
 from runtime.shell import interrupts
 from runtime.shell.errors import ExpectedError, exit_code_of, is_expected
 from runtime.table import Phases, Place, Squeeze, Table, predicted_pose
+from runtime.table.geometry import placement
+from runtime.traversal import program
 from runtime.traversal.answer import outcome_fields
 from runtime.traversal.decision import Policy, TraversalState
-from runtime.traversal.geometry import placement
-from runtime.traversal.program import (
-    START,
-    Approach,
-    Done,
-    Program,
-    Reading,
-    Release,
-    Requests,
-    Tighten,
-)
 from runtime.traversal.results import Outcome, PartResult, Step
 
 
@@ -49,6 +41,7 @@ class Cell:
     clock: SystemClock
     journal: Journal
     auditor: AuditProcess | None = None
+    scene: Scene | None = None  # brings and knows the parts of a simulated cell; None: a real cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +50,9 @@ class RunOptions:
 
     policy: Policy = field(default_factory=Policy)
     handling: Handling = field(default_factory=Handling)
-    delivery: Delivery | Sorting | None = None
+    delivery: Places | None = None
+    activate: bool = False  # whether a gripper that is inactive or in fault may be activated
+    count: int | None = 1  # number of parts, including those before a crash; None: no end
     # factor on the deadline of a squeeze, above 1 where a person takes part
     patience: float = 1.0
     takt_s: float | None = None  # within which parts should be done; only reported
@@ -90,7 +85,7 @@ class Executor:
         self._steps: tuple[Step, ...] = ()  # squeezes of the current part whose release is done
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
         self._cell = replace(cell, journal=self._hand.watch.watched(cell.journal, MACHINE))
-        self._plan = Program(table, self._hand.calibration, options.policy)
+        self._plan = program.Program(table, self._hand.calibration, options.policy)
         self._program = self._plan  # turned for the current part
 
     def run_part(self, part: int, broken: Replay | None = None) -> PartResult:
@@ -112,7 +107,7 @@ class Executor:
                 turn_urad = self._turned(part, broken)
                 if broken is not None:
                     self._free(part, broken)
-                state = START if broken is None else broken.traversal
+                state = program.START if broken is None else broken.traversal
                 result = self._finish(self._descend(part, state))
                 result = replace(result, turn_urad=turn_urad)
                 self._hand.where()  # an arm that was displaced makes any outcome a fault
@@ -121,13 +116,12 @@ class Executor:
             self._cell.journal.record("outcome", outcome_fields(self._program.table, result))
         except BrokenRunError as error:
             # Nothing was moved; the operator looks at the fingers.
-            reason, notes = str(error), ("nothing was moved",)
-            aborted = PartResult.of(part, Outcome.ABORTED, self._steps, reason, safe_state=notes)
-            return self._ended(aborted)
-        except KeyboardInterrupt:
-            return self._end(part, Outcome.STOPPED, "stopped by the operator")
+            aborted = PartResult.of(part, Outcome.ABORTED, self._steps, str(error))
+            return self._ended(aborted, ["nothing was moved"])
+        except KeyboardInterrupt as request:
+            return self._end(part, Outcome.STOPPED, "stopped by the operator", request)
         except Exception as error:
-            fault = self._end(part, Outcome.FAULT, str(error), exit_code_of(error))
+            fault = self._end(part, Outcome.FAULT, str(error), error)
             if not is_expected(error):
                 raise
             return fault
@@ -155,8 +149,8 @@ class Executor:
         self._phases.clear()
         requests = self._program.part(part, state, self._steps)
         request = next(requests)
-        while not isinstance(request, Done):
-            assert isinstance(request, Approach)
+        while not isinstance(request, program.Done):
+            assert isinstance(request, program.Approach)
             expected = expected_of(self._program.table, request.node)
             with self._hand.watch.squeeze(expected, self._options.patience):
                 release = self._squeeze(part, requests, request)
@@ -165,7 +159,9 @@ class Executor:
             request = next(requests)
         return request.result
 
-    def _squeeze(self, part: int, requests: Requests, approach: Approach) -> Release:
+    def _squeeze(
+        self, part: int, requests: program.Requests, approach: program.Approach
+    ) -> program.Release:
         """Performs one squeeze, starting and ending above the part; returns its `Release` request."""
         index, node, lap = approach.index, approach.node, Lap(self._cell.clock)
         if not approach.again:
@@ -179,13 +175,12 @@ class Executor:
         document = {"part": part, "number": approach.number, "node": index}
         self._cell.journal.record("placed", document)
         self._console.phase(part, Phase.SQUEEZE, index)
-        next(requests)  # to squeeze
         reading = self._hand.meet(node)
-        request = requests.send(Reading(reading.width_um, reading.object))
-        if isinstance(request, Tighten):
+        request = requests.send(program.Reading(reading.width_um, reading.object))
+        if isinstance(request, program.Tighten):
             reading = self._hand.tighten(node, reading)
-            request = requests.send(Reading(reading.width_um, reading.object))
-        assert isinstance(request, Release)
+            request = requests.send(program.Reading(reading.width_um, reading.object))
+        assert isinstance(request, program.Release)
         self._console.phase(part, Phase.READ, index)
         # Before anything moves on: a decision that is not on the disk was never taken.
         fields = {"part": part, **request.step.fields(), **reading_fields(reading)}
@@ -204,7 +199,7 @@ class Executor:
         self._phases.append(Phases(push_s, travel_s, lower_s, close_s, release_s, lap.lap()))
         return request
 
-    def _push(self, part: int, approach: Approach) -> None:
+    def _push(self, part: int, approach: program.Approach) -> None:
         node, index = approach.node, approach.index
         for push in node.pushes:
             self._console.phase(part, Phase.PUSH, index)
@@ -236,7 +231,7 @@ class Executor:
     def _drag(self, point: Place | None) -> None:
         """Drags the held part to its place of release; None: it is released in place."""
         if point is not None:
-            self._hand.drag(point.x_um / 1000, point.y_um / 1000)
+            self._hand.slide(point.x_um / 1000, point.y_um / 1000)
 
     def _free(self, part: int, broken: Replay) -> None:
         """Releases the part that a broken run may still hold, as that run would have done."""
@@ -283,22 +278,19 @@ class Executor:
             self._cell.journal.record("delivery", ended)
         return result
 
-    def _end(
-        self, part: int, outcome: Outcome, reason: str, exit_code: int | None = None
-    ) -> PartResult:
+    def _end(self, part: int, outcome: Outcome, reason: str, error: BaseException) -> PartResult:
         self._console.phase(part, Phase.SAFE, None)
         cell, limits, known = self._cell, self._program.table.limits, self._hand.arm_known
         notes = reach_safe_state(cell.gripper, cell.arm, limits, arm_known=known)
-        result = PartResult.of(
-            part, outcome, self._steps, reason, exit_code=exit_code, safe_state=tuple(notes)
-        )
-        return self._ended(replace(result, leaf=self._found))
+        result = PartResult.of(part, outcome, self._steps, reason)
+        return self._ended(replace(result, exit_code=exit_code_of(error)), notes)
 
-    def _ended(self, result: PartResult) -> PartResult:
-        """Journals and returns the result of a fault, a stop or an abort.
+    def _ended(self, result: PartResult, notes: Sequence[str]) -> PartResult:
+        """Journals and returns the result of a fault, a stop or an abort, with the notes in `safe_state`.
 
-        If the journal cannot be written, the returned result says so in `safe_state`.
+        If the journal cannot be written, the returned result says so there.
         """
+        result = replace(result, leaf=self._found, safe_state=tuple(notes))
         try:
             self._cell.journal.record("outcome", outcome_fields(self._program.table, result))
         except ExpectedError as error:

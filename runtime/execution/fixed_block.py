@@ -24,7 +24,7 @@ from runtime.execution.middle import MOST_MM, Middle
 from runtime.execution.strokes import of_any_width
 from runtime.shell.errors import InputError
 from runtime.table import Node, Pose2, Table
-from runtime.traversal.geometry import compose
+from runtime.table.geometry import compose
 
 ROOM_MM = 15.0  # clearance between a block in the middle and each open finger
 COARSE_MM = 6.0  # distance of the first grips, which search the block, from its stated place

@@ -21,22 +21,10 @@ from runtime.execution import safety, strokes
 from runtime.execution.handling import Handling, check_arc
 from runtime.execution.jaws import Jaws
 from runtime.execution.reading import CLOSED_UM, check_closed, check_fresh, check_set
-from runtime.execution.strokes import Stroke
 from runtime.execution.watch import ARM, GRIPPER, Watch
-from runtime.table import (
-    CLEAR_MM,
-    Limits,
-    Node,
-    Push,
-    Schedule,
-    Squeeze,
-    Stand,
-    Table,
-    close_alike,
-    job_of,
-    may_turn,
-)
-from runtime.traversal.geometry import end_of, placement, same_turns, sent
+from runtime.table import CLEAR_MM, Limits, Node, Push, Squeeze, Table, job_of, may_turn
+from runtime.table.geometry import end_of, placement, same_turns, sent
+from runtime.table.schedule import Schedule, close_alike
 
 # Distance from a height within which the arm counts as standing there.
 LEVEL_MM = 0.05
@@ -67,7 +55,6 @@ class Hand:
         self.limits = table.limits
         self.calibration = handling.widths(table)
         self.middle_mm = handling.middle_mm
-        self._profile = table.gripper.profile
         self.arm_known = True
         self._clock = clock
         self._handling = handling
@@ -116,7 +103,7 @@ class Hand:
         low_rad, high_rad = self._turn_range(x_mm, y_mm)
         if high_rad - low_rad < tau + pi:
             return 0.0
-        return Stand(x_mm, y_mm, angle_rad).turn_from(Stand.at(first))
+        return remainder(angle_rad - placement(first)[2], tau)
 
     def retreat(self) -> None:
         """Moves straight up from anywhere; does nothing if the arm is up already."""
@@ -221,10 +208,6 @@ class Hand:
         advance_mm = 0.0 if arc is None else arc.advance_mm(width_mm)
         self._go((x_mm, y_mm, self._low_mm(advance_mm), angle_rad))
 
-    def drag(self, x_mm: float, y_mm: float) -> None:
-        """Drags what the fingers hold along the table to another place, without turning it."""
-        self._slide(x_mm, y_mm, self.limits.arm_speed_um_s)
-
     def push(self, push: Push) -> None:
         """Performs a push: lowers the jaws, already set to its opening, at its start; slides them to its end.
 
@@ -232,11 +215,12 @@ class Hand:
             GripperStateError: the jaws are no longer where they were set.
         """
         self.descend(*placement(push))
-        self._slide(*end_of(push)[:2], push.speed_um_s)
+        self.slide(*end_of(push)[:2], push.speed_um_s)
         asked_um = self.calibration.nearest_um(push.opening_um)
         check_set(self.gripper.state().width_um, asked_um, self.calibration)
 
-    def _slide(self, x_mm: float, y_mm: float, speed_um_s: int) -> None:
+    def slide(self, x_mm: float, y_mm: float, speed_um_s: int | None = None) -> None:
+        """Slides the hand along the table to another place, without turning it or what it holds."""
         _, _, z_mm, angle_rad = self._place()
         # An arm that was only read may stand below the squeeze height by its rounding.
         self._go((x_mm, y_mm, max(z_mm, self._low_mm(0.0)), angle_rad), speed_um_s)
@@ -297,15 +281,11 @@ class Hand:
             GripperStateError: the reading is not fresh, or contradicts itself.
             MotionRefusedError: the arm was displaced meanwhile.
         """
-        handling, profile = self._handling, self._profile
-        regulated, open_mm = self._is_regulated(node), self.jaws.open_mm
-        approached = node if handling.approaches else node._replace(contact_um=None)
-        plan = strokes.closing(
-            approached, self.calibration, handling.arc, open_mm, self.timing, regulated=regulated
-        )
+        open_mm = self.jaws.open_mm
+        plan = strokes.closing(node, self._handling, self.calibration, open_mm, self.timing)
         for stroke, following in pairwise(plan):
             self._level(stroke.advance_mm)
-            through = profile.streams and stroke.advance_mm == following.advance_mm
+            through = self.calibration.profile.streams and stroke.advance_mm == following.advance_mm
             if not (self.jaws.passes(stroke) if through else self.jaws.arrives(stroke)):
                 break
         else:
@@ -317,20 +297,18 @@ class Hand:
 
         If the squeeze is not regulated or holds nothing, `reading` is returned unchanged.
         """
-        if not self._is_regulated(node) or reading.object is not ObjectState.CLOSING:
+        forces = strokes.raising(node.squeeze, self._handling, self.calibration.profile)
+        if not forces or reading.object is not ObjectState.CLOSING:
             return reading
         limit_ma, speed = self._handling.grip_current_ma, node.squeeze.speed_um_s / 1000
-        for force in strokes.raising(node.squeeze, self._profile):
+        for force in forces:
             if limit_ma is not None and reading.current_ma >= limit_ma:
                 break
-            reading = self.jaws.stroke(Stroke(CLOSED_UM, speed, force, 0.0))
+            reading = self.jaws.stroke(strokes.Stroke(CLOSED_UM, speed, force, 0.0))
             check_fresh(reading, CLOSED_UM)
             if reading.object is ObjectState.AT_TARGET:  # it slipped out: the width shows it
                 break
         return self._checked(reading)
-
-    def _is_regulated(self, node: Node) -> bool:
-        return strokes.is_regulated(node.squeeze, self._profile, wanted=self._handling.regulated)
 
     def _checked(self, reading: Settled) -> Settled:
         check_fresh(reading, CLOSED_UM)

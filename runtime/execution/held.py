@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from drivers.ports import GripperState, ObjectState
 from runtime.errors import GripperStateError
-from runtime.execution.delivery import Delivery, Sorting
+from runtime.execution.delivery import Delivery, Places
 from runtime.execution.hand import Hand
 from runtime.execution.reading import room_um
 from runtime.execution.safety import needs_activation
@@ -69,7 +69,7 @@ def look(state: GripperState, calibration: Calibration) -> Held | None:
 
 
 def put_down(
-    hand: Hand, table: Table, delivery: Delivery | Sorting | None, journal: Journal
+    hand: Hand, table: Table, delivery: Places | None, journal: Journal
 ) -> Mapping[str, object]:
     """Lowers what the fingers hold straight down where the arm stands, releases it and retreats.
 

@@ -15,8 +15,8 @@ from runtime.execution.hand import LEVEL_MM, Hand
 from runtime.execution.reading import room_um
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
 from runtime.journal.replay import Last, Replay
-from runtime.table import REJECT, Node, Pose2, Table, close_alike, from_segment
-from runtime.traversal.geometry import placement
+from runtime.table import REJECT, Node, Pose2, Table, close_alike
+from runtime.table.geometry import from_segment, placement
 
 ABORT_REMEDY = "clear the cell, then start with --after-crash abort"
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from drivers.ports import Arm, Gripper
+from runtime.execution.hand import Hand
 from runtime.table import Limits
 
 DECLARED = (
@@ -43,6 +44,23 @@ def reach_safe_state(
     if not arm_known:
         return [fingers, "arm not moved: state unknown"]
     return [fingers, HOLDS_FIXED if may_hold_fixed else _raise_arm(arm, limits)]
+
+
+@contextmanager
+def ending_safely(hand: Hand) -> Iterator[None]:
+    """Context that brings the cell into the safe state on every exception, and notes in it how that went.
+
+    The fingers may hold something that is fixed to the table: after a calibration perhaps a clamped block.
+    """
+    try:
+        yield
+    except BaseException as error:
+        known, fixed = hand.arm_known, hand.jaws.may_hold
+        for note in reach_safe_state(
+            hand.gripper, hand.arm, hand.limits, arm_known=known, may_hold_fixed=fixed
+        ):
+            error.add_note(note)
+        raise
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from math import hypot, isfinite, remainder, tau
 from drivers.ports import Arm, Gripper, GripperState, PoseOfHand, Settled
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
 from runtime.table import Limits, Table
-from runtime.traversal.geometry import MOST_TURNS, end_of, placement, sent
+from runtime.table.geometry import MOST_TURNS, end_of, placement, sent
 
 # Largest distance of an arm, by its own reading, from where it was sent; beyond, it was displaced.
 PLACED_MM = 0.5

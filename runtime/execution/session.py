@@ -1,17 +1,16 @@
 """Runs many parts: feeds and executes each, compares it with the truth if known, and sums up."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import isfinite
-from typing import NamedTuple
 
-from drivers.ports import Gripper, Scene, Truth
+from drivers.ports import Gripper, Scene
 from runtime.errors import JournalError
 from runtime.execution import held
 from runtime.execution.events import Console, Sighting, Tally
-from runtime.execution.executor import PLAIN, Cell, Executor, RunOptions
+from runtime.execution.executor import Cell, Executor, RunOptions
 from runtime.execution.hand import Hand
-from runtime.execution.safe_state import fingers_stop, reach_safe_state
+from runtime.execution.safe_state import ending_safely, fingers_stop
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
@@ -23,41 +22,34 @@ from runtime.traversal.results import Outcome, PartResult
 CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
 
 
-def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> None:
+def prepare_gripper(gripper: Gripper, tell: Callable[[str], object], *, activate: bool) -> None:
     """Checks that the gripper may be moved; with `activate`, activates it if needed: the fingers sweep.
+
+    Args:
+        gripper: the gripper.
+        tell: receives a sentence before they sweep.
+        activate: whether they may.
 
     Raises:
         GripperStateError: it is inactive or in fault, and must not be activated or stays so.
     """
     if activate and needs_activation(gripper.state()):
-        console.note("activating the gripper: the fingers open and close fully")
+        tell("activating the gripper: the fingers open and close fully")
         with fingers_stop(gripper):
             gripper.activate()
     ready_gripper(gripper)
 
 
 def run_journalled(
-    table: Table,
-    cell: Cell,
-    scene: Scene | None,
-    console: Console,
-    *,
-    count: int,
-    activate: bool,
-    options: RunOptions = PLAIN,
-    broken: Replay | None = None,
+    table: Table, cell: Cell, console: Console, options: RunOptions, broken: Replay | None = None
 ) -> Tally:
-    """Prepares the gripper, runs up to `count` parts, and writes the run's last record in any case.
+    """Prepares the gripper, runs the parts, and writes the run's last record in any case.
 
     Args:
         table: the table to execute.
         cell: devices and records; the journal must already have its header.
-        scene: states the truth about simulated parts; None: unknown.
         console: receives the events.
-        count: number of parts, including those before a crash; the part at which the run broke off is
-            finished whatever the count.
-        activate: whether a gripper that is inactive or in fault may be activated.
-        options: options of the run.
+        options: options of the run; the part at which a run broke off is finished whatever their count.
         broken: a run that broke off, to continue.
 
     Returns:
@@ -68,48 +60,47 @@ def run_journalled(
         Exception: any other error, once it is recorded.
     """
     with ending(cell.journal) as tally:
+        count = options.count or 1
         first = 1 if broken is None else broken.parts + 1
         last = count if broken is None or broken.part is None else max(count, broken.part)
         if first > last:
             console.note(
                 f"no part is left: the run that broke off did {first - 1}, and --count is {count}"
             )
-        batch = Batch(range(first, last + 1), activate, broken)
-        run_batch(table, cell, scene, console, tally, batch, options)
+        run_parts(range(first, last + 1), table, cell, console, tally, options, broken)
     return tally
 
 
-class Batch(NamedTuple):
-    """Parts to run in sequence."""
-
-    # of the parts; each number is requested once the part before has its outcome
-    numbers: Iterable[int]
-    activate: bool  # whether a gripper that is inactive or in fault may be activated
-    broken: Replay | None = None  # a run that broke off, to continue
-
-
-def run_batch(
+def run_parts(
+    numbers: Iterable[int],
     table: Table,
     cell: Cell,
-    scene: Scene | None,
     console: Console,
     tally: Tally,
-    batch: Batch,
     options: RunOptions,
+    broken: Replay | None = None,
 ) -> None:
     """Prepares the gripper, and runs parts until they are done or one ends the run.
+
+    Args:
+        numbers: of the parts; each is requested once the part before has its outcome.
+        table: the table to execute.
+        cell: devices and records.
+        console: receives the events.
+        tally: adds up the results.
+        options: options of the run.
+        broken: a run that broke off, to continue.
 
     Raises:
         Exception: any error other than an outcome of a part.
     """
     tally.takt_s, tally.timed = options.takt_s, options.timed
-    broken = batch.broken
     # Fingers that may still hold the part of a broken run are left to the executor and never sweep.
     if broken is None or broken.part is None:
         with interrupts.stoppable():
-            prepare_gripper(cell.gripper, console, activate=batch.activate)
-    executor = Executor(table, cell, console, options)
-    for number in batch.numbers:
+            prepare_gripper(cell.gripper, console.note, activate=options.activate)
+    executor, scene = Executor(table, cell, console, options), cell.scene
+    for number in numbers:
         resumed = broken if broken is not None and broken.part == number else None
         if scene is not None and resumed is None:
             scene.next_part()
@@ -125,27 +116,15 @@ def run_batch(
             return
 
 
-def put_down(
-    table: Table, cell: Cell, console: Console, options: RunOptions
-) -> Mapping[str, object]:
+def put_down(table: Table, cell: Cell, options: RunOptions) -> Mapping[str, object]:
     """Puts down what the fingers hold, as a run without parts; returns its place and width.
 
     Raises:
         Exception: any error, once the declared safe state is reached and recorded.
     """
     hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
-    with ending(cell.journal):
-        try:
-            with interrupts.stoppable():
-                return held.put_down(hand, table, options.delivery, cell.journal)
-        except BaseException:
-            # The fingers may hold anything: after a calibration perhaps a clamped block.
-            gripper, arm, may_hold = cell.gripper, cell.arm, hand.jaws.may_hold
-            for sentence in reach_safe_state(
-                gripper, arm, table.limits, arm_known=hand.arm_known, may_hold_fixed=may_hold
-            ):
-                console.note(sentence)
-            raise
+    with ending(cell.journal), ending_safely(hand), interrupts.stoppable():
+        return held.put_down(hand, table, options.delivery, cell.journal)
 
 
 @contextmanager
@@ -175,22 +154,19 @@ def end_run(journal: Journal, tally: Tally) -> None:
 def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
     """Compares a part's predicted pose with the truth."""
     truth = scene.truth()
+    named = table.hypotheses[truth.hypothesis].name if table.hypotheses else None
     true = (truth.x_mm, truth.y_mm, truth.theta_rad)
     if not all(map(isfinite, true)):
         return Sighting(None, None, None, truth.crashes)
     # A delivered part lies elsewhere now.
     leaf = result.leaf_of(table)
     if result.outcome is not Outcome.LEAF or leaf is None or result.delivery is not None:
-        return Sighting(true, None, None, truth.crashes, _named(table, truth))
+        return Sighting(true, None, None, truth.crashes, named)
     goal = table.goal_of(truth.hypothesis)
     off_mm = min(error_mm(goal, pose, true) for pose in poses_of(goal, leaf))
     shown_mm = None if goal.kind in ("orientation", "identity") else off_mm
     within = meets(goal, leaf, true, truth.hypothesis)
-    return Sighting(true, shown_mm, within, truth.crashes, _named(table, truth))
-
-
-def _named(table: Table, truth: Truth) -> str | None:
-    return table.hypotheses[truth.hypothesis].name if table.hypotheses else None
+    return Sighting(true, shown_mm, within, truth.crashes, named)
 
 
 def truth_fields(seen: Sighting) -> dict[str, object]:

@@ -9,8 +9,8 @@ from math import ceil
 from typing import NamedTuple
 
 from drivers.ports import GripperProfile
+from runtime.execution.handling import Handling
 from runtime.execution.reading import CLOSED_UM
-from runtime.execution.tips import TipArc
 from runtime.table import PPM, Branch, Calibration, Node, Squeeze, Timing
 
 # Largest step of the force between two readings: a quarter of its range, and its rounding.
@@ -26,29 +26,20 @@ class Stroke(NamedTuple):
     advance_mm: float  # most that the tips advance during the stroke: the arm is raised by it
 
 
-def is_regulated(squeeze: Squeeze, profile: GripperProfile, *, wanted: bool) -> bool:
-    """Whether a squeeze is regulated: this is wanted, and its force exceeds the gripper's least force."""
-    return wanted and squeeze.force_mn > round(1000 * profile.force_n[0])
-
-
 def closing(
-    node: Node,
-    calibration: Calibration,
-    arc: TipArc | None,
-    open_mm: float,
-    timing: Timing,
-    *,
-    regulated: bool,
+    node: Node, handling: Handling, calibration: Calibration, open_mm: float, timing: Timing
 ) -> list[Stroke]:
     """The strokes, at least one, that close jaws standing `open_mm` apart; the last goes as far as they can.
 
-    A `regulated` squeeze closes with the least force until contact; `raising` gives the forces after contact.
+    A regulated squeeze closes with the least force until contact; `raising` gives the forces after contact.
     """
-    squeeze = node.squeeze
-    force = calibration.profile.force_n[0] if regulated else squeeze.force_mn / 1000
+    squeeze, profile, arc = node.squeeze, calibration.profile, handling.arc
+    regulated = _is_regulated(squeeze, handling, profile)
+    force = profile.force_n[0] if regulated else squeeze.force_mn / 1000
     slow = squeeze.speed_um_s / 1000
     fast = max(slow, timing.fastest_mm_s)
-    contact_mm = None if node.contact_um is None else node.contact_um / 1000
+    contact_um = node.contact_um if handling.approaches else None
+    contact_mm = None if contact_um is None else contact_um / 1000
     near_mm = timing.approach_mm(open_mm, contact_mm, squeeze.speed_um_s / 1000)
     ends = [0.0] if arc is None else arc.stages(open_mm, 0.0)
     if near_mm < open_mm:
@@ -71,8 +62,18 @@ def of_any_width(node: Node, squeeze: Squeeze, widest_um: int) -> Node:
     return node._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))
 
 
-def raising(squeeze: Squeeze, profile: GripperProfile) -> list[float]:
-    """The rising forces [N] that a regulated squeeze requests after contact, the squeeze's force last."""
+def raising(squeeze: Squeeze, handling: Handling, profile: GripperProfile) -> list[float]:
+    """The rising forces [N] that a regulated squeeze requests after contact, the squeeze's force last.
+
+    Empty for a squeeze that is not regulated.
+    """
+    if not _is_regulated(squeeze, handling, profile):
+        return []
     (least, most), last = profile.force_n, squeeze.force_mn / 1000
     step = RAISE_SHARE * (most - least)
     return [*(least + step * k for k in range(1, ceil((last - least) / step))), last]
+
+
+def _is_regulated(squeeze: Squeeze, handling: Handling, profile: GripperProfile) -> bool:
+    """Whether a squeeze is regulated: this is wanted, and its force exceeds the gripper's least force."""
+    return handling.regulated and squeeze.force_mn > round(1000 * profile.force_n[0])

@@ -14,11 +14,8 @@ from runtime.table import Node, Schedule, Table, job_of
 # Longest duration of a squeeze, as a factor of stroke and path at the commanded speeds.
 DEADLINE_FACTOR = 3.0
 ARM, GRIPPER, MACHINE = "arm", "gripper", "this machine"
-REMEDIES = {
-    ARM: "check its speed, and what slows it down",
-    GRIPPER: "check its speed, and what slows it down",
-    MACHINE: "take load off it, and check its disk",
-}
+SLOW = "check its speed, and what slows it down"
+REMEDIES = {ARM: SLOW, GRIPPER: SLOW, MACHINE: "take load off it, and check its disk"}
 Device = TypeVar("Device")
 
 
@@ -120,16 +117,13 @@ class Watch:
         now, spent = self._count(), self._spent
         expected = {ARM: self._expected.arm_s, GRIPPER: self._expected.gripper_s, MACHINE: 0.0}
         slowest = max(spent, key=lambda name: spent[name] - expected[name])
+        device = slowest if slowest == MACHINE else f"the {slowest}"
         problem = (
             f"the squeeze may take {self._deadline - self._began:.1f} s and is "
-            f"{max(now - self._deadline, 0.0):.1f} s late: {_the(slowest)} took {spent[slowest]:.1f} s, "
+            f"{max(now - self._deadline, 0.0):.1f} s late: {device} took {spent[slowest]:.1f} s, "
             f"{expected[slowest]:.1f} s are usual; {REMEDIES[slowest]}"
         )
         return MotionRefusedError(problem) if slowest == ARM else GripperStateError(problem)
-
-
-def _the(name: str) -> str:
-    return name if name == MACHINE else f"the {name}"
 
 
 class _Watched:

@@ -34,7 +34,7 @@ from typing import Self
 from runtime.errors import JournalError
 from runtime.journal import files
 from runtime.journal.files import write_all as _write_all
-from runtime.journal.lines import RESERVED, UPTIME, VERSION, Entry, Verified, follow
+from runtime.journal.lines import RESERVED, VERSION, Entry, Verified, content_of, follow
 from runtime.shell import interrupts
 from runtime.shell.sealed_lines import sealed, sealed_segments
 
@@ -78,7 +78,7 @@ class Journal:
         self.cut_bytes = 0  # length of the incomplete line that was cut off
         # The last run's header and the records of its last part, when the journal was opened.
         self.last_part: list[Entry] = []
-        self._stamp, self._uptime, self._segment_bytes = stamp, uptime, segment_bytes
+        self.stamp, self.uptime, self._segment_bytes = stamp, uptime, segment_bytes
         self._place = path  # of the file being written
         self._header: Mapping[str, object] = {}  # the fields of the run's header
         self._full_bytes = segment_bytes  # length above which the file is sealed
@@ -115,14 +115,16 @@ class Journal:
         if not self.last_part:
             self._full_bytes = size + self._segment_bytes
         if entry["kind"] == "header":
-            self._header = {
-                name: value for name, value in entry.items() if name not in RESERVED | UPTIME
-            }
+            self._header = content_of(entry)
             self.last_part = [entry]
         elif entry["kind"] == "part":
             self.last_part = [*self.last_part[:1], entry]
         else:
             self.last_part.append(entry)
+
+    def now(self) -> dict[str, object]:
+        """The fields `time`, `boot` and `up_s` of a record written now."""
+        return {"time": self.stamp(), **self.uptime()}
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
         """Writes the first record: the table's bytes and their digest, and the other fields of the run.
@@ -204,10 +206,9 @@ class Journal:
         try:
             _write_all(self._file, line)
             os.fsync(self._file)
+            size = end.size + len(line)
             # One assignment: a stop request comes before or after it, never in between.
-            self._end = end._replace(
-                head=digest, records=end.records + 1, size=end.size + len(line)
-            )
+            self._end = end._replace(head=digest, records=end.records + 1, size=size)
         except OSError as error:
             self._failed = True  # a failed sync cannot be repeated
             self._take_back()
@@ -217,11 +218,9 @@ class Journal:
             raise
 
     def _line(self, kind: str, fields: Mapping[str, object]) -> tuple[bytes, str]:
-        frame = {"seq": self._end.records, "time": self._stamp(), **self._uptime(), "kind": kind}
-        body = json.dumps(
-            {**frame, **fields, "previous": self._end.head}, separators=(",", ":"), allow_nan=False
-        )
-        return sealed(body.encode("ascii"))
+        frame = {"seq": self._end.records, **self.now(), "kind": kind}
+        entry = {**frame, **fields, "previous": self._end.head}
+        return sealed(json.dumps(entry, separators=(",", ":"), allow_nan=False).encode("ascii"))
 
     def _rotate(self, header: Mapping[str, object]) -> None:
         """Ends the file with a seal, keeps it as a segment, and starts a new file with the given header."""

@@ -17,15 +17,11 @@ def column(field: str) -> str:
     return f"{name}_{UNITS[unit][0]}" if unit in UNITS else field
 
 
-SQUEEZE = {
-    **{
-        column(field): field
-        for field in ("time", "part", "number", "node", "x_um", "y_um", "angle_urad")
-    },
-    **{column(field): field for field in ("opening_um", "reading_um", "width_um", "object_flag")},
-    **{column(field): field for field in ("current_ma", "settle_s", "target")},
-    "reject_reason": "reason",
-}
+FIELDS = (
+    *("time", "part", "number", "node", "x_um", "y_um", "angle_urad", "opening_um"),
+    *("reading_um", "width_um", "object_flag", "current_ma", "settle_s", "target"),
+)
+SQUEEZE = {**{column(field): field for field in FIELDS}, "reject_reason": "reason"}
 PART = ("outcome", "leaf", "hypothesis", "exit_code", "audit", "delivery")
 COLUMNS = ("run", "table_sha256", *SQUEEZE, *PART)
 

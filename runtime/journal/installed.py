@@ -6,11 +6,11 @@ it.
 """
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from runtime.journal.chain import Journal
-from runtime.journal.lines import RESERVED, UPTIME
+from runtime.journal.lines import content_of
 
 _TABLE = frozenset({"journal_version", "table_base64"})
 
@@ -20,30 +20,21 @@ def log_of(journal: Path) -> Path:
     return journal.with_name(f"{journal.name}.installed")
 
 
-def note(
-    journal: Path,
-    table: bytes,
-    fields: Mapping[str, object],
-    stamp: Callable[[], str],
-    uptime: Callable[[], Mapping[str, object]],
-) -> bool:
+def note(journal: Journal, table: bytes, fields: Mapping[str, object]) -> bool:
     """Adds what a run uses to the log if it differs from the last entry; returns whether it was added.
 
     Args:
-        journal: the run's journal; the log is `log_of` it.
+        journal: the run's journal; the log is `log_of` it, and has its clocks.
         table: the table's bytes.
         fields: what else is installed, in the form of JSON.
-        stamp: returns the date of a record: `SystemClock.stamp`.
-        uptime: returns the time of a record as for `Journal`: `SystemClock.uptime`.
 
     Raises:
         JournalError: the log cannot be written, or was changed.
     """
-    with Journal(log_of(journal), stamp, uptime) as log:
+    with Journal(log_of(journal.path), journal.stamp, journal.uptime) as log:
         installed = {**fields, "table_sha256": hashlib.sha256(table).hexdigest()}
-        last = log.last_part[0] if log.last_part else {}
-        ours = RESERVED | UPTIME | _TABLE
-        if {name: value for name, value in last.items() if name not in ours} == installed:
+        last = content_of(log.last_part[0]) if log.last_part else {}
+        if {name: value for name, value in last.items() if name not in _TABLE} == installed:
             return False
         log.header(table, fields)
         log.record("end", {})

@@ -42,6 +42,11 @@ class Verified(NamedTuple):
         )
 
 
+def content_of(entry: Entry) -> dict[str, object]:
+    """The fields of a record that its kind determines."""
+    return {name: value for name, value in entry.items() if name not in RESERVED | UPTIME}
+
+
 def begins_run(entry: Entry) -> bool:
     """Whether a record begins a run; the header of a segment within a run does not."""
     return entry["kind"] == "header" and "after_part" not in entry

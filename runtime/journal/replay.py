@@ -92,13 +92,10 @@ class Replay:
 
     def _open(self, entry: Entry) -> None:
         table = loads(base64.b64decode(str(entry["table_base64"]), validate=True))
-        points = entry.get("calibration_um")
-        self.table = table
-        self.calibration = (
-            Calibration(table.gripper.profile, tuple((int(a), int(b)) for a, b in points))
-            if isinstance(points, list)
-            else Calibration(table.gripper.profile)
-        )
+        self.table, points = table, entry.get("calibration_um")
+        measured = points if isinstance(points, list) else []
+        points_um = tuple((int(nominal), int(true)) for nominal, true in measured)
+        self.calibration = Calibration(table.gripper.profile, points_um)
         self.policy = Policy.of(
             str(entry.get("on_reject", "next")), str(entry.get("on_unresolved", "next"))
         )

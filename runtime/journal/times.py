@@ -1,7 +1,7 @@
 """Seconds of a journal's parts: phase by phase, and as a distribution."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from math import fsum
 from typing import NamedTuple
 
@@ -26,23 +26,21 @@ class Times(NamedTuple):
             **self.figures,
         }
 
-    def lines(self) -> list[str]:
+    def lines(self) -> Iterator[str]:
         """The result as lines of text."""
         if not self.parts:
-            return ["no part tells its seconds"]
+            yield "no part tells its seconds"
+            return
         mean_s = self.figures["seconds_mean"]
-        lines = [f"{self.parts} parts, {self.squeezes} squeezes; seconds a part:"]
-        lines += [
-            f"  {name:9}{value:7.2f}  {value / mean_s:4.0%}"
-            for name, value in self.phases.items()
-            if value
-        ]
-        lines += [
-            f"  {name.removeprefix('seconds_'):9}{value:7.2f}"
-            for name, value in self.figures.items()
-            if name.startswith("seconds_")
-        ]
-        return [*lines, f"  {takt_text(self.figures)}"] if "takt_s" in self.figures else lines
+        yield f"{self.parts} parts, {self.squeezes} squeezes; seconds a part:"
+        for name, value in self.phases.items():
+            if value:
+                yield f"  {name:9}{value:7.2f}  {value / mean_s:4.0%}"
+        for name, value in self.figures.items():
+            if name.startswith("seconds_"):
+                yield f"  {name.removeprefix('seconds_'):9}{value:7.2f}"
+        if "takt_s" in self.figures:
+            yield f"  {takt_text(self.figures)}"
 
 
 def times_of(entries: Iterable[Entry], takt_s: float | None = None) -> Times:
@@ -62,13 +60,9 @@ def times_of(entries: Iterable[Entry], takt_s: float | None = None) -> Times:
             spent += map(phases_of, listed)
     parts = seconds.total()
     sums = [fsum(column) for column in zip(*spent, strict=True)] or [0.0] * len(Phases._fields)
-    means = {name: value / max(parts, 1) for name, value in zip(_names(), sums, strict=True)}
+    names = (name.removesuffix("_s") for name in Phases._fields)
+    means = {name: value / max(parts, 1) for name, value in zip(names, sums, strict=True)}
     if parts:
-        means["other"] = (
-            max(fsum(taken * many for taken, many in seconds.items()) - fsum(sums), 0.0) / parts
-        )
+        whole_s = fsum(taken * many for taken, many in seconds.items())
+        means["other"] = max(whole_s - fsum(sums), 0.0) / parts
     return Times(parts, len(spent), means, takt_figures(seconds, takt_s) if parts else {})
-
-
-def _names() -> list[str]:
-    return [name.removesuffix("_s") for name in Phases._fields]

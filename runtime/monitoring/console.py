@@ -2,14 +2,15 @@
 
 import json
 import sys
+from collections.abc import Iterator
 from math import degrees
 from pathlib import Path
 
 from runtime.execution.events import Console, Sighting, Tally
 from runtime.shell.command import say
 from runtime.table import GoalSpec, Leaf, Pose2, Table, predicted_pose, takt_text
+from runtime.table.geometry import compose, placement, pose_text
 from runtime.traversal import answer
-from runtime.traversal.geometry import compose, placement
 from runtime.traversal.results import Outcome, PartResult, Step
 
 
@@ -25,11 +26,10 @@ class Lines(Console):
 
     def step(self, part: int, step: Step) -> None:
         """Prints the commanded pose, the width read and the node reached."""
-        x_mm, y_mm, angle_rad = placement(step.squeeze)
+        place = pose_text(placement(step.squeeze))
         say(
-            f"part {part} squeeze {step.number}: node {step.node}, hand at ({x_mm:.2f}, {y_mm:.2f}) mm, "
-            f"{degrees(angle_rad):z.1f} deg; width {step.width_um / 1000:.2f} mm "
-            f"-> {_reached(step)}"
+            f"part {part} squeeze {step.number}: node {step.node}, hand at {place}; "
+            f"width {step.width_um / 1000:.2f} mm -> {_reached(step)}"
         )
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
@@ -41,11 +41,11 @@ class Lines(Console):
             )
             named = "" if (name := self._table.name_of(leaf)) is None else f"{name}, "
             message += (
-                f", leaf {result.leaf}, {named}{_pose(predicted_pose(leaf))}, success {success}"
+                f", leaf {result.leaf}, {named}{pose_text(predicted_pose(leaf))}, success {success}"
             )
             datum = self._frames[leaf.hypothesis].datum
             if datum is not None and leaf.resolved:
-                message += f", datum {_pose(compose(predicted_pose(leaf), datum))}"
+                message += f", datum {pose_text(compose(predicted_pose(leaf), datum))}"
             if (error := _expected_error(leaf)) is not None:
                 message += f", error {error['median']:.2f} mm (95 %: {error['p95']:.2f})"
         if seen is not None and seen.error_mm is not None:
@@ -57,24 +57,8 @@ class Lines(Console):
 
     def summary(self, tally: Tally, journal: Path) -> None:
         """Prints counts of outcomes, parts within the goal, mean squeezes, and the journal's path."""
-        lines = [
-            f"{tally.outcomes[outcome]} {outcome.name}"
-            for outcome in Outcome
-            if tally.outcomes[outcome]
-        ]
-        if tally.within is not None:
-            lines.append(f"{tally.within} within {_goal(self._table.goal)}")
-        if tally.crashes is not None:
-            lines.append(f"{tally.crashes} crashes")
-        lines.append(f"{tally.squeezes / max(tally.parts, 1):.2f} squeezes a part")
-        if times := tally.times():
-            lines.append(
-                f"{times['seconds_mean']:.1f} s a part, 95 % within {times['seconds_p95']:.1f} s"
-            )
-        if "takt_s" in times:
-            lines.append(takt_text(times))
         parts = "1 part" if tally.parts == 1 else f"{tally.parts} parts"
-        say(f"{parts}: {', '.join(lines)}; journal {journal}")
+        say(f"{parts}: {', '.join(_totals(tally, self._table.goal))}; journal {journal}")
 
 
 class Objects(Console):
@@ -97,12 +81,10 @@ def as_object(
     table: Table, result: PartResult, seen: Sighting | None, journal: Path
 ) -> dict[str, object]:
     """The result of one part in the form of JSON, with the true pose if known; units are in the names."""
-    leaf = result.leaf_of(table)
+    leaf, fields = result.leaf_of(table), result.fields()
+    del fields["phases"]
     return {
-        "part": result.part,
-        "outcome": result.outcome.value,
-        "leaf": result.leaf,
-        "path": [step.node for step in result.steps],
+        **fields,
         "readings_mm": [step.reading_um / 1000 for step in result.steps],
         "widths_mm": [step.width_um / 1000 for step in result.steps],
         "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
@@ -111,16 +93,10 @@ def as_object(
         "success_trials": None if leaf is None else leaf.trials,
         "expected_error_mm": None if leaf is None else _expected_error(leaf),
         **_names(table, leaf, seen),
-        "seconds": None if result.seconds is None else round(result.seconds, 4),
-        "audit": result.audit,
-        "delivery": result.delivery,
         "true_pose": None if seen is None or seen.true is None else _pose_object(seen.true),
         "error_mm": None if seen is None or seen.error_mm is None else round(seen.error_mm, 4),
         "within_goal": None if seen is None else seen.within,
         "crashes": None if seen is None else seen.crashes,
-        "reason": result.reason,
-        "safe_state": list(result.safe_state),
-        "exit_code": result.exit_code,
         "journal": str(journal),
     }
 
@@ -141,6 +117,19 @@ def _names(table: Table, leaf: Leaf | None, seen: Sighting | None) -> dict[str, 
         return {}
     said = None if leaf is None else table.name_of(leaf)
     return {"hypothesis": said, "true_hypothesis": None if seen is None else seen.hypothesis}
+
+
+def _totals(tally: Tally, goal: GoalSpec) -> Iterator[str]:
+    yield from (f"{tally.outcomes[each]} {each.name}" for each in Outcome if tally.outcomes[each])
+    if tally.within is not None:
+        yield f"{tally.within} within {_goal(goal)}"
+    if tally.crashes is not None:
+        yield f"{tally.crashes} crashes"
+    yield f"{tally.squeezes / max(tally.parts, 1):.2f} squeezes a part"
+    if times := tally.times():
+        yield f"{times['seconds_mean']:.1f} s a part, 95 % within {times['seconds_p95']:.1f} s"
+    if "takt_s" in times:
+        yield takt_text(times)
 
 
 def _goal(goal: GoalSpec) -> str:
@@ -171,10 +160,6 @@ def _expected_error(leaf: Leaf) -> dict[str, float] | None:
     """Median and 95th percentile of the error of the leaf's trials [mm]; None without any."""
     errors_mm = {"median": leaf.error_median_um / 1000, "p95": leaf.error_p95_um / 1000}
     return errors_mm if leaf.trials else None
-
-
-def _pose(pose: Pose2) -> str:
-    return f"({pose[0]:.2f}, {pose[1]:.2f}) mm, {degrees(pose[2]):z.1f} deg"
 
 
 def _pose_object(pose: Pose2) -> dict[str, float]:

@@ -133,10 +133,8 @@ def notify(*lines: str) -> None:
         return
     # A leading @ stands for the zero byte of Linux' abstract names.
     name = "\0" + address[1:] if address.startswith("@") else address
-    with (
-        suppress(OSError),
-        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as channel,
-    ):
+    kind = socket.SOCK_DGRAM | socket.SOCK_CLOEXEC
+    with suppress(OSError), socket.socket(socket.AF_UNIX, kind) as channel:
         channel.setblocking(False)  # does not wait for a manager that hangs
         channel.connect(name)
         channel.sendall("\n".join(lines).encode())

@@ -7,7 +7,7 @@ from typing import Any
 
 from runtime.execution.events import Phase
 from runtime.monitoring.shift import Shift
-from runtime.spc.drift import Drift
+from runtime.spc.monitor import Drift
 from runtime.table import PPM, TableFile
 from runtime.traversal import answer
 from runtime.traversal.results import Outcome, PartResult, Step
@@ -26,8 +26,9 @@ class Status:
         self._end: dict[str, str] | None = None
         self.watched = threading.Event()  # set whenever a page received the snapshot
         self._lock = threading.Lock()
-        self._phase, self._part, self._node = Phase.IDLE, 0, -1
-        self._squeezes, self._width_um = 0, -1
+        self._phase, self._part, self._squeezes = Phase.IDLE, 0, 0
+        self._node: int | None = None
+        self._width_mm: float | None = None
         self._outcomes: Counter[Outcome] = Counter()
         self._audits: Counter[str] = Counter()
         self._leaves: Counter[int] = Counter()
@@ -39,14 +40,13 @@ class Status:
         with self._lock:
             if part != self._part:
                 self._steps = []
-            self._part, self._phase, self._node = part, phase, -1 if node is None else node
+            self._part, self._phase, self._node = part, phase, node
 
     def step(self, step: Step) -> None:
         """Records a squeeze that has ended."""
         with self._lock:
             self._squeezes += 1
-            self._width_um = step.width_um
-            width_mm = step.width_um / 1000
+            self._width_mm = width_mm = step.width_um / 1000
             self._steps.append({"node": step.node, "width_mm": width_mm, "target": step.target})
 
     def part(self, result: PartResult) -> None:
@@ -84,8 +84,8 @@ class Status:
                 "predicted_success": self._predicted,
                 "phase": self._phase.value,
                 "part": self._part,
-                "node": None if self._node < 0 else self._node,
-                "last_width_mm": None if self._width_um < 0 else self._width_um / 1000,
+                "node": self._node,
+                "last_width_mm": self._width_mm,
                 "squeezes": self._squeezes,
                 "steps": list(self._steps),
                 "outcomes": {outcome.value: self._outcomes[outcome] for outcome in Outcome},
@@ -118,15 +118,12 @@ class Status:
 
 
 def _labelled(label: str, values: Mapping[Any, float]) -> dict[str, float]:
-    return {f'{label}="{name}"': value for name, value in values.items()}
+    return {f'{{{label}="{name}"}}': value for name, value in values.items()}
 
 
 def _metric(name: str, help_text: str, values: dict[str, float]) -> str:
     """The lines of a metric: a counter if its name ends in `_total`, as is usual, else a gauge."""
     name, kind = f"squeezetree_{name}", "counter" if name.endswith("_total") else "gauge"
     lines = [f"# HELP {name} {help_text}", f"# TYPE {name} {kind}"]
-    lines += [
-        f"{name}{{{labels}}} {value:g}" if labels else f"{name} {value:g}"
-        for labels, value in values.items()
-    ]
+    lines += [f"{name}{labels} {value:g}" for labels, value in values.items()]
     return "\n".join(lines) + "\n"

@@ -105,11 +105,11 @@ def histogram(
         for value, number in counts
     )
     drawn.append(f'<path class="stem" d="{stems}"/>')
-    words = "".join(
+    names = (
         f'<span style="left:{at:.1f}%">{escape(name)}</span>' for at, name in _apart(bands, span)
     )
     axis = f"<span>{low:.3g} {unit}</span><span>{high:.3g} {unit}</span>"
-    return _chart(label, drawn, above=f'<p class="bands">{words}</p>', axis=axis)
+    return _chart(label, drawn, above=f'<p class="bands">{"".join(names)}</p>', axis=axis)
 
 
 def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
@@ -120,10 +120,8 @@ def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
     """
     stretch = max(1, -(-len(values) // MOST_POINTS))
     points = list(enumerate(values))
-    starts = range(0, len(points), stretch)
-    return [
-        max(points[start : start + stretch], key=lambda point: abs(point[1])) for start in starts
-    ]
+    stretches = (points[k : k + stretch] for k in range(0, len(points), stretch))
+    return [max(each, key=lambda point: abs(point[1])) for each in stretches]
 
 
 def _apart(bands: Sequence[Band], span: tuple[float, float]) -> list[tuple[float, str]]:

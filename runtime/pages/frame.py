@@ -7,26 +7,12 @@ from html import escape
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-HEAD = """\
-<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{policy}">
-<link rel="icon" href="data:,">
-<title>{title}</title>
-<style>
-{style}</style>
-</head>
-<body{kind}>
-"""
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
 @cache
 def asset(name: str) -> str:
-    """The text of a stylesheet or script that pages share."""
+    """The text of a file that pages share: their head, a stylesheet or a script."""
     return (FOLDER / name).read_text("utf-8")
 
 
@@ -52,7 +38,7 @@ def page(
         policy: further directives of the Content-Security-Policy.
     """
     rules = [POLICY, *(["script-src 'unsafe-inline'"] if script else []), *filter(None, [policy])]
-    head = HEAD.format(
+    head = asset("head.html").format(
         policy="; ".join(rules),
         title=escape(title),
         style=asset("style.css") + style,
@@ -93,22 +79,19 @@ def table(
         kind: class of the surrounding element.
     """
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
-    lines = (
-        "<tr>"
-        + "".join(
-            f"<td>{escape(cell)}</td>" if k else f'<th scope="row">{escape(cell)}</th>'
-            for k, cell in enumerate(row)
-        )
-        + "</tr>"
-        for row in rows
-    )
     return "\n".join(
         [
             f'<div class="{kind}" tabindex="0" role="region" aria-label="{escape(label)}"><table>',
             f"<thead><tr>{head}</tr></thead>",
-            *("<tbody>", *lines, "</tbody></table></div>"),
+            *("<tbody>", *map(_row, rows), "</tbody></table></div>"),
         ]
     )
+
+
+def _row(cells: Iterable[str]) -> str:
+    head, *others = map(escape, cells)
+    inner = "".join(f"<td>{cell}</td>" for cell in others)
+    return f'<tr><th scope="row">{head}</th>{inner}</tr>'
 
 
 def folded(summary: str, *content: str) -> str:

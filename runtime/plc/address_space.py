@@ -4,7 +4,7 @@ Node identifiers are the paths, with dots in place of slashes, so that clients c
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from asyncua import Node, Server, ua
 from asyncua.common.event_objects import TransitionEvent
@@ -21,23 +21,13 @@ TYPES: Mapping[type, ua.VariantType] = {
     float: ua.VariantType.Double,
     bool: ua.VariantType.Boolean,
 }
+Arguments = tuple[ua.Argument, ...]
 
 
-class Argument(NamedTuple):
-    """An argument of a method, in or out."""
-
-    name: str
-    type: ua.VariantType
-    many: bool = False  # whether it is an array
-
-
-class Method(NamedTuple):
-    """A method, by its path."""
-
-    path: str
-    inputs: tuple[Argument, ...]
-    outputs: tuple[Argument, ...]
-    call: Callable[..., Any]  # called by asyncua with the object's id, then variants
+def argument(name: str, kind: ua.VariantType, *, many: bool = False) -> ua.Argument:
+    """An argument of a method, in or out; `many` for an array."""
+    rank, dimensions = (1, [0]) if many else (-1, [])
+    return ua.Argument(name, ua.NodeId(kind.value), rank, dimensions)
 
 
 class AddressSpace:
@@ -48,20 +38,17 @@ class AddressSpace:
         self._nodes: dict[str, Node] = {}
         self._shown: dict[str, Value] = {}
 
-    async def build(self, values: Iterable[tuple[str, Value]], methods: Iterable[Method]) -> None:
-        """Creates the nodes: the two state machines, a variable for each value, and the methods."""
+    async def build(self, values: Iterable[tuple[str, Value]]) -> None:
+        """Creates the nodes: the two state machines, and a variable for each value."""
         self._index = await self._server.register_namespace(NAMESPACE)
-        self._nodes[""] = await self._add_object(self._server.nodes.objects, SYSTEM)
         for machine in (MACHINE, AUTOMATIC):
             await self._add_machine(machine)
         for path, value in values:
             if path not in self._nodes:
                 parent = await self._at(_above(path))
-                ids = self._ids(f"{SYSTEM}/{path}")
-                self._nodes[path] = await parent.add_variable(*ids, value, TYPES[type(value)])
+                kind = TYPES[type(value)]
+                self._nodes[path] = await parent.add_variable(*self._ids(path), value, kind)
             await self._write(path, value)
-        for method in methods:
-            await self._add_method(method)
         self._transitions = await self._server.get_event_generator(
             TransitionEvent(), emitting_node=self._nodes[MACHINE]
         )
@@ -81,6 +68,15 @@ class AddressSpace:
         for machine in (MACHINE, AUTOMATIC):
             await self._nodes[f"{machine}/LastTransition"].write_value(name)
 
+    async def add_method(
+        self, path: str, call: Callable[..., Any], inputs: Arguments, outputs: Arguments
+    ) -> None:
+        """Adds a method, which asyncua calls with the object's id, then variants."""
+        parent = await self._at(_above(path))
+        node = await parent.add_method(*self._ids(path), call, [*inputs], [*outputs])
+        if _above(path) == AUTOMATIC:  # offered by the outer machine, too
+            await self._nodes[MACHINE].add_reference(node, ua.ObjectIds.HasComponent)
+
     async def _write(self, path: str, value: Value) -> None:
         self._shown[path] = value
         node, machine = self._nodes[path], _above(path)
@@ -93,9 +89,7 @@ class AddressSpace:
         await (await node.get_child("0:Id")).write_value(state_id, ua.VariantType.NodeId)
 
     async def _add_machine(self, machine: str) -> None:
-        parent = await self._at(_above(machine))
-        node = await self._add_object(parent, f"{SYSTEM}/{machine}", STATE_MACHINE)
-        self._nodes[machine] = node
+        node = await self._at(machine, STATE_MACHINE)
         for name in ("CurrentState", "LastTransition"):
             self._nodes[f"{machine}/{name}"] = await node.get_child(f"0:{name}")
         # Like a finite state machine, whose type asyncua cannot instantiate.
@@ -106,42 +100,23 @@ class AddressSpace:
         states = [state for state in VisionState if outer or state.automatic]
         names = dict.fromkeys(state.outer if outer else state.value for state in states)
         for number, name in enumerate(names, 1):
-            path = f"{machine}/{name}"
-            self._nodes[path] = await self._add_object(node, f"{SYSTEM}/{path}", STATE)
-            state_number = await self._nodes[path].get_child("0:StateNumber")
+            state = await self._at(f"{machine}/{name}", STATE)
+            state_number = await state.get_child("0:StateNumber")
             await state_number.write_value(number, ua.VariantType.UInt32)
 
-    async def _at(self, path: str) -> Node:
-        """The object at a path, added if missing."""
+    async def _at(self, path: str, kind: ua.NodeId | None = None) -> Node:
+        """The object at a path, the system's own for ""; added if missing, with a type."""
         if path not in self._nodes:
-            parent = await self._at(_above(path))
-            self._nodes[path] = await self._add_object(parent, f"{SYSTEM}/{path}")
+            parent = await self._at(_above(path)) if path else self._server.nodes.objects
+            every = kind is STATE_MACHINE  # its LastTransition is optional
+            node = await parent.add_object(*self._ids(path), kind, instantiate_optional=every)
+            self._nodes[path] = node
         return self._nodes[path]
 
-    async def _add_object(self, parent: Node, path: str, kind: ua.NodeId | None = None) -> Node:
-        ids, every = self._ids(path), kind is STATE_MACHINE  # its LastTransition is optional
-        return await parent.add_object(*ids, objecttype=kind, instantiate_optional=every)
-
-    async def _add_method(self, method: Method) -> None:
-        parent = await self._at(_above(method.path))
-        node = await parent.add_method(
-            *self._ids(f"{SYSTEM}/{method.path}"),
-            method.call,
-            [_described(argument) for argument in method.inputs],
-            [_described(argument) for argument in method.outputs],
-        )
-        if _above(method.path) == AUTOMATIC:  # offered by the outer machine, too
-            await self._nodes[MACHINE].add_reference(node, ua.ObjectIds.HasComponent)
-
     def _ids(self, path: str) -> tuple[ua.NodeId, ua.QualifiedName]:
-        name = path.rpartition("/")[2]
-        return ua.NodeId(path.replace("/", "."), self._index), ua.QualifiedName(name, self._index)
+        names = [SYSTEM, *filter(None, path.split("/"))]
+        return ua.NodeId(".".join(names), self._index), ua.QualifiedName(names[-1], self._index)
 
 
 def _above(path: str) -> str:
     return path.rpartition("/")[0]
-
-
-def _described(argument: Argument) -> ua.Argument:
-    rank, dimensions = (1, [0]) if argument.many else (-1, [])
-    return ua.Argument(argument.name, ua.NodeId(argument.type.value), rank, dimensions)

@@ -22,8 +22,8 @@ MOST_SUBSCRIPTIONS = 64
 MOST_MESSAGE_BYTES = 1 << 20
 NOBODY = User(role=UserRole.Anonymous)  # a client until its session is activated
 
+# The session whose method is being called.
 caller: ContextVar["Session"] = ContextVar("caller")
-"""The session whose method is being called."""
 
 
 class ListeningServer(Server):
@@ -58,39 +58,27 @@ class GuardedServer(InternalServer):
         self.max_connections = MOST_CONNECTIONS
         self.max_subscriptions = MOST_SUBSCRIPTIONS
 
-    def create_session(self, name: str, user: User = NOBODY, external: bool = False) -> "Session":
+    def create_session(self, name: str, user: User = NOBODY, **_external: bool) -> "Session":
         """Creates a session that ends with its connection.
 
         A session of asyncua's own class may outlive its connection; then any channel may enter it by its
         number, which can be guessed.
         """
-        del external
         return Session(self, self.aspace, self.subscription_service, name, user=user)
 
-    def register_server(self, server: Any, conf: Any = None) -> None:
+    def register_server(self, *_: Any) -> None:
         """Refuses the service: this is no discovery server, and the client is not authenticated yet."""
-        del server, conf
         raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
 
-    def get_user(
-        self,
-        iserver: InternalServer,
-        username: str | None = None,
-        password: str | None = None,
-        certificate: Any = None,
-    ) -> User:
+    def get_user(self, *_: Any, certificate: Any = None, **_names: Any) -> User:
         """Admits a client as a user who may read and call methods, but not change the address space.
 
         Args:
-            iserver: not used.
-            username: not used.
-            password: not used.
             certificate: the client's; the secure channel has proved that the client holds its key.
 
         Raises:
             ServiceError: the certificate is not trusted.
         """
-        del iserver, username, password
         if self._trust is None or self._trust.admits(certificate):
             return User(role=UserRole.User)
         raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)

@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, load_pem_priv
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from runtime.shell.errors import InputError, UsageError
-from runtime.shell.files import OutputError, bring_to_disk, folder, quoted, read_regular
+from runtime.shell.files import OutputError, bring_to_disk, folder, quoted, read_input
 from runtime.signing.keys import OTHERS, write_new
 
 KEY, CERTIFICATE, PINNED = "server.pem", "server.der", "client.der"
@@ -44,7 +44,7 @@ def identity_in(place: Path) -> Identity:
     key_at, certificate_at = place / KEY, place / CERTIFICATE
     if not (key_at.exists() or certificate_at.exists()):
         _make(folder(place))
-    data, mode = _read(key_at)
+    data, mode = read_input(key_at, MOST_BYTES, str(key_at))
     if mode & OTHERS:
         raise InputError(f"may be read by others; chmod 600 {quoted(key_at)}", where=str(key_at))
     try:
@@ -112,7 +112,7 @@ def parsed(path: Path) -> x509.Certificate:
     Raises:
         InputError: the file cannot be read, or holds no certificate.
     """
-    data, _ = _read(path)
+    data, _ = read_input(path, MOST_BYTES, str(path))
     pem = data.lstrip().startswith(b"-----")
     try:
         return x509.load_pem_x509_certificate(data) if pem else x509.load_der_x509_certificate(data)
@@ -132,13 +132,6 @@ def _certificates(trusted: Path) -> list[Path]:
 
 def _der(path: Path) -> bytes:
     return parsed(path).public_bytes(Encoding.DER)
-
-
-def _read(path: Path) -> tuple[bytes, int]:
-    try:
-        return read_regular(path, MOST_BYTES)
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
 
 
 def _make(place: Path) -> None:

@@ -21,7 +21,7 @@ class Exchange:
 
     Args:
         station: the station.
-        clock: a clock of real time, for the heartbeats.
+        clock: a clock of real time, for the heartbeats and the deadlines of servers.
 
     Attributes:
         watch: function called with each new visible state of the station (`Glance`), in order, by the thread
@@ -30,7 +30,7 @@ class Exchange:
     """
 
     def __init__(self, station: Station, clock: SystemClock) -> None:
-        self._station, self._clock = station, clock
+        self._station, self.clock = station, clock
         self._lock = threading.Lock()
         self._seen = station.glance
         self.watch: Callable[[Glance], None] = lambda _: None
@@ -44,12 +44,12 @@ class Exchange:
     def read(self, address: int, count: int) -> list[int] | Refusal:
         """Reads registers, see `Station.read`."""
         with self._step() as station:
-            return station.read(address, count, self._clock.now())
+            return station.read(address, count, self.clock.now())
 
     def write(self, address: int, values: list[int]) -> Refusal | None:
         """Writes registers and wakes the run, see `Station.write`."""
         with self._step() as station:
-            refusal = station.write(address, values, self._clock.now())
+            refusal = station.write(address, values, self.clock.now())
         self._wake()
         return refusal
 
@@ -57,7 +57,7 @@ class Exchange:
         """Writes registers in uninterrupted steps (`Station.put`); returns the state after them."""
         with self._lock:
             for changes in steps:
-                self._station.put(changes, self._clock.now())
+                self._station.put(changes, self.clock.now())
                 self._look()
             seen = self._seen
         self._wake()

@@ -73,8 +73,8 @@ SIGNALS: Mapping[State, Signals] = {
     State.ACKNOWLEDGE_HELD: Signals(acknowledge=False, busy=False, result_valid=False),
 }
 
+# The states in which a part is under way or its result waits.
 OPEN = frozenset(state for state in State if SIGNALS[state].busy or SIGNALS[state].result_valid)
-"""The states in which a part is under way or its result waits."""
 
 _CHANGES = {
     (State.READY, Event.TRIGGER): State.ACCEPTED,
@@ -110,7 +110,7 @@ def _transition(state: State, event: Event) -> Transition:
     return Transition(state, _REFUSALS.get(event, Error.NONE))
 
 
+# The state machine: an entry for each state and each event.
 TABLE: Mapping[tuple[State, Event], Transition] = {
     (state, event): _transition(state, event) for state in State for event in Event
 }
-"""The state machine: an entry for each state and each event."""

@@ -16,7 +16,6 @@ from pymodbus.constants import ExcCodes
 from pymodbus.framer import FramerSocket
 from pymodbus.pdu import DecodePDU, ExceptionResponse, ModbusPDU
 
-from runtime.devices.clock import SystemClock
 from runtime.plc.exchange import Exchange
 from runtime.plc.server import PlcServer
 from runtime.plc.station import Refusal
@@ -41,8 +40,8 @@ logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # of frames by
 class ModbusServer(PlcServer):
     """Serves an exchange on a listening socket."""
 
-    def __init__(self, listener: socket.socket, exchange: Exchange, clock: SystemClock) -> None:
-        super().__init__(exchange, clock)
+    def __init__(self, listener: socket.socket, exchange: Exchange) -> None:
+        super().__init__(exchange)
         self._listener = listener
         self._connections: list[Connection] = []
         self._writer: Connection | None = None
@@ -117,9 +116,8 @@ class Connection(asyncio.BufferedProtocol):
         for option, value in KEEPALIVE.items():
             client.setsockopt(socket.IPPROTO_TCP, option, value)
 
-    def connection_lost(self, exc: Exception | None) -> None:
+    def connection_lost(self, _: Exception | None) -> None:
         """Removes the connection from the server."""
-        del exc
         self._forget_late()
         self._server.leave(self)
 
@@ -127,9 +125,8 @@ class Connection(asyncio.BufferedProtocol):
         """Ends the connection, once the answers are sent."""
         self._transport.close()
 
-    def get_buffer(self, sizehint: int) -> bytearray:
+    def get_buffer(self, _: int) -> bytearray:
         """Buffer for the next bytes: small, so that no client keeps the others waiting."""
-        del sizehint
         return self._piece
 
     def buffer_updated(self, nbytes: int) -> None:
@@ -158,20 +155,18 @@ class Connection(asyncio.BufferedProtocol):
             self._late = asyncio.get_running_loop().call_later(PATIENCE_S, self._transport.abort)
 
     async def async_getValues(  # noqa: N802 - pymodbus' name
-        self, device_id: int, func_code: int, address: int, count: int = 1
+        self, _device_id: int, func_code: int, address: int, count: int = 1
     ) -> list[int] | ExcCodes:
         """Reads registers, for pymodbus; for a write of one register (function 6), the value just written."""
-        del device_id
         if func_code == 6:
             return self._last
         values = self._server.exchange.read(address, count)
         return ExcCodes(values) if isinstance(values, Refusal) else values
 
     async def async_setValues(  # noqa: N802 - pymodbus' name
-        self, device_id: int, func_code: int, address: int, values: list[int]
+        self, _device_id: int, _func_code: int, address: int, values: list[int]
     ) -> ExcCodes | None:
         """Writes registers, for pymodbus."""
-        del device_id, func_code
         if not self._server.may_write(self):
             return ExcCodes.DEVICE_BUSY
         self.has_written = True

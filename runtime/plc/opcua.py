@@ -12,12 +12,11 @@ import socket
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import NamedTuple, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
 from asyncua import ua
 
-from runtime.devices.clock import SystemClock
-from runtime.plc.address_space import TYPES, AddressSpace, Argument, Method
+from runtime.plc.address_space import TYPES, AddressSpace, Arguments, argument
 from runtime.plc.admission import GuardedServer, ListeningServer, Session, caller
 from runtime.plc.certificates import Identity, Trust
 from runtime.plc.exchange import Exchange
@@ -41,8 +40,7 @@ REASONS = {
 }
 
 Outputs = tuple[Value | list[str], ...]
-Arguments = tuple[Argument, ...]
-Act = Callable[..., Outputs | ua.StatusCode]
+Act = Callable[..., Outputs | ua.StatusCode | None]  # None: as `DONE`
 
 logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # of messages by all clients
 
@@ -60,24 +58,18 @@ class OpcUaServer(PlcServer):
     Args:
         listener: the socket.
         exchange: between the server and the run; its station needs no heartbeat, since sessions have one.
-        clock: of real time.
         panel: the values.
         security: of the endpoint, None for an unencrypted one.
     """
 
     def __init__(
-        self,
-        listener: socket.socket,
-        exchange: Exchange,
-        clock: SystemClock,
-        panel: Panel,
-        security: Security | None,
+        self, listener: socket.socket, exchange: Exchange, panel: Panel, security: Security | None
     ) -> None:
-        super().__init__(exchange, clock)
+        super().__init__(exchange)
         self._listener, self._panel, self._security = listener, panel, security
         self._master: Session | None = None
         self._jobs = 0
-        self._begun = clock.stamp()
+        self._begun = self.clock.stamp()
         self._glances: deque[Glance] = deque()
 
     async def serve(self, stop: asyncio.Event) -> None:
@@ -85,7 +77,9 @@ class OpcUaServer(PlcServer):
         self._news, self._showing = asyncio.Event(), asyncio.Lock()
         server = await self._configured()
         self._space = AddressSpace(server)
-        await self._space.build(self._panel.values(), self._methods())
+        await self._space.build(self._panel.values())
+        for method in self._methods():
+            await self._space.add_method(*method)
         self.exchange.watch = self._watch
         self.exchange.put({"table": NO_TABLE})
         await server.listen(self._listener)
@@ -157,13 +151,14 @@ class OpcUaServer(PlcServer):
 
     # -- methods --------------------------------------------------------------------------------------
 
-    def _methods(self) -> list[Method]:
-        text, handle = TYPES[str], Argument("resultHandle", TYPES[int])
-        refusal = (Argument("error", ua.VariantType.Int32), Argument("message", text))
-        job, recipe = Argument("jobId", text), Argument("recipeId", text)
-        meas, result = Argument("measId", text), Argument("resultId", text)
-        listed = (Argument("ids", text, many=True), Argument("digests", text, many=True))
-        whole = [Argument(name, TYPES[kind]) for name, kind in get_type_hints(Result).items()]
+    def _methods(self) -> list[tuple[str, Callable[..., Any], Arguments, Arguments]]:
+        """Each method's path, its function, and its arguments in and out."""
+        text, handle = TYPES[str], argument("resultHandle", TYPES[int])
+        refusal = (argument("error", ua.VariantType.Int32), argument("message", text))
+        job, recipe = argument("jobId", text), argument("recipeId", text)
+        meas, result = argument("measId", text), argument("resultId", text)
+        listed = (argument("ids", text, many=True), argument("digests", text, many=True))
+        whole = [argument(name, TYPES[kind]) for name, kind in get_type_hints(Result).items()]
         commands: dict[str, tuple[Arguments, Arguments, Act]] = {
             f"{MACHINE}/SelectModeAutomatic": ((), refusal, self._select_automatic),
             f"{MACHINE}/Reset": ((), refusal, self._reset),
@@ -180,13 +175,13 @@ class OpcUaServer(PlcServer):
             f"{RESULTS}/GetResultById": ((result,), tuple(whole), self._get),
         }
         return [
-            self._method(path, *row, commands=path in commands)
+            (path, self._method(*row, commands=path in commands), *row[:2])
             for path, row in (commands | questions).items()
         ]
 
     def _method(
-        self, path: str, inputs: Arguments, outputs: Arguments, act: Act, *, commands: bool
-    ) -> Method:
+        self, inputs: Arguments, outputs: Arguments, act: Act, *, commands: bool
+    ) -> Callable[..., Any]:
         """Wraps `act` as an OPC UA method that checks its arguments, which asyncua does not.
 
         If `commands` is true, it refuses callers other than the session that may give commands. It returns
@@ -203,37 +198,32 @@ class OpcUaServer(PlcServer):
             await self._show()
             if isinstance(values, ua.StatusCode):
                 return values
-            pairs = zip(values, outputs, strict=True)
-            return [ua.Variant(value, output.type) for value, output in pairs]
+            pairs = zip(DONE if values is None else values, outputs, strict=True)
+            return [ua.Variant(value, _kind(output)) for value, output in pairs]
 
-        return Method(path, inputs, outputs, call)
+        return call
 
-    def _select_automatic(self) -> Outputs:
+    def _select_automatic(self) -> None:
         seen = self._panel.seen
         if not seen.enabled:
             table = NO_TABLE if seen.table is None else seen.table
             # Via Initialized, as in the specification's chart.
             self.exchange.put({"table": NO_TABLE, "enable": 1}, {"table": table})
-        return DONE
 
-    def _withdraw(self) -> Outputs:
+    def _withdraw(self) -> None:
         self.exchange.put({"enable": 0})
-        return DONE
 
-    def _reset(self) -> Outputs:
+    def _reset(self) -> None:
         self.exchange.put({"enable": 0, "table": NO_TABLE})
         self.exchange.confirm()
-        return DONE
 
-    def _confirm_all(self) -> Outputs:
+    def _confirm_all(self) -> None:
         if self._panel.state is VisionState.ERROR:
             self._take()
         self.exchange.confirm()
-        return DONE
 
-    def _abort(self) -> Outputs:
+    def _abort(self) -> None:
         os.kill(os.getpid(), signal.SIGTERM)  # the only stop request
-        return DONE
 
     def _start(self, meas_id: str) -> Outputs:
         number = self._jobs + 1
@@ -247,17 +237,16 @@ class OpcUaServer(PlcServer):
         self._panel.job = Job(number, job_id, meas_id, offer.id, offer.digest, configuration)
         return (job_id, *DONE)
 
-    def _prepare(self, recipe: str) -> Outputs:
+    def _prepare(self, recipe: str) -> Outputs | None:
         names = [offer.id for offer in self._panel.offers]
         if recipe not in names:
             there = ", ".join(names)
             return (Error.UNKNOWN_TABLE.value, f"there is no recipe {recipe!r}; there are {there}")
         self.exchange.put({"table": names.index(recipe)})
-        return DONE
+        return None
 
-    def _unprepare(self) -> Outputs:
+    def _unprepare(self) -> None:
         self.exchange.put({"table": NO_TABLE})
-        return DONE
 
     def _list(self) -> Outputs:
         offers = self._panel.offers
@@ -267,11 +256,11 @@ class OpcUaServer(PlcServer):
         result = self._panel.results.get(result_id)
         return ua.StatusCode(ua.StatusCodes.BadNotFound) if result is None else tuple(result)
 
-    def _release(self, handle: int) -> Outputs | ua.StatusCode:
+    def _release(self, handle: int) -> ua.StatusCode | None:
         if not waits(self._panel.seen) or handle != self._panel.job.number:
             return ua.StatusCode(ua.StatusCodes.BadNotFound)
         self._take()
-        return DONE
+        return None
 
     def _take(self) -> None:
         self.exchange.put({"result_acknowledge": 1}, {"result_acknowledge": 0})
@@ -283,9 +272,13 @@ def _problem(inputs: Arguments, given: tuple[ua.Variant, ...]) -> int:
         missing = len(given) < len(inputs)
         codes = ua.StatusCodes
         return int(codes.BadArgumentsMissing if missing else codes.BadTooManyArguments)
-    for value, argument in zip(given, inputs, strict=True):
-        if value.VariantType is not argument.type or not isinstance(value.Value, str | int):
+    for value, wanted in zip(given, inputs, strict=True):
+        if value.VariantType is not _kind(wanted) or not isinstance(value.Value, str | int):
             return int(ua.StatusCodes.BadInvalidArgument)
         if isinstance(value.Value, str) and len(value.Value) > LONGEST_TEXT:
             return int(ua.StatusCodes.BadOutOfRange)
     return 0
+
+
+def _kind(argument: ua.Argument) -> ua.VariantType:
+    return ua.VariantType(argument.DataType.Identifier)

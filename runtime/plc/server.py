@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from contextlib import suppress
 from typing import Self
 
-from runtime.devices.clock import SystemClock
 from runtime.plc.exchange import Exchange
 from runtime.shell import interrupts
 
@@ -18,8 +17,8 @@ STOPPING_S = 10.0  # until its thread has ended; later it is abandoned
 class PlcServer(ABC):
     """Serves an exchange in a thread of its own, from entering the context until leaving it."""
 
-    def __init__(self, exchange: Exchange, clock: SystemClock) -> None:
-        self.exchange, self.clock = exchange, clock
+    def __init__(self, exchange: Exchange) -> None:
+        self.exchange, self.clock = exchange, exchange.clock
         self.started = threading.Event()  # set once clients are answered
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="plc", daemon=True)

@@ -71,6 +71,7 @@ def _works(seen: Glance) -> bool:
     return SIGNALS[seen.state].busy
 
 
+# The views of a station; the first row whose condition holds is shown.
 VIEW: tuple[Row, ...] = (
     Row(VisionState.ERROR, PackMLState.ABORTED, "the result of a fault waits", _failed),
     Row(VisionState.SINGLE_EXECUTION, PackMLState.EXECUTE, "a part is under way", _works),
@@ -90,7 +91,6 @@ VIEW: tuple[Row, ...] = (
     ),
     Row(VisionState.READY, PackMLState.IDLE, "StartSingleJob is accepted", lambda _: True),
 )
-"""The views of a station; the first row whose condition holds is shown."""
 
 
 def view(seen: Glance) -> Row:
@@ -98,6 +98,7 @@ def view(seen: Glance) -> Row:
     return next(row for row in VIEW if row.holds(seen))
 
 
+# Reasons for a stopped line, by exit code of the last part or by `error_id`.
 STOP_REASONS: Mapping[int, str] = {
     0: "none",
     ExitCode.NOT_LOCATED: "part not located",
@@ -107,7 +108,6 @@ STOP_REASONS: Mapping[int, str] = {
     ExitCode.STOPPED: "stop request",
     Error.CONNECTION_LOST.value: "connection of the master lost",
 }
-"""Reasons for a stopped line, by exit code of the last part or by `error_id`."""
 
 
 def stop_reason(before: Glance, after: Glance) -> int | None:

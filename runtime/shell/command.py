@@ -15,14 +15,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn, TextIO, TypeAlias
 
 from runtime.shell import output
 from runtime.shell.errors import ExpectedError
 from runtime.shell.exit_codes import ExitCode
-from runtime.shell.plain_text import cleaned
+from runtime.shell.plain_text import capital, cleaned
 
 OURS = frozenset({"planner", "runtime", "drivers"})
+INTERRUPTED = ExitCode.INTERRUPTED, "interrupted"
 LONGEST_LINE = 2000
 UNWRITABLE = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE})
 
@@ -61,18 +62,16 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--debug", action="store_true", help="print the traceback of an error")
 
 
-def add_command(
-    commands: "argparse._SubParsersAction[Parser]",
-    name: str,
-    purpose: str,
-    example: str,
-    codes: str,
-) -> Parser:
-    """Adds a subcommand, whose --help has its purpose, an example and the exit codes."""
+Body = Callable[[argparse.Namespace], int]
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+
+
+def add_command(commands: Commands, purpose: str, example: str, codes: str) -> Parser:
+    """Adds a subcommand, the second word of its example; --help has purpose, example and exit codes."""
     return commands.add_parser(
-        name,
+        example.split()[1],
         help=purpose,
-        description=f"{purpose[0].upper()}{purpose[1:]}.",
+        description=f"{capital(purpose)}.",
         epilog=f"example:\n  {example}\n\n{codes}",
     )
 
@@ -108,10 +107,7 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 
 def run(
-    built: Parser,
-    argv: Sequence[str] | None,
-    body: Callable[[argparse.Namespace], int],
-    stopped: tuple[int, str] = (ExitCode.INTERRUPTED, "interrupted"),
+    built: Parser, argv: Sequence[str] | None, body: Body, stopped: tuple[int, str] = INTERRUPTED
 ) -> int:
     """Runs a command; every error becomes one line on standard error and an exit code, which is returned.
 
@@ -124,7 +120,7 @@ def run(
         built: the command's parser; arguments without `debug` count as without --debug.
         argv: the arguments, without the command's name; None for the process's own.
         body: does the work and returns the exit code.
-        stopped: exit code and sentence of a KeyboardInterrupt.
+        stopped: exit code and sentence of a KeyboardInterrupt, whose notes follow.
 
     Raises:
         SystemExit: by the parser, for --help and for invalid arguments.
@@ -138,7 +134,18 @@ def run(
     if closed:
         tell(built.prog, "standard output is closed; send it to a file, or to /dev/null")
         return ExitCode.USAGE
-    return _flushed(built.prog, _guarded(built.prog, arguments, body, stopped))
+    try:
+        code = body(arguments)
+    except KeyboardInterrupt as request:
+        code, words = stopped
+        request.args = (words,)
+        tell(built.prog, sentence_of(request))
+    except (Exception, SystemExit) as error:  # a world's factory may be any function
+        if getattr(arguments, "debug", False):
+            say_lines(traceback.format_exc(), sys.stderr)
+        code, words = _end_of(error)
+        tell(built.prog, words)
+    return _flushed(built.prog, code)
 
 
 def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None) -> int:
@@ -196,9 +203,8 @@ def tell(name: str, words: object) -> None:
 
 def sentence_of(error: BaseException) -> str:
     """An error's message and its notes, joined into one line."""
-    return one_line(
-        "; ".join([str(error) or type(error).__name__, *getattr(error, "__notes__", ())])
-    )
+    words = [str(error) or type(error).__name__, *getattr(error, "__notes__", ())]
+    return one_line("; ".join(words))
 
 
 def one_line(words: object) -> str:
@@ -253,26 +259,6 @@ def _at_least(least: int, text: str) -> int:
     if value < least:
         raise argparse.ArgumentTypeError(f"{text!r} is less than {least}")
     return value
-
-
-def _guarded(
-    name: str,
-    arguments: argparse.Namespace,
-    body: Callable[[argparse.Namespace], int],
-    stopped: tuple[int, str],
-) -> int:
-    try:
-        return body(arguments)
-    except KeyboardInterrupt:
-        code, words = stopped
-        tell(name, words)
-        return int(code)
-    except (Exception, SystemExit) as error:  # a world's factory may be any function
-        if getattr(arguments, "debug", False):
-            say_lines(traceback.format_exc(), sys.stderr)
-        code, words = _end_of(error)
-        tell(name, words)
-        return int(code)
 
 
 def _end_of(error: BaseException) -> tuple[int, str]:

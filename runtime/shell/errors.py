@@ -47,12 +47,8 @@ class InputError(ExpectedError):
 
     def at(self, where: str = "", section: str = "", key: str = "") -> Self:
         """The same error with its place added; parts that are set already stay."""
-        place = {
-            "where": self.where or where,
-            "section": self.section or section,
-            "key": self.key or key,
-        }
-        return type(self)(self.problem, **place)
+        where, section, key = self.where or where, self.section or section, self.key or key
+        return type(self)(self.problem, where=where, section=section, key=key)
 
 
 class CheckFailedError(ExpectedError):

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 
-from runtime.shell.errors import UsageError
+from runtime.shell.errors import InputError, UsageError
 
 STDOUT = frozenset({Path("-"), Path("/dev/stdout")})
 LONGEST_STEM = 40
@@ -153,9 +153,8 @@ def _objection(path: Path) -> str:
     try:
         mode = path.lstat().st_mode
     except FileNotFoundError:
-        return (
-            "" if os.access(path.parent, os.W_OK | os.X_OK) else "its folder may not be written to"
-        )
+        writable = os.access(path.parent, os.W_OK | os.X_OK)
+        return "" if writable else "its folder may not be written to"
     return oddity(mode) or ("" if os.access(path, os.W_OK) else "it is read-only")
 
 
@@ -193,6 +192,18 @@ def read_regular(path: Path, most_bytes: int) -> tuple[bytes, int]:
             return opened.read(most_bytes), mode
     finally:
         os.close(file)
+
+
+def read_input(path: Path, most_bytes: int, name: str, remedy: str = "") -> tuple[bytes, int]:
+    """Returns the bytes of an input file and its `st_mode`, as `read_regular`.
+
+    Raises:
+        InputError: the file cannot be read; the message calls it `name`, and ends with the remedy.
+    """
+    try:
+        return read_regular(path, most_bytes)
+    except OSError as error:
+        raise InputError(f"{name}: cannot be read: {error.strerror}{remedy}") from error
 
 
 def bring_to_disk(path: Path) -> None:

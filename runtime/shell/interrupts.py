@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Self
 
 STDERR = 2
@@ -126,20 +126,14 @@ class StopRequests:
         self._before[signal.SIGALRM] = signal.signal(signal.SIGALRM, lambda *_: _request.deliver())
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         conclude()
         _request.listening = False
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in self._before.items():
             signal.signal(number, signal.SIG_IGN if self._last else handler)
 
-    def _hear(self, number: int, frame: FrameType | None) -> None:
-        del number, frame
+    def _hear(self, _number: int, _frame: FrameType | None) -> None:
         if _request.asked or _request.over:
             _acknowledge()
         _request.asked = True

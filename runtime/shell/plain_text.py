@@ -6,6 +6,7 @@ inside it, `planner.job` in a job, `runtime.shell.strict_json` in files of JSON.
 and journals cannot be refused: every printed line is `cleaned`.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 LONGEST = 80  # of a name
@@ -22,17 +23,20 @@ def unprintable(value: Any) -> str | None:
 
     It is returned as ASCII, with its unprintable characters escaped.
     """
-    waiting = [value]
+    texts = (item for _, item in nested(value) if isinstance(item, str))
+    return next((shortened(text) for text in texts if not text.isprintable()), None)
+
+
+def nested(value: Any) -> Iterator[tuple[int, Any]]:
+    """Yields parsed JSON or TOML and all that it holds, keys too, each with its level; without recursion."""
+    waiting = [(0, value)]
     while waiting:
-        item = waiting.pop()
-        if isinstance(item, str):
-            if not item.isprintable():
-                return shortened(item)
-        elif isinstance(item, dict):
-            waiting += [*item.values(), *item]
+        level, item = waiting.pop()
+        yield level, item
+        if isinstance(item, dict):
+            waiting += [(level + 1, inner) for inner in (*item.values(), *item)]
         elif isinstance(item, list | tuple):
-            waiting += item
-    return None
+            waiting += [(level + 1, inner) for inner in item]
 
 
 def cleaned(text: str) -> str:
@@ -40,6 +44,11 @@ def cleaned(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+
+
+def capital(sentence: str) -> str:
+    """A sentence with a capital letter at its beginning."""
+    return sentence[:1].upper() + sentence[1:]
 
 
 def shortened(text: str) -> str:

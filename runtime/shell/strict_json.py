@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
-from runtime.shell.plain_text import unprintable
+from runtime.shell.plain_text import nested, unprintable
 
 MOST_LEVELS = 64
 MOST_DIGITS = 19
@@ -27,7 +27,7 @@ def parse(text: str | bytes) -> Any:
         raise ValueError(f"not JSON: {error}") from None
     except RecursionError:
         raise ValueError("nested too deeply") from None
-    if _is_deep(value):
+    if any(level >= MOST_LEVELS and isinstance(item, dict | list) for level, item in nested(value)):
         raise ValueError("nested too deeply")
     if "\\u" in text:
         try:
@@ -69,17 +69,6 @@ def digest(document: Mapping[str, Any]) -> str:
     """SHA-256, in hexadecimal, of a document's canonical JSON text: keys sorted, no spaces."""
     text = json.dumps(document, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _is_deep(value: Any) -> bool:
-    """Whether a value has more than `MOST_LEVELS` levels, without recursion."""
-    level = [value]
-    for _ in range(MOST_LEVELS):
-        if not level:
-            return False
-        inner = [list(item.values()) if isinstance(item, dict) else item for item in level]
-        level = [item for items in inner if isinstance(items, list) for item in items]
-    return any(isinstance(item, dict | list) for item in level)
 
 
 def _integer(digits: str) -> int:

@@ -50,9 +50,8 @@ def members_of(data: bytes, names: Collection[str]) -> dict[str, bytes]:
         if name in members:
             raise PackError(f"holds {name} twice")
         start = at + _LOCAL_BYTES + len(name)
-        content = data[
-            start : start + int.from_bytes(data[at + _SIZE_AT : at + _SIZE_AT + 4], "little")
-        ]
+        size = int.from_bytes(data[at + _SIZE_AT : at + _SIZE_AT + 4], "little")
+        content = data[start : start + size]
         if data[at:start] != _local(name, content):
             raise PackError(f"{name} was changed or cut short after the pack was written")
         members[name] = content

@@ -14,16 +14,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runtime.shell.errors import InputError, UsageError
-from runtime.shell.files import OutputError, bring_to_disk, quoted, read_regular, usable
+from runtime.shell.files import OutputError, bring_to_disk, quoted, read_input, usable
 
 if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import (
-        Ed25519PrivateKey,
-        Ed25519PublicKey,
-    )
+    from cryptography.hazmat.primitives.asymmetric import ed25519
 
 _PREFIX = bytes.fromhex("302a300506032b6570032100")  # of a public key in DER (RFC 8410, section 4)
 _MOST_BYTES = 1 << 16
+_REMEDY = "; squeezetree key makes one"
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 
@@ -59,7 +57,7 @@ class PublicKey:
 class SigningKey:
     """A private key."""
 
-    private: "Ed25519PrivateKey"
+    private: "ed25519.Ed25519PrivateKey"
 
     @property
     def public(self) -> PublicKey:
@@ -69,12 +67,6 @@ class SigningKey:
     def sign(self, data: bytes) -> bytes:
         """The signature of some data, 64 bytes."""
         return self.private.sign(data)
-
-
-def default_path() -> Path:
-    """Path of the default signing key."""
-    home = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    return Path(home) / "squeezetree" / "signing-key.pem"
 
 
 def public_of(path: Path) -> Path:
@@ -113,7 +105,7 @@ def load_private(path: Path) -> SigningKey:
         UsageError: the extra for signatures is not installed.
     """
     private = _ed25519().Ed25519PrivateKey
-    data, mode = _read(path)
+    data, mode = read_input(path, _MOST_BYTES, f"key {path}", _REMEDY)
     if b"PRIVATE KEY" not in data and b"PUBLIC KEY" in data:
         raise InputError(f"key {path} holds a public key; name the private one")
     if mode & OTHERS:
@@ -125,9 +117,7 @@ def load_private(path: Path) -> SigningKey:
     except TypeError:
         raise InputError(f"key {path} has a passphrase; name a key without one") from None
     except Exception as error:  # the library has several kinds of errors for unparsable files
-        raise InputError(
-            f"key {path} holds no private key in PEM; squeezetree key makes one"
-        ) from error
+        raise InputError(f"key {path} holds no private key in PEM{_REMEDY}") from error
     if not isinstance(loaded, private):
         raise InputError(f"key {path} holds {_kind(loaded)}; squeezetree key makes an Ed25519 key")
     return SigningKey(loaded)
@@ -135,7 +125,7 @@ def load_private(path: Path) -> SigningKey:
 
 def load_public(path: Path) -> PublicKey:
     """Reads a public key; errors as for `load_private`."""
-    data, _ = _read(path)
+    data, _ = read_input(path, _MOST_BYTES, f"key {path}", _REMEDY)
     if b"PRIVATE KEY" in data:
         raise InputError(
             f"key {path} holds a private key; name the public one, {public_of(path).name}"
@@ -181,11 +171,11 @@ def _ed25519() -> Any:
     return ed25519
 
 
-def _public(key: "Ed25519PublicKey") -> PublicKey:
+def _public(key: "ed25519.Ed25519PublicKey") -> PublicKey:
     return PublicKey(key.public_bytes_raw())
 
 
-def _private_pem(key: "Ed25519PrivateKey") -> bytes:
+def _private_pem(key: "ed25519.Ed25519PrivateKey") -> bytes:
     from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
     return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
@@ -204,9 +194,8 @@ def write_new(path: Path, data: bytes, mode: int) -> None:
         OutputError: the file exists or cannot be written; a file that was begun is removed.
     """
     try:
-        file = os.open(
-            path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode
-        )
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        file = os.open(path, flags, mode)
         try:
             os.fchmod(file, mode)  # whatever the umask
             with open(file, "wb", closefd=False) as written:
@@ -221,14 +210,4 @@ def write_new(path: Path, data: bytes, mode: int) -> None:
     except OSError as error:
         raise OutputError(
             f"{path} cannot be written: {error.strerror}; name another file"
-        ) from error
-
-
-def _read(path: Path) -> tuple[bytes, int]:
-    """A key file's bytes and mode."""
-    try:
-        return read_regular(path, _MOST_BYTES)
-    except OSError as error:
-        raise InputError(
-            f"key {path} cannot be read: {error.strerror}; squeezetree key makes one"
         ) from error

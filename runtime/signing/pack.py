@@ -14,7 +14,7 @@ from typing import Any
 from runtime.errors import PackError
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError
-from runtime.shell.files import read_regular
+from runtime.shell.files import read_input
 from runtime.shell.plain_text import unprintable
 from runtime.signing.archive import SIGNATURE_BYTES, members_of, unsigned
 from runtime.signing.keys import PublicKey, SigningKey, parse_public
@@ -84,10 +84,7 @@ def read(path: Path) -> bytes:
         InputError: it cannot be read.
         PackError: it is too large for a pack.
     """
-    try:
-        data, _ = read_regular(path, MOST_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"pack {path}: cannot be read: {error.strerror}") from error
+    data, _ = read_input(path, MOST_BYTES + 1, f"pack {path}")
     if len(data) > MOST_BYTES:
         raise PackError(f"is larger than {MOST_BYTES >> 20} MiB, which no pack is")
     return data
@@ -160,14 +157,12 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
 
 def _manifest(members: Mapping[str, bytes]) -> Mapping[str, Any]:
     try:
-        manifest = strict_json.parse(members[MANIFEST])
+        manifest: Mapping[str, Any] = strict_json.parse(members[MANIFEST])
     except ValueError as error:
         raise PackError(f"{MANIFEST} is {error}") from error
     others = _digests({name: content for name, content in members.items() if name != MANIFEST})
-    if not isinstance(manifest, dict) or (manifest.get("kind"), manifest.get("version")) != (
-        KIND,
-        VERSION,
-    ):
+    is_pack = isinstance(manifest, dict) and manifest.get("kind") == KIND
+    if not is_pack or manifest.get("version") != VERSION:
         raise PackError(f"{MANIFEST} is none of a pack of version {VERSION}")
     stated = manifest.get("sha256")
     if not isinstance(stated, dict) or unprintable(manifest) is not None:

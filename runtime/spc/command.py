@@ -10,8 +10,8 @@ from runtime.shell.command import Parser, run
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, writing
 from runtime.spc import expectation
-from runtime.spc.drift import REFIT
 from runtime.spc.history import RESIDUAL, History, Part, read
+from runtime.spc.monitor import REFIT
 from runtime.spc.page import page
 from runtime.spc.summary import Summary, summarise
 
@@ -82,23 +82,24 @@ def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator
         yield dict(zip(COLUMNS, values, strict=True))
 
 
-def _lines(summary: Summary) -> list[str]:
-    lines = [f"parts     {_listed(summary.outcomes)}"]
+def _lines(summary: Summary) -> Iterator[str]:
+    yield f"parts     {_listed(summary.outcomes)}"
     if summary.verdicts:
-        lines.append(f"audits    {_listed(summary.verdicts)}")
+        yield f"audits    {_listed(summary.verdicts)}"
     if summary.judged:
         low, high = summary.interval
-        lines.append(
-            f"success   {summary.passed / summary.judged:.4f} (95 %: {low:.4f} to {high:.4f}), "
-            f"predicted {summary.predicted:.4f}"
-        )
+        share = f"{summary.passed / summary.judged:.4f} (95 %: {low:.4f} to {high:.4f})"
+        yield f"success   {share}, predicted {summary.predicted:.4f}"
     if summary.names:
         shares = [f"{row.parts} {row.name} ({row.share:.1%} planned)" for row in summary.names]
-        lines.append(f"names     {', '.join(shares)}; p = {summary.names_tail:.3g}")
-    lines.append(f"branches  p = {summary.tail:.3g} against the table")
-    lines += [f"advice    {REFIT}"] * summary.refit
-    lines += [f"ALARM     part {alarm.number}: {alarm.sentence}" for alarm in summary.alarms]
-    return lines if summary.alarms else [*lines, "charts    in control"]
+        yield f"names     {', '.join(shares)}; p = {summary.names_tail:.3g}"
+    yield f"branches  p = {summary.tail:.3g} against the table"
+    if summary.refit:
+        yield f"advice    {REFIT}"
+    for alarm in summary.alarms:
+        yield f"ALARM     part {alarm.number}: {alarm.sentence}"
+    if not summary.alarms:
+        yield "charts    in control"
 
 
 def _listed(counts: Mapping[str, int]) -> str:

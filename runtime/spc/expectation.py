@@ -108,9 +108,8 @@ def load(path: Path) -> Expectation:
 def _checked(record: dict[str, Any]) -> Expectation:
     worlds = record["worlds"]
     names = tuple(str(world["name"]) for world in worlds)
-    shares = tuple(
-        tuple(_shares(node, int(record["bins"])) for node in world["readings"]) for world in worlds
-    )
+    bins = int(record["bins"])
+    shares = tuple(tuple(_shares(node, bins) for node in world["readings"]) for world in worlds)
     alike = len(names) > 1 and len({len(nodes) for nodes in shares}) == 1
     if (record["kind"], record["version"]) != (KIND, VERSION) or not alike:
         raise ValueError(record["kind"])

@@ -1,6 +1,7 @@
-"""All control charts over a history: their values, and where they alarm."""
+"""All control charts over a history or during a run: their values, where they alarm, whether a refit pays."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import defaultdict, deque
+from collections.abc import Iterable, Iterator, Sequence
 from math import hypot, inf, log1p, sqrt
 from typing import NamedTuple
 
@@ -8,6 +9,7 @@ from runtime.spc.charts import WINDOWS, BinomialWindowChart, Cusum, Ewma, GTestC
 from runtime.spc.expectation import LIMIT, Expectation, ShiryaevRoberts
 from runtime.spc.history import History, Part, Squeezed
 from runtime.table import PPM, Branch, Leaf, Prediction, Table, wilson_interval
+from runtime.traversal.results import PartResult
 
 WIDTH_SHIFT_UM = 700.0  # shift of widths to detect (worn fingers, a slipped encoder): two counts
 LEAST_WIDTH_SIGMA_UM = 150.0
@@ -15,6 +17,10 @@ FLOOR_SHARE = 1.0 / 12.0  # least standard deviation of residuals, as a share of
 LEAST_SHARE = 2e-3  # least share of failures that a prediction is trusted to have
 NEAR_UM = 3000  # distance within which a rejected width counts for a branch
 COORDINATES = ("x", "y", "theta")
+LEAST_REFIT = 20  # least parts for a refit
+DRIFTED = ("widths", "branches", "readings", "rejects")  # charts of quantities that a refit learns
+REFIT = "a refit would pay: plan-refit JOB.toml --journal J... -o JOB2.toml learns what is off in the cell"
+RECENT = 120  # squeezes whose chart values are kept
 
 
 class Alarm(NamedTuple):
@@ -51,23 +57,20 @@ STEADY = {
 class Monitor:
     """The control charts of one table, which receive one part after the other.
 
-    Of the parts only those within the charts' windows are kept.
+    Of the parts only those within the charts' windows are kept. `drawn` has the values of the charts to draw:
+    `wider` and `narrower` after each squeeze, `COORDINATES` after each measured part, and `friction` after
+    each part if readings are expected.
     """
 
     def __init__(
-        self,
-        table: Table,
-        expected: Expectation | None = None,
-        draw: Callable[[str, float], object] = lambda _name, _value: None,
+        self, table: Table, expected: Expectation | None = None, keep: int | None = None
     ) -> None:
         """Starts without parts.
 
         Args:
             table: the table.
             expected: the expected readings, if known.
-            draw: called with name and value of each drawn chart: `wider` and `narrower` after each squeeze,
-                `COORDINATES` after each measured part, and `friction` after each part if readings are
-                expected.
+            keep: number of values kept of each drawn chart; None: all.
         """
         predicted = table.predicted
         rejects = round(predicted.reject_ppm / PPM * predicted.trials)
@@ -81,7 +84,7 @@ class Monitor:
         self.residuals = (Ewma(), Ewma(), Ewma())
         # Only where the expectation is known.
         self.readings = None if expected is None else ShiryaevRoberts(expected)
-        self._draw = draw
+        self.drawn = defaultdict[str, deque[float]](lambda: deque(maxlen=keep))
 
     def watch(self, history: History) -> Iterator[Alarm]:
         """All alarms of a history of this table, in order.
@@ -99,7 +102,7 @@ class Monitor:
         sentences = {chart: MEANING[chart] for chart in self._alarmed(part)}
         if self.readings is not None:
             world = self.readings.add(self.table, part)
-            self._draw("friction", log1p(self.readings.value if world is None else LIMIT))
+            self.drawn["friction"].append(log1p(self.readings.value if world is None else LIMIT))
             if world is not None:
                 sentences["readings"] = MEANING["readings"].format(world)
         place, self.parts = self.parts, self.parts + 1
@@ -109,8 +112,8 @@ class Monitor:
         shifted = False
         for squeeze in part.squeezes:
             shifted |= self.widths.add(*deviation(self.table, squeeze))
-            self._draw("wider", self.widths.up)
-            self._draw("narrower", -self.widths.down)
+            self.drawn["wider"].append(self.widths.up)
+            self.drawn["narrower"].append(-self.widths.down)
         if shifted:
             yield "widths"
         taken = tuple((s.node, s.branch) for s in part.squeezes if s.branch is not None)
@@ -126,7 +129,38 @@ class Monitor:
         for name, chart, value in zip(COORDINATES, self.residuals, values, strict=False):
             if chart.add(value):
                 yield f"residual {name}"
-            self._draw(name, chart.mean)
+            self.drawn[name].append(chart.mean)
+
+
+class Drift:
+    """The control charts of a table, fed during a run; `add` returns whether a refit would pay."""
+
+    def __init__(self, table: Table) -> None:
+        self._charts = Monitor(table, keep=RECENT)
+        self._drifted = False
+        self._alarms: dict[str, Alarm] = {}  # the latest of each chart
+
+    def as_object(self) -> dict[str, object]:
+        """The latest cumulative sums of widths, their limit, and the latest alarm of each chart."""
+        drawn = self._charts.drawn
+        return {
+            **{name: [round(v, 2) for v in drawn[name]] for name in ("wider", "narrower")},
+            "limit": self._charts.widths.limit,
+            "alarms": [alarm._asdict() for alarm in self._alarms.values()],
+        }
+
+    def add(self, result: PartResult) -> bool:
+        """Adds a part that has ended; returns whether a refit would pay now."""
+        nodes = self._charts.table.nodes
+        squeezes = (
+            Squeezed(step.node, nodes[step.node].branch_to(step.target), step.width_um)
+            for step in result.steps
+        )
+        part = Part(result.part, tuple(squeezes), result.outcome.value, result.leaf, result.audit)
+        alarms = self._charts.add(part)
+        self._alarms |= {alarm.chart: alarm for alarm in alarms}
+        self._drifted |= any(alarm.chart in DRIFTED for alarm in alarms)
+        return self._drifted and self._charts.parts >= LEAST_REFIT
 
 
 def failure_share(predicted: Prediction) -> float:

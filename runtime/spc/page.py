@@ -5,7 +5,8 @@ from html import escape
 from math import degrees
 
 from runtime.pages import charts, frame
-from runtime.spc.drift import REFIT
+from runtime.shell.plain_text import capital
+from runtime.spc.monitor import REFIT
 from runtime.spc.summary import LeafRow, NodeRow, Series, Summary
 
 
@@ -59,7 +60,7 @@ def _verdict(summary: Summary) -> Iterator[str]:
     else:
         yield frame.verdict("fair", "No alarm, but success is not as predicted.")
     if summary.refit:
-        yield f"<p>{escape(REFIT[0].upper() + REFIT[1:])}.</p>"
+        yield f"<p>{escape(capital(REFIT))}.</p>"
 
 
 def _cards(summary: Summary) -> Iterator[tuple[str, str, str]]:
@@ -68,9 +69,8 @@ def _cards(summary: Summary) -> Iterator[tuple[str, str, str]]:
     yield "Parts", str(total), f"{share:.1%} of them located"
     if summary.judged:
         low, high = summary.interval
-        note = (
-            f"{summary.passed} of {summary.judged} audited; 95 % interval {low:.2%} to {high:.2%}"
-        )
+        counted = f"{summary.passed} of {summary.judged} audited"
+        note = f"{counted}; 95 % interval {low:.2%} to {high:.2%}"
         yield "Right answers", f"{summary.passed / summary.judged:.2%}", note
         agreed = "as predicted" if summary.agrees else "not as predicted"
         yield "The table says", f"{summary.predicted:.2%}", f"the cell does {agreed}"

@@ -1,19 +1,19 @@
 """Summary for a report: success against the prediction, residuals by leaf, fit of the branches, charts."""
 
-from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import log1p
 from statistics import fmean, stdev
 from typing import NamedTuple
 
 from runtime.pages.charts import Line
+from runtime.shell.plain_text import capital
 from runtime.spc import monitor as monitors
 from runtime.spc.charts import RARE, binomial_tail, chi_square, chi_square_tail
-from runtime.spc.drift import DRIFTED, LEAST_REFIT
 from runtime.spc.expectation import LIMIT, Expectation
 from runtime.spc.history import History, Part, by_leaf
-from runtime.spc.monitor import COORDINATES, STEADY, Alarm, Monitor
+from runtime.spc.monitor import COORDINATES, DRIFTED, LEAST_REFIT, STEADY, Alarm, Monitor
 from runtime.table import PPM, wilson_interval
 
 PREDICTED_FROM = 6000  # assumed trials behind a share without a stated number
@@ -122,8 +122,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     interval, predicted = wilson_interval(passed, judged), table.predicted.success_ppm / PPM
     nodes = tuple(_nodes(history))
     statistic, freedom = sum(row.statistic for row in nodes), sum(row.freedom for row in nodes)
-    drawn: dict[str, list[float]] = defaultdict(list)
-    monitor = Monitor(table, expected, lambda name, value: drawn[name].append(value))
+    monitor = Monitor(table, expected)
     alarms = tuple(monitor.watch(history))
     return Summary(
         _counted(part.outcome or "broken off" for part in parts),
@@ -137,30 +136,19 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
         nodes,
         chi_square_tail(statistic, freedom),
         alarms,
-        tuple(_charts(history, monitor, drawn, alarms)),
+        tuple(_charts(history, monitor, alarms)),
         tuple(_names(history)),
     )
 
 
-def moments(values: Sequence[float]) -> tuple[float, float]:
-    """Mean and standard deviation; the latter 0 for fewer than two values."""
-    return fmean(values), stdev(values) if len(values) > 1 else 0.0
-
-
-def _charts(
-    history: History,
-    monitor: Monitor,
-    drawn: Mapping[str, Sequence[float]],
-    alarms: Sequence[Alarm],
-) -> Iterator[Series]:
+def _charts(history: History, monitor: Monitor, alarms: Sequence[Alarm]) -> Iterator[Series]:
     def heading(chart: str) -> str:
         """Heading of a chart: the sentence of its first alarm, or that all is well."""
         sentences = (alarm.sentence for alarm in alarms if alarm.chart.startswith(chart))
-        first = next(sentences, STEADY[chart])
-        return first[0].upper() + first[1:]
+        return capital(next(sentences, STEADY[chart]))
 
     def lines(*names: str) -> tuple[Line, ...]:
-        return tuple(Line(name, drawn.get(name, ())) for name in names)
+        return tuple(Line(name, list(monitor.drawn[name])) for name in names)
 
     yield failures(history)._replace(heading=heading("failures"))
     limit = monitor.residuals[0].limit
@@ -213,8 +201,9 @@ def _leaves(history: History) -> Iterator[LeafRow]:
     for leaf, parts in by_leaf(history.parts):
         residuals = [part.residual for part in parts if part.residual is not None]
         passed, judged = _judged(parts)
-        columns = tuple(moments(column) for column in zip(*residuals, strict=True))
-        yield LeafRow(leaf, len(parts), judged, passed, history.table.leaves[leaf].success, columns)
+        columns = zip(*residuals, strict=True)
+        moments = tuple((fmean(each), stdev(each) if len(each) > 1 else 0.0) for each in columns)
+        yield LeafRow(leaf, len(parts), judged, passed, history.table.leaves[leaf].success, moments)
 
 
 def _nodes(history: History) -> Iterator[NodeRow]:

@@ -21,8 +21,8 @@ from runtime.table.codec import decode, encode, names_table
 from runtime.table.embedded import job_of
 from runtime.table.evidence import refuted, successes_of, wilson_interval
 from runtime.table.fields import MAX_BRANCHES, MAX_BYTES
+from runtime.table.geometry import Pose2, placement, turned_pose
 from runtime.table.goal import (
-    Pose2,
     distance,
     error_mm,
     hypotheses_of,
@@ -32,12 +32,11 @@ from runtime.table.goal import (
     residual,
     threshold,
 )
-from runtime.table.grip import from_segment, not_held
+from runtime.table.grip import not_held
 from runtime.table.grippers import (
     DEFAULT_MODEL,
     PROFILES,
     doubt_um,
-    known,
     profile_of,
     same_model,
     selectable,
@@ -45,7 +44,6 @@ from runtime.table.grippers import (
 from runtime.table.lookup import Calibration, DecisionMap, Segments, decide, decision_map, misfits
 from runtime.table.model import (
     HELD_UM,
-    KINDS,
     PPM,
     REJECT,
     Area,
@@ -65,7 +63,7 @@ from runtime.table.model import (
     Table,
     Tolerance,
 )
-from runtime.table.schedule import Schedule, Squeezed, Stand, close_alike
+from runtime.table.schedule import Schedule, Squeezed, close_alike
 from runtime.table.takt import figures as takt_figures
 from runtime.table.takt import text as takt_text
 from runtime.table.timing import (
@@ -79,7 +77,7 @@ from runtime.table.timing import (
     time_of,
     trapezoid_s,
 )
-from runtime.table.turning import may_turn, same_from_every_side, turned, turned_leaf, turned_pose
+from runtime.table.turning import may_turn, same_from_every_side, turned, turned_leaf
 from runtime.table.validation import validate
 
 
@@ -142,10 +140,6 @@ def load(path: Path | str) -> TableFile:
     try:
         return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
     except TableError as error:
-        hint = (
-            f"; it is a job file: squeezetree plan {quoted(path)} -o {quoted(path.with_suffix('.msgpack'))} "
-            "makes its table"
-        )
-        raise TableError(
-            f"table {path.name}: {error}{hint if path.suffix == '.toml' else ''}"
-        ) from error
+        command = f"squeezetree plan {quoted(path)} -o {quoted(path.with_suffix('.msgpack'))}"
+        hint = f"; it is a job file: {command} makes its table" if path.suffix == ".toml" else ""
+        raise TableError(f"table {path.name}: {error}{hint}") from error

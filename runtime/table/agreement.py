@@ -9,7 +9,8 @@ from math import radians
 from typing import Any
 
 from runtime.errors import TableError
-from runtime.table.embedded import Section, gyration_mm, number, numbers, parts_of, points, section
+from runtime.table.embedded import Section, number, numbers, parts_of, points, section
+from runtime.table.geometry import gyration_mm
 from runtime.table.grip import validate_grips
 from runtime.table.grippers import known, same_model
 from runtime.table.model import PPM, Table

@@ -106,11 +106,10 @@ def _packed(table: Table) -> bytes:
             continue
         columns = [] if section.owner is None else [[at for at, _ in records[section.name]]]
         for field in section.fields:
-            values = map(attrgetter(field.name), (record for _, record in records[section.name]))
-            columns.append([*map(int, values)] if field.type == FLAG else [*values])
-        sections.append(
-            [section.name, *(columns if section.row else [value for [value] in columns])]
-        )
+            column = map(attrgetter(field.name), (record for _, record in records[section.name]))
+            columns.append([*map(int, column)] if field.type == FLAG else [*column])
+        values = columns if section.row else [value for [value] in columns]
+        sections.append([section.name, *values])
     payload = msgpack.packb(sections)
     return bytes(msgpack.packb([MAGIC, FORMAT, hashlib.sha256(payload).digest(), payload]))
 

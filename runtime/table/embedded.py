@@ -4,17 +4,16 @@ All functions that read a job raise `TableError` for a value of a wrong type.
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from math import fsum, sqrt
+from collections.abc import Mapping
 from typing import Any
 
 from runtime.errors import TableError
 from runtime.shell import strict_json
 from runtime.shell.plain_text import unprintable
+from runtime.table.geometry import Outline
 from runtime.table.model import Table
 
 Section = Mapping[str, Any]
-Outline = Sequence[tuple[float, float]]  # vertices, counter-clockwise about the origin, mm
 
 
 def job_of(table: Table) -> dict[str, Any] | None:
@@ -85,17 +84,6 @@ def points(table: Section, key: str) -> Outline:
     ):
         raise _refusal(key, "is no list of points")
     return [(_number(x, key), _number(y, key)) for x, y in rows]
-
-
-def gyration_mm(outline: Outline) -> float:
-    """The radius of gyration about the origin of the area in an outline; 0 without area."""
-    crosses, moments = [], []
-    for (x0, y0), (x1, y1) in zip(outline, (*outline[1:], *outline[:1]), strict=True):
-        cross = x0 * y1 - x1 * y0
-        crosses.append(cross)
-        moments.append(cross * (x0 * x0 + x0 * x1 + x1 * x1 + y0 * y0 + y0 * y1 + y1 * y1))
-    area = 6.0 * fsum(crosses)
-    return sqrt(max(fsum(moments) / area, 0.0)) if area > 0.0 else 0.0
 
 
 def _number(value: object, key: str) -> float:

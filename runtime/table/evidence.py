@@ -36,10 +36,9 @@ def refuted(successes: int, trials: int, confidence: float, leaves: int = 1) -> 
     """
     level, misses, log_none = LEVEL / leaves, trials - successes, trials * log(confidence)
     if misses > MOST_TERMS or log_none < LEAST_LOG:
+        more = misses - trials * (1.0 - confidence)
         spread = sqrt(2.0 * trials * confidence * (1.0 - confidence))
-        return misses > 0 and (
-            spread == 0.0 or 0.5 * erfc((misses - trials * (1.0 - confidence)) / spread) < level
-        )
+        return misses > 0 and (spread == 0.0 or 0.5 * erfc(more / spread) < level)
     term, fewer = exp(log_none), 0.0  # probability of k misses, and of fewer than `misses`
     for k in range(misses):
         fewer += term
@@ -110,11 +109,8 @@ def _validate_errors(index: int, leaf: Leaf, goal: GoalSpec) -> None:
     if goal.kind not in ("pose", "modes") or not leaf.trials:
         return
     successes = successes_of(leaf)
-    figures = (
-        ("error_median_um", leaf.error_median_um, 0.5),
-        ("error_p95_um", leaf.error_p95_um, 0.95),
-    )
-    for name, error_um, share in figures:
+    for name, share in (("error_median_um", 0.5), ("error_p95_um", 0.95)):
+        error_um = getattr(leaf, name)
         # The quantile lies between two adjacent errors, both of trials that met the goal.
         if successes >= share * (leaf.trials - 1) + 2 and error_um > goal.distance_um:
             raise TableError(

@@ -9,25 +9,13 @@ from typing import Any, NamedTuple
 MAX_NODES = 1 << 12
 MAX_LEAVES = 1 << 14
 MAX_BRANCHES = 32
-MAX_PUSHES = 4
-MAX_ALTERNATIVES = 32
-MAX_DEPTH = 64
-MAX_HYPOTHESES = 16
-MAX_ANGLE_URAD = 3_142_000
-MAX_TRIALS = 10**10
 MAX_BYTES = 2 << 20  # of a file
 FAR = 10**9
-WIDE = 1_000_000
 
 FLAG = "flag"  # 0 or 1, a bool in the records
 LINE = "line"  # printable characters
 TEXT = "text"
 TYPES: dict[str, type] = {"int": int, FLAG: int, LINE: str, TEXT: str, "bytes": bytes}
-
-X = ("limits.work_area_um.x_min", "limits.work_area_um.x_max")
-Y = ("limits.work_area_um.y_min", "limits.work_area_um.y_max")
-TURN = (-MAX_ANGLE_URAD, MAX_ANGLE_URAD)
-WIDTH = (0, "gripper.opening_um")
 
 
 class Field(NamedTuple):

@@ -2,9 +2,8 @@
 
 from math import hypot, remainder, tau
 
+from runtime.table.geometry import Pose2
 from runtime.table.model import GoalSpec, Leaf, LeafPose, Tolerance
-
-Pose2 = tuple[float, float, float]  # x mm, y mm, theta rad
 
 
 def predicted_pose(leaf: Leaf) -> Pose2:

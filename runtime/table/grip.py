@@ -12,17 +12,9 @@ from math import cos, hypot, inf, pi, radians, sin
 from typing import NamedTuple
 
 from runtime.errors import TableError
-from runtime.table.embedded import (
-    Outline,
-    Section,
-    gyration_mm,
-    number,
-    numbers,
-    parts_of,
-    points,
-    section,
-)
-from runtime.table.goal import Pose2, hypotheses_of, poses_of
+from runtime.table.embedded import Section, number, numbers, parts_of, points, section
+from runtime.table.geometry import Outline, Pose2, from_segment, gyration_mm
+from runtime.table.goal import hypotheses_of, poses_of
 from runtime.table.model import HELD_UM, Branch, Leaf, Node, Table
 
 MOST_POINTS = 48  # of an outline, so that hundreds of leaves are checked within milliseconds
@@ -222,20 +214,8 @@ def _shape(outline: Outline) -> Shape:
     turns = [pi * k / DIRECTIONS for k in range(DIRECTIONS)]
     across = [[cos(turn) * x + sin(turn) * y for x, y in kept] for turn in turns]
     narrowest = min(max(row) - min(row) for row in across)
-    return Shape(
-        kept, max(hypot(*point) for point in outline), gyration_mm(outline), narrowest, coarse
-    )
-
-
-def from_segment(
-    point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]
-) -> float:
-    """The distance of a point from a segment."""
-    dx, dy = end[0] - start[0], end[1] - start[1]
-    px, py = point[0] - start[0], point[1] - start[1]
-    along = (px * dx + py * dy) / max(dx * dx + dy * dy, 1e-18)
-    share = min(max(along, 0.0), 1.0)
-    return hypot(px - share * dx, py - share * dy)
+    reach = max(hypot(*point) for point in outline)
+    return Shape(kept, reach, gyration_mm(outline), narrowest, coarse)
 
 
 def _slack(job: Section) -> Slack:

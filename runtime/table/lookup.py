@@ -64,9 +64,8 @@ class Calibration:
 
     def reads(self, low_um: int, high_um: int) -> bool:
         """Whether the true width of some reading lies in an interval, ends included."""
-        return self._width_at(self.profile.step(self.opening_um(low_um))) <= high_um and (
-            self.widest_um >= low_um
-        )
+        nearest_um = self.width_um(self.opening_um(low_um))
+        return nearest_um <= high_um and self.widest_um >= low_um
 
     def _width_at(self, step: int) -> int:
         return self.width_um(self.profile.reading_um(step))
@@ -97,10 +96,6 @@ class DecisionMap(NamedTuple):
 
     unfelt: Segments  # without an object felt
     felt: Segments  # with an object felt
-
-    def of(self, felt: bool) -> Segments:
-        """The segments for readings with or without an object felt."""
-        return self.felt if felt else self.unfelt
 
     @property
     def either(self) -> Segments:
@@ -174,7 +169,7 @@ def decide(decided: DecisionMap, width_um: int, felt: bool) -> int:
     Returns:
         An index into the node's branches, or `REJECT`.
     """
-    return decided.of(felt).at(width_um)
+    return (decided.felt if felt else decided.unfelt).at(width_um)
 
 
 def unread(decided: DecisionMap, calibration: Calibration, branches: int) -> list[int]:

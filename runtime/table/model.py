@@ -10,34 +10,28 @@ from typing import Annotated, NamedTuple, Self
 
 from drivers.ports import TURN_RADIUS_MM, GripperProfile
 from runtime.shell.plain_text import LONGEST
-from runtime.table.fields import (
-    FAR,
-    FLAG,
-    LINE,
-    MAX_BYTES,
-    MAX_DEPTH,
-    MAX_HYPOTHESES,
-    MAX_LEAVES,
-    MAX_NODES,
-    MAX_TRIALS,
-    TEXT,
-    TURN,
-    WIDE,
-    WIDTH,
-    Field,
-    X,
-    Y,
-)
+from runtime.table.fields import FAR, FLAG, LINE, MAX_BYTES, MAX_LEAVES, MAX_NODES, TEXT, Field
 from runtime.table.grippers import known
 
 PPM = 1_000_000
 
-MOST_BINS = 300  # of a histogram of readings
-HELD_UM = 2000
-"""Least expected width at which the jaws hold a part; the hand then drags the part to `Node.release`."""
+MAX_DEPTH = 64
+MAX_HYPOTHESES = 16
+MAX_ANGLE_URAD = 3_142_000
+MAX_TRIALS = 10**10
+WIDE = 1_000_000
+# Ranges of values that several records have.
+X = ("limits.work_area_um.x_min", "limits.work_area_um.x_max")
+Y = ("limits.work_area_um.y_min", "limits.work_area_um.y_max")
+TURN = (-MAX_ANGLE_URAD, MAX_ANGLE_URAD)
+WIDTH = (0, "gripper.opening_um")
 
+MOST_BINS = 300  # of a histogram of readings
+# Least expected width at which the jaws hold a part; the hand then drags the part to `Node.release`.
+HELD_UM = 2000
+
+# Stands for the index of a branch where no branch has the reading.
 REJECT = -1
-"""Stands for the index of a branch where no branch has the reading."""
 
 KINDS = ("pose", "tolerances", "modes", "orientation", "identity")
 
@@ -106,8 +100,7 @@ class Squeeze(NamedTuple):
     @property
     def commands(self) -> tuple[int, int, int, int, int, int]:
         """The values that a controller needs: x, y, angle, opening, speed and force, in the table's units."""
-        place = self.x_um, self.y_um, self.angle_urad
-        return *place, self.opening_um, self.speed_um_s, self.force_mn
+        return self[:6]
 
 
 class Push(NamedTuple):

@@ -2,36 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import cos, hypot, remainder, sin, tau
 from typing import Any, NamedTuple, Self
 
 from runtime.table.embedded import job_of, section
-from runtime.table.model import Node, Push, Squeeze, Table
+from runtime.table.geometry import Pose2, end_of, placement, turned_pose, way
+from runtime.table.model import Node, Table
 from runtime.table.timing import Phases, Timing, Visit
-from runtime.table.turning import may_turn, turned_pose
-
-
-class Stand(NamedTuple):
-    """Pose of the hand in the plane: position and angle."""
-
-    x_mm: float
-    y_mm: float
-    angle_rad: float
-
-    @classmethod
-    def at(cls, action: Squeeze | Push) -> Self:
-        """The hand's pose at the start of a squeeze or push."""
-        return cls(action.x_um / 1e3, action.y_um / 1e3, action.angle_urad / 1e6)
-
-    def moved(self, way_mm: float) -> Self:
-        """The hand's pose after it has moved `way_mm` along its own x axis."""
-        x_mm = self.x_mm + way_mm * cos(self.angle_rad)
-        y_mm = self.y_mm + way_mm * sin(self.angle_rad)
-        return self._replace(x_mm=x_mm, y_mm=y_mm)
-
-    def turn_from(self, place: "Stand") -> float:
-        """Angle, rad, that turns a plan so that its grasp pose `place` gets this pose's angle."""
-        return remainder(self.angle_rad - place.angle_rad, tau)
+from runtime.table.turning import may_turn
 
 
 class Squeezed(NamedTuple):
@@ -60,26 +37,25 @@ class Schedule:
         timing = Timing.of(table.limits, table.gripper, job)
         return cls(table.nodes, timing, may_turn(table, job))
 
-    def part(self, squeezes: Sequence[Squeezed], start: Stand | None = None) -> list[Phases]:
+    def part(self, squeezes: Sequence[Squeezed], start: Pose2 | None = None) -> list[Phases]:
         """Phases of each squeeze of a part; the hand starts above `start` or, if None, the first squeeze."""
         before, jaws_s, all_phases = start, 0.0, []
         for number, squeezed in enumerate(squeezes):
             after = squeezes[number + 1].node if number + 1 < len(squeezes) else None
-            phases, before, jaws_s = self.squeeze(
-                squeezed, before, after, jaws_s, first=number == 0
-            )
+            first = number == 0
+            phases, before, jaws_s = self.squeeze(squeezed, before, after, jaws_s, first=first)
             all_phases.append(phases)
         return all_phases
 
     def squeeze(
         self,
         squeezed: Squeezed,
-        before: Stand | None,
+        before: Pose2 | None,
         after: int | None,
         jaws_s: float = 0.0,
         *,
         first: bool,
-    ) -> tuple[Phases, Stand, float]:
+    ) -> tuple[Phases, Pose2, float]:
         """Computes the seconds of the phases of one squeeze.
 
         Args:
@@ -93,25 +69,23 @@ class Schedule:
             Its phases; the hand after it, and how long the jaws still move then.
         """
         node, timing = self.nodes[squeezed.node], self.timing
-        squeeze, place = node.squeeze, Stand.at(node.squeeze)
+        squeeze, place = node.squeeze, placement(node.squeeze)
         following = self.nodes[0 if after is None else after]
         if first and self.turns and before is not None:
             # The plan of the next part is turned; converts the hand's place to its frame.
-            turn_rad = before.turn_from(place)
-            before = Stand(*turned_pose(before, -turn_rad))
+            before = turned_pose(before, -way(place, before)[1])
         push_s, before = self._push_s(node, before or place)
-        let_go = place
-        if (point := node.release_point(squeezed.branch)) is not None:
-            let_go = place._replace(x_mm=point.x_um / 1e3, y_mm=point.y_um / 1e3)
+        let_go = placement(squeeze, node.release_point(squeezed.branch))
+        way_mm, turn_rad = way(before, place)
         visit = Visit(
-            way_mm=hypot(place.x_mm - before.x_mm, place.y_mm - before.y_mm),
-            turn_rad=remainder(place.angle_rad - before.angle_rad, tau),
+            way_mm=way_mm,
+            turn_rad=turn_rad,
             opening_mm=squeeze.opening_um / 1e3,
             contact_mm=None if node.contact_um is None else node.contact_um / 1e3,
             width_mm=squeezed.width_mm,
             speed_mm_s=squeeze.speed_um_s / 1e3,
             next_mm=following.squeeze.opening_um / 1e3,
-            drag_mm=hypot(let_go.x_mm - place.x_mm, let_go.y_mm - place.y_mm),
+            drag_mm=way(place, let_go)[0],
             from_retreat=first or bool(node.pushes),
             to_retreat=after is None or bool(following.pushes),
             jaws_s=0.0 if node.pushes else jaws_s,
@@ -120,21 +94,20 @@ class Schedule:
         left_s = timing.opening_s(visit.width_mm, visit.next_mm, visit.speed_mm_s) - phases.rise_s
         return phases, let_go, max(left_s, 0.0)
 
-    def _push_s(self, node: Node, at: Stand) -> tuple[float, Stand]:
+    def _push_s(self, node: Node, at: Pose2) -> tuple[float, Pose2]:
         """Seconds of the pushes before a squeeze, and the hand after them."""
         timing, seconds = self.timing, 0.0
         open_mm, speed_mm_s = node.squeeze.opening_um / 1e3, node.squeeze.speed_um_s / 1e3
         for push in node.pushes:
-            start, way_mm, wanted_mm = Stand.at(push), push.length_um / 1e3, push.opening_um / 1e3
+            wanted_mm = push.opening_um / 1e3
             seconds += timing.push_s(
-                hypot(start.x_mm - at.x_mm, start.y_mm - at.y_mm),
-                remainder(start.angle_rad - at.angle_rad, tau),
+                *way(at, placement(push)),
                 stroke_mm=abs(open_mm - wanted_mm),
                 stroke_mm_s=speed_mm_s,
-                push_mm=way_mm,
+                push_mm=push.length_um / 1e3,
                 push_mm_s=push.speed_um_s / 1e3,
             )
-            at, open_mm = start.moved(way_mm), wanted_mm
+            at, open_mm = end_of(push), wanted_mm
         if node.pushes:
             stroke_mm = abs(node.squeeze.opening_um / 1e3 - open_mm)
             seconds += stroke_mm / speed_mm_s + timing.jaw_answer_s

@@ -4,16 +4,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from runtime.table import model
-from runtime.table.fields import (
-    MAX_ALTERNATIVES,
-    MAX_BRANCHES,
-    MAX_HYPOTHESES,
-    MAX_LEAVES,
-    MAX_NODES,
-    MAX_PUSHES,
-    Field,
-    fields_of,
-)
+from runtime.table.fields import MAX_BRANCHES, MAX_LEAVES, MAX_NODES, Field, fields_of
+from runtime.table.model import MAX_HYPOTHESES
+
+MAX_PUSHES = 4
+MAX_ALTERNATIVES = 32
 
 
 class Section(NamedTuple):

@@ -1,6 +1,8 @@
 """Distribution of the times of parts: mean, percentiles, and the share within a takt."""
 
+from bisect import bisect_left
 from collections.abc import Mapping
+from itertools import accumulate
 from math import ceil, fsum
 
 PERCENTILES = (50, 95, 99)
@@ -19,25 +21,17 @@ def figures(seconds: Mapping[float, int], takt_s: float | None = None) -> dict[s
     """
     parts, rising = sum(seconds.values()), sorted(seconds.items())
     summary = {"seconds_mean": fsum(taken * many for taken, many in rising) / parts}
+    done = list(accumulate(many for _, many in rising))
     for percentile in PERCENTILES:
-        summary[f"seconds_p{percentile}"] = _within(rising, ceil(percentile * parts / 100))
+        within = bisect_left(done, ceil(percentile * parts / 100))
+        summary[f"seconds_p{percentile}"] = rising[within][0]
     summary["seconds_max"] = rising[-1][0]
     if takt_s is not None:
-        done = sum(many for taken, many in rising if taken <= takt_s)
-        summary |= {"takt_s": takt_s, "takt_probability": done / parts}
+        in_takt = sum(many for taken, many in rising if taken <= takt_s)
+        summary |= {"takt_s": takt_s, "takt_probability": in_takt / parts}
     return summary
 
 
 def text(summary: Mapping[str, float]) -> str:
     """The share of parts done within the takt, as text: "98.21% done within 6 s"."""
     return f"{summary['takt_probability']:.2%} done within {summary['takt_s']:g} s"
-
-
-def _within(rising: list[tuple[float, int]], parts: int) -> float:
-    """The least time within which `parts` parts are done, from rising pairs of a time and its parts."""
-    done = 0
-    for taken, many in rising:
-        done += many
-        if done >= parts:
-            return taken
-    return rising[-1][0]

@@ -14,26 +14,26 @@ from runtime.errors import TableError
 from runtime.table.embedded import number, parts_of, section
 from runtime.table.model import GripperSpec, Limits
 
+# Distance that jaws open before they are clear of what they held.
 CLEAR_MM = 5.0
-"""Distance that jaws open before they are clear of what they held."""
+# Distance before the first possible contact at which jaws have slowed to the squeeze's speed.
 APPROACH_MM = 2.0
-"""Distance before the first possible contact at which jaws have slowed to the squeeze's speed."""
+# Distance before the end of a stroke at which the next one is sent, for jaws that accept it in motion.
 LEAD_MM = 1.5
-"""Distance before the end of a stroke at which the next one is sent, for jaws that accept it in motion."""
+# Height of the tips above the top of a part between two of its squeezes.
 ABOVE_MM = 4.0
-"""Height of the tips above the top of a part between two of its squeezes."""
 
+# Greatest way on which a hand at the retreat height may descend as it travels; obstacles may be farther.
 NEAR_MM = 30.0
-"""Greatest way on which a hand at the retreat height may descend as it travels; obstacles may be farther."""
 
+# Defaults of the section `cell` of a job. The acceleration is a limit; the rest are guesses, which
+# `plan-refit` replaces by values from a journal.
 DEFAULTS: Mapping[str, float] = {
     "arm_acceleration_mm_s2": 2_000.0,
     "arm_answer_s": 0.014,
     "jaw_answer_s": 0.062,
     "poll_s": 0.015,
 }
-"""Defaults of the section `cell` of a job. The acceleration is a limit; the rest are guesses, which
-`plan-refit` replaces by values from a journal."""
 
 
 def trapezoid_s(way_mm: float, speed_mm_s: float, acceleration_mm_s2: float) -> float:

@@ -11,17 +11,16 @@ from math import cos, hypot, remainder, sin, tau
 from typing import Any, TypeVar
 
 from runtime.table.embedded import number, section
-from runtime.table.goal import Pose2
+from runtime.table.geometry import compose
 from runtime.table.model import Covariance, Leaf, LeafPose, Node, Place, Table
 
 Pose = TypeVar("Pose", Leaf, LeafPose)
 TURN_URAD = 1e6 * tau
+# Goals that are invariant under rotation.
+#
+# Tolerances along axes of the world are not, and the auditor finds the other modes of a leaf by its pose in
+# the table.
 KINDS = ("pose", "orientation", "identity")
-"""Goals that are invariant under rotation.
-
-Tolerances along axes of the world are not, and the auditor finds the other modes of a leaf by its pose in
-the table.
-"""
 
 
 def may_turn(table: Table, job: Mapping[str, Any] | None, middle_mm: float = 0.0) -> bool:
@@ -65,39 +64,22 @@ def turned_leaf(leaf: Leaf, turn_urad: int) -> Leaf:
     )
 
 
-def turned_pose(pose: Pose2, turn_rad: float) -> Pose2:
-    """A pose in mm, mm, rad turned about the origin."""
-    x_mm, y_mm = _turned_vector(pose[0], pose[1], turn_rad)
-    return x_mm, y_mm, remainder(pose[2] + turn_rad, tau)
-
-
-def _turned_vector(x: float, y: float, turn_rad: float) -> tuple[float, float]:
-    c, s = cos(turn_rad), sin(turn_rad)
-    return c * x - s * y, s * x + c * y
-
-
-def _turned_place(x_um: int, y_um: int, turn_urad: int) -> Place:
-    x, y = _turned_vector(x_um, y_um, turn_urad / 1e6)
-    return Place(round(x), round(y))
-
-
-def _turned_angle(angle_urad: int, turn_urad: int) -> int:
-    return round(remainder(angle_urad + turn_urad, TURN_URAD))
+def _turned(x_um: int, y_um: int, angle_urad: int, turn_urad: int) -> tuple[int, int, int]:
+    x, y, _ = compose((0.0, 0.0, turn_urad / 1e6), (x_um, y_um, 0.0))
+    return round(x), round(y), round(remainder(angle_urad + turn_urad, TURN_URAD))
 
 
 def _turned_node(node: Node, turn_urad: int) -> Node:
     squeeze, release = node.squeeze, node.release
-    x_um, y_um = _turned_place(squeeze.x_um, squeeze.y_um, turn_urad)
-    angle_urad = _turned_angle(squeeze.angle_urad, turn_urad)
+    x_um, y_um, angle_urad = _turned(*squeeze.place, squeeze.angle_urad, turn_urad)
     return node._replace(
         squeeze=squeeze._replace(x_um=x_um, y_um=y_um, angle_urad=angle_urad),
-        release=None if release is None else _turned_place(*release, turn_urad),
+        release=None if release is None else Place(*_turned(*release, 0, turn_urad)[:2]),
     )
 
 
 def _turned_pose(pose: Pose, turn_urad: int) -> Pose:
-    x_um, y_um = _turned_place(pose.x_um, pose.y_um, turn_urad)
-    theta_urad = _turned_angle(pose.theta_urad, turn_urad)
+    x_um, y_um, theta_urad = _turned(pose.x_um, pose.y_um, pose.theta_urad, turn_urad)
     return pose._replace(x_um=x_um, y_um=y_um, theta_urad=theta_urad)
 
 

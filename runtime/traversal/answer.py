@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from runtime.table import Pose2, Table, TableError, job_of, predicted_pose
 from runtime.table.embedded import parts_of
-from runtime.traversal.geometry import compose
+from runtime.table.geometry import compose
 from runtime.traversal.results import PartResult
 
 CENTRE = (0.0, 0.0, 0.0)
@@ -41,10 +41,8 @@ def frames_in(part: object) -> PartFrames:
         assert isinstance(part, dict)
         stated = part.get("datum")
         datum = None if stated is None else _pose(stated)
-        picks = {
-            str(name): compose(datum or CENTRE, _pose(pick))
-            for name, pick in part.get("picks", {}).items()
-        }
+        named = ((str(name), _pose(pick)) for name, pick in part.get("picks", {}).items())
+        picks = {name: compose(datum or CENTRE, pick) for name, pick in named}
     except (AssertionError, AttributeError, TypeError, ValueError):
         return NO_FRAMES
     return PartFrames(datum, picks)
@@ -57,17 +55,11 @@ def fields(table: Table, result: PartResult, frames: tuple[PartFrames, ...]) -> 
     """
     end = result.leaf_of(table)
     assert end is not None
-    pose, part_frames = predicted_pose(end), frames[end.hypothesis]
-    return {
-        **({"hypothesis": table.name_of(end)} if table.hypotheses else {}),
-        **as_degrees(pose),
-        "datum": None
-        if part_frames.datum is None
-        else as_degrees(compose(pose, part_frames.datum)),
-        "picks": {
-            name: as_degrees(compose(pose, pick)) for name, pick in part_frames.picks.items()
-        },
-    }
+    pose, (datum, picks) = predicted_pose(end), frames[end.hypothesis]
+    named = {"hypothesis": table.name_of(end)} if table.hypotheses else {}
+    shown = None if datum is None else as_degrees(compose(pose, datum))
+    placed = {name: as_degrees(compose(pose, pick)) for name, pick in picks.items()}
+    return {**named, **as_degrees(pose), "datum": shown, "picks": placed}
 
 
 def outcome_fields(table: Table, result: PartResult) -> dict[str, object]:

@@ -31,11 +31,8 @@ class Decision(NamedTuple):
             return None
         if self.object is ObjectState.AT_TARGET:
             return "the fingers closed on nothing"
-        widths = [
-            f"{branch.low_um / 1000:.2f}..{branch.high_um / 1000:.2f}"
-            for branch in self.node.branches
-            if branch.grip  # an object was felt
-        ]
+        felt = (branch for branch in self.node.branches if branch.grip)  # an object was felt
+        widths = [f"{each.low_um / 1000:.2f}..{each.high_um / 1000:.2f}" for each in felt]
         planned = f"{', '.join(widths)} mm" if widths else "nothing between the fingers"
         return f"no outcome of this squeeze has this width (planned: {planned})"
 
@@ -98,12 +95,10 @@ class Policy:
             )
         return cls(rejected, unresolved)
 
-    def texts(self) -> tuple[str, str]:
+    def fields(self) -> dict[str, str]:
         """The two lists of names, each a text with commas, from which `of` restores the policy."""
-        return (
-            ",".join(action.value for action in self.on_reject),
-            ",".join(action.value for action in self.on_unresolved),
-        )
+        lists = {"on_reject": self.on_reject, "on_unresolved": self.on_unresolved}
+        return {name: ",".join(each.value for each in actions) for name, actions in lists.items()}
 
     def ends_run(self, outcome: Outcome) -> bool:
         """Whether the run ends after a part with this outcome."""
@@ -132,9 +127,8 @@ def advance(
         return traversal._replace(node=target, again=False)
     if target is None:
         outcome, leaf = Outcome.REJECT, None
-        action = policy.on_reject[
-            traversal.rejects
-        ]  # the last action is final: there is no further one
+        # The last action is final: there is no further one.
+        action = policy.on_reject[traversal.rejects]
         traversal = traversal._replace(rejects=traversal.rejects + 1)
     else:
         outcome, leaf = Outcome.UNRESOLVED, ~target

@@ -16,7 +16,7 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 
 class Reading(NamedTuple):
-    """The settled reading with which a cell answers `Squeeze` and `Tighten`."""
+    """The settled reading with which a cell answers `Approach` and `Tighten`."""
 
     width_um: int  # width as the gripper reads it
     object: ObjectState
@@ -24,17 +24,15 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """Request to push the part as the node requires, unless `again`, and to go to the squeeze's place."""
+    """Request to go to the node's place and close the jaws there until they meet something.
+
+    The node's pushes come before, unless the squeeze is repeated.
+    """
 
     index: int  # of the node
     node: Node
     number: int  # of the squeeze, from 1, within the part
     again: bool  # whether the squeeze is repeated
-
-
-@dataclass(frozen=True, slots=True)
-class Squeeze:
-    """Request to close the jaws at the node until they meet something."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +65,7 @@ class Done:
 
 
 START = TraversalState()
-Request = Approach | Squeeze | Tighten | Release | Done
+Request = Approach | Tighten | Release | Done
 Requests = Generator[Request, Reading | None, None]
 
 
@@ -98,8 +96,7 @@ class Program:
         table, steps = self.table, tuple(steps)
         while state.outcome is None:
             index, node = state.node, table.nodes[state.node]
-            yield Approach(index, node, len(steps) + 1, state.again)
-            reading = yield Squeeze()
+            reading = yield Approach(index, node, len(steps) + 1, state.again)
             assert reading is not None
             decision = decide(node, self.maps[index], self._width_um(reading), reading.object)
             if decision.branch == REJECT or node.release_point(decision.branch) is not None:
@@ -129,7 +126,7 @@ class Program:
 def released(requests: Requests, request: Request, reading: Reading) -> Release:
     """Runs a program up to its `Release`, which is returned; `reading` answers squeeze and tightening."""
     while not isinstance(request, Release):
-        request = requests.send(None if isinstance(request, Approach) else reading)
+        request = requests.send(reading)
     return request
 
 

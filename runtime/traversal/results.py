@@ -43,18 +43,11 @@ class Step(NamedTuple):
 
     def fields(self) -> dict[str, object]:
         """The step as fields of a journal record: with place and opening instead of the squeeze."""
-        return {
-            "number": self.number,
-            "node": self.node,
-            "x_um": self.squeeze.x_um,
-            "y_um": self.squeeze.y_um,
-            "angle_urad": self.squeeze.angle_urad,
-            "opening_um": self.squeeze.opening_um,
-            "reading_um": self.reading_um,
-            "width_um": self.width_um,
-            "target": self.target,
-            "reason": self.reason,
-        }
+        fields = self._asdict()
+        squeeze = fields.pop("squeeze")
+        names = ("x_um", "y_um", "angle_urad", "opening_um")
+        place = {name: getattr(squeeze, name) for name in names}
+        return {"number": self.number, "node": self.node, **place, **fields}
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,25 +71,13 @@ class PartResult:
     turn_urad: int = 0  # by which its plan was turned about the origin
 
     @classmethod
-    def of(
-        cls,
-        part: int,
-        outcome: Outcome,
-        steps: Sequence[Step],
-        reason: str | None,
-        *,
-        exit_code: int | None = None,
-        safe_state: tuple[str, ...] = (),
-    ) -> Self:
-        """The result of a part, whose last step states the leaf.
-
-        `exit_code` is for faults; every other outcome has its exit code in `EXIT_CODES`.
-        """
+    def of(cls, part: int, outcome: Outcome, steps: Sequence[Step], reason: str | None) -> Self:
+        """The result of a part, whose last step states the leaf."""
         leaf = None
         if outcome in (Outcome.LEAF, Outcome.UNRESOLVED) and steps and steps[-1].target is not None:
             leaf = ~steps[-1].target
-        code = EXIT_CODES[outcome] if exit_code is None else exit_code
-        return cls(part, outcome, tuple(steps), leaf, reason, code, safe_state)
+        code = EXIT_CODES.get(outcome, ExitCode.DEVICE)
+        return cls(part, outcome, tuple(steps), leaf, reason, code)
 
     def leaf_of(self, table: Table) -> Leaf | None:
         """The leaf that was reached, turned back to the world; None without one."""

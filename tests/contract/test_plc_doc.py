@@ -98,13 +98,13 @@ def test_section_names_every_method_with_its_arguments():
     with line() as each:
         methods = each.server._methods()
     expected = []
-    for method in methods:
-        outputs = [argument.name for argument in method.outputs]
+    for path, _, inputs, given in methods:
+        outputs = [argument.Name for argument in given]
         whole = outputs == list(Result._fields)
         expected.append(
             [
-                f"`{method.path}`",
-                ", ".join(argument.name for argument in method.inputs),
+                f"`{path}`",
+                ", ".join(argument.Name for argument in inputs),
                 "the variables of `LastResult`" if whole else ", ".join(outputs),
             ]
         )

@@ -5,9 +5,10 @@ import re
 from programs import ROOT
 from sample_tables import small_table
 
-from runtime.table import HELD_UM, KINDS, dumps
+from runtime.table import HELD_UM, dumps
 from runtime.table.codec import FORMAT, MAGIC
 from runtime.table.fields import FLAG, LINE, MAX_BYTES, MAX_LEAVES, TEXT, Field
+from runtime.table.model import KINDS
 from runtime.table.sections import SECTIONS, Section
 
 PAGE = (ROOT / "runtime" / "table" / "TABLE.md").read_text()

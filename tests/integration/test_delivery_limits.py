@@ -74,7 +74,7 @@ def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.M
     monkeypatch.setattr(
         "drivers.abb.arm.Arm.turn_range", lambda *_: (radians(-2000), radians(2000))
     )
-    monkeypatch.setattr("runtime.traversal.geometry.MOST_TURNS", 9)
+    monkeypatch.setattr("runtime.table.geometry.MOST_TURNS", 9)
     monkeypatch.setattr("runtime.execution.safety.MOST_TURNS", 9)
     counts = soaked(60)
     assert counts.sums["halts"] == 1

@@ -62,13 +62,10 @@ def run_parts(tree, handling, delivery=None):
     virtual = VirtualCell(setting, SEED)
     console = Deaf()
     console.part = lambda result, seen: ended.append((result, seen, virtual.scene.truth()))
-    cell = Cell(virtual.gripper(), virtual.arm(), virtual.clock, FakeJournal())
-    run = {
-        "count": PARTS,
-        "activate": True,
-        "options": RunOptions(handling=handling, delivery=delivery),
-    }
-    session.run_journalled(load(tree).table, cell, virtual.scene, console, **run)
+    devices = virtual.gripper(), virtual.arm(), virtual.clock
+    cell = Cell(*devices, FakeJournal(), scene=virtual.scene)
+    options = RunOptions(handling=handling, delivery=delivery, activate=True, count=PARTS)
+    session.run_journalled(load(tree).table, cell, console, options)
     return ended
 
 

@@ -109,7 +109,7 @@ def test_no_sink_prints_what_does_not_print(text: str) -> None:
         assert answer.isascii()
         assert prints(answer)
         assert len(answer) < MAX_LINE
-    result = replace(PartResult.of(1, Outcome.FAULT, [], text, exit_code=20), leaf=0)
+    result = replace(PartResult.of(1, Outcome.FAULT, [], text), leaf=0)
     for written in (
         lambda: Lines(table).part(result, None),
         lambda: Lines(table).note(text),

@@ -33,7 +33,7 @@ class Served:
         self.address = listener.getsockname()
         self.station = Station([0xDEADBEEF])
         self.exchange = Exchange(self.station, SystemClock())
-        self._server = ModbusServer(listener, self.exchange, SystemClock())
+        self._server = ModbusServer(listener, self.exchange)
         self._server.__enter__()
 
     def plc(self, unit: int = 1) -> TcpPlc:

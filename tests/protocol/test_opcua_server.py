@@ -59,14 +59,14 @@ class Served:
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """One server for all tests, since it loads a large address space; each test leaves it as it was."""
     folder = tmp_path_factory.mktemp("opcua")
-    exchange, clock = Exchange(Station((1, 2), beats=False), SystemClock()), SystemClock()
+    exchange = Exchange(Station((1, 2), beats=False), SystemClock())
     panel = Panel(OFFERS, Configuration("gripper.json", "c" * 64), exchange.glance)
     security = Security(identity_in(folder), Trust(folder / PINNED, None))
     with pytest.MonkeyPatch.context() as patch, socket.create_server(("127.0.0.1", 0)) as listener:
         patch.setattr(admission, "SESSION_S", 5.0)
         port = int(listener.getsockname()[1])
         identity, other = passport(folder, "identity"), passport(folder, "other")
-        with OpcUaServer(listener, exchange, clock, panel, security):
+        with OpcUaServer(listener, exchange, panel, security):
             with Supervisor(port, identity):  # the first, which is pinned
                 pass
             yield Served(exchange, port, folder / PINNED, identity, other)

@@ -1,5 +1,6 @@
 """Parts of a robot that asks, in memory."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from fake_cell import FakeClock, FakeJournal
@@ -27,6 +28,5 @@ def asked_parts(
         clock or FakeClock(),
         Objects(table, Path("j")),
         Tally(),
-        options or RunOptions(),
-        count,
+        replace(options or RunOptions(), count=count),
     )

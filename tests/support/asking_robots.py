@@ -14,7 +14,7 @@ from drivers.ports import ObjectState
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.execution.events import Console
-from runtime.execution.executor import Cell
+from runtime.execution.executor import Cell, RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.execution.session import run_journalled
@@ -57,7 +57,7 @@ class SimulatedRobot:
         return count_of(reading.width_um), reading.object is ObjectState.CLOSING
 
     def drag(self, x: float, y: float) -> None:
-        self._hand.drag(x, y)
+        self._hand.slide(x, y)
 
     def release(self) -> None:
         assert self._plan is not None
@@ -122,8 +122,8 @@ def driven(
 ) -> list[dict[str, object]]:
     """The parts of a run whose arm and gripper the executor moves."""
     cell, result = VirtualCell(setting, seed), Results()
-    devices = Cell(cell.gripper(), cell.arm(), cell.clock, journal)
-    run_journalled(table, devices, cell.scene, result, count=count, activate=True)
+    devices = Cell(cell.gripper(), cell.arm(), cell.clock, journal, scene=cell.scene)
+    run_journalled(table, devices, result, RunOptions(activate=True, count=count))
     return result.parts
 
 

@@ -5,6 +5,7 @@ motions, as its controller does: a motion that was sent is carried out, whoever 
 world knows where the part lies, and keeps a list of what must never happen to it.
 """
 
+import hashlib
 import os
 import random
 from collections.abc import Iterator, Mapping
@@ -24,7 +25,7 @@ from runtime.execution.executor import Cell, RunOptions
 from runtime.journal import chain as journal
 from runtime.journal.chain import Journal
 from runtime.table import Calibration, Node, Pose2, Table, dumps
-from runtime.traversal.geometry import end_of, placement
+from runtime.table.geometry import end_of, placement
 
 REACH_MM = 35.0
 RESUME_WITHIN_S = 60.0
@@ -244,27 +245,14 @@ def process(
     """
     life = Life(last)
     data = dumps(world.table)
-    on_reject, on_unresolved = options.policy.texts()
-    fields = {"on_reject": on_reject, "on_unresolved": on_unresolved}
+    fields = options.policy.fields()
     with CountedJournal(path, world, life) as journal:
-        begun = crash.look(
-            *(journal, data, fields, after_crash, Console()),
-            now={"time": world.time.stamp(), **world.time.uptime()},
-            most_s=RESUME_WITHIN_S,
-        )
+        header = {**fields, "table_sha256": hashlib.sha256(data).hexdigest()}
+        begun = crash.look(journal, header, after_crash, Console(), RESUME_WITHIN_S)
         gripper = Gripper(CountedLink(world, life), Pace(world.time))
         crash.begin(journal, begun, data, fields, after_crash)
         cell = Cell(gripper, CountedArm(world, life), world.time, journal)
-        tally = session.run_journalled(
-            world.table,
-            cell,
-            None,
-            Console(),
-            count=1,
-            activate=False,
-            options=options,
-            broken=begun,
-        )
+        tally = session.run_journalled(world.table, cell, Console(), options, begun)
     return tally, life.moment
 
 

@@ -48,11 +48,11 @@ from drivers.links import DRAIN_S, READ_TRIES
 from drivers.sim.camera.rig import standard_rig
 from drivers.sim.physics import scene_protocol
 from drivers.ur.rtde import ANSWER_S
-from runtime.commands.cell import CONTACT_WORLD
 from runtime.devices import audit
 from runtime.devices.clock import LINK_MARGIN_S
 from runtime.execution.watch import DEADLINE_FACTOR, expected_of
 from runtime.journal.chain import records, verify
+from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import dump
 
 # Devices, and about how many rows of calls each hears in a run of one part.
@@ -146,7 +146,7 @@ class Bench:
     @cached_property
     def _seen_cell(self) -> RunningCell:
         """A cell with a camera, which needs parts that lie somewhere."""
-        more = ("--world", CONTACT_WORLD, "--camera")
+        more = ("--world", DEFAULT_WORLD, "--camera")
         return self._closing.enter_context(RunningCell(TABLE, *more, time_scale=SCALE))
 
     @cached_property

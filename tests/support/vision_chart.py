@@ -19,10 +19,10 @@ class Line:
     """A server that listens to nobody: its methods are called from here, and parts end when asked to."""
 
     def __init__(self, listener: socket.socket) -> None:
-        self.exchange = Exchange(Station((1, 2), beats=False), clock := SystemClock())
+        self.exchange = Exchange(Station((1, 2), beats=False), SystemClock())
         self.panel = Panel(OFFERS, Configuration("linear map", ""), self.exchange.glance)
         self.exchange.watch = self.panel.see
-        self.server = OpcUaServer(listener, self.exchange, clock, self.panel, None)
+        self.server = OpcUaServer(listener, self.exchange, self.panel, None)
         self.server._unprepare()
         self.events: dict[str, Callable[[], object]] = {
             "SelectModeAutomatic": self.server._select_automatic,

@@ -26,17 +26,14 @@ def write_run(
     """One run of four parts: leaf 0, leaf 1 by two squeezes, unresolved leaf 2, reject."""
     rig = fake_cell([AT_21, AT_30, AT_21, AT_30, AT_36, AT_36])
     policy = policy or Policy()
-    on_reject, on_unresolved = policy.texts()
     table = small_table()
     with Journal(path, SystemClock().stamp, SystemClock().uptime, segment_bytes) as journal:
-        fields: dict[str, object] = {"on_reject": on_reject, "on_unresolved": on_unresolved}
-        fields["port"] = "memory"
+        fields: dict[str, object] = {**policy.fields(), "port": "memory"}
         if calibration is not None:
             fields["calibration_um"] = list(calibration.points_um)
         journal.header(dumps(table), fields)
         cell = Cell(rig.gripper, rig.arm, rig.cell.clock, journal)
-        run = {"count": 4, "activate": False, "options": RunOptions(policy)}
-        session.run_journalled(table, cell, None, Deaf(), **run)
+        session.run_journalled(table, cell, Deaf(), RunOptions(policy, count=4))
     return path
 
 

@@ -46,7 +46,7 @@ def parser() -> Parser:
     commands = built.add_subparsers(required=True, metavar="judge | report | study", dest="command")
     purpose = "answer questions about parts, one a line: JSON in, JSON out"
     example = "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
-    command = add_command(commands, "judge", purpose, example, EXIT_CODES)
+    command = add_command(commands, purpose, example, EXIT_CODES)
     add = command.add_argument
     goal, cameras = "the table: its goal and its part", "/dev/video0, rtsp://, http:// or a folder"
     add("--tree", type=Path, required=True, metavar="T.msgpack", help=goal)

@@ -55,7 +55,7 @@ def parser() -> Parser:
 
     def add_to(name: str, runs: Run, purpose: str, example: str) -> Callable[..., object]:
         example = f"grasp-calibrate {name} {example}"
-        command = add_command(commands, name, purpose, example, EXIT_CODES)
+        command = add_command(commands, purpose, example, EXIT_CODES)
         text = "print one JSON object instead of text"
         command.add_argument("--json", action="store_true", help=text)
         command.set_defaults(run=runs)

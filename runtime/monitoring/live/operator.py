@@ -6,12 +6,13 @@ The server writes the HTML, which the browser only inserts; all text from files 
 from collections.abc import Iterator, Mapping
 from html import escape
 from math import degrees
+from pathlib import Path
 from typing import Any
 
 from runtime.pages.charts import Bar, Line, bars, trend
 from runtime.pages.frame import cards, table, verdict
-from runtime.spc.drift import REFIT
-from runtime.spc.monitor import MEANING, STEADY
+from runtime.shell.plain_text import capital
+from runtime.spc.monitor import MEANING, REFIT, STEADY
 from runtime.table import PPM, Table
 
 PHASES = {
@@ -37,13 +38,7 @@ KINDS = {
     "delivery": "Not delivered",
 }
 HEADS = ("part", "outcome", "lies at", "squeezes", "seconds", "audit", "why")
-CHANGE = """\
-<p>The table changes between two runs, never while parts are run. Check the new one, which moves nothing. Then
-end this run with Ctrl-C in its terminal: the fingers stop, the arm retreats, and a part under way has to be
-fed again. Start again with the other options as before.</p>
-<pre>squeezetree run --tree NEW.msgpack --check
-squeezetree run --tree NEW.msgpack ...</pre>
-"""
+CHANGE = (Path(__file__).parent / "templates" / "change.html").read_text("utf-8")
 NONE = "\N{EN DASH}"
 Outlines = list[list[list[float]]]  # of each part that may lie there (n, 2) [mm]; empty if unknown
 
@@ -53,7 +48,7 @@ def state(seen: Mapping[str, Any]) -> str:
     if seen["end"] is not None:
         last = seen["last_part"] or {"reason": None, "safe_state": []}
         said = [last["reason"], *last["safe_state"]] if seen["end"]["grade"] != "good" else []
-        why = f"<p>{escape(_capital('; '.join(filter(None, said))))}</p>" if any(said) else ""
+        why = f"<p>{escape(capital('; '.join(filter(None, said))))}</p>" if any(said) else ""
         return f"<div data-ended>{verdict(**seen['end'])}{why}</div>"
     part = f"Part {seen['part']}: " if seen["part"] else ""
     doing = PHASES[seen["phase"]]
@@ -87,13 +82,9 @@ def screen(loaded: Table, outlines: Outlines, seen: Mapping[str, Any]) -> str:
 def _signs(seen: Mapping[str, Any]) -> Iterator[str]:
     """Yields HTML warnings: one for each alarm of the control charts, and one if a refit would pay."""
     for alarm in seen["charts"]["alarms"]:
-        yield verdict("fair", f"{_capital(alarm['sentence'])} (part {alarm['number']}).")
+        yield verdict("fair", f"{capital(alarm['sentence'])} (part {alarm['number']}).")
     if seen["refit_pays"]:
-        yield verdict("fair", f"{_capital(REFIT)}.")
-
-
-def _capital(sentence: str) -> str:
-    return sentence[:1].upper() + sentence[1:]
+        yield verdict("fair", f"{capital(REFIT)}.")
 
 
 def _figures(seen: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
@@ -212,11 +203,8 @@ def _widths(charts: Mapping[str, Any]) -> Iterator[str]:
         yield '<p class="note">Nothing was squeezed yet.</p>'
         return
     drift = any(alarm["chart"] == "widths" for alarm in charts["alarms"])
-    yield (
-        verdict("fair", _capital(MEANING["widths"]) + ".")
-        if drift
-        else verdict("good", STEADY["widths"] + ".")
-    )
+    grade, sentence = ("fair", MEANING["widths"]) if drift else ("good", STEADY["widths"])
+    yield verdict(grade, f"{capital(sentence)}.")
     lines = [Line(name, charts[name]) for name in ("wider", "narrower")]
     limit = charts["limit"]
     yield trend("Widths against the plan", lines, (-limit, limit), "squeeze")
@@ -234,14 +222,11 @@ def _part(part: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _loaded(loaded: Table, seen: Mapping[str, Any]) -> Iterator[str]:
-    predicted = loaded.predicted.success_ppm / PPM
+    predicted = f"{100 * loaded.predicted.success_ppm / PPM:.2f} % located"
     facts = (
         ("file", seen["table"]),
         ("digest (SHA-256)", f"{seen['table_sha256'][:16]}…"),
-        (
-            "expected",
-            f"{100 * predicted:.2f} % located" if loaded.predicted.trials else "not tried",
-        ),
+        ("expected", predicted if loaded.predicted.trials else "not tried"),
         ("squeezes planned", str(len(loaded.nodes))),
     )
     rows = "".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts)

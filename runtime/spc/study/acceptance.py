@@ -12,6 +12,7 @@ after each part, and the study ended as soon as it is decided: a wrong verdict s
 most.
 """
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -55,7 +56,8 @@ class SequentialTest:
         """Logarithm of the likelihood ratio of the mixture over s to a true share m = `share` of failures."""
         a, b = _SHAPE, _SHAPE * (1.0 - self.limit) / self.limit  # most sensitive about the limit
         mixed = _beta(a + failures, b + parts - failures) - _beta(a, b)
-        return mixed - _times_log(failures, share) - (parts - failures) * log1p(-share)
+        failed = failures * log(share) if failures else 0.0
+        return mixed - failed - (parts - failures) * log1p(-share)
 
     def accepts(self, failures: int, parts: int) -> bool:
         """Whether `failures` among `parts` show that the share is below the limit."""
@@ -174,11 +176,8 @@ def parts_for(readings: int, share: float) -> int | None:
 
 def _most(test: SequentialTest, count: int) -> int:
     """Greatest number of failures with which `count` parts are accepted; -1 for none."""
-    low, high = -1, ceil(test.limit * count)
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if test.accepts(middle, count) else (low, middle)
-    return low
+    failures = range(ceil(test.limit * count))
+    return bisect_left(failures, True, key=lambda each: not test.accepts(each, count)) - 1
 
 
 def _first(does: Callable[[int], bool]) -> int | None:
@@ -188,17 +187,9 @@ def _first(does: Callable[[int], bool]) -> int | None:
         high *= 2
         if high > MOST_PARTS:
             return None
-    low = high // 2
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if does(middle) else (middle, high)
-    return high
+    return bisect_left(range(high), True, high // 2 + 1, key=does)
 
 
 def _beta(a: float, b: float) -> float:
     """Logarithm of the beta function."""
     return lgamma(a) + lgamma(b) - lgamma(a + b)
-
-
-def _times_log(count: int, share: float) -> float:
-    return count * log(share) if count else 0.0

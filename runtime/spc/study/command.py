@@ -2,7 +2,7 @@
 
 import argparse
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from runtime.shell.command import Parser, number, positive_int, run, say_result
@@ -111,27 +111,20 @@ def _plan(options: argparse.Namespace) -> int:
 
 def _planned_lines(
     limit: float, expected: float | None, leaves: int | None, count: Planned
-) -> list[str]:
+) -> Iterator[str]:
     shown = f"to show {1.0 - limit:.6g} located"
-    lines = [f"accepted   after {count.least} parts without a failure, {shown}"]
+    yield f"accepted   after {count.least} parts without a failure, {shown}"
     if expected is None:
-        lines.append(
-            "           the table says nothing of failures to expect: evaluate it (plan-evaluate)"
-        )
+        yield "           the table says nothing of failures to expect: evaluate it (plan-evaluate)"
     elif expected >= limit:
-        lines.append(
-            f"           but {expected:.3%} failures are expected: no number of parts would do"
-        )
+        yield f"           but {expected:.3%} failures are expected: no number of parts would do"
     else:
         likely = "more than anybody runs" if count.likely is None else f"after {count.likely} parts"
-        lines.append(
-            f"           {likely} with probability {POWER:.0%}, of the {expected:.3%} expected to fail"
-        )
+        planned_for = f"with probability {POWER:.0%}, of the {expected:.3%} expected to fail"
+        yield f"           {likely} {planned_for}"
     if leaves is not None:
-        lines.append(
-            f"type 1     {leaves} parts for {LEAST_READINGS} readings at each leaf but the rarest"
-        )
-    return [*lines, "gauge R&R  10 parts, 3 appraisers, 3 trials: 90 parts (AIAG)"]
+        yield f"type 1     {leaves} parts for {LEAST_READINGS} readings at each leaf but the rarest"
+    yield "gauge R&R  10 parts, 3 appraisers, 3 trials: 90 parts (AIAG)"
 
 
 def _of_measurements(options: argparse.Namespace) -> int:

@@ -9,9 +9,10 @@ from runtime import table as tables
 from runtime.shell.errors import UsageError
 from runtime.spc.history import History, Part, by_leaf
 from runtime.spc.study.acceptance import Acceptance, Bounds, Planned, followed, parts_for, planned
-from runtime.spc.study.gauge import LEAST_READINGS, Crossed, TypeOne, crossed, type_one
+from runtime.spc.study.gauge import LEAST_READINGS, Crossed, Readings, TypeOne, crossed, type_one
 from runtime.table import PPM, GoalSpec, Table, poses_of, predicted_pose, turned_pose
 
+Quantity = Callable[[Part], float]
 COORDINATES = ("x_mm", "y_mm", "theta_rad")
 COVERED = 0.95  # share of the parts whose leaves get a type-1 study
 CHECKPOINTS = 200  # points of the curve of bounds
@@ -171,9 +172,7 @@ def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
                 f"--crossed {parts}: a part of journal {number} was never squeezed; run it again"
             )
     table = runs[0].table
-    quantities: dict[str, Callable[[Part], float]] = {
-        "width_mm": lambda part: part.squeezes[0].width_um / 1000
-    }
+    quantities: dict[str, Quantity] = {"width_mm": lambda part: part.squeezes[0].width_um / 1000}
     if all(part.outcome == "leaf" for run in runs for part in run.parts):
         quantities |= {name: _coordinate(table, k) for k, name in enumerate(COORDINATES)}
     try:
@@ -182,16 +181,14 @@ def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
         raise UsageError(f"--crossed {parts}: {error}") from error
 
 
-def _coordinate(table: Table, number: int) -> Callable[[Part], float]:
+def _coordinate(table: Table, number: int) -> Quantity:
     """A function that returns a coordinate of the pose in the world that a part's leaf predicts."""
     return lambda part: turned_pose(predicted_pose(table.leaves[part.leaf or 0]), part.turn_rad)[
         number
     ]
 
 
-def _readings(
-    name: str, runs: Sequence[History], parts: int, of: Callable[[Part], float]
-) -> list[list[list[float]]]:
+def _readings(name: str, runs: Sequence[History], parts: int, of: Quantity) -> Readings:
     """Readings of a quantity by part, journal and trial.
 
     Angles are shifted by whole periods of the part's symmetry to within half a period of the part's first.

@@ -84,15 +84,12 @@ class Spread(NamedTuple):
 
     def fields(self) -> dict[str, object]:
         """The values as JSON types."""
-        percent = {f"{name}_percent": self.percent(value) for name, value in self._named().items()}
+        names = ("repeatability", "reproducibility", "gauge", "part")
+        named = {name: getattr(self, name) for name in names}
+        percent = {f"{name}_percent": self.percent(value) for name, value in named.items()}
         ndc = self.categories
         whole = None if ndc is None else max(int(ndc), 1)
-        values = {**self._named(), "total": self.total, **percent}
-        return {**values, "ndc": whole, "ndc_unrounded": ndc}
-
-    def _named(self) -> dict[str, float]:
-        names = ("repeatability", "reproducibility", "gauge", "part")
-        return {name: getattr(self, name) for name in names}
+        return {**named, "total": self.total, **percent, "ndc": whole, "ndc_unrounded": ndc}
 
 
 Readings = Sequence[Sequence[Sequence[float]]]
@@ -165,9 +162,8 @@ def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None,
     )
     between_parts = o * r * sum((x - mean) ** 2 for x in rows)
     between_appraisers = p * r * sum((x - mean) ** 2 for x in columns)
-    both = r * sum(
-        (cells[i][j] - rows[i] - columns[j] + mean) ** 2 for i in range(p) for j in range(o)
-    )
+    off = (cells[i][j] - rows[i] - columns[j] + mean for i in range(p) for j in range(o))
+    both = r * sum(each**2 for each in off)
     free_both, free_within = (p - 1) * (o - 1), p * o * (r - 1)
     error, noise = both / free_both, within / free_within
     tail = f_tail(error / noise, free_both, free_within) if within else None

@@ -28,8 +28,9 @@ def test_documented_ur_commands_connect_and_hold_both_devices(gripper, arm):
         gripper=lambda port, profile, **_: rig.gripper, arm=lambda url, **_: rig.arm
     )
     parsed = arguments.parser().parse_args(["--tree", "t", "--port", gripper, "--arm", arm])
+    recipe = SimpleNamespace(loaded=SimpleNamespace(table=small_table()), console=Deaf())
     with ExitStack() as stack:
-        connect(parsed, small_table(), Deaf(), drivers, stack, lambda kind, fields: None)
+        connect(parsed, recipe, drivers, stack, lambda kind, fields: None)
         for device in (gripper, arm):
             if device != "manual":
                 with pytest.raises(UnreachableError):

@@ -14,7 +14,7 @@ from fake_cell import State, fake_cell
 from sample_tables import GRIPPER, small_table
 
 from runtime.commands import checks as doctor
-from runtime.commands.checks import Finding, System, Verdict
+from runtime.commands.checks import Finding, Verdict
 from runtime.commands.doctor import parser, run
 from runtime.shell.errors import CheckFailedError
 from runtime.table import Calibration, dump
@@ -32,9 +32,11 @@ def only(result) -> Finding:
 
 
 def test_a_port_that_is_missing_names_those_that_are_there(tmp_path):
+    folder = tmp_path / "dev"
+    folder.mkdir()
     for name in ("ttyUSB3", "ttyACM0", "ttyS0"):
-        (tmp_path / name).touch()
-    result = only(doctor.check_port(str(tmp_path / "ttyUSB0"), System(dev=tmp_path)))
+        (folder / name).touch()
+    result = only(doctor.check_port(str(folder / "ttyUSB0"), tmp_path))
     assert result.verdict is Verdict.BAD
     assert "ttyACM0" in result.sentence
     assert "ttyUSB3" in result.sentence
@@ -43,26 +45,27 @@ def test_a_port_that_is_missing_names_those_that_are_there(tmp_path):
 
 def test_a_port_one_may_not_open_names_the_group(monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    result = only(doctor.check_port("/dev/null", System()))
+    result = only(doctor.check_port("/dev/null"))
     assert "may not open" in result.sentence
     assert f"usermod -aG {Path('/dev/null').group()} $USER" in result.remedy
     monkeypatch.setattr(Path, "group", lambda path: (_ for _ in ()).throw(KeyError(7)))
-    assert "dialout" in only(doctor.check_port("/dev/null", System())).remedy
+    assert "dialout" in only(doctor.check_port("/dev/null")).remedy
 
 
 def test_who_holds_a_port_is_named(tmp_path):
-    assert verdicts(doctor.check_port("/dev/null", System(proc=tmp_path))) == [Verdict.GOOD] * 2
+    assert verdicts(doctor.check_port("/dev/null", tmp_path)) == [Verdict.GOOD] * 2
+    folder = tmp_path / "proc"
     for pid, target in (
         ("4711", "/dev/null"),
         ("4712", "/dev/zero"),
         (str(os.getpid()), "/dev/null"),
     ):
-        (tmp_path / pid / "fd").mkdir(parents=True)
-        (tmp_path / pid / "fd" / "3").symlink_to(target)
-        (tmp_path / pid / "fd" / "4").symlink_to("/gone")
-        (tmp_path / pid / "comm").write_text("urcap_daemon\n")
-    (tmp_path / "4713").mkdir()
-    good, bad = doctor.check_port("/dev/null", System(proc=tmp_path))
+        (folder / pid / "fd").mkdir(parents=True)
+        (folder / pid / "fd" / "3").symlink_to(target)
+        (folder / pid / "fd" / "4").symlink_to("/gone")
+        (folder / pid / "comm").write_text("urcap_daemon\n")
+    (folder / "4713").mkdir()
+    good, bad = doctor.check_port("/dev/null", tmp_path)
     assert (good.verdict, bad.verdict) == (Verdict.GOOD, Verdict.BAD)
     assert "held by urcap_daemon (process 4711)." in bad.sentence
 
@@ -76,10 +79,10 @@ def test_who_holds_a_port_is_named(tmp_path):
     ],
 )
 def test_the_latency_timer(tmp_path, value, verdict, message):
-    timer = tmp_path / "bus" / "usb-serial" / "devices" / "ttyUSB0" / "latency_timer"
+    timer = tmp_path / "sys" / "bus" / "usb-serial" / "devices" / "ttyUSB0" / "latency_timer"
     timer.parent.mkdir(parents=True)
     timer.write_text(value)
-    result = only(doctor.check_latency("/dev/ttyUSB0", System(sys=tmp_path)))
+    result = only(doctor.check_latency("/dev/ttyUSB0", tmp_path))
     assert (result.verdict, message in result.sentence) == (verdict, True)
     assert bool(result.remedy) == (verdict is not Verdict.GOOD)
 
@@ -182,12 +185,12 @@ def test_a_simulated_cells_terminal_is_held_by_the_cell_and_by_nobody_else():
     )
     with _started(maker) as cell:
         terminal = cell.stdout.readline().strip()
-        result = list(doctor.check_port(terminal, System()))
+        result = list(doctor.check_port(terminal))
         assert verdicts(result) == [Verdict.GOOD] * 3
         assert "pseudo-terminal" in result[1].sentence
         with _started(holder, terminal) as other:
             other.stdout.readline()
-            held = list(doctor.check_port(terminal, System()))[-1]
+            held = list(doctor.check_port(terminal))[-1]
             assert held.verdict is Verdict.BAD
             assert f"(process {other.pid})." in held.sentence
 

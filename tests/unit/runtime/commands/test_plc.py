@@ -88,7 +88,7 @@ class Running:
         self.journal = journal(folder / "j.jsonl", lambda: "")
         self._cell = replace(rig.cell, journal=self.journal)
         words = [word for tree in trees for word in ("--tree", str(tree))]
-        words += ["--json", "--journal", str(folder / "j")]
+        words += ["--json", "--activate", "--journal", str(folder / "j")]
         words += ["--count", str(count)] if count else []
         arguments = parser().parse_args([*PLC[2:], *words])
         self._stack = ExitStack()
@@ -123,7 +123,7 @@ class Running:
             crash.begin(self.journal, None, first.loaded.data, first.header, crash.ABORT)
             thread.start()
             try:
-                return self._run.run(self._cell, None, activate=True)
+                return self._run.run(self._cell)
             finally:
                 thread.join()
                 if self.raised is not None:

@@ -11,7 +11,7 @@ from sample_tables import random_table, small_table
 from runtime.devices.rehearsal import Rehearsal, make
 from runtime.shell.errors import UsageError
 from runtime.table import REJECT, Pose2, Table, decide, decision_map
-from runtime.traversal.geometry import compose, placement
+from runtime.table.geometry import compose, placement
 
 ROUND = (0.0, pi)
 

@@ -152,6 +152,10 @@ class ArcGripper(FakeGripper):
             self.block_mm = float(words[2]) if words[0] == "Hold" else 0.0
 
 
+def drivers(gripper: ArcGripper) -> SimpleNamespace:
+    return SimpleNamespace(gripper=lambda port, profile: gripper)
+
+
 def arguments(tmp_path: Path, *more: str):
     words = ["width", "--port", f"tcp://calibrate{tmp_path.name}:1", "--gripper", "S/N 7"]
     return parser().parse_args([*words, "-o", str(tmp_path / "g.json"), *more])
@@ -160,7 +164,7 @@ def arguments(tmp_path: Path, *more: str):
 def test_the_command_grips_each_block_gently_and_writes_the_file(tmp_path, capsys):
     gripper = ArcGripper()
     given = arguments(tmp_path, "--activate", "--tips", "57.15,5.3", "--current", "0,800")
-    assert run(given, lambda port, profile: gripper, gripper.hold) == 0
+    assert run(given, drivers(gripper), gripper.hold) == 0
     calibration = load(tmp_path / "g.json")
     assert [gauge.width_mm for gauge in calibration.gauges] == list(BLOCKS)
     assert calibration.gauges == tuple(gauges())
@@ -178,10 +182,10 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(tmp_path, capsy
 def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(tmp_path):
     gripper = ArcGripper()
     with pytest.raises(GripperStateError, match="not activated"):
-        run(arguments(tmp_path), lambda port, profile: gripper, gripper.hold)
+        run(arguments(tmp_path), drivers(gripper), gripper.hold)
     gripper.activate()
     with pytest.raises(GripperStateError, match="without meeting the 5 mm block"):
-        run(arguments(tmp_path), lambda port, profile: gripper, lambda sentence: None)
+        run(arguments(tmp_path), drivers(gripper), lambda sentence: None)
     assert not (tmp_path / "g.json").exists()
 
 

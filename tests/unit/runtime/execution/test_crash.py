@@ -1,5 +1,6 @@
 """What is done about a run that broke off, before any device is opened."""
 
+import hashlib
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -29,11 +30,15 @@ def broken(path: Path, lines: int) -> Path:
     return path
 
 
+def header(table: bytes = TABLE) -> dict[str, object]:
+    return {**FIELDS, "table_sha256": hashlib.sha256(table).hexdigest()}
+
+
 def look(path: Path, policy: str, now: Entry | None = None, table: bytes = TABLE, **fields: object):
-    with Journal(path, STAMP) as journal:
-        given = {**FIELDS, **fields}
-        now = moment() if now is None else now
-        return crash.look(journal, table, given, policy, Deaf(), now=now, most_s=300.0)
+    up = dict(moment() if now is None else now)
+    time = str(up.pop("time", ""))
+    with Journal(path, lambda: time, lambda: up) as journal:
+        return crash.look(journal, {**header(table), **fields}, policy, Deaf(), 300.0)
 
 
 def moment(wall_s: float = 0.0, up_s: float = 0.0, boot: str | None = None) -> dict[str, object]:
@@ -158,9 +163,8 @@ def test_going_on_is_recorded_with_what_was_cut_off(tmp_path):
     path = broken(tmp_path / "j.jsonl", 4)
     with path.open("ab") as file:
         file.write(b'{"seq":4,"ti')
-    with Journal(path, STAMP) as journal:
-        arguments = (journal, TABLE, FIELDS, crash.RESUME, Deaf())
-        seen = crash.look(*arguments, now=moment(), most_s=300.0)
+    with Journal(path, STAMP, SystemClock().uptime) as journal:
+        seen = crash.look(journal, header(), crash.RESUME, Deaf(), 300.0)
         crash.begin(journal, seen, TABLE, FIELDS, crash.RESUME)
     last = list(records(path))[-1]
     assert (last["kind"], last["part"]) == ("resume", 1)

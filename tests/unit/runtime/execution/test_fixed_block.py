@@ -20,7 +20,7 @@ from runtime.execution.handling import Handling
 from runtime.execution.safety import check_places
 from runtime.shell.errors import InputError
 from runtime.table import Area
-from runtime.traversal.geometry import compose, placement, sent
+from runtime.table.geometry import compose, placement, sent
 
 BLOCK_MM, OPENING_MM = 30.0, 85.0
 

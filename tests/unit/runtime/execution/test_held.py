@@ -2,7 +2,7 @@
 
 import pytest
 from counting import count_of, width_um
-from fake_cell import Deaf, FakeCell, Log, State, fake_cell
+from fake_cell import FakeCell, Log, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
 from runtime.errors import GripperStateError, MotionRefusedError
@@ -54,7 +54,7 @@ def heights(rig: FakeCell) -> list[float]:
 
 def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_than_they_must():
     rig = holding()
-    session.put_down(small_table(), rig.cell, Deaf(), RunOptions())
+    session.put_down(small_table(), rig.cell, RunOptions())
     assert [call.name for call in rig.log.calls if call.name in ("move_linear", "move")] == [
         *("move_linear", "move", "move_linear")
     ]
@@ -67,7 +67,7 @@ def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_th
 
 def test_level_tips_come_down_as_high_as_the_jaws_are_open():
     rig, arc = holding(), TipArc(level_mm=8.0)
-    session.put_down(small_table(), rig.cell, Deaf(), RunOptions(handling=Handling(arc=arc)))
+    session.put_down(small_table(), rig.cell, RunOptions(handling=Handling(arc=arc)))
     assert heights(rig)[0] == pytest.approx(10.0 + arc.advance_mm(width_um(AT_30) / 1000), abs=0.01)
 
 
@@ -75,20 +75,21 @@ def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried():
     rig = holding()
     rig.arm.at = (80.0, 5.0, 60.0, 0.1)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
-        session.put_down(small_table(), rig.cell, Deaf(), RunOptions())
+        session.put_down(small_table(), rig.cell, RunOptions())
     assert rig.log.named("move") == []
     carried = Delivery((0.0, 0.0, 0.0), area_um=Area(-60_000, -60_000, 90_000, 60_000))
-    session.put_down(small_table(), rig.cell, Deaf(), RunOptions(delivery=carried))
+    session.put_down(small_table(), rig.cell, RunOptions(delivery=carried))
     assert rig.arm.at == (80.0, 5.0, 60.0, 0.1)
 
 
 def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded():
     whole = holding()
-    session.put_down(small_table(), whole.cell, Deaf(), RunOptions())
+    session.put_down(small_table(), whole.cell, RunOptions())
     for number in range(len(whole.log.calls)):
         rig = holding(Log(number, GripperStateError("something")))
-        with pytest.raises(GripperStateError, match="something"):
-            session.put_down(small_table(), rig.cell, Deaf(), RunOptions())
+        with pytest.raises(GripperStateError, match="something") as failed:
+            session.put_down(small_table(), rig.cell, RunOptions())
+        assert failed.value.__notes__[0].startswith("fingers")
         assert rig.log.named("stop")
         opened = rig.gripper.now.position_counts < HOLDING.position_counts
         assert opened or max(heights(rig), default=10.0) == 10.0, (

@@ -1,6 +1,7 @@
 """A run of many parts: what is told, what ends it, and its exit code; without a process or a port."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ from runtime.cli import main
 from runtime.errors import GripperStateError
 from runtime.execution import session
 from runtime.execution.events import Console, Tally
+from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Lines, Objects
 from runtime.table import dump
 
@@ -24,9 +26,8 @@ TRUTH = SimpleNamespace(
 
 def run(rig: FakeCell, truth: object, console: Console, count: int = 1, *, activate=False) -> Tally:
     scene = None if truth is None else FakeScene(truth)
-    return session.run_journalled(
-        small_table(), rig.cell, scene, console, count=count, activate=activate
-    )
+    cell, options = replace(rig.cell, scene=scene), RunOptions(activate=activate, count=count)
+    return session.run_journalled(small_table(), cell, console, options)
 
 
 def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_wins():

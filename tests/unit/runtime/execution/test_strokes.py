@@ -10,6 +10,7 @@ from sample_tables import GRIPPER, random_table, small_table
 
 from runtime.errors import TableError
 from runtime.execution import strokes
+from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
 from runtime.table import PROFILES, Calibration, GripperProfile, Node, Schedule, profile_of
 
@@ -24,7 +25,8 @@ def with_force(node: Node, force_mn: int) -> Node:
 
 
 def plan(node: Node, arc: TipArc | None = None, *, regulated: bool = True) -> list[strokes.Stroke]:
-    return strokes.closing(node, CALIBRATION, arc, 85.0, TIMING, regulated=regulated)
+    handling = Handling(arc=arc, regulated=regulated)
+    return strokes.closing(node, handling, CALIBRATION, 85.0, TIMING)
 
 
 @pytest.mark.parametrize("node", NODES[::3])
@@ -50,7 +52,9 @@ def test_closing_regulated_is_weak_all_the_way_and_fast_only_before_contact(node
     [(20_500, [0]), (73_900, [63]), (75_000, [64, 65]), (235_000, [64, 128, 192, 255])],
 )
 def test_the_force_rises_in_steps_to_the_nodes_own(force_mn, forces):
-    raised = strokes.raising(with_force(small_table().nodes[0], force_mn).squeeze, PROFILE)
+    squeeze = with_force(small_table().nodes[0], force_mn).squeeze
+    raised = strokes.raising(squeeze, Handling(regulated=True), PROFILE)
+    assert strokes.raising(squeeze, Handling(), PROFILE) == []
     assert raised == sorted(raised)
     assert [SETTINGS.force(force) for force in raised] == forces
 

@@ -1,5 +1,7 @@
 """The log of what was installed: a record for each change, chained, and no other."""
 
+from types import SimpleNamespace
+
 import pytest
 from sample_tables import several_table, small_table
 
@@ -14,7 +16,8 @@ FACTS = {"table": "t.msgpack", "calibration_sha256": None, "squeezetree": "0.1.0
 
 
 def noted(journal, table=SMALL, **changed):
-    return note(journal, table, {**FACTS, **changed}, lambda: next(STAMPS), dict)
+    runs = SimpleNamespace(path=journal, stamp=lambda: next(STAMPS), uptime=dict)
+    return note(runs, table, {**FACTS, **changed})
 
 
 def test_note_adds_a_record_for_each_change_and_only_then(tmp_path):

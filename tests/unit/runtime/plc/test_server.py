@@ -15,8 +15,7 @@ class Scripted(PlcServer):
     """A server that starts and fails as a test says."""
 
     def __init__(self, *, starts: bool = True, fails: bool = False) -> None:
-        clock = SystemClock()
-        super().__init__(Exchange(Station((1,)), clock), clock)
+        super().__init__(Exchange(Station((1,)), SystemClock()))
         self._starts, self._fails, self.ended = starts, fails, False
         self.entered = threading.Event()
 

@@ -18,8 +18,7 @@ from runtime.errors import JournalError
 from runtime.shell.errors import UsageError
 from runtime.spc import history as reading
 from runtime.spc.command import COLUMNS
-from runtime.spc.drift import DRIFTED, LEAST_REFIT, Drift
-from runtime.spc.monitor import MEANING, Monitor
+from runtime.spc.monitor import DRIFTED, LEAST_REFIT, MEANING, Drift, Monitor
 from runtime.spc.page import page
 from runtime.spc.summary import summarise
 from runtime.table import dumps, load

@@ -12,7 +12,7 @@ from sample_tables import changed, several_table, with_job
 from runtime.cli import main
 from runtime.table import Area, Push, Table, TableError, dump, dumps, load, loads
 from runtime.table.codec import encode
-from runtime.table.embedded import gyration_mm
+from runtime.table.geometry import gyration_mm
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TABLE = load(RECTANGLE).table

@@ -8,7 +8,6 @@ from sample_tables import small_table
 
 from planner.belief.metric import Metric
 from runtime.table import (
-    KINDS,
     Covariance,
     GoalSpec,
     Leaf,
@@ -20,6 +19,7 @@ from runtime.table import (
     poses_of,
     threshold,
 )
+from runtime.table.model import KINDS
 
 TOLERANCE = (2.0, 1.0, 0.2)  # mm, mm, rad
 

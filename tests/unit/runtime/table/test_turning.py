@@ -1,12 +1,12 @@
 """Turned plans: there and back is the same plan, distances stay, and what must not turn does not."""
 
 from dataclasses import replace
-from math import cos, hypot, pi, sin
+from math import hypot, pi
 
 import pytest
 from sample_tables import changed, every_field_table, pushing_table, random_table, small_table
 
-from runtime.table import Area, Place, Schedule, Squeezed, Stand, Table, may_turn, turned
+from runtime.table import Area, Place, Schedule, Squeezed, Table, may_turn, turned
 
 UNKNOWN = {"uncertainty": {"radius_mm": 10.0, "orientation_halfwidth_deg": 180.0}}
 TURNS_URAD = [1, 785_398, -1_570_796, 3_141_592, 5_000_000]
@@ -82,14 +82,8 @@ def test_hand_need_not_turn_to_the_first_squeeze_of_a_turned_plan(
 ) -> None:
     job = {"gripper": {"upper_finger_share": share}}
     parts = [
-        Schedule.of(small_table(), each).part([Squeezed(0, 21.0, 0)], Stand(0.0, 0.0, angle_rad))
+        Schedule.of(small_table(), each).part([Squeezed(0, 21.0, 0)], (0.0, 0.0, angle_rad))
         for each in (job, {**job, **UNKNOWN})
     ]
     assert parts[1][0].travel_s < parts[0][0].travel_s
     assert parts[1][0].travel_s == Schedule.of(small_table(), job).timing.poll_s
-
-
-def test_stand_turned_from_a_place_has_its_angle_with_each_finger_on_its_side() -> None:
-    place, stands = Stand(4.0, 1.0, 0.3), Stand(-4.0, -1.0, 3.5)
-    assert sin(place.angle_rad + stands.turn_from(place)) == pytest.approx(sin(3.5))
-    assert cos(place.angle_rad + stands.turn_from(place)) == pytest.approx(cos(3.5))

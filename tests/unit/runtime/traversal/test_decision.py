@@ -88,7 +88,7 @@ def test_whatever_is_read_every_part_ends_within_what_the_policy_allows(on_rejec
 def test_a_policy_survives_being_written_down():
     for on_reject, on_unresolved in itertools.product(RECOVERIES, ["next", "restart,stop"]):
         policy = Policy.of(on_reject, on_unresolved)
-        assert Policy.of(*policy.texts()) == policy
+        assert Policy.of(**policy.fields()) == policy
     assert Policy.of(" resqueeze , restart ", "restart") == Policy(
         (RecoveryAction.RESQUEEZE, RecoveryAction.RESTART, RecoveryAction.NEXT),
         (RecoveryAction.RESTART, RecoveryAction.NEXT),
@@ -119,7 +119,8 @@ def test_every_node_count_and_flag_means_what_the_map_says(seed):
         outcomes = decision_map(node, GRIPPER)
         for width, flag in itertools.product(range(0, 86_000, 331), (CONTACT, ARRIVED)):
             result = decide(node, outcomes, width, flag)
-            assert result.branch == outcomes.of(flag is CONTACT).at(width)
+            segments = outcomes.felt if flag is CONTACT else outcomes.unfelt
+            assert result.branch == segments.at(width)
             assert (result.reason is None) == (result.branch != REJECT)
             if result.reason is not None:
                 assert ("closed on nothing" in result.reason) == (flag == ARRIVED)

@@ -15,7 +15,6 @@ from runtime.traversal.program import (
     Reading,
     Release,
     Requests,
-    Squeeze,
     Tighten,
     released,
 )
@@ -40,29 +39,29 @@ def kinds(requests: Requests, *readings: Reading) -> list[type]:
     reading = None
     while not isinstance(request, Done):
         result.append(type(request))
-        if isinstance(request, Squeeze):
+        if isinstance(request, Approach):
             reading = next(given)
-        asked = isinstance(request, Squeeze | Tighten)
+        asked = isinstance(request, Approach | Tighten)
         request = requests.send(reading if asked else None)
     return [*result, Done]
 
 
 def test_part_two_squeezes_asks_for_each_in_order() -> None:
-    once = [Approach, Squeeze, Release]
+    once = [Approach, Release]
     assert kinds(program().part(1), held(30_000), held(21_000)) == [*once, *once, Done]
 
 
 def test_part_reject_or_drag_raises_the_force_before_it_is_decided() -> None:
     root = TABLE.nodes[0]._replace(release=Place(3_000, 4_000))
     dragged = replace(TABLE, nodes=(root, *TABLE.nodes[1:]))
-    tightened = [Approach, Squeeze, Tighten, Release, Done]
+    tightened = [Approach, Tighten, Release, Done]
     assert kinds(program().part(1), REJECTED) == tightened
     assert kinds(program(dragged).part(1), held(21_000)) == tightened
 
 
 def test_part_reading_after_tightening_decides() -> None:
     requests = program().part(1)
-    next(requests), next(requests)
+    next(requests)
     assert isinstance(requests.send(REJECTED), Tighten)
     release = requests.send(held(21_000))
     assert isinstance(release, Release)

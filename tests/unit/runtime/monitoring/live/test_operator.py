@@ -35,9 +35,7 @@ def shown(status):
 
 
 def part(number=1, outcome=Outcome.LEAF, steps=(STEP,), reason=None, **fields):
-    return replace(
-        PartResult.of(number, outcome, list(steps), reason, exit_code=0), seconds=5.0, **fields
-    )
+    return replace(PartResult.of(number, outcome, list(steps), reason), seconds=5.0, **fields)
 
 
 @pytest.mark.parametrize("phase", Phase)
