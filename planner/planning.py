@@ -163,9 +163,7 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
         if number == 0 and limit.bounded:
             rounds = rounds.within(limit, root, job, problem.mixture.workers)
     assert root is not None
-    search.stage, settled = REPAIR._replace(frugal=not whole), False
-    if not whole:
-        search.reopen(root)
+    left_out, settled = not whole, False
     for attempt in range(ATTEMPTS + 1):
         table = lower(root, job)
         fresh = rounds.fresh if attempt == 0 else -(-rounds.fresh // 2)
@@ -174,6 +172,9 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
             whole &= settled or attempt == ATTEMPTS
             break
         settled = search.absorb(root, _ended(run), _strays(run)) < LEAST_SHORT
+        if left_out:
+            search.reopen(root)
+        search.stage = REPAIR._replace(frugal=left_out and attempt == 0)
         whole &= search.grow(root, limit.over, partial(course.after_trials, attempt))
     cut = None if whole else Cut(limit.asked)
     return finished(root, job, table, run, rounds.figures, cut)

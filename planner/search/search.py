@@ -139,12 +139,7 @@ class Search:
         return bool(finished) or not node.actions
 
     def reopen(self, root: Node) -> None:
-        """Prepares a tree for repairs in place of passes that were left out.
-
-        Leaves below the goal at which no squeeze gained anything are open again. The first squeeze is fixed:
-        others, which such a pass leaves half explored, would be begun anew once repairs make it dearer.
-        """
-        root.actions = (root.actions or [])[:1]
+        """Reopens leaves below the goal at which no squeeze gained anything: another stage tries harder."""
         for leaf in leaves(root):
             if leaf.actions is not None and not self.problem.stopping.reached(leaf.mode.ratio):
                 leaf.actions, leaf.previous = None, None
