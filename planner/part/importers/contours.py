@@ -36,7 +36,7 @@ class Contour(NamedTuple):
     outer: bool = True  # whether it lies inside no other contour
 
 
-def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour], list[str]]:
+def contours(pieces: Pieces, join_mm: float) -> tuple[list[Contour], list[str]]:
     """Finds all contours of a drawing.
 
     Closes gaps of up to `join_mm` at ends of strokes, and nodes lines that cross or overlap. Faces that share
@@ -58,9 +58,9 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
     ]
     rings = [each for each in (*map(Contour, alone), *joined) if _is_wide(each.points, join_mm)]
     if not rings or _around(bounded.loose, [ring.points for ring in rings]):
-        raise _no_contour(bounded.loose, origin, pieces.lost, where)
+        raise _no_contour(bounded.loose, origin, pieces.lost)
     if len(rings) > MOST:
-        raise too_much(where, f"has more than {MOST} contours")
+        raise too_much(f"has more than {MOST} contours")
     notes = list(pieces.notes)
     if bounded.repeated_mm > join_mm:
         notes.append(f"{bounded.repeated_mm:.4g} mm of lines drawn twice, taken once")
@@ -80,7 +80,7 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
 
 
 def choose(
-    candidates: list[Contour], number: int | None, where: str, lost: Sequence[Lost] = ()
+    candidates: list[Contour], number: int | None, lost: Sequence[Lost] = ()
 ) -> tuple[Contour, list[str]]:
     """Returns the contour `number`, from 1, or the only outer one for None; and notes on the choice.
 
@@ -92,20 +92,20 @@ def choose(
         if shape.box is None or any(
             _exceeds(shape.box, contour) for contour in candidates if contour.outer
         ):
-            raise _missing(shape, where)
+            raise _missing(shape)
     outer = [contour for contour in candidates if contour.outer]
     if number is None and len(outer) > 1:
         raise UsageError(
-            f"{where}: has {len(outer)} contours; choose with --contour N: {listing(candidates)}"
+            f"has {len(outer)} contours; choose with --contour N: {listing(candidates)}"
         )
     if number is not None and not 1 <= number <= len(candidates):
         raise UsageError(
-            f"{where}: has no contour {number}; choose with --contour 1 to {len(candidates)}: "
+            f"has no contour {number}; choose with --contour 1 to {len(candidates)}: "
             f"{listing(candidates)}"
         )
     contour = candidates[(number or 1) - 1]
     if contour.ambiguity:
-        raise InputError(contour.ambiguity, where=where)
+        raise InputError(contour.ambiguity)
     notes = [contour.note] if contour.note else []
     if contour.holes:
         what = "contour" if contour.holes == 1 else "contours"
@@ -229,22 +229,22 @@ def _nested(rings: list[Contour]) -> list[Contour]:
     return sorted(results, key=lambda contour: (not contour.outer, -contour.area_mm2))
 
 
-def _missing(lost: Lost, where: str) -> InputError:
+def _missing(lost: Lost) -> InputError:
     problem = f"the outline may be missing: {lost.what}; repair or delete it in the drawing"
-    return InputError(problem, where=where)
+    return InputError(problem)
 
 
-def _no_contour(loose: list[Array], origin: Array, lost: Sequence[Lost], where: str) -> InputError:
+def _no_contour(loose: list[Array], origin: Array, lost: Sequence[Lost]) -> InputError:
     if not loose and lost:
-        return _missing(lost[0], where)
+        return _missing(lost[0])
     if not loose:
-        return InputError("holds no closed contour; draw the part's outline as one", where=where)
+        return InputError("holds no closed contour; draw the part's outline as one")
     gap = _gap(loose)
     problem = (
         f"the contour is open at {place(gap.point + origin)} mm, where the nearest end is "
         f"{gap.width_mm:.4g} mm away; close it in the drawing"
     )
-    return InputError(problem, where=where)
+    return InputError(problem)
 
 
 def _around(loose: list[Array], rings: list[Array]) -> bool:

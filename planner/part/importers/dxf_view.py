@@ -63,9 +63,7 @@ class View(NamedTuple):
     notes: list[str]
 
 
-def view(
-    document: Drawing, scale: float, tolerance_mm: float, where: str, only: str | None
-) -> View:
+def view(document: Drawing, scale: float, tolerance_mm: float, only: str | None) -> View:
     """The curves of the model space that are visible and plotted, or that lie on the layer `only`.
 
     `scale` is the size of a unit in mm, `tolerance_mm` the largest distance of a chord from its curve.
@@ -76,7 +74,7 @@ def view(
     document.header["$XCLIPFRAME"] = 0  # the frame of a clip is no shape
     _write_out_arrays(document)
     recorder = Recorder()
-    viewer = _Viewer(document, recorder, tolerance_mm / scale, where, only)
+    viewer = _Viewer(document, recorder, tolerance_mm / scale, only)
     viewer.draw_layout(document.modelspace())
     curves = [
         pieces.Curve(_flattened(record, scale, tolerance_mm), properties.layer)
@@ -114,7 +112,7 @@ class _Viewer(Frontend):
     """Draws the visible shapes by ezdxf, and records the other entities by kind or as lost."""
 
     def __init__(
-        self, document: Drawing, recorder: Recorder, tolerance: float, where: str, only: str | None
+        self, document: Drawing, recorder: Recorder, tolerance: float, only: str | None
     ) -> None:
         context = RenderContext(document)
         context.set_layer_properties_override(self._show_asked)
@@ -129,7 +127,7 @@ class _Viewer(Frontend):
         layers.pop(self._only, None)
         self._frozen = {name for name, layer in layers.items() if layer.is_frozen()}
         self._unplotted = {name for name, layer in layers.items() if not layer.dxf.plot}
-        self._tolerance, self._where = tolerance, where
+        self._tolerance = tolerance
         self._hidden, self._strays = Counter[str](), Counter[str]()
         self._edge_on, self._not_plotted = Counter[str](), Counter[str]()
         self._widths: list[float] = []
@@ -221,8 +219,7 @@ class _Viewer(Frontend):
             elif len(shape):
                 self.pipeline.draw_path(shape, properties)
         except (DXFError, ValueError, TypeError, ArithmeticError, IndexError) as error:
-            problem = f"its {_name(entity)} cannot be drawn; repair the drawing"
-            raise InputError(problem, where=self._where) from error
+            raise InputError(f"its {_name(entity)} cannot be drawn; repair the drawing") from error
         if isinstance(entity, LWPolyline | Polyline) and entity.has_width:
             self._widths.append(_width(entity))
 

@@ -64,15 +64,15 @@ class Pieces(NamedTuple):
     lost: tuple[Lost, ...] = ()  # shapes that were not read
 
 
-def need_units(where: str, said: str) -> UnitsMissingError:
+def need_units(said: str) -> UnitsMissingError:
     """Returns the error about a file without a scale; `said` is the reason, a verb phrase about the file."""
     hint = "say what one unit is with --units mm, cm, in or m, or with --scale MM"
-    return UnitsMissingError(f"{where}: {said}; {hint}")
+    return UnitsMissingError(f"{said}; {hint}")
 
 
-def too_much(where: str, what: str) -> InputError:
+def too_much(what: str) -> InputError:
     """Returns the error about a file that would take too long; `what` is the reason, a verb phrase."""
-    return InputError(f"{what}; export the part's outline alone", where=where)
+    return InputError(f"{what}; export the part's outline alone")
 
 
 def flattened(curve: Callable[[Array], Array], tolerance: float) -> Array:
@@ -96,9 +96,7 @@ class Curve(NamedTuple):
     layer: str
 
 
-def sorted_out(
-    curves: Iterable[Array | Curve], join_mm: float, where: str, notes: list[str]
-) -> Pieces:
+def sorted_out(curves: Iterable[Array | Curve], join_mm: float, notes: list[str]) -> Pieces:
     """Sorts curves (n, 2) [mm] into rings, whose ends are at most `join_mm` apart, and strokes.
 
     A curve that is hardly longer than `join_mm` is no ring, but part of a chain of strokes.
@@ -113,11 +111,10 @@ def sorted_out(
         points = curve.points
         total += len(points)
         if total > MAX_POINTS:
-            raise too_much(where, f"has more than {MAX_POINTS} points")
+            raise too_much(f"has more than {MAX_POINTS} points")
         if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > LARGEST_MM:
             raise InputError(
-                "has a coordinate that is not finite or beyond 10000 km; repair the drawing",
-                where=where,
+                "has a coordinate that is not finite or beyond 10000 km; repair the drawing"
             )
         steps = np.hypot(*np.diff(points, axis=0).T)
         gap = float(np.hypot(*(points[0] - points[-1]))) if len(points) else 0.0
@@ -147,7 +144,7 @@ REPEAT_S = 0.1  # time between two signals after the time limit
 
 
 @contextmanager
-def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
+def time_limit(seconds: float = SECONDS) -> Iterator[None]:
     """Limits the time of the body of a `with` statement, if it runs in the main thread, where signals arrive.
 
     Raises:
@@ -159,7 +156,7 @@ def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
 
     def stop(_signum: int, _frame: FrameType | None) -> NoReturn:
         raise InputError(
-            f"takes longer than {seconds:g} s to read; export the part's outline alone", where=where
+            f"takes longer than {seconds:g} s to read; export the part's outline alone"
         )
 
     usual = signal.signal(signal.SIGALRM, stop)

@@ -14,7 +14,7 @@ import shapely
 from planner.arrays import Array
 from planner.part.importers import pieces
 from planner.part.importers.svg_shapes import SHAPES
-from planner.part.importers.svg_style import INHERITED, Sheets, Style, paints, shows, strokes
+from planner.part.importers.svg_style import INHERITED, Sheets, Style
 from planner.part.importers.svg_values import Values, Viewport
 from runtime.shell.errors import InputError
 
@@ -50,14 +50,14 @@ class Scene:
     """The shapes of a drawing, and counts of its other elements."""
 
     def __init__(
-        self, root: Tree.Element, sheets: Sheets, viewport: Viewport, unit_mm: float, where: str
+        self, root: Tree.Element, sheets: Sheets, viewport: Viewport, unit_mm: float
     ) -> None:
         self.unseen = 0  # elements that are hidden, transparent or without paint
         self.cut = 0  # elements that a clip path, mask or viewport cuts
         self.strays = Counter[str]()  # visible elements that are no outlines, by kind
         self.widest_mm = 0.0  # width of the widest visible stroke
         self.missing: list[str] = []  # links of copies whose target the file lacks
-        self._root, self._viewport, self._unit_mm, self._where = root, viewport, unit_mm, where
+        self._root, self._viewport, self._unit_mm = root, viewport, unit_mm
         self._namespace = str(root.tag).rpartition("}")[0]
         self._sheets = sheets
         self._named: dict[str, Tree.Element] = {}
@@ -101,10 +101,9 @@ class Scene:
             return
         self._count(element, around)
         name = f" {element.get('id')!r}" if element.get("id") else ""
-        where = f"{self._where}: <{kind}>{name}"
         style = self._sheets.style(element, around.style)
-        values = Values(style, around.viewport, self._unit_mm, where)
-        if not shows(style, where):
+        values = Values(style, around.viewport, self._unit_mm, f"<{kind}>{name}")
+        if not values.shows():
             self.unseen += 1
             return
         if kind in STRAYS:
@@ -115,8 +114,8 @@ class Scene:
         frame = Frame(matrix, style, around.viewport, around.window, (*around.above, id(element)))
         if kind in SHAPES:
             width = values.size("stroke-width")
-            if paints(style, width, where):
-                if strokes(style, width, where):
+            if values.paints(width):
+                if values.strokes(width):
                     width_mm = width * self._unit_mm * float(np.linalg.norm(matrix[:2, :2], 2))
                     self.widest_mm = max(self.widest_mm, width_mm)
                 yield Shape(kind, values, matrix, around.window)
@@ -183,12 +182,11 @@ class Scene:
 
     def _count(self, element: Tree.Element, around: Frame) -> None:
         if id(element) in around.above or len(around.above) > MAX_DEPTH:
-            problem = "is nested too deeply, or in itself; export it again"
-            raise InputError(problem, where=self._where)
+            raise InputError("is nested too deeply, or in itself; export it again")
         self._elements += 1
         if self._elements > pieces.MAX_SHAPES:
             raise pieces.too_much(
-                self._where, f"draws more than {pieces.MAX_SHAPES} shapes, its copies written out"
+                f"draws more than {pieces.MAX_SHAPES} shapes, its copies written out"
             )
 
     def _kind(self, element: Tree.Element) -> str:

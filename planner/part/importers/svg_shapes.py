@@ -88,7 +88,7 @@ def _polyline(part: svgelements.Subpath, tolerance: float, values: Values) -> Ar
             or np.abs(coarse).max() > pieces.LARGEST_MM / tolerance * 0.02
         ):
             problem = "has a coordinate that is not finite or absurdly large; repair the drawing"
-            raise InputError(problem, where=values.where)
+            raise InputError(problem, key=values.element)
         points.append(pieces.flattened(partial(_at, segment), tolerance))
     if not points:
         return np.empty((0, 2))

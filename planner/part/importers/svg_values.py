@@ -1,4 +1,4 @@
-"""Parses numbers in SVG attributes: lengths, lists, transforms and view boxes; refuses malformed ones."""
+"""Parses SVG attributes: lengths, lists, transforms, view boxes, opacities; refuses malformed ones."""
 
 import math
 import re
@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import svgelements
+from tinycss2.color4 import parse_color
 
 from planner.arrays import Array
 from planner.part.importers.svg_style import Style
@@ -14,6 +15,7 @@ from runtime.shell.errors import InputError
 NUMBER = r"(?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 GAP = r"(?>\s*,?\s*)"
 LENGTH = re.compile(rf"\s*({NUMBER})\s*(mm|cm|in|pt|pc|Q|px|%)?\s*", re.IGNORECASE)
+SHARE = re.compile(rf"\s*({NUMBER})\s*%?\s*")
 APART = r"(?!\.)"  # 1.1.1 is two numbers in a path only
 LIST = re.compile(rf"\s*(?:{NUMBER}{APART}{GAP})*")
 CALL = rf"([a-zA-Z]+)\s*\(\s*((?:{NUMBER}{APART}(?:px|deg|grad|rad|turn)?{GAP})*)\)"
@@ -63,7 +65,7 @@ class Values(NamedTuple):
     style: Style
     viewport: Viewport
     unit_mm: float  # size of one user unit of the whole drawing
-    where: str  # file and element, for errors
+    element: str  # name of the element, for errors
 
     def stated(self, name: str) -> Length | None:
         """The length `name` as written; None if it is not stated, or `auto`.
@@ -164,7 +166,41 @@ class Values(NamedTuple):
         """An error that states an attribute, its value, and what is wrong with the value."""
         text = " ".join(self.style.get(name, "").split())
         text = text if len(text) <= 40 else f"{text[:37]}..."
-        return InputError(f'{name}="{text}" {problem}; correct it in the drawing', where=self.where)
+        problem = f'{name}="{text}" {problem}; correct it in the drawing'
+        return InputError(problem, key=self.element)
+
+    def shows(self) -> bool:
+        """Whether an element and its content are displayed."""
+        return self._word("display") != "none" and self._is_opaque("opacity")
+
+    def paints(self, stroke_width: float) -> bool:
+        """Whether a shape is visible, and filled or stroked with some colour."""
+        inked = self._inks("fill") or self.strokes(stroke_width)
+        return self._word("visibility") == "visible" and inked
+
+    def strokes(self, stroke_width: float) -> bool:
+        """Whether a shape, if it is visible, is stroked with some colour."""
+        return stroke_width > 0.0 and self._inks("stroke")
+
+    def _inks(self, what: str) -> bool:
+        paint = self._word(what)
+        if paint == "currentcolor":
+            paint = self._word("color")
+        clear = getattr(parse_color(paint), "alpha", 1.0) == 0.0
+        return paint != "none" and not clear and self._is_opaque(f"{what}-opacity")
+
+    def _word(self, name: str) -> str:
+        """The value of a property in lower case; raises `InputError` for a CSS variable."""
+        text = self.style.get(name, "").strip()
+        if "var(" in text:
+            raise self.error(name, "is a variable, which is not read")
+        return text.lower()
+
+    def _is_opaque(self, name: str) -> bool:
+        share = SHARE.fullmatch(self.style.get(name) or "1")
+        if share is None:
+            raise self.error(name, "is no number")
+        return float(share[1]) > 0.0
 
     def _origin(self) -> tuple[float, float]:
         words = self.style.get("transform-origin", "").split()[:2]
