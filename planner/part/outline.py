@@ -115,11 +115,7 @@ def min_width(outline: Outline) -> float:
     paper's reference [12]).
     """
     hull = convex_hull(outline)
-    edges = np.roll(hull, -1, axis=0) - hull
-    normals = (
-        np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
-    )
-    along = normals @ hull.T  # (edges, vertices)
+    along = _normals(hull) @ hull.T  # (edges, vertices)
     return float((along.max(axis=1) - along.min(axis=1)).min())
 
 
@@ -133,6 +129,12 @@ def _cross_terms(outline: Outline) -> Array:
     """x_i y_(i+1) - x_(i+1) y_i for each edge (N,): twice the area of the edge's triangle with the origin."""
     following = np.roll(outline, -1, axis=0)
     return np.asarray(outline[:, 0] * following[:, 1] - following[:, 0] * outline[:, 1])
+
+
+def _normals(outline: Outline) -> Array:
+    """The outward unit normals of the edges (N, 2)."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    return np.asarray(np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(*edges.T)[:, None])
 
 
 def _vertices(points: ArrayLike) -> Outline:
@@ -180,8 +182,7 @@ def _check_simple(vertices: Outline) -> None:
 
 def offsets(outline: Outline) -> Array:
     """Displacement of each vertex (N, 2), along its mitre, per mm by which all edges move outwards."""
-    edges = np.roll(outline, -1, axis=0) - outline
-    after = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(*edges.T)[:, None]
+    after = _normals(outline)
     before = np.roll(after, 1, axis=0)
     return np.asarray((before + after) / (1.0 + (before * after).sum(axis=1))[:, None])
 

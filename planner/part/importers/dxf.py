@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from typing import TYPE_CHECKING
 
 from ezdxf import recover, units
@@ -16,17 +17,7 @@ if TYPE_CHECKING:
     from ezdxf.audit import Auditor
     from ezdxf.document import Drawing
 
-UNITS_MM = {
-    1: 25.4,
-    2: 304.8,
-    4: 1.0,
-    5: 10.0,
-    6: 1000.0,
-    8: 25.4e-6,
-    9: 0.0254,
-    13: 1e-3,
-    14: 100.0,
-}
+UNITS_MM = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1e3, 8: 25.4e-6, 9: 0.0254, 13: 1e-3, 14: 1e2}
 """Size in mm of the units that $INSUNITS states (Autodesk's DXF reference, HEADER); others suit no part."""
 MAX_DEPTH = 50  # of nested blocks
 
@@ -46,9 +37,8 @@ def read(data: bytes, options: pieces.Options) -> pieces.Pieces:
         drawn = {dxf_view.layer_of(entity) for each in (space, *document.blocks) for entity in each}
         names = {name.lower(): name for name in sorted(drawn)}
         if layer.lower() not in names:
-            raise UsageError(
-                f"has no layer {layer!r}; choose --layer of: {', '.join(names.values())}"
-            )
+            known = ", ".join(names.values())
+            raise UsageError(f"has no layer {layer!r}; choose --layer of: {known}")
     if _size(document, space) > pieces.MAX_SHAPES:
         raise pieces.too_much(f"draws more than {pieces.MAX_SHAPES} shapes, its blocks written out")
     losses = dxf_audit.losses(auditor, data)
@@ -109,10 +99,8 @@ def _size(document: Drawing, space: Modelspace) -> int:
                 continue
             if name not in known:
                 known[name] = count(block, (*above, name))
-            copies = max(1, entity.dxf.get("row_count", 1)) * max(
-                1, entity.dxf.get("column_count", 1)
-            )
-            total += copies * known[name]
+            counts = (entity.dxf.get(f"{line}_count", 1) for line in ("row", "column"))
+            total += math.prod(max(1, number) for number in counts) * known[name]
         return total
 
     return count(space, ())

@@ -149,9 +149,8 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
             else:
                 faces.append(Face(face.share, imported, height_mm, (face.down,)))
     total = sum(face.share for face in faces)
-    return sorted(
-        (face._replace(share=face.share / total) for face in faces), key=lambda face: -face.share
-    )
+    shared = [face._replace(share=face.share / total) for face in faces]
+    return sorted(shared, key=lambda face: -face.share)
 
 
 def _lying(face: mesh.Lying, height_mm: float, tolerance_mm: float) -> Imported:
@@ -230,7 +229,6 @@ def _apart(points: Array) -> Array:
     places, times = np.unique(np.rint(fresh / (10 * outline.REPEAT_MM)), axis=0, return_counts=True)
     if times.max(initial=0) > 1:
         x, y = places[np.argmax(times)] * 10 * outline.REPEAT_MM
-        raise InputError(
-            f"the contour touches itself at ({x:.4g}, {y:.4g}) mm; part it there in the drawing"
-        )
+        touch = f"({x:.4g}, {y:.4g}) mm"
+        raise InputError(f"the contour touches itself at {touch}; part it there in the drawing")
     return np.asarray(fresh)

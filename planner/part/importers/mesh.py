@@ -29,7 +29,7 @@ class Lying(NamedTuple):
 
 def read(data: bytes, options: Options) -> Pieces:
     """The silhouette of a solid above the finger tips; see `silhouette`."""
-    return silhouette(_solid(_trimesh(), data, options), options.height_mm)
+    return silhouette(_solid(data, options), options.height_mm)
 
 
 def lying(data: bytes, options: Options) -> list[Lying]:
@@ -43,12 +43,11 @@ def lying(data: bytes, options: Options) -> list[Lying]:
         UsageError: trimesh is not installed, or the unit is not stated.
         InputError: the file cannot be read, or the solid is not closed.
     """
-    trimesh = _trimesh()
-    solid = _solid(trimesh, data, options)
+    solid = _solid(data, options)
     if not (solid.is_watertight and solid.is_winding_consistent):
         problem = "is no closed solid, so that its centre of mass is not known; repair it and export it again"
         raise InputError(problem)
-    turns, shares = trimesh.poses.compute_stable_poses(solid)
+    turns, shares = _trimesh().poses.compute_stable_poses(solid)
     results = []
     for turn, share in zip(turns, shares, strict=True):
         down = tuple((np.round(-turn[2, :3], 3) + 0.0).tolist())
@@ -87,12 +86,9 @@ def silhouette(solid: Any, height_mm: float | None) -> Pieces:
         notes.append(
             "its surface is not closed; compare the outline with the part, or repair it and export again"
         )
-    everything = shapely.get_coordinates(
-        shapely.convex_hull(shapely.multipoints(solid.vertices[:, :2]))
-    )
-    beyond_mm = float(
-        shapely.distance(shapely.points(everything), shapely.convex_hull(above)).max()
-    )
+    hull = shapely.convex_hull(shapely.multipoints(solid.vertices[:, :2]))
+    corners = shapely.points(shapely.get_coordinates(hull))
+    beyond_mm = float(shapely.distance(corners, shapely.convex_hull(above)).max())
     if beyond_mm > WIDER_MM:
         notes.append(
             f"below the tips it is up to {beyond_mm:.3g} mm wider, where no finger meets it"
@@ -112,11 +108,10 @@ def _shadow(solid: Any, height: float) -> shapely.Geometry:
     Raises:
         InputError: the surface has a hole at this height.
     """
-    trimesh = _trimesh()
-    cut = trimesh.intersections
+    cut = _trimesh().intersections
     above = cut.slice_mesh_plane(solid, UP, (0.0, 0.0, height))
     above.merge_vertices()
-    shadow = _union(_patches(trimesh, above))
+    shadow = _union(_patches(above))
     if solid.is_watertight:
         return shadow
     lines = np.reshape(cut.mesh_plane(solid, UP, (0.0, 0.0, height)), (-1, 2, 3))[:, :, :2]
@@ -131,7 +126,7 @@ def _shadow(solid: Any, height: float) -> shapely.Geometry:
     return shadow
 
 
-def _patches(trimesh: ModuleType, surface: Any) -> list[shapely.Geometry]:
+def _patches(surface: Any) -> list[shapely.Geometry]:
     """The projections of a surface's patches: connected triangles that all face up or all face down.
 
     The triangles of most patches do not overlap, so that removing their common edges unites them.
@@ -143,11 +138,11 @@ def _patches(trimesh: ModuleType, surface: Any) -> list[shapely.Geometry]:
     seen = np.flatnonzero(facing)
     joined = surface.face_adjacency
     joined = joined[facing[joined[:, 0]] * facing[joined[:, 1]] > 0.0]
-    labels = trimesh.graph.connected_component_labels(joined, node_count=len(facing))[seen]
+    graph = _trimesh().graph
+    labels = graph.connected_component_labels(joined, node_count=len(facing))[seen]
     order = np.argsort(labels, kind="stable")
-    groups = np.split(
-        shapely.polygons(corners[seen][order]), np.flatnonzero(np.diff(labels[order])) + 1
-    )
+    starts = np.flatnonzero(np.diff(labels[order])) + 1
+    groups = np.split(shapely.polygons(corners[seen][order]), starts)
     return [
         shapely.coverage_union_all(group)
         if len(group) > 1 and shapely.coverage_is_valid(group)
@@ -166,7 +161,8 @@ def _union(polygons: list[shapely.Geometry]) -> shapely.Geometry:
     return shapely.buffer(wider, -CRACK_MM, join_style="mitre")
 
 
-def _solid(trimesh: ModuleType, data: bytes, options: Options) -> Any:
+def _solid(data: bytes, options: Options) -> Any:
+    trimesh = _trimesh()
     if options.unit_mm is None:
         raise need_units("is an STL file, which never says its units")
     try:

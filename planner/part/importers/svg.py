@@ -16,14 +16,7 @@ from planner.part.importers import pieces
 from planner.part.importers.svg_scene import SIZES, Scene
 from planner.part.importers.svg_shapes import polylines
 from planner.part.importers.svg_style import INHERITED, Sheets
-from planner.part.importers.svg_values import (
-    LENGTH,
-    PHYSICAL_MM,
-    PIXEL_MM,
-    PLACES,
-    Values,
-    Viewport,
-)
+from planner.part.importers.svg_values import PHYSICAL_MM, PIXEL_MM, Values, Viewport, is_physical
 from runtime.shell.errors import InputError
 
 ASPECT = 1e-3  # tolerated relative difference of two scales
@@ -116,15 +109,8 @@ def _viewport(page: Values, box: list[float] | None) -> Viewport:
 
 def _states_lengths(root: Tree.Element) -> bool:
     """Whether the size or position of some element below the root has a physical unit."""
-    texts = (
-        text
-        for each in root.iter()
-        if each is not root
-        for name, text in each.items()
-        if name in PLACES
-    )
-    matches = (LENGTH.fullmatch(text) for text in texts)
-    return any(parts is not None and (parts[2] or "").lower() in PHYSICAL_MM for parts in matches)
+    below = (each for each in root.iter() if each is not root)
+    return any(is_physical(name, text) for each in below for name, text in each.items())
 
 
 def _curves(scene: Scene, scale: float, tolerance_mm: float) -> list[Array]:

@@ -54,16 +54,10 @@ class Sheets:
         for each in (*(each for each in (*sheet, *inline) if not each.important), *last):
             stated[each.lower_name] = tinycss2.serialize(each.value).strip()
         computed = {name: parent[name] for name in INHERITED}
+        sources = {"inherit": parent, "initial": INHERITED, "unset": computed, "revert": computed}
         for name, value in stated.items():
-            word = value.strip().lower()
-            if word == "inherit":
-                computed[name] = parent.get(name, "")
-            elif word in ("initial", "unset", "revert"):
-                computed[name] = (
-                    INHERITED.get(name, "") if word == "initial" else computed.get(name, "")
-                )
-            else:
-                computed[name] = value
+            source = sources.get(value.strip().lower())
+            computed[name] = value if source is None else source.get(name, "")
         return computed
 
     def _add_for(self, media: str, rules: list[tinycss2.ast.Node]) -> None:

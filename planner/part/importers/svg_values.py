@@ -59,6 +59,12 @@ class Length(NamedTuple):
     unit: str  # lower case; empty for user units
 
 
+def is_physical(name: str, text: str) -> bool:
+    """Whether the attribute `name` is a size or position, and `text` a length in a physical unit."""
+    parts = LENGTH.fullmatch(text) if name in PLACES else None
+    return parts is not None and (parts[2] or "").lower() in PHYSICAL_MM
+
+
 class Values(NamedTuple):
     """The attributes of one element, as numbers in user units."""
 
@@ -135,10 +141,7 @@ class Values(NamedTuple):
             for name, inside in calls
         ):
             raise self.error("transform", "is no transform")
-        parsed = svgelements.Matrix(text)
-        matrix = np.array(
-            [[parsed.a, parsed.c, parsed.e], [parsed.b, parsed.d, parsed.f], [0.0, 0.0, 1.0]]
-        )
+        matrix = _array(svgelements.Matrix(text))
         origin = np.eye(3)
         origin[:2, 2] = self._origin()
         return np.asarray(origin @ matrix @ np.linalg.inv(origin))
@@ -159,8 +162,7 @@ class Values(NamedTuple):
         aspect = ASPECT.fullmatch(self.style.get("preserveAspectRatio", ""))
         how = f"{aspect[1]} {aspect[2] or 'meet'}" if aspect else None
         place = self.at("x"), self.at("y"), size.width, size.height
-        parsed = svgelements.Matrix(svgelements.Viewbox.viewbox_transform(*place, *box, how))
-        return np.array([[parsed.a, 0.0, parsed.e], [0.0, parsed.d, parsed.f], [0.0, 0.0, 1.0]])
+        return _array(svgelements.Matrix(svgelements.Viewbox.viewbox_transform(*place, *box, how)))
 
     def error(self, name: str, problem: str) -> InputError:
         """An error that states an attribute, its value, and what is wrong with the value."""
@@ -213,3 +215,7 @@ class Values(NamedTuple):
         words = [EDGES.get(word, word) for word in (*words, "center")]
         placed = self._replace(style={"x": words[0], "y": words[1]})
         return placed.at("x"), placed.at("y")
+
+
+def _array(m: svgelements.Matrix) -> Array:
+    return np.array([[m.a, m.c, m.e], [m.b, m.d, m.f], [0.0, 0.0, 1.0]])
