@@ -136,9 +136,8 @@ def _job(arguments: argparse.Namespace) -> Job:
             name = f"--{option.replace('_', '-')}"
             shell.check_one_part(job.hypothesis, str(arguments.job), name)
     if job.actions.pushes and (arguments.bound or arguments.bound_dense):
-        raise UsageError(
-            f'--bound is for squeezes alone; {arguments.job} has actions.pushes = "belief"'
-        )
+        has = f'{arguments.job} has actions.proposals = "pushes"'
+        raise UsageError(f"--bound is for squeezes alone; {has}")
     return job if arguments.seed is None else dataclasses.replace(job, seed=arguments.seed)
 
 

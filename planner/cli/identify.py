@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.cli import columns, shell, tips
+from planner import columns
+from planner.cli import shell, tips
 from planner.identification import identify, motions, pushes
 from planner.identification.identify import LEAST_PAIRS, Identified, Kind, Normalised
 from planner.job import model as job_file
@@ -67,12 +68,11 @@ def _identify(arguments: argparse.Namespace) -> None:
         usable(arguments.output, *sources)
     rho_mm = arguments.rho_mm
     if arguments.pairs:
-        tables = [pushes.load_directions(path) for path in arguments.pairs]
+        tables = [pushes.load_table(path, pushes.DIRECTIONS) for path in arguments.pairs]
         data: Normalised = identify.directions(pushes.join(tables))
     else:
-        data = identify.normalise(
-            pushes.join([pushes.load(path) for path in arguments.logs]), rho_mm
-        )
+        logs = pushes.join([pushes.load(path) for path in arguments.logs])
+        data = identify.normalise(logs, rho_mm)
     kinds = KINDS if arguments.kind == "both" else (arguments.kind,)
     with shell.progress(arguments.json) as report:
         outcome = identify.identify(

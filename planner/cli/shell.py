@@ -136,7 +136,8 @@ def check_squeezes_alone(table: Table, name: str, what: str) -> None:
         UsageError: parts are pushed before some squeeze.
     """
     if table.pushing is not None:
-        message = f'plan with actions.pushes = "none"; {name} pushes before node {table.pushing}'
+        remedy = 'plan with actions.proposals = "belief"'
+        message = f"{remedy}; {name} pushes before node {table.pushing}"
         raise UsageError(f"{what} is for squeezes alone; {message}")
 
 

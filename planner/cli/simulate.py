@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner import columns
 from planner.arrays import Array
-from planner.cli import columns, pushes, shell, tips
+from planner.cli import pushes, shell, tips
 from planner.errors import KeyNameError
 from planner.job import model as job_file
 from planner.job.model import Job
@@ -28,7 +29,12 @@ IN_DEGREES = ("x_mm", "y_mm", DEGREES)  # columns of poses with angles in degree
 # Final pose and width, then the angles again, in degrees.
 RESULTS = (*(f"final_{name}" for name in INPUTS), "width_mm", "theta_deg", "final_theta_deg")
 MOST_RADIUS_MM, MOST_DRAWS = 1000.0, 100_000
-RANGES = {"mu": (0.0, 2.0), "step_mm": (1e-4, 2.0), "fingers_mm": (0.0, 1000.0)}
+RANGES = {
+    "mu": (0.0, 2.0),
+    "step_mm": (1e-4, 2.0),
+    "fingers_mm": (0.0, 1000.0),
+    "start_mm": (0.0, 10.0),
+}
 SAME_DEG = 1e-5  # rounding error between an angle in degrees and the same in radians
 
 
@@ -123,7 +129,8 @@ def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Re
     if arguments.draws is not None:
         # A separate stream: the lines are the same with and without --draws.
         rng = _rng(arguments, job, arguments.draws)
-        drawn = pushes.drawn(simulator, job, ways, radius or 0.0, arguments.draws, rng)
+        draws = pushes.Draws(arguments.draws, arguments.start_mm)
+        drawn = pushes.drawn(simulator, job, ways, radius or 0.0, draws, rng)
         further |= columns.named(pushes.BOUNDS, drawn.bounds)
         given_up += drawn.given_up
     names = PUSH_NAMES if radius is None else tips.STATUS_NAMES
@@ -173,6 +180,8 @@ def parser() -> Parser:
         "of what the job doubts"
     )
     add("--draws", type=positive_int, metavar="N", help=text)
+    text = "of the place where a pusher starts in --draws (default: %(default)s, as recorded)"
+    add("--start-mm", type=float, default=pushes.START_MM, metavar="MM", help=text)
     add("--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu")
     add("--mu", type=float, help="friction between finger and part, with --nominal")
     add("--seed", type=natural, help="of the scatter (default: the job's)")

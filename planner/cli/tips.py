@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from planner import columns
 from planner.arrays import Array, IntArray
-from planner.cli import columns
 from planner.mechanics.push import PUSH_NAMES, Paths
 from planner.mechanics.simulator import Pushed
 from runtime.shell.errors import InputError

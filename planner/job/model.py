@@ -8,6 +8,7 @@ identifies the job.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -198,17 +199,15 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     """Returns the job of a document, with a hypothesis for each part and face if there are several."""
     results: list[tuple[float, Job]] = []
-    stated = hypotheses.stated(document)
-    listed = [alone for _, alone in stated]
+    shares, listed = zip(*hypotheses.stated(document), strict=True)
     named = _jobs(document, hypotheses.KEY, listed, where, drawn)
-    for (share, _), jobs in zip(stated, named, strict=True):
+    for share, jobs in zip(shares, named, strict=True):
         results += [(share / len(jobs), job) for job in jobs]
     others = _jobs(document, hypotheses.FOREIGN, hypotheses.foreign(document), where, drawn)
-    foreign = tuple(
-        ForeignPart(job.part, job.pressure, job.friction) for jobs in others for job in jobs
-    )
+    each = itertools.chain.from_iterable(others)
+    foreign = tuple(ForeignPart(job.part, job.pressure, job.friction) for job in each)
     first = replace(results[0][1], foreign=foreign or None)
-    job_checks.check_parts(first, [job.part.name for _, job in results])
+    job_checks.refuse(job_checks.of_parts(first, [job.part.name for _, job in results]))
     if len(results) == 1:
         return first
     lowest_mm = min(job.cell.squeeze_height_mm for _, job in results)
@@ -221,7 +220,7 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 
 
 def _jobs(
-    document: dict[str, Any], key: str, listed: list[dict[str, Any]], where: str, drawn: bool
+    document: dict[str, Any], key: str, listed: Sequence[dict[str, Any]], where: str, drawn: bool
 ) -> list[list[Job]]:
     """Returns for each part of the list `key` its jobs: one for each face on which it may lie."""
     results = []
@@ -244,7 +243,7 @@ def _on_faces(document: dict[str, Any], where: str, drawn: bool) -> list[Job]:
 
 def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
     values = documents.checked(document)
-    part, actions, cell = values["part"], values["actions"], values["cell"]
+    part, cell = values["part"], values["cell"]
     del part["faces"]
     part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], drawn)
     if part["datum"] is not None:
@@ -260,18 +259,10 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
     if document.get("doubt") and "encoder_mm" not in document["doubt"]:
         gripper = values["gripper"]
         most_mm = job_checks.doubt_mm(gripper["resolution_mm"], gripper["noise_mm"])
-        values["doubt"]["encoder_mm"] = np.array([-most_mm, most_mm])
-    job_checks.check_conflicts(values)
-    if actions["pushes"] == "none":
-        actions["pushes"] = None  # a job that states a default is the same job as one without it
-    actions["angles_deg"] = tuple(actions["angles_deg"].tolist())
-    for key in ("finger_share", "middle_mm", "encoder_mm", "encoder_gain"):
-        values["doubt"][key] = tuple(values["doubt"][key].tolist())
-    values["goal"]["tolerance_mm"] = tuple(values["goal"]["tolerance_mm"].tolist())
-    cell["work_area_mm"] = tuple(map(tuple, cell["work_area_mm"].tolist()))
-    records = {
-        name: values[name] and record(**values[name]) for name, record in schema.SECTIONS.items()
-    }
+        values["doubt"]["encoder_mm"] = (-most_mm, most_mm)
+    job_checks.refuse(job_checks.conflicts(values))
+    sections = schema.SECTIONS.items()
+    records = {name: values[name] and record(**values[name]) for name, record in sections}
     return Job(seed=values[""]["seed"], **records)
 
 

@@ -95,7 +95,7 @@ Interval: TypeAlias = tuple[float, float]
 
 
 def _interval(low: float, high: float) -> Numbers:
-    return Numbers(Number(low, high), least=2, most=2, default=[0.0, 0.0])
+    return Numbers(Number(low, high), least=2, most=2, default=[0.0, 0.0], plain=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,13 +119,9 @@ class Doubt:
     encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]
     # "any": parts may press with their rim, their area, its middle or three feet, whatever [pressure] says.
     pressure: Annotated[str, Text(("stated", "any"), default="stated")]
-    # "any": the limit surface may also be of the form, ellipsoid or quartic, that [pressure] does not say.
-    limit_surface: Annotated[str | None, Text(("stated", "any"), default=None)]
     # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0:
     # no doubt.
     least_dof: Annotated[int, Integer(0, 1_000_000, default=0)]
-    # std of the x and y at which a recorded pusher stands beside the part, in `plan-simulate --draws` alone.
-    start_mm: Annotated[float | None, Number(0, 10, default=None)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,13 +149,17 @@ class Actions:
     """
 
     # Angles of the hand's x axis in the world.
-    angles_deg: Annotated[tuple[float, ...], Numbers(Number(-360, 360), most=1_000)]
+    angles_deg: Annotated[tuple[float, ...], Numbers(Number(-360, 360), most=1_000, plain=True)]
     # (K, 2) positions of the hand in the world, read-only.
     centers_mm: Annotated[Array, Numbers(PLACE, columns=2, most=1_000)]
-    # "belief": every node also considers placements that it derives from its belief.
-    proposals: Annotated[str, Text(("belief", "none"), default="belief")]
-    # "belief": the hand may push the part before a squeeze, as the belief suggests; None: it does not.
-    pushes: Annotated[str | None, Text(("belief", "none"), default=None)]
+    # "belief": every node also considers grasp poses that it derives from its belief; "pushes": and
+    # pushes before a squeeze.
+    proposals: Annotated[str, Text(("belief", "pushes", "none"), default="belief")]
+
+    @property
+    def pushes(self) -> bool:
+        """Whether the hand may push the part before a squeeze, as the belief suggests."""
+        return self.proposals == "pushes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +180,8 @@ class Goal:
     confidence: Annotated[float, Number(0, 1, above=True, below=True)]
     # Bounds on x and y, for "tolerances".
     tolerance_mm: Annotated[
-        tuple[float, float], Numbers(Number(LEAST_MM, 100), least=2, most=2, default=[2.5, 2.5])
+        tuple[float, float],
+        Numbers(Number(LEAST_MM, 100), least=2, most=2, default=[2.5, 2.5], plain=True),
     ]
     # Bound on theta, for "tolerances" and "orientation".
     tolerance_deg: Annotated[float, Number(LEAST_DEG, 180, default=5.0)]
@@ -213,7 +214,7 @@ class Cell:
     # ((x_min, y_min), (x_max, y_max)) that the hand may be placed in, world frame.
     work_area_mm: Annotated[
         tuple[tuple[float, float], tuple[float, float]],
-        Numbers(PLACE, columns=2, least=2, most=2, default=[[-150, -150], [150, 150]]),
+        Numbers(PLACE, columns=2, least=2, most=2, default=[[-150] * 2, [150] * 2], plain=True),
     ]
     # Tips between squeezes.
     retreat_height_mm: Annotated[float, Number(0, MM, above=True, default=60.0)]
@@ -289,7 +290,7 @@ LIMIT_SURFACE: Mapping[str, Field] = {
 }  # An identified limit surface: rho, and an ellipsoid or a quartic with its certificate
 
 _FITTED: Mapping[str, Field] = {
-    "limit_surface": Text(("ellipsoid", "quartic"), default="ellipsoid")
+    "limit_surface": Text(("ellipsoid", "quartic", "any"), default="ellipsoid")
 }
 
 PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
@@ -306,6 +307,14 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
         "rho_mm": Number(0, MM, above=True),
     },
 }  # Further keys of [pressure], by its kind
+
+FORMER: Mapping[str, Mapping[str, str]] = {
+    "actions": {"pushes": 'is part of proposals; write proposals = "pushes", or drop it'},
+    "doubt": {
+        "limit_surface": 'is part of [pressure]; write limit_surface = "any" there, or drop it',
+        "start_mm": "is an option; drop it, and give plan-simulate --start-mm",
+    },
+}  # Keys that jobs no longer have, by section, and what to write instead
 
 OPTIONAL_SECTIONS = ("pressure", "release", "doubt", "search", "cell", "delivery")
 ABSENT_SECTIONS = ("delivery",)

@@ -139,7 +139,8 @@ class Cells:
     @classmethod
     def of(cls, job: Job, table: Table) -> Self:
         """Returns the cells of a job that run a decision table; parts may press on the support in any way."""
-        any_pressure = job.replaced(doubt={"pressure": "any", "limit_surface": "stated"})
+        one_form = {"limit_surface": "ellipsoid"} if job.pressure.limit_surface == "any" else {}
+        any_pressure = job.replaced(doubt={"pressure": "any"}, pressure=one_form)
         simulator = Simulator.of_job(any_pressure, workers=1)
         if simulator.others:
             simulator = replace(simulator, others=(*simulator.others, *_on_feet(job)))

@@ -133,8 +133,6 @@ def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any
     sections: dict[str, dict[str, Any]] = {"doubt": doubt, "friction": _friction(record, cells.job)}
     if "pressure" in record:
         sections["pressure"], doubt["pressure"] = _pressure(posterior, cells)
-        if sections["pressure"] and cells.job.doubt.limit_surface == "any":
-            doubt["limit_surface"] = "stated"  # a stated surface, not fitted to a pressure
     return {section: values for section, values in sections.items() if values}
 
 
