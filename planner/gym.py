@@ -36,10 +36,8 @@ try:
     from gymnasium.vector import AutoresetMode, VectorEnv
     from gymnasium.vector.utils import batch_space
 except ImportError as missing:
-    hint = "install it with: pip install 'squeezetree[gym]'"
-    raise ImportError(
-        f"planner.gym needs the gym extra ({missing.name} is missing); {hint}"
-    ) from missing
+    needed = f"planner.gym needs the gym extra ({missing.name} is missing)"
+    raise ImportError(f"{needed}; install it with: pip install 'squeezetree[gym]'") from missing
 
 NAME = "SqueezeLocalize-v0"
 RENDERED = 2000  # states of the belief in a picture

@@ -137,7 +137,6 @@ class Pomdp:
         states = self.sample(belief, arguments.row(a, "a", 4), rng).states
         weight = self.likelihood(o, states, a)
         if not weight.any():
-            raise ValueError(
-                f"none of {len(belief)} states explains the reading {o}; begin with more of them"
-            )
+            problem = f"none of {len(belief)} states explains the reading {o}"
+            raise ValueError(f"{problem}; begin with more of them")
         return np.asarray(states[rng.choice(len(states), len(states), p=weight / weight.sum())])

@@ -88,9 +88,8 @@ class ContactWorld:
         off = np.array([0.0, traits["across_mm"][0], 0.0])
         pose = arguments.row(pose_hand, "pose_hand", 3)[None] - off
         # As in evaluations: a derived world may not support traits.
-        rolled = (
-            self.squeeze_many(pose) if ordinary(traits).all() else self.squeeze_many(pose, traits)
-        )
+        unusual = () if ordinary(traits).all() else (traits,)
+        rolled = self.squeeze_many(pose, *unusual)
         x, y, theta = rolled.poses[0] + off
         width = float(read_as(rolled.width_mm, traits)[0]) if rolled.width_mm[0] > 0.0 else 0.0
         return (float(x), float(y), float(theta)), max(width, 0.0), STATUS_NAMES[rolled.status[0]]

@@ -163,10 +163,8 @@ class Certificate:
         above = self.mean / self.squeezes - 1.0
         least = f"any plan as good takes {self.rounded} squeezes a part or more"
         sure = f"({CERTAINTY:.0%} confidence, {self.parts} parts)"
-        return [
-            f"{least} {sure}; this one takes {above:.1%} more than that",
-            f"as good: {self.plans}",
-        ]
+        more = f"this one takes {above:.1%} more than that"
+        return [f"{least} {sure}; {more}", f"as good: {self.plans}"]
 
 
 def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:

@@ -56,9 +56,8 @@ class Lying(NamedTuple):
     def of(self, histories: IntArray) -> tuple[IntArray, IntArray]:
         """The rows (m,) of the parts of some histories, and for each row the index into `histories`."""
         size = np.diff(self.start)[histories]
-        rows = np.arange(size.sum()) + np.repeat(
-            self.start[histories] - np.cumsum(size) + size, size
-        )
+        before = np.cumsum(size) - size
+        rows = np.arange(size.sum()) + np.repeat(self.start[histories] - before, size)
         return rows, np.repeat(np.arange(len(histories)), size)
 
 
@@ -89,9 +88,8 @@ class Histories:
         self._deepest, self._rng, self._workers, self._report = depths.most, rng, workers, report
         start, none = np.array([0, len(parts)]), np.zeros(0, np.int64)
         located = self._located(parts.poses, start)
-        self.levels = [
-            Level(np.diff(start), located, np.zeros(1, np.int64), np.full(1, -1), none, none)
-        ]
+        option, reading = np.zeros(1, np.int64), np.full(1, -1)
+        self.levels = [Level(np.diff(start), located, option, reading, none, none)]
         self._lying = [Lying(parts.poses, np.arange(len(parts)), start)]
         for level in range(depths.tried):
             self.extend(level, np.arange(len(self.levels[level].size)))

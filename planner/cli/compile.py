@@ -65,17 +65,25 @@ def parser() -> Parser:
 
 
 def _compile(arguments: argparse.Namespace) -> int:
-    if arguments.baseline and (arguments.output or arguments.vary):
-        raise UsageError("--baseline writes no table; leave out -o and --vary")
-    if arguments.baseline and (arguments.bound or arguments.bound_dense):
-        raise UsageError("--bound: proves something of a table; leave it out with --baseline")
-    if arguments.baseline and arguments.takt is not None:
-        raise UsageError("--takt: is for the parts of a table; leave it out with --baseline")
-    if not arguments.baseline and not arguments.output:
-        raise UsageError("-o/--output is missing; name the table to write")
+    shell.refuse(_mistakes(arguments))
     if arguments.vary:
         return _sweep(arguments)
     return _baseline(arguments) if arguments.baseline else _single(arguments)
+
+
+def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
+    bounded = arguments.bound or arguments.bound_dense
+    if arguments.baseline:
+        if arguments.output or arguments.vary:
+            yield "--baseline writes no table; leave out -o and --vary"
+        if bounded:
+            yield "--bound: proves something of a table; leave it out with --baseline"
+        if arguments.takt is not None:
+            yield "--takt: is for the parts of a table; leave it out with --baseline"
+    elif not arguments.output:
+        yield "-o/--output is missing; name the table to write"
+    if arguments.vary and bounded:
+        yield "--bound: proves something of one plan; leave it out with --vary"
 
 
 def _single(arguments: argparse.Namespace) -> int:
@@ -83,9 +91,8 @@ def _single(arguments: argparse.Namespace) -> int:
     started = time.perf_counter()
     job = _job(arguments)
     read = job_file.files(arguments.job)
-    output = shell.checked_output(
-        arguments.output, "a table, which squeezetree report draws", ".msgpack"
-    )
+    what = "a table, which squeezetree report draws"
+    output = shell.checked_output(arguments.output, what, ".msgpack")
     files.usable(output, *read)
     bounded = math.isfinite(arguments.budget)
     whole = course.of_time(arguments.budget) if bounded else course.of_search
@@ -142,8 +149,6 @@ def _job(arguments: argparse.Namespace) -> Job:
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
-    if arguments.bound or arguments.bound_dense:
-        raise UsageError("--bound: proves something of one plan; leave it out with --vary")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.vary, common)
     settings = Settings(

@@ -2,9 +2,10 @@
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,6 @@ from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
 from planner.world import World, Worlds, supply
 from runtime.shell.command import Parser, natural, number, positive_int
-from runtime.shell.errors import UsageError
 from runtime.shell.files import usable
 from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import Table, takt_text
@@ -83,19 +83,16 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
     text = "standard deviation of the hand's x and y, drawn for every squeeze"
     add("--placement-error-mm", type=_spread, default=0.0, metavar="MM", help=text)
     add("--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle")
-    add(
-        "--placement-bias-mm",
-        type=number,
-        nargs=2,
-        default=(0.0, 0.0),
-        metavar=("X", "Y"),
-        help="constant error of the hand's place in the world",
-    )
+    place: dict[str, Any] = {"nargs": 2, "default": (0.0, 0.0), "metavar": ("X", "Y")}
+    text = "constant error of the hand's place in the world"
+    add("--placement-bias-mm", type=number, help=text, **place)
     add("--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle")
 
 
 def _evaluate(arguments: argparse.Namespace) -> None:
-    _check_usage(arguments)
+    shell.refuse(_mistakes(arguments))
+    if arguments.resume is not None:
+        usable(arguments.resume, arguments.tree, arguments.job)
     (table, _, _), job = shell.loaded(arguments)
     study = _rare if arguments.ppm else _sweep if arguments.sweep else _single
     with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
@@ -155,9 +152,8 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
     real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
     worlds = supply(arguments.world, real, arguments.seed, copies=True)
     assert isinstance(worlds, Worlds)
-    study = Study(
-        Program.of(table), real, worlds, arguments.seed, copies_of(table), _disturbance(arguments)
-    )
+    seed, cell = arguments.seed, _disturbance(arguments)
+    study = Study(Program.of(table), real, worlds, seed, copies_of(table), cell)
     wanted, kept = arguments.trials or DEFAULT_PPM_TRIALS, arguments.resume
     identity = study.identity(_name_of_world(arguments))
     sums = Sums.none(len(table.leaves))
@@ -175,24 +171,21 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
     shell.answer(arguments.json, result.figures(), message, *result.lines())
 
 
-def _check_usage(arguments: argparse.Namespace) -> None:
+def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
     if arguments.ppm and arguments.sweep:
-        raise UsageError("--ppm and --sweep are two studies; run one after the other")
+        yield "--ppm and --sweep are two studies; run one after the other"
     if arguments.foreign_parts and (arguments.ppm or arguments.sweep):
-        raise UsageError("--foreign-parts come into one world; leave out --ppm and --sweep")
+        yield "--foreign-parts come into one world; leave out --ppm and --sweep"
     if arguments.resume is not None and not arguments.ppm:
-        raise UsageError("--resume is of --ppm; add it")
+        yield "--resume is of --ppm; add it"
     if arguments.takt is not None and arguments.ppm:
-        raise UsageError("--ppm counts wrong answers and times nothing; leave out --takt")
-    if arguments.resume is not None:
-        usable(arguments.resume, arguments.tree, arguments.job)
+        yield "--ppm counts wrong answers and times nothing; leave out --takt"
+    if arguments.sweep and (arguments.world_set or _disturbance(arguments) != Disturbance()):
+        changes = "--world-set, --encoder-... and --placement-..."
+        yield f"--sweep has worlds of its own; leave out {changes}"
 
 
 def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
-    if arguments.world_set or _disturbance(arguments) != Disturbance():
-        raise UsageError(
-            "--sweep has worlds of its own; leave out --world-set, --encoder-... and --placement-..."
-        )
     if not arguments.json:
         print(SWEEP_HEAD)
     lines = []

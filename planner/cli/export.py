@@ -37,9 +37,8 @@ def _export(arguments: argparse.Namespace) -> None:
     if prefix is not None and arguments.to == "json":
         raise UsageError("--prefix is for C and structured text; leave it out with --to json")
     if prefix is not None and PREFIXES.fullmatch(prefix) is None:
-        raise UsageError(
-            f"--prefix {prefix}: write 1 to 24 of a-z, 0-9 and single underscores, a letter first"
-        )
+        allowed = "1 to 24 of a-z, 0-9 and single underscores, a letter first"
+        raise UsageError(f"--prefix {prefix}: write {allowed}")
     result = load(arguments.tree)
     shell.check_one_part(result.table.hypotheses, str(arguments.tree), "an export")
     shell.check_squeezes_alone(result.table, str(arguments.tree), "an export")

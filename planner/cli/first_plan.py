@@ -102,7 +102,7 @@ def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
         taken.append(f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (--thickness)")
     name = arguments.drawing.stem
     answers = Answers(name, radius, turn, gripper, fingers, arguments.distance, height)
-    return Setting(answers._replace(tips_mm=arguments.height), taken, restrictions)
+    return Setting(answers._replace(tips_mm=arguments.height_mm), taken, restrictions)
 
 
 def check_thickness(imported: Imported) -> None:

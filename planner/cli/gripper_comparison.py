@@ -31,10 +31,9 @@ def compare(arguments: argparse.Namespace) -> None:
     arguments.gripper = fitting[0]
     setting = first_plan.setting_of(arguments, imported)
     if not arguments.json:
-        print("".join(f"assumed: {line}\n" for line in (*notes, *setting.assumed)), end="")
-        print(
-            f"assumed: its centre within {arguments.radius:g} mm of the expected place (--radius)"
-        )
+        place = f"its centre within {arguments.radius:g} mm of the expected place (--radius)"
+        for line in (*notes, *setting.assumed, place):
+            print(f"assumed: {line}")
         print(HEAD, flush=True)
     rows = []
     for name in GRIPPERS:

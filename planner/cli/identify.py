@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.simulator import Simulator
 from runtime.shell.command import Parser, number, positive, positive_int
-from runtime.shell.errors import InputError, UsageError
+from runtime.shell.errors import InputError
 from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
@@ -51,16 +51,11 @@ the block is a right triangle with legs of 150 mm; for any other part write a ta
 
 
 def _identify(arguments: argparse.Namespace) -> None:
+    shell.refuse(_mistakes(arguments))
     if arguments.motions is not None:
         _from_motions(arguments)
         return
-    if arguments.job is not None or arguments.tip_radius_mm is not None:
-        raise UsageError("--job and --tip-radius-mm go with --motions")
     sources = [*arguments.logs, *arguments.pairs]
-    if bool(arguments.logs) == bool(arguments.pairs):
-        raise UsageError("state push logs, or tables of directions with --pairs")
-    if arguments.pairs and arguments.friction_n is not None:
-        raise UsageError("--friction-n goes with logs: --pairs takes no magnitudes")
     if arguments.figure is not None:
         shell.check_suffix("--figure", arguments.figure, shell.PICTURES)
         usable(arguments.figure, arguments.output, *sources)
@@ -96,16 +91,23 @@ def _identify(arguments: argparse.Namespace) -> None:
     _print(data, outcome, best, arguments)
 
 
-def _from_motions(arguments: argparse.Namespace) -> None:
+def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
     needed = arguments.job, arguments.tip_radius_mm
-    if None in needed or arguments.logs or arguments.pairs:
-        raise UsageError(
-            "--motions needs --job and --tip-radius-mm, and goes without logs and --pairs"
-        )
-    if arguments.figure or arguments.friction_n or arguments.kind == "quartic":
-        raise UsageError(
-            "--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic"
-        )
+    if arguments.motions is not None:
+        if None in needed or arguments.logs or arguments.pairs:
+            yield "--motions needs --job and --tip-radius-mm, and goes without logs and --pairs"
+        if arguments.figure or arguments.friction_n or arguments.kind == "quartic":
+            yield "--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic"
+        return
+    if needed != (None, None):
+        yield "--job and --tip-radius-mm go with --motions"
+    if bool(arguments.logs) == bool(arguments.pairs):
+        yield "state push logs, or tables of directions with --pairs"
+    if arguments.pairs and arguments.friction_n is not None:
+        yield "--friction-n goes with logs: --pairs takes no magnitudes"
+
+
+def _from_motions(arguments: argparse.Namespace) -> None:
     path, radius_mm = arguments.motions, arguments.tip_radius_mm
     job = job_file.load(arguments.job, tips.ANY_OPENING)
     shell.check_one_part(job.hypothesis, str(arguments.job), "an identification")

@@ -54,9 +54,8 @@ def parser() -> Parser:
 def _init(arguments: argparse.Namespace) -> None:
     output = usable(arguments.output, arguments.outline)
     if output.exists() and not arguments.force:
-        raise UsageError(
-            f"{output} is there already; name another file, or overwrite it with --force"
-        )
+        remedy = "name another file, or overwrite it with --force"
+        raise UsageError(f"{output} is there already; {remedy}")
     asking = sys.stdin.isatty() and not arguments.json
     faces = _faces(arguments) if arguments.faces else []
     if faces:  # one set of answers for all faces
@@ -144,9 +143,8 @@ def _show(imported: Imported) -> None:
     order = imported.symmetry
     turn = f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
     message = turn if order > 1 else "none"
-    print(
-        f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {message}"
-    )
+    extent = f"{len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm"
+    print(f"outline: {extent}; symmetry: {message}")
     print(f"smallest rectangle about it: {smallest_rectangle(imported.outline_mm).text()}")
     for note in imported.notes:
         say(f"note: {note}")
@@ -156,9 +154,8 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
     needed = ("radius", "gripper", "fingers")
     missing = [f"--{name}" for name in needed if getattr(arguments, name) is None]
     if missing and not asking:
-        raise UsageError(
-            f"{', '.join(missing)} must be stated where there is no terminal to ask at"
-        )
+        flags = ", ".join(missing)
+        raise UsageError(f"{flags} must be stated where there is no terminal to ask at")
     name = arguments.name
     if name is None:
         stem = arguments.outline.stem
@@ -186,7 +183,7 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
             lambda text: number(text) if text else None,
         )
     answers = Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance, thickness)
-    return answers._replace(tips_mm=arguments.height)
+    return answers._replace(tips_mm=arguments.height_mm)
 
 
 def _choice(question: str, choices: Collection[str]) -> str:
@@ -210,9 +207,8 @@ def _ask(question: str, parse: Callable[[str], T]) -> T:
         try:
             return parse(input(question).strip())
         except EOFError:
-            raise UsageError(
-                "the input ended before all was answered; state the rest as flags"
-            ) from None
+            problem = "the input ended before all was answered; state the rest as flags"
+            raise UsageError(problem) from None
         except (ValueError, argparse.ArgumentTypeError) as error:
             print(f"  {error}")
 

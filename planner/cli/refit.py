@@ -129,9 +129,8 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
             problem = "holds runs of another table, too; refit one table at a time"
             raise InputError(problem, where=str(path))
     if arguments.audit and len(arguments.audit) != len(runs):
-        raise UsageError(
-            f"{len(arguments.audit)} --audit for {len(runs)} --journal; name one for each"
-        )
+        counts = f"{len(arguments.audit)} --audit for {len(runs)} --journal"
+        raise UsageError(f"{counts}; name one for each")
     for path, run in zip(arguments.audit, runs, strict=False):
         _measured(path, [part for part in run.parts if part.outcome != "cut short"])
     return loaded, [part for run in runs for part in run.parts]

@@ -43,6 +43,12 @@ def parser(name: str, description: str, *examples: str) -> Parser:
     return result
 
 
+def refuse(problems: Iterator[str]) -> None:
+    """Raises a `UsageError` for the first problem of a command line, if there is any."""
+    for problem in problems:
+        raise UsageError(problem)
+
+
 def check_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
     """Checks the path that an option names.
 
@@ -76,21 +82,15 @@ def add_drawing(group: argparse._ArgumentGroup) -> None:
     text = "number of the contour, if there are several"
     add("--contour", type=command.positive_int, metavar="N", help=text)
     text = "greatest distance of the polygon from a curve (default: %(default)s)"
-    add("--tolerance", type=command.number, default=TOLERANCE_MM, metavar="MM", help=text)
+    number: dict[str, Any] = {"type": command.number, "metavar": "MM"}
+    add("--tolerance", dest="tolerance_mm", default=TOLERANCE_MM, help=text, **number)
     text = "height at which the finger tips meet an STL solid (default: half-way up, at most 8)"
-    add("--height", type=command.number, metavar="MM", help=text)
+    add("--height", dest="height_mm", help=text, **number)
 
 
 def drawing_of(arguments: argparse.Namespace) -> Options:
     """The values of the options of `add_drawing`."""
-    return Options(
-        arguments.units,
-        arguments.contour,
-        arguments.tolerance,
-        arguments.height,
-        arguments.layer,
-        arguments.scale,
-    )
+    return Options(**{name: getattr(arguments, name) for name in Options._fields})
 
 
 def add_table(parser: argparse.ArgumentParser) -> None:

@@ -75,10 +75,8 @@ def _noise_lines(gains: Sequence[Gain]) -> list[str]:
         measured = ", ".join(f"{gain.source} {gain.gain:+.2%}" for gain in single)
         lines.append(f"no source of noise alone limits this plan: {measured}")
     missing = 1.0 - gains[-1].success_rate
-    return [
-        *lines,
-        f"{missing:.2%} would not be located without any noise either: extend the action set",
-    ]
+    rest = f"{missing:.2%} would not be located without any noise either"
+    return [*lines, f"{rest}: extend the action set"]
 
 
 class Advice(NamedTuple):
@@ -129,9 +127,8 @@ class Advice(NamedTuple):
                 "add angles or centres" + ("" if self.proposing else ", or plan with proposals")
             )
         if self.at_depth_limit > 0.0:
-            lines.append(
-                f"{self.at_depth_limit:.2%} end unresolved at max_depth of [search]: raise it"
-            )
+            deep = f"{self.at_depth_limit:.2%} end unresolved at max_depth of [search]"
+            lines.append(f"{deep}: raise it")
         return lines + _noise_lines(self.gains)
 
 

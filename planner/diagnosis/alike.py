@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of
 from planner.errors import NoPlanError
@@ -103,7 +102,5 @@ def _share(turn: float, halfwidth: float) -> float:
     if halfwidth >= math.pi:
         return 1.0
     angles = np.linspace(-halfwidth, halfwidth, ANGLES)
-    turned: list[Array] = [
-        np.abs(np.angle(np.exp(1j * (angles + sign * turn)))) for sign in (-1.0, 1.0)
-    ]
-    return float(np.mean((turned[0] <= halfwidth) | (turned[1] <= halfwidth)))
+    turned = np.abs(np.angle(np.exp(1j * (angles + np.array([[-turn], [turn]])))))
+    return float((turned <= halfwidth).any(axis=0).mean())

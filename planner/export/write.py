@@ -137,13 +137,11 @@ def write(file: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[
     try:
         empty = not any(path.iterdir())
     except OSError as error:
-        raise OutputError(
-            f"{path} cannot be looked into: {error.strerror}; name another folder"
-        ) from error
+        problem = f"cannot be looked into: {error.strerror}; name another folder"
+        raise OutputError(f"{path} {problem}") from error
     if not empty:
-        raise OutputError(
-            f"{path} holds files already, which stay; name another folder, new or empty"
-        )
+        problem = "holds files already, which stay; name another folder, new or empty"
+        raise OutputError(f"{path} {problem}")
     written: list[Path] = []
     try:
         for name, text in texts.items():

@@ -71,17 +71,18 @@ def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
     """Divides torques by rho, multiplies angles by rho, and scales the twists to length 1."""
     F = pairs.wrenches / [1.0, 1.0, rho_mm]
     V = pairs.twists * [1.0, 1.0, rho_mm]
-    unit = V / np.linalg.norm(V, axis=1, keepdims=True)
-    return Normalised(F, unit, pairs.weights / pairs.weights.mean())
+    return Normalised(F, _unit(V), pairs.weights / pairs.weights.mean())
 
 
 def directions(pairs: Pairs) -> Directions:
     """Scales the wrenches and twists of pairs to length 1."""
-    F, V = (
-        each / np.linalg.norm(each, axis=1, keepdims=True)
-        for each in (pairs.wrenches, pairs.twists)
+    return Directions(
+        _unit(pairs.wrenches), _unit(pairs.twists), pairs.weights / pairs.weights.mean()
     )
-    return Directions(F, V, pairs.weights / pairs.weights.mean())
+
+
+def _unit(rows: Array) -> Array:
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
 def identify(
@@ -139,9 +140,8 @@ def identify(
         fitted = fit(data, rho_mm, kind, np.random.default_rng(seed), friction_n)
         residual = np.average(angles(predict(fitted.surface, data.F), data.V), weights=data.weights)
         length = np.linalg.norm(predicted[kind], axis=1, keepdims=True)
-        mean = np.divide(
-            predicted[kind], length, out=np.full((count, 3), np.nan), where=length > 0.0
-        )
+        unseen_yet = np.full((count, 3), np.nan)
+        mean = np.divide(predicted[kind], length, out=unseen_yet, where=length > 0.0)
         results.append(Identified(kind, fitted, errors[kind], mean, float(residual)))
     return results
 
@@ -173,14 +173,12 @@ def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: np.random.
     """Fits a surface to wrenches of unknown magnitude: scales them onto it and fits again, several times."""
     A, emphasis = np.eye(3), data.weights
     for _ in range(_SCALING_ROUNDS):
-        scaled = Normalised(
-            data.F / np.sqrt(_ellipsoid_value(A, data.F))[:, None], data.V, data.weights
-        )
+        scaled = Normalised(_onto_ellipsoid(data.F, A), data.V, data.weights)
         A = limit_surface.fit(scaled.F, scaled.V, emphasis)
         emphasis = data.weights * quartic_fit.emphasis(scaled.F @ A, data.V)
     if kind == "ellipsoid":
         return Fit(LimitSurface(A, rho_mm), None, 0.0)
-    scaled = scaled._replace(F=data.F / np.sqrt(_ellipsoid_value(A, data.F))[:, None])
+    scaled = scaled._replace(F=_onto_ellipsoid(data.F, A))
     ridge = choose_ridge(scaled, rho_mm, rng, 0.0)
     surface = _quartic(scaled, rho_mm, ridge)
     for _ in range(_QUARTIC_ROUNDS):
@@ -189,8 +187,8 @@ def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: np.random.
     return Fit(surface, None, ridge)
 
 
-def _ellipsoid_value(A: Array, F: Array) -> Array:
-    return np.asarray(np.einsum("ki,ij,kj->k", F, A, F))
+def _onto_ellipsoid(F: Array, A: Array) -> Array:
+    return np.asarray(F / np.sqrt(np.einsum("ki,ij,kj->k", F, A, F))[:, None])
 
 
 def friction(data: Normalised) -> float:

@@ -52,9 +52,8 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
     """
     boundary, far = _boundary(other), np.hypot(*other.T)
     x, y = outline[np.argmax(np.hypot(*outline.T))]
-    turns = [
-        math.atan2(v[1], v[0]) - math.atan2(y, x) for v in other[far >= far.max() - tolerance_mm]
-    ]
+    farthest = other[far >= far.max() - tolerance_mm]
+    turns = [math.atan2(v[1], v[0]) - math.atan2(y, x) for v in farthest]
     return any(_is_on(boundary, outline, turn, tolerance_mm) for turn in turns)
 
 

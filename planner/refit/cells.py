@@ -62,14 +62,12 @@ class Space(NamedTuple):
         if doubt.least_dof and doubt.least_dof != job.pressure.wishart_dof:
             low, high = sorted((doubt.least_dof, job.pressure.wishart_dof))
             results.append(Quantity("least_dof", float(np.log(low)), float(np.log(high))))
-        least = max(
-            min(LEAST_FRICTION, friction.finger_part_min), SLIPPERY * friction.finger_part_min
-        )
+        lowest = friction.finger_part_min
+        least = max(min(LEAST_FRICTION, lowest), SLIPPERY * lowest)
         most = min(ROUGH * friction.finger_part_max, MOST_FRICTION)
         results += [Quantity(key, least, most) for key in ("finger_part_min", "finger_part_max")]
-        return cls(
-            tuple(quantity for quantity in results if quantity.high > quantity.low), surfaces
-        )
+        wide = [quantity for quantity in results if quantity.high > quantity.low]
+        return cls(tuple(wide), surfaces)
 
     @property
     def bounds(self) -> Array:
@@ -149,9 +147,8 @@ class Cells:
     def run(self, point: Array, parts: int, seed: int) -> Evaluation:
         """Runs parts through the table in the cell at a point (d + 1,)."""
         values = self.values_at(point)
-        simulator = replace(
-            self.simulator, friction=(values["finger_part_min"], values["finger_part_max"])
-        )
+        friction = values["finger_part_min"], values["finger_part_max"]
+        simulator = replace(self.simulator, friction=friction)
         world = ContactWorld.of_simulator(simulator, [seed])
         rng = np.random.default_rng([seed, 0x524546])
         off = Off(all_alike=self._traits(values, int(point[-1])))
@@ -159,10 +156,7 @@ class Cells:
 
     def values_at(self, point: Array) -> dict[str, Any]:
         """The quantities at a point, by key."""
-        return {
-            quantity.key: value
-            for quantity, value in zip(self.space.quantities, point, strict=False)
-        }
+        return {quantity.key: point[k] for k, quantity in enumerate(self.space.quantities)}
 
     def surface_entries(self) -> Array:
         """The nominal limit surfaces (surfaces, k), one a row: the entries of their matrices."""

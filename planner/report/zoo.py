@@ -53,12 +53,8 @@ def judge(item: Item) -> Figures:
         UnreachableError: the only error that is not reported in the figures.
     """
     started = time.thread_time(), time.perf_counter()
-    figures: Figures = {
-        "name": item.name,
-        "outline_mm": item.outline_mm,
-        "budget_s": item.budget_s,
-        "cut": False,
-    }
+    stated = item._asdict().items()
+    figures: Figures = {key: value for key, value in stated if key != "base"} | {"cut": False}
     try:
         figures |= _judged(item)
     except UnreachableError:

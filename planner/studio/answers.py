@@ -97,10 +97,9 @@ class Answers:
         data, suffix = self.folder.read(name, MOST_FILE_BYTES), Path(name).suffix
         if suffix in TEXT[1]:
             return Answer(data, TEXT[0])
-        shown = suffix in (".html", ".svg")
-        return Answer(
-            data, KINDS[suffix] if shown else "application/octet-stream", name="" if shown else name
-        )
+        if suffix in (".html", ".svg"):
+            return Answer(data, KINDS[suffix])
+        return Answer(data, "application/octet-stream", name=name)
 
     def film(self, query: dict[str, str]) -> Answer:
         """The squeezes of a simulated part; `query` names the plan and the number of the part."""
