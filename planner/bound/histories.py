@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array, IntArray
 from planner.belief.metric import Metric
@@ -19,7 +20,7 @@ from planner.work.progress import Report, silent
 READINGS = 1 << 22
 """More than there are readings; a reading is twice the encoder's, plus 1 if the object flag is set."""
 
-Squeeze: TypeAlias = Callable[[Belief, Array, np.random.Generator], tuple[Array, IntArray]]
+Squeeze: TypeAlias = Callable[[Belief, Array, Generator], tuple[Array, IntArray]]
 """Squeezes n parts once: a belief, placements (n, 3) of the hand and a random generator give
 poses (n, 3) in the world [mm, mm, rad] and readings (n,), 0 to `READINGS` - 1."""
 
@@ -78,7 +79,7 @@ class Histories:
         metric: Metric,
         placements: Placements,
         depths: Depths,
-        rng: np.random.Generator,
+        rng: Generator,
         workers: int | None = 1,
         report: Report = silent,
     ) -> None:

@@ -166,10 +166,8 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
     radius = arguments.radius
     if radius is None:
         proposed = proposed_radius_mm(imported, gripper)
-        radius = _ask(
-            f"its centre lies in a disc of radius [{proposed:g} mm]: ",
-            lambda text: number(text) if text else proposed,
-        )
+        question = f"its centre lies in a disc of radius [{proposed:g} mm]: "
+        radius = _ask(question, lambda text: number(text) if text else proposed)
     if radius > room and arguments.turn is None:
         clear = f"clear the part at any angle only within {room:.1f} mm of the hand"
         if room <= 0.0:
@@ -178,10 +176,8 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
         print(f"{NAME}: warning: open fingers {clear}; {remedy}", file=sys.stderr)
     thickness = imported.height_mm if arguments.thickness is None else arguments.thickness
     if thickness is None and asking:
-        thickness = _ask(
-            "its thickness, table to top [mm; empty: not known]: ",
-            lambda text: number(text) if text else None,
-        )
+        question = "its thickness, table to top [mm; empty: not known]: "
+        thickness = _ask(question, lambda text: number(text) if text else None)
     answers = Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance, thickness)
     return answers._replace(tips_mm=arguments.height_mm)
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numpy.random import Generator
 
 from planner import columns
 from planner.arrays import Array
@@ -115,12 +116,7 @@ def exact(job: Job) -> Job:
 
 
 def drawn(
-    simulator: Simulator,
-    job: Job,
-    paths: Paths,
-    radius_mm: float,
-    draws: Draws,
-    rng: np.random.Generator,
+    simulator: Simulator, job: Job, paths: Paths, radius_mm: float, draws: Draws, rng: Generator
 ) -> Drawn:
     """Simulates each push many times; returns the quantiles `SHARES` of its displacements."""
     n, given_up = len(paths.angles), 0
@@ -137,9 +133,7 @@ def drawn(
     return Drawn(bounds.reshape(n, 6), given_up)
 
 
-def draw(
-    simulator: Simulator, job: Job, paths: Paths, radius_mm: float, rng: np.random.Generator
-) -> Pushed:
+def draw(simulator: Simulator, job: Job, paths: Paths, radius_mm: float, rng: Generator) -> Pushed:
     """Simulates each of n pushes once, with friction and latent parameters drawn from the job."""
     n = len(paths.angles)
     return simulator.push(paths, simulator.sample(n, rng, pushed_of(job, n, rng)), radius_mm)

@@ -62,17 +62,15 @@ def parser() -> Parser:
 def _refit(arguments: argparse.Namespace) -> None:
     usable(arguments.output, *job_file.files(arguments.job), *arguments.journal, *arguments.audit)
     if arguments.output.exists() and names_table(arguments.output.read_bytes()):
-        raise UsageError(
-            f"{arguments.output} is a table, which a cell may run; a refit writes a job: name JOB2.toml"
-        )
+        problem = f"{arguments.output} is a table, which a cell may run"
+        raise UsageError(f"{problem}; a refit writes a job: name JOB2.toml")
     text, job = documents.read(arguments.job), job_file.load(arguments.job)
     shell.check_one_part(job.hypothesis, str(arguments.job), "a refit")
     loaded, parts = _parts(arguments, job)
     seen = seen_of_parts(parts, loaded.table)
     if seen.parts < LEAST_PARTS:
-        raise UsageError(
-            f"the journals hold {seen.parts} squeezed parts, too few to learn from; run {LEAST_PARTS} or more"
-        )
+        problem = f"the journals hold {seen.parts} squeezed parts, too few to learn from"
+        raise UsageError(f"{problem}; run {LEAST_PARTS} or more")
     cells = Cells.of(job, loaded.table)
     with (
         scheduler_of(arguments.scheduler, arguments.workers) as scheduler,

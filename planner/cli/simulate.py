@@ -30,12 +30,7 @@ IN_DEGREES = ("x_mm", "y_mm", DEGREES)  # columns of poses with angles in degree
 # Final pose and width, then the angles again, in degrees.
 RESULTS = (*(f"final_{name}" for name in INPUTS), "width_mm", "theta_deg", "final_theta_deg")
 MOST_RADIUS_MM, MOST_DRAWS = 1000.0, 100_000
-RANGES = {
-    "mu": (0.0, 2.0),
-    "step_mm": (1e-4, 2.0),
-    "fingers_mm": (0.0, 1000.0),
-    "start_mm": (0.0, 10.0),
-}
+RANGES = {"mu": (0, 2), "step_mm": (1e-4, 2), "fingers_mm": (0, 1000), "start_mm": (0, 10)}
 SAME_DEG = 1e-5  # rounding error between an angle in degrees and the same in radians
 
 
@@ -165,9 +160,8 @@ def parser() -> Parser:
         f"too, {','.join(pushes.SHIFTS)}"
     )
     listed.add_argument("--push", type=Path, metavar="IN.csv", help=text)
-    text = (
-        f"distance of the two fingers, for pushes without a column {pushes.FINGERS}; 0: one finger"
-    )
+    without = f"for pushes without a column {pushes.FINGERS}"
+    text = f"distance of the two fingers, {without}; 0: one finger"
     add("--fingers-mm", type=float, metavar="MM", help=text)
     shell.add_output(built, "OUT.csv", "the results; - for standard output")
     text = (

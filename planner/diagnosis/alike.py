@@ -42,16 +42,13 @@ class Alike(NamedTuple):
         turn = f"{self.degrees:.4g} degrees"
         message = f"{self.name}: no squeeze distinguishes a pose from the same turned by {turn}"
         half, modes = 0.5 * self.degrees, round(360.0 / self.degrees)
-        ways = [
-            f'[goal] kind = "modes" with modes = {modes}',
-            f"orientation_halfwidth_deg below {half:.4g}",
-        ]
+        ways = f'[goal] kind = "modes" with modes = {modes}'
+        ways += f", or orientation_halfwidth_deg below {half:.4g}"
         if self.order > self.stated:
-            ways.insert(
-                0, f'[part] symmetry = "auto", which is {self.order} and counts them as one'
-            )
+            auto = f'[part] symmetry = "auto", which is {self.order} and counts them as one'
+            ways = f"{auto}, or {ways}"
         some = "" if self.share >= ALL else f" ({self.share:.0%} of the parts may lie either way)"
-        return f"{message}: {differs}{some}; state {', or '.join(ways)}"
+        return f"{message}: {differs}{some}; state {ways}"
 
 
 def alike(job: Job) -> list[Alike]:

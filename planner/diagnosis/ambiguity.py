@@ -81,9 +81,8 @@ class Ambiguity(NamedTuple):
         if len(self.where.poses) == 1 and scatter < 1.0:
             why = "the plan was less sure of it than its trials: more particles of [search] may be"
         elif len(self.where.poses) == 1:
-            why = (
-                f"nearly all others lie about it, within {scatter:.1f} times the goal: ask for less"
-            )
+            far = f"{scatter:.1f} times the goal"
+            why = f"nearly all others lie about it, within {far}: ask for less"
         elif self.separator is None:
             why = "no squeeze that was tried gives the first two different widths"
         else:

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array, take
 from planner.identification.pushes import Pairs
@@ -76,9 +77,8 @@ def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
 
 def directions(pairs: Pairs) -> Directions:
     """Scales the wrenches and twists of pairs to length 1."""
-    return Directions(
-        _unit(pairs.wrenches), _unit(pairs.twists), pairs.weights / pairs.weights.mean()
-    )
+    weights = pairs.weights / pairs.weights.mean()
+    return Directions(_unit(pairs.wrenches), _unit(pairs.twists), weights)
 
 
 def _unit(rows: Array) -> Array:
@@ -147,11 +147,7 @@ def identify(
 
 
 def fit(
-    data: Normalised,
-    rho_mm: float,
-    kind: Kind,
-    rng: np.random.Generator,
-    friction_n: float | None = None,
+    data: Normalised, rho_mm: float, kind: Kind, rng: Generator, friction_n: float | None = None
 ) -> Fit:
     """Fits one surface to pairs; cross-validation on these pairs chooses the ridge of a quartic.
 
@@ -169,7 +165,7 @@ def fit(
     return Fit(_quartic(scaled, rho_mm, ridge), scale, ridge)
 
 
-def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: np.random.Generator) -> Fit:
+def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: Generator) -> Fit:
     """Fits a surface to wrenches of unknown magnitude: scales them onto it and fits again, several times."""
     A, emphasis = np.eye(3), data.weights
     for _ in range(_SCALING_ROUNDS):
@@ -204,9 +200,7 @@ def friction(data: Normalised) -> float:
     return scale
 
 
-def choose_ridge(
-    data: Normalised, rho_mm: float, rng: np.random.Generator, tolerance: float = 1.0
-) -> float:
+def choose_ridge(data: Normalised, rho_mm: float, rng: Generator, tolerance: float = 1.0) -> float:
     """Chooses the strongest of `RIDGES` whose cross-validated error is nearly the least.
 
     It may exceed the least error by `tolerance` standard errors of that error.

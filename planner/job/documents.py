@@ -145,9 +145,8 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
             ]
         table = result.get(name, {})
         if is_section and not isinstance(table, dict):
-            raise UsageError(
-                f"{name} is no section of {where}, but one value; write it as {name}=value"
-            )
+            problem = f"{name} is no section of {where}, but one value"
+            raise UsageError(f"{problem}; write it as {name}=value")
         result[name] = _with_values(table, name, values) if is_section else values
     return result
 

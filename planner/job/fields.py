@@ -150,9 +150,8 @@ class Poses:
     def read(self, value: Any) -> dict[str, list[float]]:
         """Returns valid poses, sorted by name."""
         if not isinstance(value, dict) or not 1 <= len(value) <= MOST_POSES:
-            raise InputError(
-                f"must be 1 to {MOST_POSES} lines name = [x, y, angle], not {shown(value)}"
-            )
+            wanted = f"1 to {MOST_POSES} lines name = [x, y, angle]"
+            raise InputError(f"must be {wanted}, not {shown(value)}")
         row = Numbers(self.item, least=3, most=3, plain=True)
         result = {}
         for name in sorted(value):

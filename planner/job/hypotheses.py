@@ -48,17 +48,15 @@ def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
     if KEY not in document:
         return [(1.0, common)]
     if "part" in document:
-        raise KeyNameError(
-            "stands beside [[hypothesis]]; each of these has its own", section="part"
-        )
+        problem = "stands beside [[hypothesis]]; each of these has its own"
+        raise KeyNameError(problem, section="part")
     result = _entries(KEY, 2, document[KEY], common)
     shares = [share for share, _ in result if share is not None]
     if not shares:
         return [(1.0 / len(result), alone) for _, alone in result]
     if len(shares) < len(result) or abs(math.fsum(shares) - 1.0) > 1e-6:
-        raise InputError(
-            "must be stated for all or none, and add up to 1", section=KEY, key="share"
-        )
+        problem = "must be stated for all or none, and add up to 1"
+        raise InputError(problem, section=KEY, key="share")
     return [(share, alone) for share, (_, alone) in zip(shares, result, strict=True)]
 
 
@@ -92,9 +90,8 @@ def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
     if symmetry.congruent(outline, mirrored):
         return None
     if pressure.get("quartic") is not None:
-        raise InputError(
-            'of a quartic goes with one face; drop faces = "either"', section="pressure"
-        )
+        problem = 'of a quartic goes with one face; drop faces = "either"'
+        raise InputError(problem, section="pressure")
     if pressure.get("points_mm") is not None:
         points = np.array(pressure["points_mm"]) * np.array([1.0, -1.0]) + 0.0
         pressure["points_mm"] = points.tolist()
@@ -142,14 +139,12 @@ def _entry(
         raise KeyNameError(f"missing section part; add [{key}.part]", section=where)
     if values["name"] is not None:
         if part.get("name", values["name"]) != values["name"]:
-            raise InputError(
-                "differs from the name of its part; keep one", section=where, key="name"
-            )
+            problem = "differs from the name of its part; keep one"
+            raise InputError(problem, section=where, key="name")
         sections["part"] = {**part, "name": values["name"]}
     if "friction" not in {**common, **sections}:
-        raise KeyNameError(
-            f"missing section friction; add [{key}.friction], or [friction] for all", section=where
-        )
+        problem = f"missing section friction; add [{key}.friction], or [friction] for all"
+        raise KeyNameError(problem, section=where)
     return values["share"], {**common, **sections}
 
 

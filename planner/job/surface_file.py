@@ -97,11 +97,9 @@ def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
     if name is None:
         check(pressure, "pressure")
     elif inline or not drawn:
-        problem = (
-            f"and {inline[0]} are both stated; keep one"
-            if inline
-            else "must be resolved; compile again"
-        )
+        problem = "must be resolved; compile again"
+        if inline:
+            problem = f"and {inline[0]} are both stated; keep one"
         raise InputError(problem, section="pressure", key="surface_file")
     else:
         pressure.update(load(Path(where).parent / name))

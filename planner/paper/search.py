@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array, IntArray, take
 from planner.belief.metric import Mode
@@ -123,7 +124,7 @@ class PaperPlanner:
                 progress(done, len(waiting))
         return root
 
-    def _expanded(self, node: Node, rng: np.random.Generator) -> list[Node]:
+    def _expanded(self, node: Node, rng: Generator) -> list[Node]:
         """Gives a node an action, or a chain of actions if sensorless; returns the nodes to expand next."""
         actions = self._search(self.max_depth - node.depth).search(node.belief.poses, rng).actions
         if self.method == "sensorless":
@@ -147,7 +148,7 @@ class PaperPlanner:
         )
 
     def _squeezed(
-        self, node: Node, placement: Array, rng: np.random.Generator, branching: bool
+        self, node: Node, placement: Array, rng: Generator, branching: bool
     ) -> list[Node]:
         """Gives a node its action, with a child for each observation, or one for all widths."""
         hand = self.models.motion(to_hand(node.belief.poses, placement), rng)

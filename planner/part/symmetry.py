@@ -28,11 +28,8 @@ def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
     At most `MOST_ORDER` and at most the number of vertices are tried.
     """
     boundary = _boundary(outline)
-    return next(
-        n
-        for n in range(min(len(outline), MOST_ORDER), 0, -1)
-        if _maps_onto_itself(boundary, outline, n, tolerance_mm)
-    )
+    orders = range(min(len(outline), MOST_ORDER), 0, -1)
+    return next(n for n in orders if _maps_onto_itself(boundary, outline, n, tolerance_mm))
 
 
 def has_order(outline: Outline, n: int) -> bool:

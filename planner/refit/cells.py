@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array
 from planner.belief.doubts import closing_mm, traits_of
@@ -78,7 +79,7 @@ class Space(NamedTuple):
         """The index of the column that holds the quantity `key` in arrays of points."""
         return [quantity.key for quantity in self.quantities].index(key)
 
-    def draw(self, n: int, rng: np.random.Generator) -> Array:
+    def draw(self, n: int, rng: Generator) -> Array:
         """Draws points (n, d + 1) from the prior; the last column is the number of the limit surface.
 
         The quantities are uniform. Half of the points have surface 0, that of the job.
@@ -114,7 +115,7 @@ class Off(Disturbance):
 
     all_alike: Traits | None = None  # (1,) of all parts; None: as planned
 
-    def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:  # noqa: ARG002
+    def traits(self, job: Job, n: int, rng: Generator, foreign: bool = False) -> Traits:  # noqa: ARG002
         """The latent parameters (n,) of n parts: equal ones, with an outline error drawn for each part."""
         traits = np.repeat(as_planned(1) if self.all_alike is None else self.all_alike, n)
         if job.part.tolerance_mm:

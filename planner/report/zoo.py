@@ -124,7 +124,5 @@ def _thumbnail(outline: list[list[float]]) -> str:
     """The outline as points of an SVG that is 100 wide, y up."""
     shape = np.array(outline)
     scale = 90.0 / float(np.ptp(shape, axis=0).max())
-    return " ".join(
-        f"{50 + scale * x:.1f},{50 - scale * y:.1f}"
-        for x, y in shape - 0.5 * (shape.max(0) + shape.min(0))
-    )
+    middle = 0.5 * (shape.max(0) + shape.min(0))
+    return " ".join(f"{50 + scale * x:.1f},{50 - scale * y:.1f}" for x, y in shape - middle)

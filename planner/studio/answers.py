@@ -83,11 +83,8 @@ class Answers:
     def state(self) -> Answer:
         """The drawings, plans and files of the folder."""
         files = self.folder.files()
-        drawings = [
-            file.name
-            for file in files
-            if file.name.lower().endswith(SUFFIXES) and not file.name.endswith(PICTURE)
-        ]
+        drawn = [file.name for file in files if file.name.lower().endswith(SUFFIXES)]
+        drawings = [name for name in drawn if not name.endswith(PICTURE)]
         plans = [_shown(plan) for plan in self.plans.all()]
         listed = [file._asdict() for file in files]
         return _object({"drawings": drawings, "plans": plans, "files": listed})

@@ -72,12 +72,11 @@ def view(document: Drawing, scale: float, tolerance_mm: float, only: str | None)
     """
     document.header["$XCLIPFRAME"] = 0  # the frame of a clip is no shape
     _write_out_arrays(document)
-    recorder = Recorder()
-    viewer = _Viewer(document, recorder, scale, tolerance_mm / scale, only)
+    viewer = _Viewer(document, scale, tolerance_mm / scale, only)
     viewer.draw_layout(document.modelspace())
     curves = [
         pieces.Curve(_flattened(record, scale, tolerance_mm), properties.layer)
-        for record, properties in recorder.player().recordings()
+        for record, properties in viewer.recorder.player().recordings()
         if isinstance(record, PathRecord)
     ]
     return View([curve for curve in curves if len(curve.points)], viewer.lost, viewer.notes())
@@ -104,14 +103,7 @@ def _flattened(record: PathRecord, scale: float, tolerance_mm: float) -> Array:
 class _Viewer(Frontend):
     """Draws the visible shapes by ezdxf, and records the other entities by kind or as lost."""
 
-    def __init__(
-        self,
-        document: Drawing,
-        recorder: Recorder,
-        scale: float,
-        tolerance: float,
-        only: str | None,
-    ) -> None:
+    def __init__(self, document: Drawing, scale: float, tolerance: float, only: str | None) -> None:
         context = RenderContext(document)
         context.set_layer_properties_override(self._show_asked)
         settings = Configuration(
@@ -120,7 +112,8 @@ class _Viewer(Frontend):
             max_flattening_distance=tolerance,
         )
         self._only = only.lower() if only is not None else None
-        super().__init__(context, recorder, settings)
+        self.recorder = Recorder()
+        super().__init__(context, self.recorder, settings)
         layers = {layer.dxf.name.lower(): layer for layer in document.layers}
         layers.pop(self._only, None)
         self._frozen = {name for name, layer in layers.items() if layer.is_frozen()}
@@ -139,9 +132,7 @@ class _Viewer(Frontend):
             ("seen edge-on, left out", self._edge_on, "; draw the outline in x and y"),
             ("not plotted, left out", self._not_plotted, "; --layer reads a layer"),
         )
-        notes = [
-            f"{what}: {pieces.counted(kinds)}{remedy}" for what, kinds, remedy in counts if kinds
-        ]
+        notes = [f"{what}: {pieces.counted(kinds)}{hint}" for what, kinds, hint in counts if kinds]
         if self._widths:
             widest_mm = max(self._widths) * self._scale
             what = f"polylines with a width: {len(self._widths)}, up to {widest_mm:.4g} mm wide"
@@ -238,10 +229,8 @@ def _name(entity: DXFEntity) -> str:
 
 def _width(entity: LWPolyline | Polyline) -> float:
     if isinstance(entity, LWPolyline):
-        widths = [
-            entity.dxf.get("const_width", 0.0),
-            *(max(ends) for ends in entity.get_points("se")),
-        ]
+        tapered = (max(ends) for ends in entity.get_points("se"))
+        widths = [entity.dxf.get("const_width", 0.0), *tapered]
     else:
         ends = ("start_width", "end_width")
         widths = [entity.dxf.get(f"default_{end}", 0.0) for end in ends]

@@ -118,9 +118,8 @@ def _nothing(shapes: list[Expression], left_out: str) -> InputError:
     others = f"it draws on {', '.join(sorted(drawn))}" if drawn else "it draws nothing at all"
     if left_out:
         others = f"what is there is not known: {left_out}"
-    return InputError(
-        f"has no shape on {BODY}, the layer of the body ({others}); draw the body's outline there"
-    )
+    problem = f"has no shape on {BODY}, the layer of the body ({others})"
+    return InputError(f"{problem}; draw the body's outline there")
 
 
 def _is_list(value: object) -> TypeGuard[list[object]]:

@@ -79,20 +79,17 @@ def silhouette(solid: Any, height_mm: float | None) -> Pieces:
     above = _shadow(solid, low + height)
     if above.is_empty:
         raise InputError("has no outline above that height; choose another --height")
-    notes = [
-        f"silhouette of what is above the tips, {height:.4g} of {high - low:.4g} mm above its lowest point"
-    ]
+    tips = f"{height:.4g} of {high - low:.4g} mm above its lowest point"
+    notes = [f"silhouette of what is above the tips, {tips}"]
     if not solid.is_watertight:
-        notes.append(
-            "its surface is not closed; compare the outline with the part, or repair it and export again"
-        )
+        remedy = "compare the outline with the part, or repair it and export again"
+        notes.append(f"its surface is not closed; {remedy}")
     hull = shapely.convex_hull(shapely.multipoints(solid.vertices[:, :2]))
     corners = shapely.points(shapely.get_coordinates(hull))
     beyond_mm = float(shapely.distance(corners, shapely.convex_hull(above)).max())
     if beyond_mm > WIDER_MM:
-        notes.append(
-            f"below the tips it is up to {beyond_mm:.3g} mm wider, where no finger meets it"
-        )
+        wider = f"below the tips it is up to {beyond_mm:.3g} mm wider"
+        notes.append(f"{wider}, where no finger meets it")
     polygons = shapely.get_parts(above)
     rings = [ring for polygon in polygons for ring in (polygon.exterior, *polygon.interiors)]
     pieces = sorted_out((shapely.get_coordinates(ring) for ring in rings), 0.0, notes)
@@ -176,9 +173,8 @@ def _solid(data: bytes, options: Options) -> Any:
     if len(faces) == 0 or not np.isfinite(vertices).all():
         raise InputError("holds no triangles; export it again")
     if np.abs(vertices).max() > FARTHEST_MM:
-        raise InputError(
-            f"has a corner beyond {FARTHEST_MM:g} mm, where STL files round it; export it near its origin"
-        )
+        problem = f"has a corner beyond {FARTHEST_MM:g} mm, where STL files round it"
+        raise InputError(f"{problem}; export it near its origin")
     whole = trimesh.Trimesh(vertices, faces, process=False)
     whole.merge_vertices()
     return whole
@@ -188,7 +184,6 @@ def _trimesh() -> ModuleType:
     try:
         import trimesh
     except ModuleNotFoundError as error:
-        raise UsageError(
-            "STL files need trimesh; install squeezetree[mesh]; in a clone: pip install '.[mesh]'"
-        ) from error
+        remedy = "install squeezetree[mesh]; in a clone: pip install '.[mesh]'"
+        raise UsageError(f"STL files need trimesh; {remedy}") from error
     return trimesh

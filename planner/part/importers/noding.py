@@ -174,9 +174,8 @@ def _shared_edges(polygons: Array) -> tuple[Array, IntArray]:
     points, owner = shapely.get_coordinates(shapely.get_exterior_ring(polygons), return_index=True)
     same = owner[1:] == owner[:-1]
     first, second, owner = points[:-1][same], points[1:][same], owner[:-1][same]
-    back = (first[:, 0] > second[:, 0]) | (
-        (first[:, 0] == second[:, 0]) & (first[:, 1] > second[:, 1])
-    )
+    dx, dy = (first - second).T
+    back = (dx > 0.0) | ((dx == 0.0) & (dy > 0.0))
     segments = np.where(back[:, None], np.hstack([second, first]), np.hstack([first, second]))
     order = np.lexsort(segments.T)
     twice = np.flatnonzero((segments[order[1:]] == segments[order[:-1]]).all(axis=1))

@@ -43,9 +43,8 @@ def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: fl
     remedy = "leave out of the drawing what is no outline"
     if any(drawn.layers):
         remedy = "choose the outline's layer with --layer, or leave out what is no outline"
-    note = (
-        f"faces that share the {what} {lines} are one contour; if they are not one part, {remedy}"
-    )
+    joined = f"faces that share the {what} {lines} are one contour"
+    note = f"{joined}; if they are not one part, {remedy}"
     loops = [seam for seam in region.seams if np.array_equal(seam[0], seam[-1])]
     ambiguity = ""
     if loops:

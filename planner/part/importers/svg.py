@@ -35,27 +35,24 @@ def read(data: bytes, options: pieces.Options) -> pieces.Pieces:
     stated = _stated_scale(page, box)
     scale = unit_mm if unit_mm is not None else stated
     if scale is None:
-        raise pieces.need_units(
-            "does not say its size in mm, cm, in or pt (width, height and viewBox)"
-        )
+        size = "its size in mm, cm, in or pt (width, height and viewBox)"
+        raise pieces.need_units(f"does not say {size}")
     notes = []
     if unit_mm is None:
         notes.append(f"scale: {scale:.6g} mm a unit, as the file's width and viewBox say")
     elif stated is not None and abs(stated / unit_mm - 1.0) > ASPECT:
         notes.append(f"the file says {stated:.6g} mm a unit, overruled by --units")
     if stated is not None and abs(stated / PIXEL_MM - 1.0) > ASPECT and _states_lengths(root):
-        notes.append(
-            f"lengths with a unit taken as they are; viewers draw them {stated / PIXEL_MM:.4g} times so long"
-        )
+        drawn = f"viewers draw them {stated / PIXEL_MM:.4g} times so long"
+        notes.append(f"lengths with a unit taken as they are; {drawn}")
     scene = Scene(root, sheets, _viewport(page._replace(unit_mm=scale), box), scale)
     curves = _curves(scene, scale, tolerance_mm)
     unread = ["xml-stylesheet"] * (b"<?xml-stylesheet" in data) + list(dict.fromkeys(sheets.unread))
     if unread:
         notes.append(f"style rules not read, compare what is seen: {', '.join(unread)}")
     if scene.unseen and not curves:
-        raise InputError(
-            f"shows no line: {'; '.join([*notes, *scene.notes()])}; make the part's outline visible"
-        )
+        why = "; ".join([*notes, *scene.notes()])
+        raise InputError(f"shows no line: {why}; make the part's outline visible")
     return pieces.sorted_out(curves, tolerance_mm, [*notes, *scene.notes()])
 
 
@@ -102,9 +99,8 @@ def _viewport(page: Values, box: list[float] | None) -> Viewport:
     """The size of the drawing in user units."""
     if box:
         return Viewport(*box[2:])
-    return Viewport(
-        *(None if "%" in page.style.get(name, "") else page.length(name) for name in SIZES)
-    )
+    shares = {name for name in SIZES if "%" in page.style.get(name, "")}
+    return Viewport(*(None if name in shares else page.length(name) for name in SIZES))
 
 
 def _states_lengths(root: Tree.Element) -> bool:
