@@ -210,11 +210,9 @@ def certify(
     for left in range(ROUNDS, -1, -1):
         leaves = leaves_term(result.levels, confidence, success, CERTAINTY)
         overall = overall_term(result.levels, success, CERTAINTY)
-        asked = [
-            worth_trying(result.levels, TRIED, term.price, share)
-            for term, share in ((leaves, confidence), (overall, 1.0))
-        ]
-        chosen = np.unique(np.concatenate(asked))
+        of_leaves = worth_trying(result.levels, TRIED, leaves.price, confidence)
+        of_all = worth_trying(result.levels, TRIED, overall.price, 1.0)
+        chosen = np.union1d(of_leaves, of_all)
         chosen = chosen[result.levels[TRIED].size[chosen] >= LEAST_PARTS]
         if not (left and len(chosen)):
             break

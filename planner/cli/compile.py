@@ -20,7 +20,6 @@ from planner.job.model import Job
 from planner.paper import baseline
 from planner.part import tips
 from planner.work.limit import Limit
-from planner.work.scheduler import scheduler_of
 from runtime.shell import files
 from runtime.shell.command import Parser, natural, tell
 from runtime.shell.command import seconds as seconds_text
@@ -100,10 +99,7 @@ def _single(arguments: argparse.Namespace) -> int:
         if not result.hopeless:  # a hopeless one is refused
             tell(NAME, f"warning: {result.line()}")
     limit, notes = Limit(arguments.budget), list[str]()
-    with (
-        scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
-        shell.progress(arguments.json, whole) as report,
-    ):
+    with shell.scheduler(arguments) as scheduler, shell.progress(arguments.json, whole) as report:
         with shell.stopping(limit, NAME):
             plan = compile_job(job, arguments.workers, arguments.trials, report, limit, scheduler)
         dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
@@ -130,7 +126,7 @@ def _single(arguments: argparse.Namespace) -> int:
 
 def _baseline(arguments: argparse.Namespace) -> int:
     job = _job(arguments)
-    with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+    with shell.scheduler(arguments) as scheduler:
         result = baseline.sensorless(job, arguments.trials, scheduler)
     shell.answer(arguments.json, result.figures(), baseline.text(job.name, result))
     return 0
@@ -154,7 +150,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
     settings = Settings(
         arguments.trials, arguments.workers, arguments.strip, arguments.budget, arguments.takt
     )
-    with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+    with shell.scheduler(arguments) as scheduler:
         read = job_file.files(arguments.job)
         return sweep.run(orders, arguments.output, read, settings, scheduler, arguments.json)
 

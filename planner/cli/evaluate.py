@@ -20,7 +20,7 @@ from planner.evaluation.shares import shares_of
 from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
-from planner.work.scheduler import Scheduler, scheduler_of
+from planner.work.scheduler import Scheduler
 from planner.world import World, Worlds, supply
 from runtime.shell.command import Parser, natural, number, positive_int
 from runtime.shell.files import usable
@@ -95,7 +95,7 @@ def _evaluate(arguments: argparse.Namespace) -> None:
         usable(arguments.resume, arguments.tree, arguments.job)
     (table, _, _), job = shell.loaded(arguments)
     study = _rare if arguments.ppm else _sweep if arguments.sweep else _single
-    with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+    with shell.scheduler(arguments) as scheduler:
         study(table, job, scheduler, arguments)
 
 
@@ -186,15 +186,13 @@ def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
-    if not arguments.json:
-        print(SWEEP_HEAD)
-    lines = []
+    say, lines = shell.printer(arguments.json), []
+    say(SWEEP_HEAD)
     trials, worlds = arguments.trials or DEFAULT_TRIALS, _worlds_of(arguments)
     cases = standard_cases(job)
     for case, result in sweep(table, job, cases, trials, arguments.seed, scheduler, worlds=worlds):
         lines.append({"world": case.name, "set": case.stated(), **result.summary(arguments.takt)})
-        if not arguments.json:
-            print(sweep_row(case.name, result, arguments.takt), flush=True)
+        say(sweep_row(case.name, result, arguments.takt), flush=True)
     if arguments.json:
         shell.answer(True, {"worlds": lines})
 

@@ -59,13 +59,11 @@ def parser() -> Parser:
         f"{first_plan.NAME} part.svg --units mm --gripper hand-e --radius 5 -o first/part.toml",
     )
     built.add_argument("drawing", type=Path, help=f"of the part: {', '.join(SUFFIXES)}")
-    shell.add_output(
-        built,
-        "JOB.toml",
+    text = (
         "the job file; table and picture go beside it (default: named after the drawing, and "
-        "numbered where another job has the name, in this folder)",
-        required=False,
+        "numbered where another job has the name, in this folder)"
     )
+    shell.add_output(built, "JOB.toml", text, required=False)
     shell.add_drawing(built.add_argument_group("the drawing"))
     stated = built.add_argument_group("in place of defaults")
     add = stated.add_argument

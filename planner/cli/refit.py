@@ -22,7 +22,7 @@ from planner.refit.outcomes import Seen
 from planner.refit.posterior import Effort, Posterior, posterior
 from planner.report import run_log
 from planner.report.run_log import PartLog
-from planner.work.scheduler import Scheduler, scheduler_of
+from planner.work.scheduler import Scheduler
 from runtime.shell.command import Parser, positive_int
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import quoted, usable, write
@@ -73,7 +73,7 @@ def _refit(arguments: argparse.Namespace) -> None:
         raise UsageError(f"{problem}; run {LEAST_PARTS} or more")
     cells = Cells.of(job, loaded.table)
     with (
-        scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
+        shell.scheduler(arguments) as scheduler,
         shell.progress(arguments.json, course.counted) as report,
     ):
         effort = Effort(cells=arguments.cells)

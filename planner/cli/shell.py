@@ -9,7 +9,7 @@ import signal
 import textwrap
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -19,6 +19,7 @@ from planner.job import model as job_file
 from planner.job.model import Job
 from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM, Options
 from planner.work.limit import Limit
+from planner.work.scheduler import Scheduler, scheduler_of
 from runtime.shell import command
 from runtime.shell.command import Parser
 from runtime.shell.errors import ExpectedError, InputError, UsageError
@@ -174,11 +175,16 @@ def add_takt(parser: argparse.ArgumentParser) -> None:
 
 
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
-    """Adds the options for workers; `planner.work.scheduler.scheduler_of` reads them."""
+    """Adds the options for workers; `scheduler` reads them."""
     text = "threads; the result is the same (default: cores)"
     parser.add_argument("--workers", type=command.positive_int, help=text)
     text = "work on the Dask cluster of this scheduler (default: threads of this machine)"
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help=text)
+
+
+def scheduler(arguments: argparse.Namespace) -> AbstractContextManager[Scheduler]:
+    """The workers that the options of `add_scheduler` ask for; see `planner.work.scheduler.scheduler_of`."""
+    return scheduler_of(arguments.scheduler, arguments.workers)
 
 
 Body = Callable[[argparse.Namespace], int | None]
@@ -200,6 +206,11 @@ def run(built: Parser, argv: Sequence[str] | None, body: Body) -> int:
 def answer(as_json: bool, figures: Mapping[str, Any], *lines: str) -> None:
     """Prints the result of a command: its figures as one JSON object on one line, or lines for people."""
     print(json.dumps(figures) if as_json else "\n".join(lines))
+
+
+def printer(as_json: bool) -> Callable[..., None]:
+    """`print` for people; where the answer is JSON, a function that prints nothing."""
+    return (lambda *_lines, **_options: None) if as_json else print
 
 
 @contextmanager

@@ -197,9 +197,8 @@ def _of_heights(height_mm: float | None, cell: Values) -> Conflicts:
         return
     highest_mm = height_mm - tips.MARGIN_MM
     if squeeze_mm > highest_mm:
-        problem = (
-            f"is {squeeze_mm:g}, which closes the tips above or at the rim of a part of height_mm"
-        )
+        place = "above or at the rim of a part of height_mm"
+        problem = f"is {squeeze_mm:g}, which closes the tips {place}"
         remedy = f"lower it to {highest_mm:g} or less, or leave it out"
         yield "cell", "squeeze_height_mm", f"{problem} = {height_mm:g}; {remedy}"
     if retreat_mm <= height_mm:

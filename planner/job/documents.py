@@ -92,9 +92,8 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
     """
     _check_strays(document, (*FIELDS, *TOP_LEVEL), "")
     check_names(document, (*FIELDS, *TOP_LEVEL), "")
-    missing = [
-        name for name in FIELDS if name not in document and name not in schema.OPTIONAL_SECTIONS
-    ]
+    required = [name for name in FIELDS if name not in schema.OPTIONAL_SECTIONS]
+    missing = [name for name in required if name not in document]
     if missing:
         raise missing_names(missing, "")
     top = {key: value for key, value in document.items() if key in TOP_LEVEL}

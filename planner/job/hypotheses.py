@@ -14,7 +14,7 @@ keys, except for the share.
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -29,6 +29,9 @@ MOST = 16
 TURNED_OVER = "turned over"  # suffix of the name of a part that lies on its other face
 # Signs of fx, fy and torque after turning a part over about its x axis.
 TURN = np.array([1.0, -1.0, -1.0])
+
+Entry: TypeAlias = tuple[float | None, dict[str, Any]]
+"""The share of an entry, if it states one, and its document."""
 
 _FIELDS: Mapping[str, Field] = {
     "name": Text(default=None),
@@ -113,9 +116,7 @@ def _mirrored(pose: list[float]) -> list[float]:
     return [x, 0.0 - y, 0.0 - angle]
 
 
-def _entries(
-    key: str, least: int, entries: Any, common: Mapping[str, Any]
-) -> list[tuple[float | None, dict[str, Any]]]:
+def _entries(key: str, least: int, entries: Any, common: Mapping[str, Any]) -> list[Entry]:
     """Checks the list `key`; returns the share and the document of each entry.
 
     The share is None where an entry states none; `common` are the sections that entries share.
@@ -126,9 +127,7 @@ def _entries(
     return [_entry(key, f"{key} {number}", entry, common) for number, entry in numbered]
 
 
-def _entry(
-    key: str, where: str, entry: Any, common: Mapping[str, Any]
-) -> tuple[float | None, dict[str, Any]]:
+def _entry(key: str, where: str, entry: Any, common: Mapping[str, Any]) -> Entry:
     if not isinstance(entry, dict):
         raise InputError("must be a section of keys and values", section=where)
     sections = {section: entry[section] for section in SECTIONS if section in entry}

@@ -94,8 +94,8 @@ class Gripper:
 Interval: TypeAlias = tuple[float, float]
 
 
-def _interval(low: float, high: float) -> Numbers:
-    return Numbers(Number(low, high), least=2, most=2, default=[0.0, 0.0], plain=True)
+def _pair(low: float, high: float, default: float = 0.0) -> Numbers:
+    return Numbers(Number(low, high), least=2, most=2, default=[default] * 2, plain=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,15 +108,15 @@ class Doubt:
 
     chance: Annotated[float, Number(0, 1, default=0.8)]  # that something is off
     # Error of the upper finger's share of the closing, beyond `upper_finger_share`.
-    finger_share: Annotated[Interval, _interval(-1, 1)]
+    finger_share: Annotated[Interval, _pair(-1, 1)]
     # Error of the place where the fingers meet on the part's narrowest side, from the hand's
     # middle.
-    middle_mm: Annotated[Interval, _interval(-20, 20)]
+    middle_mm: Annotated[Interval, _pair(-20, 20)]
     # Constant error of widths; by default three steps of a reading, or three of its standard
     # deviations where those are larger.
-    encoder_mm: Annotated[Interval, _interval(-MOST_OFF_MM, MOST_OFF_MM)]
+    encoder_mm: Annotated[Interval, _pair(-MOST_OFF_MM, MOST_OFF_MM)]
     # Error of widths in proportion to them.
-    encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]
+    encoder_gain: Annotated[Interval, _pair(-0.2, 0.2)]
     # "any": parts may press with their rim, their area, its middle or three feet, whatever [pressure] says.
     pressure: Annotated[str, Text(("stated", "any"), default="stated")]
     # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0:
@@ -179,10 +179,7 @@ class Goal:
     # Least probability of a leaf.
     confidence: Annotated[float, Number(0, 1, above=True, below=True)]
     # Bounds on x and y, for "tolerances".
-    tolerance_mm: Annotated[
-        tuple[float, float],
-        Numbers(Number(LEAST_MM, 100), least=2, most=2, default=[2.5, 2.5], plain=True),
-    ]
+    tolerance_mm: Annotated[tuple[float, float], _pair(LEAST_MM, 100, 2.5)]
     # Bound on theta, for "tolerances" and "orientation".
     tolerance_deg: Annotated[float, Number(LEAST_DEG, 180, default=5.0)]
     modes: Annotated[int, Integer(1, 8, default=1)]  # most poses that a leaf may leave open
@@ -244,20 +241,10 @@ class Delivery:
     area_mm: Annotated[Array | None, Numbers(PLACE, least=4, most=4, default=None)]
 
 
-SECTIONS: Mapping[str, type[Any]] = {
-    "part": Part,
-    "pressure": Pressure,
-    "friction": Friction,
-    "gripper": Gripper,
-    "release": Release,
-    "doubt": Doubt,
-    "uncertainty": Uncertainty,
-    "actions": Actions,
-    "goal": Goal,
-    "search": Search,
-    "cell": Cell,
-    "delivery": Delivery,
-}  # The records of a job, in its order
+_RECORDS: tuple[type[Any], ...] = (Part, Pressure, Friction, Gripper, Release, Doubt, Uncertainty)
+_RECORDS += (Actions, Goal, Search, Cell, Delivery)
+SECTIONS: Mapping[str, type[Any]] = {record.__name__.lower(): record for record in _RECORDS}
+"""The records of a job, in its order, by the names of its sections."""
 
 TOP_LEVEL: Mapping[str, Field] = {"seed": Integer(0, 2**63 - 1, default=0)}
 
@@ -270,16 +257,14 @@ _STATED: Mapping[str, Mapping[str, Field]] = {
     "uncertainty": {"orientation": Text(("unknown",), default=None)},
 }  # Keys of the job file that the records hold in another form, or lack
 
+
+def _fields_of(record: type[Any]) -> dict[str, Field]:
+    hints = get_type_hints(record, include_extras=True).items()
+    return {key: hint.__metadata__[0] for key, hint in hints if hasattr(hint, "__metadata__")}
+
+
 FIELDS: Mapping[str, Mapping[str, Field]] = {
-    name: {
-        **_STATED.get(name, {}),
-        **{
-            key: hint.__metadata__[0]
-            for key, hint in get_type_hints(record, include_extras=True).items()
-            if hasattr(hint, "__metadata__")
-        },
-    }
-    for name, record in SECTIONS.items()
+    name: {**_STATED.get(name, {}), **_fields_of(record)} for name, record in SECTIONS.items()
 }  # The keys of a job file, by section; [pressure] has further ones, by its kind
 
 LIMIT_SURFACE: Mapping[str, Field] = {

@@ -26,7 +26,8 @@ from planner.paper.open_loop import Motion, OpenLoop
 from planner.paper.projection import Projection
 from planner.paper.sensor import Collides, Widths, collision_detector, sensor_model
 from planner.paper.subspaces import Subspaces, subspaces_of
-from planner.search.tree import Action, Node, Progress, Squeeze
+from planner.search.tree import Action, Node, Squeeze
+from planner.work.progress import Report, silent
 
 Path: TypeAlias = tuple[int, ...]  # the branches taken on the way to a node
 METHODS = ("paper", "sensorless")
@@ -104,7 +105,7 @@ class PaperPlanner:
     max_depth: int  # longest path of the tree, which the paper does not bound [squeezes]
     order: int  # the part's rotational order; the paper's parts have 2
 
-    def plan(self, belief: Array, seed: list[int], progress: Progress | None = None) -> Node:
+    def plan(self, belief: Array, seed: list[int], report: Report = silent) -> Node:
         """ExpandTree(C, eps, r_s, d) from particles (n, 3) in the world, breadth first instead of recursive.
 
         A leaf whose ratio is not above r_s could not be expanded: either no action was free of collision and
@@ -120,8 +121,7 @@ class PaperPlanner:
                 rng = np.random.default_rng([*seed, node.depth, *path])
                 ends = self._expanded(node, rng)
                 waiting.extend((end, (*path, k)) for k, end in enumerate(ends))
-            if progress is not None:
-                progress(done, len(waiting))
+            report("search", done, done + len(waiting))
         return root
 
     def _expanded(self, node: Node, rng: Generator) -> list[Node]:

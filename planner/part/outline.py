@@ -39,7 +39,6 @@ def canonical(points: ArrayLike) -> Canonical:
             boundary that crosses or touches itself.
     """
     vertices = _vertices(points)
-    _check_simple(vertices)
     if area(vertices) < 0.0:
         vertices = np.concatenate([vertices[:1], vertices[:0:-1]])
     shift = -centroid(vertices)
@@ -57,7 +56,6 @@ def checked(points: ArrayLike) -> Outline:
         InputError: see `canonical`; or the outline is clockwise or off centre.
     """
     vertices = _vertices(points)
-    _check_simple(vertices)
     if area(vertices) < 0.0:
         raise InputError("outline runs clockwise; list its vertices counter-clockwise")
     offset = float(np.hypot(*centroid(vertices)))
@@ -150,6 +148,7 @@ def _vertices(points: ArrayLike) -> Outline:
         index = int(np.argmin(np.isfinite(vertices).all(axis=1)))
         raise InputError(f"vertex {index + 1} is not finite; give plain numbers in mm")
     _check_distinct(vertices)
+    _check_simple(vertices)
     return vertices
 
 

@@ -1,5 +1,6 @@
 """The rotational symmetry of an outline: turns after which the part looks the same."""
 
+import itertools
 import math
 from typing import NamedTuple
 
@@ -95,11 +96,8 @@ def _maps_onto_itself(
         return False
     turns = np.arange(1, n)
     likely = turns[np.argsort(np.abs(turns / n - 0.25), kind="stable")]
-    return all(
-        _is_on(boundary, vertices, math.tau * k / n, tolerance_mm)
-        for vertices in (some, outline)
-        for k in likely
-    )
+    tried = itertools.product((some, outline), math.tau * likely / n)
+    return all(_is_on(boundary, vertices, angle, tolerance_mm) for vertices, angle in tried)
 
 
 def _is_on(

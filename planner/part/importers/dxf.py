@@ -63,9 +63,8 @@ def _document(data: bytes) -> tuple[Drawing, Auditor]:
         raise
     except Exception as error:  # the parser raises all kinds of errors for damaged files
         reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        raise InputError(
-            f"is no DXF file that can be read ({reason}); export it again, as DXF R2000 or later"
-        ) from error
+        problem = f"is no DXF file that can be read ({reason})"
+        raise InputError(f"{problem}; export it again, as DXF R2000 or later") from error
 
 
 def _scale(document: Drawing, unit_mm: float | None) -> tuple[float, list[str]]:

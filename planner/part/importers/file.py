@@ -15,13 +15,7 @@ from planner.part.importers.contours import Contour
 from planner.part.importers.pieces import MAX_BYTES, Options, Pieces, place, time_limit, too_much
 from runtime.shell.errors import InputError, UsageError
 
-READERS = {
-    ".dxf": dxf.read,
-    ".svg": svg.read,
-    ".csv": table.read,
-    ".kicad_mod": kicad.read,
-    ".stl": mesh.read,
-}
+READERS = {".dxf": dxf, ".svg": svg, ".csv": table, ".kicad_mod": kicad, ".stl": mesh}
 SUFFIXES = tuple(READERS)
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 """Generous bounds on the larger extent of a part for fingers; outside, the unit is probably wrong."""
@@ -99,7 +93,7 @@ def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
         data, suffix = _bytes(path), path.suffix.lower()
         if options.layer is not None and suffix != ".dxf":
             raise UsageError("--layer is for DXF drawings; leave it out")
-        pieces = READERS[suffix](data, options)
+        pieces = READERS[suffix].read(data, options)
         notes += [*pieces.notes, *(shape.what for shape in pieces.lost if shape.box is None)]
         yield pieces
 

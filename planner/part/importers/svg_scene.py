@@ -81,13 +81,11 @@ class Scene:
             why = "hidden, transparent, out of sight, or neither filled nor stroked"
             notes.append(f"not seen ({why}), left out: {self.unseen} of its elements")
         if self.cut:
-            notes.append(
-                f"cut by clip paths, masks or viewports, taken whole: {self.cut} of its elements"
-            )
+            whole = f"taken whole: {self.cut} of its elements"
+            notes.append(f"cut by clip paths, masks or viewports, {whole}")
         if self.widest_mm > WIDE_MM:
-            notes.append(
-                f"strokes up to {self.widest_mm:.4g} mm wide; the outline runs along their middle"
-            )
+            wide = f"strokes up to {self.widest_mm:.4g} mm wide"
+            notes.append(f"{wide}; the outline runs along their middle")
         if self.strays:
             notes.append(f"not outlines, ignored: {pieces.counted(self.strays)}")
         if self.missing:
@@ -151,9 +149,8 @@ class Scene:
         values = values._replace(style={**values.style, **sizes})
         box = values.box()
         known = None not in frame.viewport
-        size = Viewport(
-            *(values.size(name) if known or "%" not in sizes[name] else None for name in SIZES)
-        )
+        stated = [name for name in SIZES if known or "%" not in sizes[name]]
+        size = Viewport(*(values.size(name) if name in stated else None for name in SIZES))
         if 0.0 in size or (box is not None and 0.0 in box[2:]):
             return None
         window = self._window(frame, values, size)
@@ -185,9 +182,8 @@ class Scene:
             raise InputError("is nested too deeply, or in itself; export it again")
         self._elements += 1
         if self._elements > pieces.MAX_SHAPES:
-            raise pieces.too_much(
-                f"draws more than {pieces.MAX_SHAPES} shapes, its copies written out"
-            )
+            shapes = f"{pieces.MAX_SHAPES} shapes, its copies written out"
+            raise pieces.too_much(f"draws more than {shapes}")
 
     def _kind(self, element: Tree.Element) -> str:
         """The name of an element without its namespace; "" if this is not that of the root."""

@@ -22,18 +22,9 @@ CALL = rf"([a-zA-Z]+)\s*\(\s*((?:{NUMBER}{APART}(?:px|deg|grad|rad|turn)?{GAP})*
 CALLS = re.compile(rf"\s*(?:{CALL}{GAP})*")
 PHYSICAL_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "q": 0.25}
 PIXEL_MM = 25.4 / 96  # size of a CSS pixel: the user unit without a view box
-ARGUMENTS = {
-    "matrix": (6,),
-    "translate": (1, 2),
-    "translatex": (1,),
-    "translatey": (1,),
-    "scale": (1, 2),
-    "scalex": (1,),
-    "scaley": (1,),
-    "rotate": (1, 3),
-    "skewx": (1,),
-    "skewy": (1,),
-}
+ARGUMENTS = {"matrix": (6,), "translate": (1, 2), "scale": (1, 2), "rotate": (1, 3)}
+ARGUMENTS |= dict.fromkeys(("translatex", "translatey", "scalex", "scaley"), (1,))
+ARGUMENTS |= {"skewx": (1,), "skewy": (1,)}
 # Attributes whose percentages refer to the width of the viewport.
 ACROSS = frozenset({"x", "cx", "rx", "x1", "x2", "width"})
 # Attributes whose percentages refer to the height of the viewport.
@@ -135,11 +126,9 @@ class Values(NamedTuple):
         text = self.style.get("transform", "none").strip()
         if text in ("none", ""):
             return np.eye(3)
-        calls = re.findall(CALL, text)
-        if not CALLS.fullmatch(text) or not all(
-            len(re.findall(NUMBER, inside)) in ARGUMENTS.get(name.lower(), ())
-            for name, inside in calls
-        ):
+        calls = re.findall(CALL, text) if CALLS.fullmatch(text) else [("", "")]
+        counts = ((name.lower(), len(re.findall(NUMBER, inside))) for name, inside in calls)
+        if not all(count in ARGUMENTS.get(name, ()) for name, count in counts):
             raise self.error("transform", "is no transform")
         matrix = _array(svgelements.Matrix(text))
         origin = np.eye(3)
