@@ -91,8 +91,8 @@ class Cluster:
         Raises:
             UnreachableError: the scheduler is lost, all workers stay away, or several died of one item.
         """
-        client, waiting = self._connected(), deque[Future[R]]()
-        most = max(1, AHEAD * self.workers)
+        client, most = self._connected(), max(1, AHEAD * self.workers)
+        waiting: deque[Future[R]] = deque()
         try:
             for item in items:
                 waiting.append(client.submit(function, item, pure=False))
