@@ -86,10 +86,9 @@ class ContactWorld:
         """
         rolled = self.squeeze_many(self._felt(pose_hand), *self._unusual)
         x, y, theta = rolled.poses[0] + self._off
-        width = (
-            float(read_as(rolled.width_mm, self._stated)[0]) if rolled.width_mm[0] > 0.0 else 0.0
-        )
-        return (float(x), float(y), float(theta)), max(width, 0.0), STATUS_NAMES[rolled.status[0]]
+        read_mm = float(read_as(rolled.width_mm, self._stated)[0])
+        width_mm = max(read_mm, 0.0) if rolled.width_mm[0] > 0.0 else 0.0
+        return (float(x), float(y), float(theta)), width_mm, STATUS_NAMES[rolled.status[0]]
 
     @property
     def _off(self) -> Array:

@@ -241,9 +241,8 @@ def _of_delivery(values: Values) -> Conflicts:
     if name is not None and name not in picks:
         problem = f"is {name!r}, none of [part] picks: {', '.join(picks) or 'there are none'}"
         yield "delivery", "grasp", problem
-    grasp = np.zeros(
-        2
-    )  # where the hand holds the part, in the part's frame: its centroid, or the pick
+    # Where the hand holds the part, in the part's frame: its centroid, or the pick.
+    grasp = np.zeros(2)
     if name is not None:
         grasp = part["datum"][:2] + _turned(picks[name][:2], math.radians(part["datum"][2]))
     turns = np.arange(part["symmetry"]) * math.tau / part["symmetry"]

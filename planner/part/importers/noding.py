@@ -192,12 +192,11 @@ def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> i
     if not loose:
         return None
     edges = shapely.linestrings(np.stack([region.ring, np.roll(region.ring, -1, axis=0)], axis=1))
-    bounding, beyond = (
-        lines.query(
-            shapely.line_interpolate_point(each, 0.5, normalized=True),
-            "dwithin",
-            distance=BESIDE_MM,
-        )[1]
-        for each in (edges, [shapely.LineString(line) for line in loose])
-    )
-    return min(set(bounding.tolist()) & set(beyond.tolist()), default=None)
+    beyond = [shapely.LineString(line) for line in loose]
+    return min(along(edges, lines) & along(beyond, lines), default=None)
+
+
+def along(each: Sequence[shapely.Geometry] | Array, lines: shapely.STRtree) -> set[int]:
+    """The indices of the lines of a tree on which the middle of one of the lines `each` lies."""
+    middles = shapely.line_interpolate_point(each, 0.5, normalized=True)
+    return set(lines.query(middles, "dwithin", distance=BESIDE_MM)[1].tolist())

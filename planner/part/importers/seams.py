@@ -62,8 +62,7 @@ def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: fl
 def _named(points: Array, drawn: Drawn) -> str:
     """Describes a line (n, 2) for people: its course and its layers."""
     ends = " to ".join(place(end + drawn.origin) for end in sorted(points[[0, -1]].tolist()))
-    middle = shapely.line_interpolate_point(shapely.LineString(points), 0.5, normalized=True)
-    near = drawn.tree.query(middle, "dwithin", distance=noding.BESIDE_MM)
+    near = noding.along([shapely.LineString(points)], drawn.tree)
     layers = {drawn.layers[k] for k in near} - {""}
     return f"from {ends} mm" + (f" (layer {', '.join(sorted(layers))})" if layers else "")
 
