@@ -13,6 +13,7 @@ from typing import NamedTuple, TypeGuard
 import numpy as np
 import sexpdata
 import shapely
+from scipy.interpolate import BPoly
 
 from planner.arrays import Array
 from planner.part.importers import pieces
@@ -188,13 +189,7 @@ def _bezier(shape: Expression, tolerance: float) -> Array:
     control = np.concatenate([part.first(2)[None] for part in shape.child("pts").children()])
     if len(control) != 4:
         raise ValueError(f"{len(control)} points of 4")
-
-    def curve(share: Array) -> Array:
-        rest = 1.0 - share
-        weights = [rest**3, 3.0 * rest**2 * share, 3.0 * rest * share**2, share**3]
-        return np.asarray(np.column_stack(weights) @ control)
-
-    return pieces.flattened(curve, tolerance)
+    return pieces.flattened(BPoly(control[:, None], [0.0, 1.0]), tolerance)
 
 
 CURVES: dict[str, Callable[[Expression, float], Array]] = {
