@@ -9,6 +9,7 @@ import shapely
 
 from planner.arrays import Array
 from planner.errors import FitError
+from planner.frames import to_world
 from planner.job.schema import MOST_OFF_MM
 from planner.job.surface_file import check_ellipsoid
 from planner.part import outline, symmetry, tips
@@ -242,23 +243,18 @@ def _of_delivery(values: Values) -> Conflicts:
         problem = f"is {name!r}, none of [part] picks: {', '.join(picks) or 'there are none'}"
         yield "delivery", "grasp", problem
     # Where the hand holds the part, in the part's frame: its centroid, or the pick.
-    grasp = np.zeros(2)
+    grasp = np.zeros(3)
     if name is not None:
-        grasp = part["datum"][:2] + _turned(picks[name][:2], math.radians(part["datum"][2]))
-    turns = np.arange(part["symmetry"]) * math.tau / part["symmetry"]
-    hands = delivery["drop"][:2] + _turned(grasp, math.radians(delivery["drop"][2]) + turns)
+        x, y, angle = part["datum"]
+        grasp = to_world(np.array(picks[name]), np.array([x, y, math.radians(angle)]))
+    x, y, angle = delivery["drop"]
+    turns = math.radians(angle) + np.arange(part["symmetry"]) * math.tau / part["symmetry"]
+    hands = to_world(grasp, np.stack(np.broadcast_arrays(x, y, turns)))[:, :2]
     if not ((low <= hands) & (hands <= high)).all(axis=1).any():
         outside = "work_area_mm of [cell]" if delivery["area_mm"] is None else "area_mm"
         place = f"({hands[0, 0]:g}, {hands[0, 1]:g})"
         problem = f"brings the hand to {place}, outside {outside}; move it or widen the area"
         yield "delivery", "drop", problem
-
-
-def _turned(point: Array | list[float], angle: Array | float) -> Array:
-    """A point (2,) turned by an angle, (2,), or by angles (n,), (n, 2) [rad]."""
-    x, y = point
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
 def _check_fit(part_outline: outline.Outline, opening_mm: float) -> None:

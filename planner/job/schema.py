@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypeAlias, get_type_hints
 
 from planner.arrays import Array
 from planner.job.fields import Field, Flag, Integer, Number, Numbers, Poses, Text
-from planner.part.outline import Outline
+from planner.part.outline import MOST_VERTICES, Outline
 from planner.part.pressure import Pressure
 from planner.part.symmetry import MOST_ORDER
 from runtime.table import DEFAULT_MODEL, GripperProfile, profile_of
@@ -18,10 +18,6 @@ LEAST_MM, LEAST_DEG, LEAST_RATE = 0.01, 0.001, 0.1
 LEAST_STEP_MM = 0.001  # of a reading, which a table states in um
 MOST_OFF_MM = 20.0  # constant error of a width
 MM = 1_000.0  # larger than any part, gripper or height of such a cell
-
-
-MOST_VERTICES = 2000
-"""Most vertices of an outline: checks of symmetry take quadratic time, which no budget interrupts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

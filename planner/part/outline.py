@@ -16,6 +16,8 @@ from runtime.shell.errors import InputError
 
 Outline: TypeAlias = Array
 
+MOST_VERTICES = 2000
+"""Most vertices of an outline: checks of symmetry take quadratic time, which no budget interrupts."""
 REPEAT_MM = 1e-6  # Largest distance of two vertices that count as one vertex written twice
 
 CENTRED = 1e-6

@@ -13,6 +13,7 @@ from planner.diagnosis import reasons
 from planner.diagnosis.advice import advise
 from planner.errors import FitError, NoPlanError
 from planner.job import model as job_file
+from planner.job.drafts import FITTING, MOST_RADIUS_MM
 from planner.part import symmetry
 from planner.part.outline import canonical, reach
 from planner.report.canvas import template
@@ -22,8 +23,6 @@ from runtime.pages import frame
 from runtime.shell.errors import InputError, UnreachableError
 
 LOCATED = 0.99  # least share of parts located for an outline to count
-FITTING = 0.8  # radius of the disc, as a share of the room between the open fingers
-MOST_MM = 10.0  # greatest radius of the disc
 LEAST_MM = 1.0  # least radius
 LONGEST_NAME = 80  # of a part in a job
 ERROR = "error of the program"
@@ -71,7 +70,7 @@ def judge(item: Item) -> Figures:
 def _judged(item: Item) -> Figures:
     base = job_file.from_canonical(item.base)
     room = 0.5 * base.gripper.opening_mm - reach(np.array(item.outline_mm))
-    radius_mm = min(MOST_MM, FITTING * room, room - LEAST_CLEARANCE_MM)
+    radius_mm = min(MOST_RADIUS_MM, FITTING * room, room - LEAST_CLEARANCE_MM)
     if radius_mm < LEAST_MM:
         text = f"turned, it leaves {room:.1f} mm to the open fingers"
         return {"kind": reasons.TOO_LARGE, "text": text}

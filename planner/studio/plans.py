@@ -19,7 +19,7 @@ from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import read_regular
 
 MOST_LOG_BYTES = 4 << 20
-LOG = ".plan.jsonl"  # suffix
+LOG = written_for("")["log"]  # suffix
 OPTIONS = (
     *("units", "scale", "contour", "gripper", "fingers", "radius", "turn", "distance"),
     *("thickness", "budget"),

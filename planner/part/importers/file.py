@@ -19,7 +19,6 @@ READERS = {".dxf": dxf, ".svg": svg, ".csv": table, ".kicad_mod": kicad, ".stl":
 SUFFIXES = tuple(READERS)
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 """Generous bounds on the larger extent of a part for fingers; outside, the unit is probably wrong."""
-MOST_VERTICES = 2000
 LEAST_SHARE = 0.01  # least share of the parts that lie on a face
 
 
@@ -196,7 +195,7 @@ def _checked(
         raise InputError(problem)
     drawn, first = outline.canonical(_apart(points))
     simple, second = outline.canonical(outline.simplified(drawn, 0.5 * tolerance_mm))
-    if len(simple) > MOST_VERTICES:
+    if len(simple) > outline.MOST_VERTICES:
         problem = f"still has {len(simple)} vertices at {tolerance_mm:g} mm; raise --tolerance"
         raise InputError(problem)
     order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))

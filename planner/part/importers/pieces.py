@@ -12,6 +12,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.errors import UnitsMissingError
+from planner.part.outline import REPEAT_MM
 from runtime.shell.errors import InputError
 
 MAX_BYTES = 32 << 20
@@ -21,7 +22,6 @@ SECONDS = 30.0  # Longest time for reading one file
 TOLERANCE_MM = 0.02
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "m": 1000.0}
 CLOSED = 0.1  # largest gap between the ends of a ring, as a share of its length
-REPEAT_MM = 1e-6  # Largest distance of two points that count as one point written twice
 LARGEST_MM = 1e10  # Largest coordinate; beyond, as on maps, a double does not resolve a micrometre
 
 
