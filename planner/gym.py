@@ -18,6 +18,7 @@ With `render_mode="rgb_array"`, `render()` draws the part, the fingers, and the 
 of `RENDERED` states infers from the readings.
 """
 
+from importlib.resources import files
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -42,19 +43,7 @@ except ImportError as missing:
 
 NAME = "SqueezeLocalize-v0"
 RENDERED = 2000  # states of the belief in a picture
-RECTANGLE = """
-seed = 1
-part.name = "rectangle"
-part.outline_mm = [[0, 0], [30, 0], [30, 21], [0, 21]]
-part.height_mm = 16.0
-part.tolerance_mm = 0.33
-friction = {finger_part_min = 0.4, finger_part_max = 0.6}
-gripper = {finger_length_mm = 27.5, finger_width_mm = 9.5, opening_mm = 85.0}
-uncertainty = {radius_mm = 12.75, orientation = "unknown"}
-actions = {angles_deg = [0, 45, 90, 135], centers_mm = [[0, 0]], proposals = "none"}
-goal = {distance_mm = 3.0, confidence = 0.99}
-doubt = {chance = 0.8, finger_share = [-0.11, 0.11], middle_mm = [-1.4, 1.4], encoder_mm = [-1.1, 1.1]}
-"""  # trees/rectangle/job.toml, which an installation does not contain
+RECTANGLE = files("planner").joinpath("templates/rectangle.toml").read_text("utf-8")
 
 Kind = Literal["set", "box"]
 Actions = NDArray[Any]

@@ -4,6 +4,7 @@ import argparse
 import math
 import sys
 from collections.abc import Iterator, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -24,30 +25,7 @@ from runtime.shell.files import usable, write
 NAME = "plan-identify"
 MOST_SPLITS = 10  # most splits that --motions is judged by
 KINDS: tuple[Kind, ...] = ("ellipsoid", "quartic")
-FORMATS = """\
-tables of pairs (.csv), one push a line, with a header:
-  fx_n,fy_n,tau_n_mm      the wrench on the part: force along the axes of its frame, torque about its
-                          centroid [N, N, N mm]
-  vx_mm,vy_mm,omega_rad   the resulting twist, in the same frame; only the direction matters
-  weight                  optional: weight of the pair, positive
-
-tables of directions (--pairs), one pair a line, with a header:
-  fx,fy,tau_rho           the direction of the wrench on the part about its centroid, torque over rho
-  vx,vy,om_rho            the direction of the twist, angular velocity times rho; the scale of both is free
-  weight                  optional, as above
-
-push logs (any other name), numbers separated by blanks, one record a line, as in the public data of
-arXiv 1602.06056; empty lines do not count:
-  N                       number of pushes; then for each of them
-  x y z qw qx qy qz       the block's marker frame before the push [mm, unit quaternion]
-  x y z qw qx qy qz       the same after it
-  K                       number of force readings
-  t fx fy                 K lines: time and force on the sensor's axes [s, N, N]
-  P                       number of poses of the pusher
-  t x y z qw qx qy qz     P lines: time and pose [s, mm, unit quaternion]
-the block is a right triangle with legs of 150 mm; for any other part write a table of pairs.
-
-"""
+FORMATS = files("planner").joinpath("templates/push_formats.txt").read_text("utf-8")
 
 
 def _identify(arguments: argparse.Namespace) -> None:

@@ -16,7 +16,7 @@ from planner.job import model as job_file
 from planner.job.drafts import FITTING, MOST_RADIUS_MM
 from planner.part import symmetry
 from planner.part.outline import canonical, reach
-from planner.report.canvas import template
+from planner.report.canvas import asset, template
 from planner.search.ranking import LEAST_CLEARANCE_MM
 from planner.work.limit import Limit
 from runtime.pages import frame
@@ -28,11 +28,6 @@ LONGEST_NAME = 80  # of a part in a job
 ERROR = "error of the program"
 RATES = ("success_rate", "wrong_rate", "reject_rate", "unresolved_rate")
 KEPT = (*RATES, "mean_squeezes", "seconds_mean", "error_mm", "crashes")  # of a plan's summary
-STYLE = """\
-.parts { display: grid; grid-template-columns: repeat(auto-fill, minmax(15em, 1fr)); gap: .8em }
-.parts figure { margin: 0; border: 1px solid var(--pale); border-radius: 6px; padding: .5em }
-.parts svg { width: 6em; height: 6em } .failed .part { fill: var(--red); stroke: var(--red) }
-"""
 Figures = dict[str, Any]
 
 
@@ -110,7 +105,7 @@ def page(rows: Sequence[Figures]) -> str:
         squeezes=_quantiles(located, "mean_squeezes"),
         least=LOCATED,
     )
-    return frame.page(f"{len(rows)} outlines, planned and judged", body, style=STYLE)
+    return frame.page(f"{len(rows)} outlines, planned and judged", body, style=asset("zoo.css"))
 
 
 def _quantiles(rows: Sequence[Figures], key: str) -> list[float]:
