@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array, IntArray
 from planner.belief.doubts import believed
@@ -171,9 +172,7 @@ def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
     """The function that squeezes parts in the world of the evaluation, each with its own traits."""
     simulator, encoder = Simulator.of_job(job, workers), encoder_of(job)
 
-    def squeeze(
-        parts: Belief, placements: Array, rng: np.random.Generator
-    ) -> tuple[Array, IntArray]:
+    def squeeze(parts: Belief, placements: Array, rng: Generator) -> tuple[Array, IntArray]:
         hand = true_placements(placements, parts.traits, rng)
         rolled = simulator.squeeze(to_hand(parts.poses, hand.T), rng, parts.traits)
         readings = encoder.read(read_as(rolled.width_mm, parts.traits), rng)

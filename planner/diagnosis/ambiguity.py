@@ -4,6 +4,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array
 from planner.belief.metric import Metric
@@ -134,9 +135,7 @@ def whereabouts(here: Array, metric: Metric) -> Whereabouts:
     return Whereabouts(np.array([mode.pose for mode in modes]), tuple(mode.ratio for mode in modes))
 
 
-def _separator(
-    pair: Array, job: Job, simulator: Simulator, rng: np.random.Generator
-) -> Separator | None:
+def _separator(pair: Array, job: Job, simulator: Simulator, rng: Generator) -> Separator | None:
     """Finds the squeeze whose mean widths at two poses differ most, in units of their scatter.
 
     Squeezes that hold the part in both poses come first. None: no squeeze distinguishes the poses.

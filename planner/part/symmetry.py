@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from shapely import LinearRing
 
 from planner.part.outline import Outline, simplified
 
@@ -80,9 +81,7 @@ def _with_few_vertices(outline: Outline) -> Outline:
     return outline
 
 
-def _maps_onto_itself(
-    boundary: shapely.LinearRing, outline: Outline, n: int, tolerance_mm: float
-) -> bool:
+def _maps_onto_itself(boundary: LinearRing, outline: Outline, n: int, tolerance_mm: float) -> bool:
     """Whether every turn by a multiple of 360 / `n` degrees maps an outline onto itself.
 
     To refuse soon, it tries a few vertices before all of them, and the angles that fail most often first. An
@@ -100,14 +99,12 @@ def _maps_onto_itself(
     return all(_is_on(boundary, vertices, angle, tolerance_mm) for vertices, angle in tried)
 
 
-def _is_on(
-    boundary: shapely.LinearRing, vertices: Outline, angle: float, tolerance_mm: float
-) -> bool:
+def _is_on(boundary: LinearRing, vertices: Outline, angle: float, tolerance_mm: float) -> bool:
     turned = shapely.points(_turned(vertices, angle))
     return bool(shapely.dwithin(boundary, turned, tolerance_mm).all())
 
 
-def _boundary(outline: Outline) -> shapely.LinearRing:
+def _boundary(outline: Outline) -> LinearRing:
     boundary = shapely.linearrings(outline)
     shapely.prepare(boundary)
     return boundary

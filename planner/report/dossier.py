@@ -109,7 +109,7 @@ def page(
         source=source,
         sheet=sheet,
         tree=branches,
-        look=look.scenes(table, job, beliefs),
+        look=look.scenes(table, job, beliefs, look.SQUEEZES),
         where=verdicts.belief(job),
         trials=trials,
         seed=seed,

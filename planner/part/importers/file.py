@@ -67,7 +67,7 @@ def read_outline(path: Path, options: Options) -> Imported:
         candidates, notes = contours.contours(pieces, options.tolerance_mm)
         contour, more = contours.choose(candidates, options.contour, pieces.lost)
         holes = contours.holes_of(contour, candidates)
-        imported = _checked(contour.points, holes, options.tolerance_mm, (*notes, *more))
+        imported = _checked(contour.points, holes, options.tolerance_mm, [*notes, *more])
         return imported._replace(height_mm=pieces.height_mm)
 
 
@@ -156,7 +156,7 @@ def _lying(face: mesh.Lying, height_mm: float, tolerance_mm: float) -> Imported:
         hull = shapely.convex_hull(shapely.multipoints(np.concatenate(outer)))
         points = np.asarray(shapely.get_coordinates(hull)[:-1])
         notes.append(f"{len(outer)} contours, taken as their convex hull")
-    imported = _checked(points, [], tolerance_mm, tuple(notes))
+    imported = _checked(points, [], tolerance_mm, notes)
     return imported._replace(height_mm=pieces.height_mm)
 
 
@@ -182,9 +182,7 @@ def _bytes(path: Path) -> bytes:
     return data
 
 
-def _checked(
-    points: Array, holes: list[Array], tolerance_mm: float, notes: tuple[str, ...]
-) -> Imported:
+def _checked(points: Array, holes: list[Array], tolerance_mm: float, notes: list[str]) -> Imported:
     """Checks, simplifies and centres a contour; converts its holes and the datum to the outline's frame."""
     size = np.ptp(points, axis=0)
     if not SMALLEST_MM <= size.max() <= LARGEST_MM:
@@ -206,9 +204,13 @@ def _checked(
         name = f"the lower left corner of the part's box, {place(origin - shift)} mm in the drawing"
         metres = float(np.hypot(*shift)) / 1000
         far = f"the drawing's origin, {metres:.4g} m away, is too far for a datum; that is {name}"
-        notes = (*notes, far)
-    outlined = Imported(simple, order, size, notes, holes_mm=tuple(hole + shift for hole in holes))
-    return outlined._replace(origin_mm=tuple(origin.tolist()), origin_name=name)
+        notes = [*notes, far]
+    outlined = Imported(simple, order, size, tuple(notes))
+    return outlined._replace(
+        holes_mm=tuple(hole + shift for hole in holes),
+        origin_mm=tuple(origin.tolist()),
+        origin_name=name,
+    )
 
 
 def _apart(points: Array) -> Array:

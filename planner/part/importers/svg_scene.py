@@ -6,7 +6,7 @@ Definitions (`defs`, `symbol`, `marker`, `mask`, `clipPath`, `pattern`) show onl
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
-from xml.etree import ElementTree as Tree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import shapely
@@ -49,9 +49,7 @@ class Frame(NamedTuple):
 class Scene:
     """The shapes of a drawing, and counts of its other elements."""
 
-    def __init__(
-        self, root: Tree.Element, sheets: Sheets, viewport: Viewport, unit_mm: float
-    ) -> None:
+    def __init__(self, root: Element, sheets: Sheets, viewport: Viewport, unit_mm: float) -> None:
         self.unseen = 0  # elements that are hidden, transparent or without paint
         self.cut = 0  # elements that a clip path, mask or viewport cuts
         self.strays = Counter[str]()  # visible elements that are no outlines, by kind
@@ -60,7 +58,7 @@ class Scene:
         self._root, self._viewport, self._unit_mm = root, viewport, unit_mm
         self._namespace = str(root.tag).rpartition("}")[0]
         self._sheets = sheets
-        self._named: dict[str, Tree.Element] = {}
+        self._named: dict[str, Element] = {}
         for element in root.iter():
             self._named.setdefault(element.get("id", ""), element)
         self._elements = 0
@@ -92,7 +90,7 @@ class Scene:
             notes.append(f"copied, but not in the file: {', '.join(dict.fromkeys(self.missing))}")
         return notes
 
-    def _draw(self, element: Tree.Element, around: Frame, copy: Values | None) -> Iterator[Shape]:
+    def _draw(self, element: Element, around: Frame, copy: Values | None) -> Iterator[Shape]:
         """Yields the shapes of one element; `copy` is the `use` element that places it, or None."""
         kind = self._kind(element)
         if not (kind in SHAPES or kind in GROUPS or kind in STRAYS or (kind == "symbol" and copy)):
@@ -127,7 +125,7 @@ class Scene:
                 for child in self._children(element):
                     yield from self._draw(child, inside, None)
 
-    def _copy(self, element: Tree.Element, frame: Frame, values: Values) -> Iterator[Shape]:
+    def _copy(self, element: Element, frame: Frame, values: Values) -> Iterator[Shape]:
         link = (element.get("href") or element.get(XLINK) or "").strip()
         target = self._named.get(link[1:]) if link.startswith("#") and link != "#" else None
         if target is None:
@@ -171,13 +169,13 @@ class Scene:
         window = shapely.polygons(corners @ frame.matrix[:2, :2].T + frame.matrix[:2, 2])
         return window if frame.window is None else shapely.intersection(window, frame.window)
 
-    def _children(self, element: Tree.Element) -> Iterable[Tree.Element]:
+    def _children(self, element: Element) -> Iterable[Element]:
         if self._kind(element) != "switch":
             return element
         free = (child for child in element if not any(child.get(name) for name in CONDITIONS))
         return [child for child in free if self._kind(child) in GROUPS | SHAPES | STRAYS][:1]
 
-    def _count(self, element: Tree.Element, around: Frame) -> None:
+    def _count(self, element: Element, around: Frame) -> None:
         if id(element) in around.above or len(around.above) > MAX_DEPTH:
             raise InputError("is nested too deeply, or in itself; export it again")
         self._elements += 1
@@ -185,7 +183,7 @@ class Scene:
             shapes = f"{pieces.MAX_SHAPES} shapes, its copies written out"
             raise pieces.too_much(f"draws more than {shapes}")
 
-    def _kind(self, element: Tree.Element) -> str:
+    def _kind(self, element: Element) -> str:
         """The name of an element without its namespace; "" if this is not that of the root."""
         namespace, _, name = str(element.tag).rpartition("}")
         return name if namespace == self._namespace else ""
