@@ -60,9 +60,9 @@ def parser() -> Parser:
 
 
 def _add_rare(group: argparse._ArgumentGroup) -> None:
+    copies = "parts that come to rare nodes are followed as several copies"
     text = (
-        "count confident wrong answers of the table and of each leaf, with upper bounds; parts that come to "
-        "rare nodes are followed as several copies"
+        f"count confident wrong answers of the table and of each leaf, with upper bounds; {copies}"
     )
     group.add_argument("--ppm", action="store_true", help=text)
     text = "continue the study in this file, or begin it there"
@@ -273,10 +273,9 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
     failed = sorted((row for row in outcome.rows if not row.holds), key=lambda row: -row.visits)
     for row in failed[:MOST_ROWS]:
         low, high = row.interval95
-        lines.append(
-            f"leaf {row.leaf}: {row.observed:.2%} of {row.visits}, predicted {row.predicted:.2%}, "
-            f"with 95 % between {low:.2%} and {high:.2%}"
-        )
+        observed = f"leaf {row.leaf}: {row.observed:.2%} of {row.visits}"
+        interval = f"with 95 % between {low:.2%} and {high:.2%}"
+        lines.append(f"{observed}, predicted {row.predicted:.2%}, {interval}")
     return _block("leaves", lines, len(failed))
 
 

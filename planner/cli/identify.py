@@ -139,10 +139,10 @@ def parser() -> Parser:
     add("logs", type=Path, nargs="*", metavar="LOG", help="push logs, or tables of pairs (.csv)")
     text = f"tables of directions in place of logs: {','.join(pushes.DIRECTIONS)}"
     add("--pairs", type=Path, nargs="+", default=[], metavar="PAIRS.csv", help=text)
-    text = (
-        f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *tips.MOVED))}, as plan-simulate "
-        "--push --tip-radius-mm has them; gives the tip's friction, too"
+    named = (
+        f"{','.join((*tips.NAMES, *tips.MOVED))}, as plan-simulate --push --tip-radius-mm has them"
     )
+    text = f"without forces: pushes by a round tip, {named}; gives the tip's friction, too"
     add("--motions", type=Path, metavar="PUSHES.csv", help=text)
     add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
     add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")

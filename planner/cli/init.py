@@ -115,16 +115,13 @@ def _figures_of(face: Face) -> dict[str, object]:
 def _show_faces(faces: list[Face]) -> None:
     for place, face in enumerate(faces, start=1):
         width, height = face.imported.size_mm
-        print(
-            f"face {place}: {face.share:.1%} of the parts, {face.down_text} of the solid down; "
-            f"{width:.3f} x {height:.3f} mm, {face.imported.height_mm:.4g} mm high"
-        )
+        size = f"{width:.3f} x {height:.3f} mm, {face.imported.height_mm:.4g} mm high"
+        lies = f"{face.share:.1%} of the parts, {face.down_text} of the solid down"
+        print(f"face {place}: {lies}; {size}")
         for note in face.imported.notes:
             say(f"note: {note}")
-    print(
-        "note: the shares are those of the directions in which the part may be dropped; bouncing and rolling "
-        "on are ignored, so count some parts"
-    )
+    dropped = "the shares are those of the directions in which the part may be dropped"
+    print(f"note: {dropped}; bouncing and rolling on are ignored, so count some parts")
 
 
 def _imported(path: Path, options: Options, asking: bool) -> Imported:

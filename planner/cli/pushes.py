@@ -97,11 +97,9 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
     depth = np.where(shapely.contains(part, fingers), shapely.distance(part.exterior, fingers), 0.0)
     if depth.max(initial=0.0) > DEEPEST_MM:
         number, finger = np.unravel_index(int(np.argmax(depth)), depth.shape)
-        problem = (
-            f"push {number + 1}: a finger starts {depth[number, finger]:.3g} mm inside the part; state where "
-            "the fingers meet it, in the frame of the job's outline_mm"
-        )
-        raise InputError(problem, where=str(where))
+        problem = f"a finger starts {depth[number, finger]:.3g} mm inside the part"
+        remedy = "state where the fingers meet it, in the frame of the job's outline_mm"
+        raise InputError(f"push {number + 1}: {problem}; {remedy}", where=str(where))
 
 
 def exact(job: Job) -> Job:

@@ -170,10 +170,8 @@ def parser() -> Parser:
         "With --fingers-mm: two such tips, on the columns of two fingers"
     )
     add("--tip-radius-mm", type=positive, metavar="MM", help=text)
-    text = (
-        "add the 5th and 95th percentile of each push's displacement over so many draws of the mechanics and "
-        "of what the job doubts"
-    )
+    draws = "so many draws of the mechanics and of what the job doubts"
+    text = f"add the 5th and 95th percentile of each push's displacement over {draws}"
     add("--draws", type=positive_int, metavar="N", help=text)
     text = "of the place where a pusher starts in --draws (default: %(default)s, as recorded)"
     add("--start-mm", type=float, default=pushes.START_MM, metavar="MM", help=text)

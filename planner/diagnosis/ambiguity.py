@@ -88,10 +88,8 @@ class Ambiguity(NamedTuple):
             why = "no squeeze that was tried gives the first two different widths"
         else:
             (x, y, angle), (one, other) = self.separator.placement, self.separator.widths_mm
-            why = (
-                f"a hand at ({x:z.0f}, {y:z.0f}) mm, {math.degrees(angle):z.0f} deg would read {one:.1f} mm "
-                f"for the first and {other:.1f} mm for the second"
-            )
+            hand = f"a hand at ({x:z.0f}, {y:z.0f}) mm, {math.degrees(angle):z.0f} deg"
+            why = f"{hand} would read {one:.1f} mm for the first and {other:.1f} mm for the second"
         return f"leaf {self.leaf} ({self.share:.2%}): the part lies at {self.where.text()}; {why}"
 
 

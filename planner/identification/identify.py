@@ -118,11 +118,9 @@ def identify(
     count = len(data.F)
     train = round(train_share * count)
     if count < LEAST_PAIRS or train < LEAST_PAIRS // 2 or train >= count:
-        problem = (
-            f"{count} pairs, {train} of them to fit; give at least {LEAST_PAIRS} pairs and fit to at least "
-            f"{LEAST_PAIRS // 2} of them, but not all"
-        )
-        raise InputError(problem, key="train_share")
+        problem = f"{count} pairs, {train} of them to fit; give at least {LEAST_PAIRS} pairs"
+        least = f"fit to at least {LEAST_PAIRS // 2} of them, but not all"
+        raise InputError(f"{problem} and {least}", key="train_share")
     errors = {kind: np.empty(splits) for kind in kinds}
     predicted = {kind: np.zeros((count, 3)) for kind in kinds}
     for split, seeds in enumerate(np.random.SeedSequence(seed).spawn(splits)):

@@ -260,10 +260,8 @@ def _of_delivery(values: Values) -> Conflicts:
 def _check_fit(part_outline: outline.Outline, opening_mm: float) -> None:
     narrowest = outline.min_width(part_outline)
     if narrowest >= opening_mm:
-        problem = (
-            f"part larger than the opening: its narrowest width is {narrowest:.4g} mm, the jaws open "
-            f"{opening_mm:.4g} mm; take a wider gripper"
-        )
+        larger = f"its narrowest width is {narrowest:.4g} mm, the jaws open {opening_mm:.4g} mm"
+        problem = f"part larger than the opening: {larger}; take a wider gripper"
         raise FitError(problem, section="gripper", key="opening_mm")
 
 

@@ -227,11 +227,9 @@ def _no_contour(loose: list[Array], origin: Array, lost: Sequence[Lost]) -> Inpu
     if not loose:
         return InputError("holds no closed contour; draw the part's outline as one")
     gap = _gap(loose)
-    problem = (
-        f"the contour is open at {place(gap.point + origin)} mm, where the nearest end is "
-        f"{gap.width_mm:.4g} mm away; close it in the drawing"
-    )
-    return InputError(problem)
+    end = f"where the nearest end is {gap.width_mm:.4g} mm away"
+    problem = f"the contour is open at {place(gap.point + origin)} mm, {end}"
+    return InputError(f"{problem}; close it in the drawing")
 
 
 def _around(loose: list[Array], rings: list[Array]) -> bool:

@@ -186,11 +186,8 @@ def _checked(points: Array, holes: list[Array], tolerance_mm: float, notes: list
     """Checks, simplifies and centres a contour; converts its holes and the datum to the outline's frame."""
     size = np.ptp(points, axis=0)
     if not SMALLEST_MM <= size.max() <= LARGEST_MM:
-        problem = (
-            f"is {size[0]:.4g} x {size[1]:.4g} mm, which no gripper takes; is the unit right? state --units, "
-            "or --scale for a drawing in pixels"
-        )
-        raise InputError(problem)
+        problem = f"is {size[0]:.4g} x {size[1]:.4g} mm, which no gripper takes; is the unit right?"
+        raise InputError(f"{problem} state --units, or --scale for a drawing in pixels")
     drawn, first = outline.canonical(_apart(points))
     simple, second = outline.canonical(outline.simplified(drawn, 0.5 * tolerance_mm))
     if len(simple) > outline.MOST_VERTICES:

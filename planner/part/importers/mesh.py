@@ -72,10 +72,11 @@ def silhouette(solid: Any, height_mm: float | None) -> Pieces:
     if height is None:  # a solid too thin for tips has an outline, too
         height = max(tips_height_mm(high - low), 0.0) or 0.5 * (high - low)
     if not 0.0 < height < high - low:
-        raise UsageError(
-            f"--height {height:g} is not between 0 and {high - low:.4g} mm, the solid's height; "
-            "choose another, or leave it out: it follows from the thickness"
+        problem = (
+            f"--height {height:g} is not between 0 and {high - low:.4g} mm, the solid's height"
         )
+        remedy = "choose another, or leave it out: it follows from the thickness"
+        raise UsageError(f"{problem}; {remedy}")
     above = _shadow(solid, low + height)
     if above.is_empty:
         raise InputError("has no outline above that height; choose another --height")
