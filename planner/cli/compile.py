@@ -147,8 +147,9 @@ def _job(arguments: argparse.Namespace) -> Job:
 def _sweep(arguments: argparse.Namespace) -> int:
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.vary, common)
-    budget_s, takt_s = arguments.budget, arguments.takt
-    settings = Settings(arguments.trials, arguments.workers, arguments.strip, budget_s, takt_s)
+    settings = Settings(
+        arguments.trials, arguments.workers, arguments.strip, arguments.budget, arguments.takt
+    )
     with shell.scheduler(arguments) as scheduler:
         read = job_file.files(arguments.job)
         return sweep.run(orders, arguments.output, read, settings, scheduler, arguments.json)

@@ -152,8 +152,8 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
     real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
     worlds = supply(arguments.world, real, arguments.seed, copies=True)
     assert isinstance(worlds, Worlds)
-    seed, cell = arguments.seed, _disturbance(arguments)
-    study = Study(Program.of(table), real, worlds, seed, copies_of(table), cell)
+    cell = _disturbance(arguments)
+    study = Study(Program.of(table), real, worlds, arguments.seed, copies_of(table), cell)
     wanted, kept = arguments.trials or DEFAULT_PPM_TRIALS, arguments.resume
     identity = study.identity(_name_of_world(arguments))
     sums = Sums.none(len(table.leaves))
@@ -186,9 +186,11 @@ def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
-    say, lines = shell.printer(arguments.json), []
+    say = shell.printer(arguments.json)
     say(SWEEP_HEAD)
-    trials, worlds = arguments.trials or DEFAULT_TRIALS, _worlds_of(arguments)
+    lines = []
+    trials = arguments.trials or DEFAULT_TRIALS
+    worlds = _worlds_of(arguments)
     cases = standard_cases(job)
     for case, result in sweep(table, job, cases, trials, arguments.seed, scheduler, worlds=worlds):
         lines.append({"world": case.name, "set": case.stated(), **result.summary(arguments.takt)})

@@ -162,12 +162,14 @@ def _of_gripper(gripper: Values, cell: Values) -> Conflicts:
     if speed > most:
         problem = f"is {speed:g}, above max_speed_mm_s = {most:g} of [cell]; lower it"
         yield "gripper", "speed_mm_s", problem
-    model, profile = gripper["model"], profile_of(gripper["model"])
+    model = gripper["model"]
+    profile = profile_of(model)
     for key, (least, most) in (("speed_mm_s", profile.speed_mm_s), ("force_n", profile.force_n)):
         if not least <= gripper[key] <= most:
             problem = f"is {gripper[key]:g}, but a {model} does {least:g} to {most:g}"
             yield "gripper", key, f"{problem}; correct it, or the model"
-    force, most = gripper["force_n"], profile.fastest_grip_mm_s(gripper["force_n"])
+    force = gripper["force_n"]
+    most = profile.fastest_grip_mm_s(force)
     if speed > most:
         problem = f"is {speed:g}, but a {model} grips with {force:g} N at {most:g} at most"
         yield "gripper", "speed_mm_s", f"{problem}; lower it"

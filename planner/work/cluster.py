@@ -91,7 +91,8 @@ class Cluster:
         Raises:
             UnreachableError: the scheduler is lost, all workers stay away, or several died of one item.
         """
-        client, most = self._connected(), max(1, AHEAD * self.workers)
+        client = self._connected()
+        most = max(1, AHEAD * self.workers)
         waiting: deque[Future[R]] = deque()
         try:
             for item in items:

@@ -88,7 +88,8 @@ def choose(
         UsageError: there is no such contour, or no number and several outer ones; lists them.
         InputError: the outline may be one of the `lost` shapes, or another contour of the same lines.
     """
-    outer, listed = [contour for contour in candidates if contour.outer], listing(candidates)
+    outer = [contour for contour in candidates if contour.outer]
+    listed = listing(candidates)
     for shape in lost:
         if shape.box is None or any(_exceeds(shape.box, contour) for contour in outer):
             raise _missing(shape)
