@@ -99,9 +99,8 @@ class Table:
         arguments.same_length(nodes=nodes, widths=widths_mm)
         width_um = np.rint(1e3 * widths_mm).astype(np.int64)
         lookup, target = self.program.lookup, self.program.target
-        result = np.maximum(
-            *(target[lookup.segment(2 * nodes + felt, width_um)] for felt in (0, 1))
-        )
+        either = (target[lookup.segment(2 * nodes + felt, width_um)] for felt in (0, 1))
+        result = np.maximum(*either)
         leaves = np.where((result < 0) & (result != DISMISSED), ~result, -1)
         return Next(np.maximum(result, -1), leaves)
 

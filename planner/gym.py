@@ -18,9 +18,11 @@ With `render_mode="rgb_array"`, `render()` draws the part, the fingers, and the 
 of `RENDERED` states infers from the readings.
 """
 
+from importlib.resources import files
 from typing import Any, Literal, get_args
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from planner import arguments
@@ -36,32 +38,20 @@ try:
     from gymnasium.vector import AutoresetMode, VectorEnv
     from gymnasium.vector.utils import batch_space
 except ImportError as missing:
-    hint = "install it with: pip install 'squeezetree[gym]'"
-    raise ImportError(
-        f"planner.gym needs the gym extra ({missing.name} is missing); {hint}"
-    ) from missing
+    needed = f"planner.gym needs the gym extra ({missing.name} is missing)"
+    raise ImportError(f"{needed}; install it with: pip install 'squeezetree[gym]'") from missing
 
 NAME = "SqueezeLocalize-v0"
 RENDERED = 2000  # states of the belief in a picture
-RECTANGLE = """
-seed = 1
-part.name = "rectangle"
-part.outline_mm = [[0, 0], [30, 0], [30, 21], [0, 21]]
-part.height_mm = 16.0
-part.tolerance_mm = 0.33
-friction = {finger_part_min = 0.4, finger_part_max = 0.6}
-gripper = {finger_length_mm = 27.5, finger_width_mm = 9.5, opening_mm = 85.0}
-uncertainty = {radius_mm = 12.75, orientation = "unknown"}
-actions = {angles_deg = [0, 45, 90, 135], centers_mm = [[0, 0]], proposals = "none"}
-goal = {distance_mm = 3.0, confidence = 0.99}
-doubt = {chance = 0.8, finger_share = [-0.11, 0.11], middle_mm = [-1.4, 1.4], encoder_mm = [-1.1, 1.1]}
-"""  # trees/rectangle/job.toml, which an installation does not contain
+RECTANGLE = files("planner").joinpath("templates/rectangle.toml").read_text("utf-8")
 
 Kind = Literal["set", "box"]
 Actions = NDArray[Any]
+Info = dict[str, Any]
+Source = Job | str | None  # a job, a job file, or None for the rectangle
 
 
-def problem_of(job: Job | str | None, workers: int = 1) -> Pomdp:
+def problem_of(job: Source, workers: int = 1) -> Pomdp:
     """The problem of a job or of a job file; None: of the rectangle."""
     if job is None:
         job = parse(RECTANGLE, "the rectangle")
@@ -99,14 +89,14 @@ class Episodes:
         actions = arguments.rows(actions, "actions", 4, least=-1.0, most=1.0)
         return np.asarray(self.box.mean(axis=0) + 0.5 * (self.box[1] - self.box[0]) * actions)
 
-    def begin(self, rows: IntArray | BoolArray, rng: np.random.Generator) -> None:
+    def begin(self, rows: IntArray | BoolArray, rng: Generator) -> None:
         """Starts the episodes `rows`, each with a new part."""
         self.squeezes[rows] = 0
         self.states[rows] = self.model.initial(len(self.squeezes[rows]), rng)
 
     def step(
-        self, rows: BoolArray, actions: Actions, rng: np.random.Generator
-    ) -> tuple[IntArray, NDArray[np.float64], BoolArray, BoolArray]:
+        self, rows: BoolArray, actions: Actions, rng: Generator
+    ) -> tuple[IntArray, Array, BoolArray, BoolArray]:
         """Acts in the episodes of `rows` (n,); the others stay as they are, with open jaws.
 
         Returns:
@@ -138,7 +128,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
 
     def __init__(
         self,
-        job: Job | str | None = None,
+        job: Source = None,
         actions: Kind = "set",
         render_mode: Literal["rgb_array"] | None = None,
     ) -> None:
@@ -151,8 +141,8 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
         self.action_space = self._episodes.action_space
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.int64, dict[str, Any]]:
+        self, *, seed: int | None = None, options: Info | None = None
+    ) -> tuple[np.int64, Info]:
         """Places a new part; `options` are not used."""
         super().reset(seed=seed, options=options)
         self._episodes.begin(np.ones(1, np.bool_), self.np_random)
@@ -163,13 +153,12 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
             self._last: Array | None = None
         return np.int64(0), self._info()
 
-    def step(self, action: Any) -> tuple[np.int64, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[np.int64, float, bool, bool, Info]:
         """Squeezes the part, or declares its pose and ends the episode."""
-        counts, rewards, ended, cut = self._episodes.step(
-            np.ones(1, np.bool_), np.asarray(action)[None], self.np_random
-        )
+        one, actions = np.ones(1, np.bool_), np.asarray(action)[None]
+        counts, rewards, ended, cut = self._episodes.step(one, actions, self.np_random)
         if self.render_mode:
-            self._follow(self._episodes.chosen(np.asarray(action)[None])[0], int(counts[0]))
+            self._follow(self._episodes.chosen(actions)[0], int(counts[0]))
         return counts[0], float(rewards[0]), bool(ended[0]), bool(cut[0]), self._info()
 
     def render(self) -> Any:
@@ -187,7 +176,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
         except ValueError:  # none of the states explains the reading: no belief to draw
             self._belief = self._belief[:0]
 
-    def _info(self) -> dict[str, Any]:
+    def _info(self) -> Info:
         return {"pose": self._episodes.states[0, :3].copy()}
 
 
@@ -197,11 +186,7 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
     def __init__(
-        self,
-        num_envs: int = 1,
-        job: Job | str | None = None,
-        actions: Kind = "set",
-        workers: int = 1,
+        self, num_envs: int = 1, job: Source = None, actions: Kind = "set", workers: int = 1
     ) -> None:
         self.num_envs = num_envs
         self._episodes = Episodes(problem_of(job, workers), num_envs, actions)
@@ -213,17 +198,15 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
         self.action_space = batch_space(self.single_action_space, num_envs)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[IntArray, dict[str, Any]]:
+        self, *, seed: int | None = None, options: Info | None = None
+    ) -> tuple[IntArray, Info]:
         """Places all parts anew; `options` are not used."""
         super().reset(seed=seed, options=options)
         self._over[:] = False
         self._episodes.begin(~self._over, self.np_random)
         return np.full(self.num_envs, 0, np.int64), self._info()
 
-    def step(
-        self, actions: Actions
-    ) -> tuple[IntArray, NDArray[np.float64], BoolArray, BoolArray, dict[str, Any]]:
+    def step(self, actions: Actions) -> tuple[IntArray, Array, BoolArray, BoolArray, Info]:
         """Acts in the episodes under way, and restarts those that ended at the step before."""
         begun = self._over
         if begun.any():
@@ -234,7 +217,7 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
         self._over = ended | cut
         return counts, rewards, ended, cut, self._info()
 
-    def _info(self) -> dict[str, Any]:
+    def _info(self) -> Info:
         poses = self._episodes.states[:, :3].copy()
         return {"pose": poses, "_pose": np.ones(self.num_envs, np.bool_)}
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.random import Generator
 from scipy.special import ndtr
 
 from planner import arguments
@@ -85,12 +86,12 @@ class Pomdp:
         declarations = [[*mode.pose, DECLARE] for mode in modes]
         return replace(model, actions=np.concatenate([squeezes, declarations]))
 
-    def initial(self, n: int, rng: np.random.Generator) -> Array:
+    def initial(self, n: int, rng: Generator) -> Array:
         """Draws n states (n, 4) from the job's uncertainty, jaws open."""
         n = arguments.count(n, "n", 0)
         return np.column_stack([initial(self.job, n, rng), np.full(n, self.encoder.opening_mm)])
 
-    def sample(self, s: Array, a: Array, rng: np.random.Generator) -> Sampled:
+    def sample(self, s: Array, a: Array, rng: Generator) -> Sampled:
         """Draws the results of one action (4,) in all states (n, 4), or of actions (n, 4), one in each.
 
         Raises:
@@ -127,7 +128,7 @@ class Pomdp:
         wide = np.where(read <= 0, np.inf, encoder.width_mm(read - 0.5))
         return np.asarray(ndtr((wide - s[:, 3]) / noise) - ndtr((narrow - s[:, 3]) / noise))
 
-    def updated(self, belief: Array, a: Array, o: int, rng: np.random.Generator) -> Array:
+    def updated(self, belief: Array, a: Array, o: int, rng: Generator) -> Array:
         """The belief (n, 4) after action a (4,) and reading o: propagated, weighted and resampled.
 
         Raises:
@@ -137,7 +138,6 @@ class Pomdp:
         states = self.sample(belief, arguments.row(a, "a", 4), rng).states
         weight = self.likelihood(o, states, a)
         if not weight.any():
-            raise ValueError(
-                f"none of {len(belief)} states explains the reading {o}; begin with more of them"
-            )
+            problem = f"none of {len(belief)} states explains the reading {o}"
+            raise ValueError(f"{problem}; begin with more of them")
         return np.asarray(states[rng.choice(len(states), len(states), p=weight / weight.sum())])

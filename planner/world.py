@@ -84,16 +84,25 @@ class ContactWorld:
         Raises:
             ValueError: the pose is not three finite numbers.
         """
-        traits = self._stated
-        off = np.array([0.0, traits["across_mm"][0], 0.0])
-        pose = arguments.row(pose_hand, "pose_hand", 3)[None] - off
-        # As in evaluations: a derived world may not support traits.
-        rolled = (
-            self.squeeze_many(pose) if ordinary(traits).all() else self.squeeze_many(pose, traits)
-        )
-        x, y, theta = rolled.poses[0] + off
-        width = float(read_as(rolled.width_mm, traits)[0]) if rolled.width_mm[0] > 0.0 else 0.0
-        return (float(x), float(y), float(theta)), max(width, 0.0), STATUS_NAMES[rolled.status[0]]
+        rolled = self.squeeze_many(self._felt(pose_hand), *self._unusual)
+        x, y, theta = rolled.poses[0] + self._off
+        read_mm = float(read_as(rolled.width_mm, self._stated)[0])
+        width_mm = max(read_mm, 0.0) if rolled.width_mm[0] > 0.0 else 0.0
+        return (float(x), float(y), float(theta)), width_mm, STATUS_NAMES[rolled.status[0]]
+
+    @property
+    def _off(self) -> Array:
+        """Where the fingers meet in the hand frame, as a pose (3,)."""
+        return np.array([0.0, self._stated["across_mm"][0], 0.0])
+
+    def _felt(self, pose_hand: Pose) -> Array:
+        """A pose in the hand frame as a row (1, 3) about the place where the fingers meet."""
+        return arguments.row(pose_hand, "pose_hand", 3)[None] - self._off
+
+    @property
+    def _unusual(self) -> tuple[Traits, ...]:
+        """The stated traits, unless they are as planned: a derived world may not support traits."""
+        return () if ordinary(self._stated).all() else (self._stated,)
 
     def squeeze_many(self, poses_hand: Array, traits: Traits | None = None) -> RollOut:
         """Squeezes parts at poses (n, 3), each with its own mechanics.
@@ -112,11 +121,8 @@ class ContactWorld:
         Raises:
             ValueError: the pose is not three finite numbers, or the opening or the way is out of range.
         """
-        traits, off = self._stated, np.array([0.0, self._stated["across_mm"][0], 0.0])
-        pose = arguments.row(pose_hand, "pose_hand", 3)[None] - off
-        way = pose, np.array([opening_mm]), np.array([way_mm])
-        pushed = self.push_many(*way) if ordinary(traits).all() else self.push_many(*way, traits)
-        x, y, theta = pushed[0] + off
+        way = self._felt(pose_hand), np.array([opening_mm]), np.array([way_mm])
+        x, y, theta = self.push_many(*way, *self._unusual)[0] + self._off
         return float(x), float(y), float(theta)
 
     def push_many(

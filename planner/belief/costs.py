@@ -57,7 +57,7 @@ class Costs:
         self._turn = math.pi if job.gripper.upper_finger_share == 0.5 else 2.0 * math.pi
         # Whether plans are turned to the angle at which the hand stands (`runtime.table.turning`).
         same = same_from_every_side(json.loads(job.canonical()), job.goal.kind)
-        self._plans_turn = job.actions.pushes is None and same
+        self._plans_turn = same and not job.actions.pushes
 
     def short_way(self, hand: Hand | None, placements: Array) -> Array:
         """Grasp poses (k, 3) at the equivalent angle to which the hand turns least.

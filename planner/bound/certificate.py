@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array, IntArray
 from planner.belief.doubts import believed
@@ -163,19 +164,15 @@ class Certificate:
         above = self.mean / self.squeezes - 1.0
         least = f"any plan as good takes {self.rounded} squeezes a part or more"
         sure = f"({CERTAINTY:.0%} confidence, {self.parts} parts)"
-        return [
-            f"{least} {sure}; this one takes {above:.1%} more than that",
-            f"as good: {self.plans}",
-        ]
+        more = f"this one takes {above:.1%} more than that"
+        return [f"{least} {sure}; {more}", f"as good: {self.plans}"]
 
 
 def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
     """The function that squeezes parts in the world of the evaluation, each with its own traits."""
     simulator, encoder = Simulator.of_job(job, workers), encoder_of(job)
 
-    def squeeze(
-        parts: Belief, placements: Array, rng: np.random.Generator
-    ) -> tuple[Array, IntArray]:
+    def squeeze(parts: Belief, placements: Array, rng: Generator) -> tuple[Array, IntArray]:
         hand = true_placements(placements, parts.traits, rng)
         rolled = simulator.squeeze(to_hand(parts.poses, hand.T), rng, parts.traits)
         readings = encoder.read(read_as(rolled.width_mm, parts.traits), rng)
@@ -212,11 +209,9 @@ def certify(
     for left in range(ROUNDS, -1, -1):
         leaves = leaves_term(result.levels, confidence, success, CERTAINTY)
         overall = overall_term(result.levels, success, CERTAINTY)
-        asked = [
-            worth_trying(result.levels, TRIED, term.price, share)
-            for term, share in ((leaves, confidence), (overall, 1.0))
-        ]
-        chosen = np.unique(np.concatenate(asked))
+        of_leaves = worth_trying(result.levels, TRIED, leaves.price, confidence)
+        of_all = worth_trying(result.levels, TRIED, overall.price, 1.0)
+        chosen = np.union1d(of_leaves, of_all)
         chosen = chosen[result.levels[TRIED].size[chosen] >= LEAST_PARTS]
         if not (left and len(chosen)):
             break

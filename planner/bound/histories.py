@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array, IntArray
 from planner.belief.metric import Metric
@@ -19,7 +20,7 @@ from planner.work.progress import Report, silent
 READINGS = 1 << 22
 """More than there are readings; a reading is twice the encoder's, plus 1 if the object flag is set."""
 
-Squeeze: TypeAlias = Callable[[Belief, Array, np.random.Generator], tuple[Array, IntArray]]
+Squeeze: TypeAlias = Callable[[Belief, Array, Generator], tuple[Array, IntArray]]
 """Squeezes n parts once: a belief, placements (n, 3) of the hand and a random generator give
 poses (n, 3) in the world [mm, mm, rad] and readings (n,), 0 to `READINGS` - 1."""
 
@@ -56,9 +57,8 @@ class Lying(NamedTuple):
     def of(self, histories: IntArray) -> tuple[IntArray, IntArray]:
         """The rows (m,) of the parts of some histories, and for each row the index into `histories`."""
         size = np.diff(self.start)[histories]
-        rows = np.arange(size.sum()) + np.repeat(
-            self.start[histories] - np.cumsum(size) + size, size
-        )
+        before = np.cumsum(size) - size
+        rows = np.arange(size.sum()) + np.repeat(self.start[histories] - before, size)
         return rows, np.repeat(np.arange(len(histories)), size)
 
 
@@ -79,7 +79,7 @@ class Histories:
         metric: Metric,
         placements: Placements,
         depths: Depths,
-        rng: np.random.Generator,
+        rng: Generator,
         workers: int | None = 1,
         report: Report = silent,
     ) -> None:
@@ -89,9 +89,8 @@ class Histories:
         self._deepest, self._rng, self._workers, self._report = depths.most, rng, workers, report
         start, none = np.array([0, len(parts)]), np.zeros(0, np.int64)
         located = self._located(parts.poses, start)
-        self.levels = [
-            Level(np.diff(start), located, np.zeros(1, np.int64), np.full(1, -1), none, none)
-        ]
+        option, reading = np.zeros(1, np.int64), np.full(1, -1)
+        self.levels = [Level(np.diff(start), located, option, reading, none, none)]
         self._lying = [Lying(parts.poses, np.arange(len(parts)), start)]
         for level in range(depths.tried):
             self.extend(level, np.arange(len(self.levels[level].size)))

@@ -19,6 +19,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import rel_entr
 
 from planner.arrays import Array, IntArray
 from planner.bound.histories import Level
@@ -122,10 +123,7 @@ def _best(
 
 def divergence(x: float, mean: float) -> float:
     """Kullback-Leibler divergence of a coin of probability x from one of `mean`, both in [0, 1]."""
-    parts = [(x, mean), (1.0 - x, 1.0 - mean)]
-    if any(a > 0.0 and b <= 0.0 for a, b in parts):
-        return math.inf
-    return sum(a * math.log(a / b) for a, b in parts if a > 0.0)
+    return float(rel_entr(x, mean) + rel_entr(1.0 - x, 1.0 - mean))
 
 
 def upper_tail(mean: float, n: int, error: float) -> float:

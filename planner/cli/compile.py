@@ -20,7 +20,6 @@ from planner.job.model import Job
 from planner.paper import baseline
 from planner.part import tips
 from planner.work.limit import Limit
-from planner.work.scheduler import scheduler_of
 from runtime.shell import files
 from runtime.shell.command import Parser, natural, tell
 from runtime.shell.command import seconds as seconds_text
@@ -65,17 +64,25 @@ def parser() -> Parser:
 
 
 def _compile(arguments: argparse.Namespace) -> int:
-    if arguments.baseline and (arguments.output or arguments.vary):
-        raise UsageError("--baseline writes no table; leave out -o and --vary")
-    if arguments.baseline and (arguments.bound or arguments.bound_dense):
-        raise UsageError("--bound: proves something of a table; leave it out with --baseline")
-    if arguments.baseline and arguments.takt is not None:
-        raise UsageError("--takt: is for the parts of a table; leave it out with --baseline")
-    if not arguments.baseline and not arguments.output:
-        raise UsageError("-o/--output is missing; name the table to write")
+    shell.refuse(_mistakes(arguments))
     if arguments.vary:
         return _sweep(arguments)
     return _baseline(arguments) if arguments.baseline else _single(arguments)
+
+
+def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
+    bounded = arguments.bound or arguments.bound_dense
+    if arguments.baseline:
+        if arguments.output or arguments.vary:
+            yield "--baseline writes no table; leave out -o and --vary"
+        if bounded:
+            yield "--bound: proves something of a table; leave it out with --baseline"
+        if arguments.takt is not None:
+            yield "--takt: is for the parts of a table; leave it out with --baseline"
+    elif not arguments.output:
+        yield "-o/--output is missing; name the table to write"
+    if arguments.vary and bounded:
+        yield "--bound: proves something of one plan; leave it out with --vary"
 
 
 def _single(arguments: argparse.Namespace) -> int:
@@ -83,9 +90,8 @@ def _single(arguments: argparse.Namespace) -> int:
     started = time.perf_counter()
     job = _job(arguments)
     read = job_file.files(arguments.job)
-    output = shell.checked_output(
-        arguments.output, "a table, which squeezetree report draws", ".msgpack"
-    )
+    what = "a table, which squeezetree report draws"
+    output = shell.checked_output(arguments.output, what, ".msgpack")
     files.usable(output, *read)
     bounded = math.isfinite(arguments.budget)
     whole = course.of_time(arguments.budget) if bounded else course.of_search
@@ -93,10 +99,7 @@ def _single(arguments: argparse.Namespace) -> int:
         if not result.hopeless:  # a hopeless one is refused
             tell(NAME, f"warning: {result.line()}")
     limit, notes = Limit(arguments.budget), list[str]()
-    with (
-        scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
-        shell.progress(arguments.json, whole) as report,
-    ):
+    with shell.scheduler(arguments) as scheduler, shell.progress(arguments.json, whole) as report:
         with shell.stopping(limit, NAME):
             plan = compile_job(job, arguments.workers, arguments.trials, report, limit, scheduler)
         dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
@@ -123,7 +126,7 @@ def _single(arguments: argparse.Namespace) -> int:
 
 def _baseline(arguments: argparse.Namespace) -> int:
     job = _job(arguments)
-    with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+    with shell.scheduler(arguments) as scheduler:
         result = baseline.sensorless(job, arguments.trials, scheduler)
     shell.answer(arguments.json, result.figures(), baseline.text(job.name, result))
     return 0
@@ -136,21 +139,18 @@ def _job(arguments: argparse.Namespace) -> Job:
             name = f"--{option.replace('_', '-')}"
             shell.check_one_part(job.hypothesis, str(arguments.job), name)
     if job.actions.pushes and (arguments.bound or arguments.bound_dense):
-        raise UsageError(
-            f'--bound is for squeezes alone; {arguments.job} has actions.pushes = "belief"'
-        )
+        has = f'{arguments.job} has actions.proposals = "pushes"'
+        raise UsageError(f"--bound is for squeezes alone; {has}")
     return job if arguments.seed is None else dataclasses.replace(job, seed=arguments.seed)
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
-    if arguments.bound or arguments.bound_dense:
-        raise UsageError("--bound: proves something of one plan; leave it out with --vary")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.vary, common)
     settings = Settings(
         arguments.trials, arguments.workers, arguments.strip, arguments.budget, arguments.takt
     )
-    with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+    with shell.scheduler(arguments) as scheduler:
         read = job_file.files(arguments.job)
         return sweep.run(orders, arguments.output, read, settings, scheduler, arguments.json)
 

@@ -2,9 +2,10 @@
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +20,9 @@ from planner.evaluation.shares import shares_of
 from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
-from planner.work.scheduler import Scheduler, scheduler_of
+from planner.work.scheduler import Scheduler
 from planner.world import World, Worlds, supply
 from runtime.shell.command import Parser, natural, number, positive_int
-from runtime.shell.errors import UsageError
 from runtime.shell.files import usable
 from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import Table, takt_text
@@ -60,9 +60,9 @@ def parser() -> Parser:
 
 
 def _add_rare(group: argparse._ArgumentGroup) -> None:
+    copies = "parts that come to rare nodes are followed as several copies"
     text = (
-        "count confident wrong answers of the table and of each leaf, with upper bounds; parts that come to "
-        "rare nodes are followed as several copies"
+        f"count confident wrong answers of the table and of each leaf, with upper bounds; {copies}"
     )
     group.add_argument("--ppm", action="store_true", help=text)
     text = "continue the study in this file, or begin it there"
@@ -83,22 +83,19 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
     text = "standard deviation of the hand's x and y, drawn for every squeeze"
     add("--placement-error-mm", type=_spread, default=0.0, metavar="MM", help=text)
     add("--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle")
-    add(
-        "--placement-bias-mm",
-        type=number,
-        nargs=2,
-        default=(0.0, 0.0),
-        metavar=("X", "Y"),
-        help="constant error of the hand's place in the world",
-    )
+    place: dict[str, Any] = {"nargs": 2, "default": (0.0, 0.0), "metavar": ("X", "Y")}
+    text = "constant error of the hand's place in the world"
+    add("--placement-bias-mm", type=number, help=text, **place)
     add("--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle")
 
 
 def _evaluate(arguments: argparse.Namespace) -> None:
-    _check_usage(arguments)
+    shell.refuse(_mistakes(arguments))
+    if arguments.resume is not None:
+        usable(arguments.resume, arguments.tree, arguments.job)
     (table, _, _), job = shell.loaded(arguments)
     study = _rare if arguments.ppm else _sweep if arguments.sweep else _single
-    with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+    with shell.scheduler(arguments) as scheduler:
         study(table, job, scheduler, arguments)
 
 
@@ -155,9 +152,8 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
     real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
     worlds = supply(arguments.world, real, arguments.seed, copies=True)
     assert isinstance(worlds, Worlds)
-    study = Study(
-        Program.of(table), real, worlds, arguments.seed, copies_of(table), _disturbance(arguments)
-    )
+    cell = _disturbance(arguments)
+    study = Study(Program.of(table), real, worlds, arguments.seed, copies_of(table), cell)
     wanted, kept = arguments.trials or DEFAULT_PPM_TRIALS, arguments.resume
     identity = study.identity(_name_of_world(arguments))
     sums = Sums.none(len(table.leaves))
@@ -175,33 +171,30 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
     shell.answer(arguments.json, result.figures(), message, *result.lines())
 
 
-def _check_usage(arguments: argparse.Namespace) -> None:
+def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
     if arguments.ppm and arguments.sweep:
-        raise UsageError("--ppm and --sweep are two studies; run one after the other")
+        yield "--ppm and --sweep are two studies; run one after the other"
     if arguments.foreign_parts and (arguments.ppm or arguments.sweep):
-        raise UsageError("--foreign-parts come into one world; leave out --ppm and --sweep")
+        yield "--foreign-parts come into one world; leave out --ppm and --sweep"
     if arguments.resume is not None and not arguments.ppm:
-        raise UsageError("--resume is of --ppm; add it")
+        yield "--resume is of --ppm; add it"
     if arguments.takt is not None and arguments.ppm:
-        raise UsageError("--ppm counts wrong answers and times nothing; leave out --takt")
-    if arguments.resume is not None:
-        usable(arguments.resume, arguments.tree, arguments.job)
+        yield "--ppm counts wrong answers and times nothing; leave out --takt"
+    if arguments.sweep and (arguments.world_set or _disturbance(arguments) != Disturbance()):
+        changes = "--world-set, --encoder-... and --placement-..."
+        yield f"--sweep has worlds of its own; leave out {changes}"
 
 
 def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
-    if arguments.world_set or _disturbance(arguments) != Disturbance():
-        raise UsageError(
-            "--sweep has worlds of its own; leave out --world-set, --encoder-... and --placement-..."
-        )
-    if not arguments.json:
-        print(SWEEP_HEAD)
+    say = shell.printer(arguments.json)
+    say(SWEEP_HEAD)
     lines = []
-    trials, worlds = arguments.trials or DEFAULT_TRIALS, _worlds_of(arguments)
+    trials = arguments.trials or DEFAULT_TRIALS
+    worlds = _worlds_of(arguments)
     cases = standard_cases(job)
     for case, result in sweep(table, job, cases, trials, arguments.seed, scheduler, worlds=worlds):
         lines.append({"world": case.name, "set": case.stated(), **result.summary(arguments.takt)})
-        if not arguments.json:
-            print(sweep_row(case.name, result, arguments.takt), flush=True)
+        say(sweep_row(case.name, result, arguments.takt), flush=True)
     if arguments.json:
         shell.answer(True, {"worlds": lines})
 
@@ -282,10 +275,9 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
     failed = sorted((row for row in outcome.rows if not row.holds), key=lambda row: -row.visits)
     for row in failed[:MOST_ROWS]:
         low, high = row.interval95
-        lines.append(
-            f"leaf {row.leaf}: {row.observed:.2%} of {row.visits}, predicted {row.predicted:.2%}, "
-            f"with 95 % between {low:.2%} and {high:.2%}"
-        )
+        observed = f"leaf {row.leaf}: {row.observed:.2%} of {row.visits}"
+        interval = f"with 95 % between {low:.2%} and {high:.2%}"
+        lines.append(f"{observed}, predicted {row.predicted:.2%}, {interval}")
     return _block("leaves", lines, len(failed))
 
 

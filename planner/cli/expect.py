@@ -6,7 +6,6 @@ import json
 from planner.cli import shell
 from planner.evaluation.expectation import expected
 from planner.job import model as job_file
-from planner.work.scheduler import scheduler_of
 from runtime.shell.command import Parser
 from runtime.shell.files import usable, write
 
@@ -34,10 +33,7 @@ def _expect(arguments: argparse.Namespace) -> None:
     read = () if arguments.job is None else job_file.files(arguments.job)
     usable(arguments.output, arguments.tree, *read)
     (table, _, digest), job = shell.loaded(arguments)
-    with (
-        scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
-        shell.progress(arguments.json) as report,
-    ):
+    with shell.scheduler(arguments) as scheduler, shell.progress(arguments.json) as report:
         worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))
     record = {
         "kind": "expected readings",

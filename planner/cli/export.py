@@ -24,10 +24,8 @@ def parser() -> Parser:
     built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     built.add_argument("--to", choices=tuple(FORMS), required=True, help="the form of the table")
     shell.add_output(built, "DIR", "folder for the files, new or empty")
-    text = (
-        f"prefix of all files and of all names that the C or structured text defines (default: {PREFIX}); "
-        "two tables in one program need two"
-    )
+    text = "prefix of all files and of all names that the C or structured text defines"
+    text = f"{text} (default: {PREFIX}); two tables in one program need two"
     built.add_argument("--prefix", metavar="NAME", help=text)
     return built
 
@@ -37,9 +35,8 @@ def _export(arguments: argparse.Namespace) -> None:
     if prefix is not None and arguments.to == "json":
         raise UsageError("--prefix is for C and structured text; leave it out with --to json")
     if prefix is not None and PREFIXES.fullmatch(prefix) is None:
-        raise UsageError(
-            f"--prefix {prefix}: write 1 to 24 of a-z, 0-9 and single underscores, a letter first"
-        )
+        allowed = "1 to 24 of a-z, 0-9 and single underscores, a letter first"
+        raise UsageError(f"--prefix {prefix}: write {allowed}")
     result = load(arguments.tree)
     shell.check_one_part(result.table.hypotheses, str(arguments.tree), "an export")
     shell.check_squeezes_alone(result.table, str(arguments.tree), "an export")

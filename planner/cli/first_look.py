@@ -59,13 +59,11 @@ def parser() -> Parser:
         f"{first_plan.NAME} part.svg --units mm --gripper hand-e --radius 5 -o first/part.toml",
     )
     built.add_argument("drawing", type=Path, help=f"of the part: {', '.join(SUFFIXES)}")
-    shell.add_output(
-        built,
-        "JOB.toml",
+    text = (
         "the job file; table and picture go beside it (default: named after the drawing, and "
-        "numbered where another job has the name, in this folder)",
-        required=False,
+        "numbered where another job has the name, in this folder)"
     )
+    shell.add_output(built, "JOB.toml", text, required=False)
     shell.add_drawing(built.add_argument_group("the drawing"))
     stated = built.add_argument_group("in place of defaults")
     add = stated.add_argument
@@ -113,8 +111,9 @@ def _try(arguments: argparse.Namespace) -> None:
         "turn_deg": rectangle.turn_deg,
         "assumed": [*notes, *setting.assumed],
     }
+    show = shell.printer(arguments.json)
+    show(f"{answers.name}: {rectangle.text()}, {len(imported.outline_mm)} vertices")
     if not arguments.json:
-        print(f"{answers.name}: {rectangle.text()}, {len(imported.outline_mm)} vertices")
         for line in figures["assumed"]:
             say(f"assumed: {line}")
     failures: list[str] = []
@@ -127,8 +126,7 @@ def _try(arguments: argparse.Namespace) -> None:
         figures["job"] = str(files.job)
         job = job_file.load(files.job)
         figures["alike"] = [result.line() for result in alike(job)]
-        if not arguments.json:
-            print("".join(f"note: {line}\n" for line in figures["alike"]), end="", flush=True)
+        show("".join(f"note: {line}\n" for line in figures["alike"]), end="", flush=True)
         with first_plan.progress_of(arguments, course.unknown) as report, shell.compiling():
             report("kernels", 0, 1)
             make(job, seed=0).squeeze((0.0, 0.0, 0.0))
@@ -148,8 +146,7 @@ def _try(arguments: argparse.Namespace) -> None:
         refused = {**figures, **reason, "answer": short, "reason": str(error)}
         shell.answer(arguments.json, refused, "", f"{QUESTION} {short}")
         return
-    if not arguments.json:
-        print("\n".join(["", *answer.lines()]), flush=True)
+    show("\n".join(["", *answer.lines()]), flush=True)
     picture: Path | None = None
     with spared("picture"):
         drawn = min(first_plan.TRIALS, max(LEAST_DRAWN, int(PICTURE_S / part_s)))

@@ -1,6 +1,6 @@
 """A rough plan from a drawing, shared by first look, preview and comparison of grippers."""
 
-import argparse
+from argparse import Namespace
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -40,16 +40,14 @@ class Setting(NamedTuple):
     restrictions: list[str]
 
 
-def progress_of(
-    arguments: argparse.Namespace, whole: course.Whole
-) -> AbstractContextManager[Report]:
+def progress_of(arguments: Namespace, whole: course.Whole) -> AbstractContextManager[Report]:
     """Shows progress, as JSON lines if asked for, else as other commands do."""
     if arguments.follow:
         return nullcontext(course.objects(whole))
     return shell.progress(arguments.json, whole)
 
 
-def imported_of(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
+def imported_of(arguments: Namespace) -> tuple[Imported, list[str]]:
     """Reads the outline, by default the largest contour in mm; also returns notes on what is assumed."""
     options = shell.drawing_of(arguments)
     options = options._replace(contour=options.contour or LARGEST)
@@ -69,7 +67,7 @@ def in_mm(
         return read(path, options._replace(units="mm")), [UNITS_ASSUMED]
 
 
-def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
+def setting_of(arguments: Namespace, imported: Imported) -> Setting:
     """Collects the answers for a job from the arguments, with defaults where they state none."""
     taken, restrictions = list[str](), list[str]()
     rooms = {name: room_mm(imported, name) for name in GRIPPERS}
@@ -102,7 +100,7 @@ def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
         taken.append(f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (--thickness)")
     name = arguments.drawing.stem
     answers = Answers(name, radius, turn, gripper, fingers, arguments.distance, height)
-    return Setting(answers._replace(tips_mm=arguments.height), taken, restrictions)
+    return Setting(answers._replace(tips_mm=arguments.height_mm), taken, restrictions)
 
 
 def check_thickness(imported: Imported) -> None:

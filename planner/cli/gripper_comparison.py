@@ -30,17 +30,15 @@ def compare(arguments: argparse.Namespace) -> None:
         arguments.radius = min(proposed_radius_mm(imported, name) for name in fitting)
     arguments.gripper = fitting[0]
     setting = first_plan.setting_of(arguments, imported)
-    if not arguments.json:
-        print("".join(f"assumed: {line}\n" for line in (*notes, *setting.assumed)), end="")
-        print(
-            f"assumed: its centre within {arguments.radius:g} mm of the expected place (--radius)"
-        )
-        print(HEAD, flush=True)
+    say = shell.printer(arguments.json)
+    place = f"its centre within {arguments.radius:g} mm of the expected place (--radius)"
+    for line in (*notes, *setting.assumed, place):
+        say(f"assumed: {line}")
+    say(HEAD, flush=True)
     rows = []
     for name in GRIPPERS:
         rows.append(_row(arguments, imported, setting.answers._replace(gripper=name)))
-        if not arguments.json:
-            print(_line(rows[-1]), flush=True)
+        say(_line(rows[-1]), flush=True)
     if arguments.json:
         shell.answer(True, {"part": setting.answers.name, "grippers": rows})
 

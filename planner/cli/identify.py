@@ -3,13 +3,15 @@
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from planner.cli import columns, shell, tips
+from planner import columns
+from planner.cli import shell, tips
 from planner.identification import identify, motions, pushes
 from planner.identification.identify import LEAST_PAIRS, Identified, Kind, Normalised
 from planner.job import model as job_file
@@ -17,49 +19,21 @@ from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.simulator import Simulator
 from runtime.shell.command import Parser, number, positive, positive_int
-from runtime.shell.errors import InputError, UsageError
+from runtime.shell.errors import InputError
 from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
 MOST_SPLITS = 10  # most splits that --motions is judged by
 KINDS: tuple[Kind, ...] = ("ellipsoid", "quartic")
-FORMATS = """\
-tables of pairs (.csv), one push a line, with a header:
-  fx_n,fy_n,tau_n_mm      the wrench on the part: force along the axes of its frame, torque about its
-                          centroid [N, N, N mm]
-  vx_mm,vy_mm,omega_rad   the resulting twist, in the same frame; only the direction matters
-  weight                  optional: weight of the pair, positive
-
-tables of directions (--pairs), one pair a line, with a header:
-  fx,fy,tau_rho           the direction of the wrench on the part about its centroid, torque over rho
-  vx,vy,om_rho            the direction of the twist, angular velocity times rho; the scale of both is free
-  weight                  optional, as above
-
-push logs (any other name), numbers separated by blanks, one record a line, as in the public data of
-arXiv 1602.06056; empty lines do not count:
-  N                       number of pushes; then for each of them
-  x y z qw qx qy qz       the block's marker frame before the push [mm, unit quaternion]
-  x y z qw qx qy qz       the same after it
-  K                       number of force readings
-  t fx fy                 K lines: time and force on the sensor's axes [s, N, N]
-  P                       number of poses of the pusher
-  t x y z qw qx qy qz     P lines: time and pose [s, mm, unit quaternion]
-the block is a right triangle with legs of 150 mm; for any other part write a table of pairs.
-
-"""
+FORMATS = files("planner").joinpath("templates/push_formats.txt").read_text("utf-8")
 
 
 def _identify(arguments: argparse.Namespace) -> None:
+    shell.refuse(_mistakes(arguments))
     if arguments.motions is not None:
         _from_motions(arguments)
         return
-    if arguments.job is not None or arguments.tip_radius_mm is not None:
-        raise UsageError("--job and --tip-radius-mm go with --motions")
     sources = [*arguments.logs, *arguments.pairs]
-    if bool(arguments.logs) == bool(arguments.pairs):
-        raise UsageError("state push logs, or tables of directions with --pairs")
-    if arguments.pairs and arguments.friction_n is not None:
-        raise UsageError("--friction-n goes with logs: --pairs takes no magnitudes")
     if arguments.figure is not None:
         shell.check_suffix("--figure", arguments.figure, shell.PICTURES)
         usable(arguments.figure, arguments.output, *sources)
@@ -67,12 +41,11 @@ def _identify(arguments: argparse.Namespace) -> None:
         usable(arguments.output, *sources)
     rho_mm = arguments.rho_mm
     if arguments.pairs:
-        tables = [pushes.load_directions(path) for path in arguments.pairs]
+        tables = [pushes.load_table(path, pushes.DIRECTIONS) for path in arguments.pairs]
         data: Normalised = identify.directions(pushes.join(tables))
     else:
-        data = identify.normalise(
-            pushes.join([pushes.load(path) for path in arguments.logs]), rho_mm
-        )
+        logs = pushes.join([pushes.load(path) for path in arguments.logs])
+        data = identify.normalise(logs, rho_mm)
     kinds = KINDS if arguments.kind == "both" else (arguments.kind,)
     with shell.progress(arguments.json) as report:
         outcome = identify.identify(
@@ -96,16 +69,23 @@ def _identify(arguments: argparse.Namespace) -> None:
     _print(data, outcome, best, arguments)
 
 
-def _from_motions(arguments: argparse.Namespace) -> None:
+def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
     needed = arguments.job, arguments.tip_radius_mm
-    if None in needed or arguments.logs or arguments.pairs:
-        raise UsageError(
-            "--motions needs --job and --tip-radius-mm, and goes without logs and --pairs"
-        )
-    if arguments.figure or arguments.friction_n or arguments.kind == "quartic":
-        raise UsageError(
-            "--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic"
-        )
+    if arguments.motions is not None:
+        if None in needed or arguments.logs or arguments.pairs:
+            yield "--motions needs --job and --tip-radius-mm, and goes without logs and --pairs"
+        if arguments.figure or arguments.friction_n or arguments.kind == "quartic":
+            yield "--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic"
+        return
+    if needed != (None, None):
+        yield "--job and --tip-radius-mm go with --motions"
+    if bool(arguments.logs) == bool(arguments.pairs):
+        yield "state push logs, or tables of directions with --pairs"
+    if arguments.pairs and arguments.friction_n is not None:
+        yield "--friction-n goes with logs: --pairs takes no magnitudes"
+
+
+def _from_motions(arguments: argparse.Namespace) -> None:
     path, radius_mm = arguments.motions, arguments.tip_radius_mm
     job = job_file.load(arguments.job, tips.ANY_OPENING)
     shell.check_one_part(job.hypothesis, str(arguments.job), "an identification")
@@ -159,10 +139,10 @@ def parser() -> Parser:
     add("logs", type=Path, nargs="*", metavar="LOG", help="push logs, or tables of pairs (.csv)")
     text = f"tables of directions in place of logs: {','.join(pushes.DIRECTIONS)}"
     add("--pairs", type=Path, nargs="+", default=[], metavar="PAIRS.csv", help=text)
-    text = (
-        f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *tips.MOVED))}, as plan-simulate "
-        "--push --tip-radius-mm has them; gives the tip's friction, too"
+    named = (
+        f"{','.join((*tips.NAMES, *tips.MOVED))}, as plan-simulate --push --tip-radius-mm has them"
     )
+    text = f"without forces: pushes by a round tip, {named}; gives the tip's friction, too"
     add("--motions", type=Path, metavar="PUSHES.csv", help=text)
     add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
     add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")

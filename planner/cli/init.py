@@ -54,9 +54,8 @@ def parser() -> Parser:
 def _init(arguments: argparse.Namespace) -> None:
     output = usable(arguments.output, arguments.outline)
     if output.exists() and not arguments.force:
-        raise UsageError(
-            f"{output} is there already; name another file, or overwrite it with --force"
-        )
+        remedy = "name another file, or overwrite it with --force"
+        raise UsageError(f"{output} is there already; {remedy}")
     asking = sys.stdin.isatty() and not arguments.json
     faces = _faces(arguments) if arguments.faces else []
     if faces:  # one set of answers for all faces
@@ -116,16 +115,13 @@ def _figures_of(face: Face) -> dict[str, object]:
 def _show_faces(faces: list[Face]) -> None:
     for place, face in enumerate(faces, start=1):
         width, height = face.imported.size_mm
-        print(
-            f"face {place}: {face.share:.1%} of the parts, {face.down_text} of the solid down; "
-            f"{width:.3f} x {height:.3f} mm, {face.imported.height_mm:.4g} mm high"
-        )
+        size = f"{width:.3f} x {height:.3f} mm, {face.imported.height_mm:.4g} mm high"
+        lies = f"{face.share:.1%} of the parts, {face.down_text} of the solid down"
+        print(f"face {place}: {lies}; {size}")
         for note in face.imported.notes:
             say(f"note: {note}")
-    print(
-        "note: the shares are those of the directions in which the part may be dropped; bouncing and rolling "
-        "on are ignored, so count some parts"
-    )
+    dropped = "the shares are those of the directions in which the part may be dropped"
+    print(f"note: {dropped}; bouncing and rolling on are ignored, so count some parts")
 
 
 def _imported(path: Path, options: Options, asking: bool) -> Imported:
@@ -144,9 +140,8 @@ def _show(imported: Imported) -> None:
     order = imported.symmetry
     turn = f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
     message = turn if order > 1 else "none"
-    print(
-        f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {message}"
-    )
+    extent = f"{len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm"
+    print(f"outline: {extent}; symmetry: {message}")
     print(f"smallest rectangle about it: {smallest_rectangle(imported.outline_mm).text()}")
     for note in imported.notes:
         say(f"note: {note}")
@@ -156,9 +151,8 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
     needed = ("radius", "gripper", "fingers")
     missing = [f"--{name}" for name in needed if getattr(arguments, name) is None]
     if missing and not asking:
-        raise UsageError(
-            f"{', '.join(missing)} must be stated where there is no terminal to ask at"
-        )
+        flags = ", ".join(missing)
+        raise UsageError(f"{flags} must be stated where there is no terminal to ask at")
     name = arguments.name
     if name is None:
         stem = arguments.outline.stem
@@ -169,10 +163,8 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
     radius = arguments.radius
     if radius is None:
         proposed = proposed_radius_mm(imported, gripper)
-        radius = _ask(
-            f"its centre lies in a disc of radius [{proposed:g} mm]: ",
-            lambda text: number(text) if text else proposed,
-        )
+        question = f"its centre lies in a disc of radius [{proposed:g} mm]: "
+        radius = _ask(question, lambda text: number(text) if text else proposed)
     if radius > room and arguments.turn is None:
         clear = f"clear the part at any angle only within {room:.1f} mm of the hand"
         if room <= 0.0:
@@ -181,12 +173,10 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
         print(f"{NAME}: warning: open fingers {clear}; {remedy}", file=sys.stderr)
     thickness = imported.height_mm if arguments.thickness is None else arguments.thickness
     if thickness is None and asking:
-        thickness = _ask(
-            "its thickness, table to top [mm; empty: not known]: ",
-            lambda text: number(text) if text else None,
-        )
+        question = "its thickness, table to top [mm; empty: not known]: "
+        thickness = _ask(question, lambda text: number(text) if text else None)
     answers = Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance, thickness)
-    return answers._replace(tips_mm=arguments.height)
+    return answers._replace(tips_mm=arguments.height_mm)
 
 
 def _choice(question: str, choices: Collection[str]) -> str:
@@ -210,9 +200,8 @@ def _ask(question: str, parse: Callable[[str], T]) -> T:
         try:
             return parse(input(question).strip())
         except EOFError:
-            raise UsageError(
-                "the input ended before all was answered; state the rest as flags"
-            ) from None
+            problem = "the input ended before all was answered; state the rest as flags"
+            raise UsageError(problem) from None
         except (ValueError, argparse.ArgumentTypeError) as error:
             print(f"  {error}")
 

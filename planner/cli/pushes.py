@@ -9,10 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numpy.random import Generator
 
+from planner import columns
 from planner.arrays import Array
 from planner.belief.doubts import pushed_of
-from planner.cli import columns, tips
+from planner.cli import tips
 from planner.errors import KeyNameError
 from planner.job.model import Job
 from planner.mechanics.push import Paths
@@ -25,8 +27,16 @@ SHIFTS = {"shift_x_mm": 0.0, "shift_y_mm": 0.0}
 MOST = {"angle_deg": 360.0, FINGERS: 1e3}  # largest magnitudes; of other columns `tips.MOST_MM`
 BOUNDS = tuple(f"{name}_{end}" for name in tips.MOVED for end in ("low", "high"))
 SHARES = (0.05, 0.95)  # Quantiles of `BOUNDS`
+START_MM = 1.1  # scatter of the places where recorded pushers stand beside the part (decision 0049)
 AT_ONCE = 100_000  # pushes whose mechanics are drawn together
 DEEPEST_MM = 1.0  # Depth at which a finger may start: coordinates on an edge are rounded
+
+
+class Draws(NamedTuple):
+    """How often each push is simulated, and how its start scatters."""
+
+    number: int
+    start_mm: float  # standard deviation of x and of y of the place where a pusher starts
 
 
 class Drawn(NamedTuple):
@@ -87,11 +97,9 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
     depth = np.where(shapely.contains(part, fingers), shapely.distance(part.exterior, fingers), 0.0)
     if depth.max(initial=0.0) > DEEPEST_MM:
         number, finger = np.unravel_index(int(np.argmax(depth)), depth.shape)
-        problem = (
-            f"push {number + 1}: a finger starts {depth[number, finger]:.3g} mm inside the part; state where "
-            "the fingers meet it, in the frame of the job's outline_mm"
-        )
-        raise InputError(problem, where=str(where))
+        problem = f"a finger starts {depth[number, finger]:.3g} mm inside the part"
+        remedy = "state where the fingers meet it, in the frame of the job's outline_mm"
+        raise InputError(f"push {number + 1}: {problem}; {remedy}", where=str(where))
 
 
 def exact(job: Job) -> Job:
@@ -100,37 +108,31 @@ def exact(job: Job) -> Job:
     The quartic predicts pushes better than the ellipsoid, but takes ten times as long: too long for plans,
     not for a list of pushes.
     """
-    spread = job.pressure.kind in ("boundary", "uniform")
+    pressure = job.pressure
+    spread = pressure.kind in ("boundary", "uniform") and pressure.limit_surface == "ellipsoid"
     return job.replaced(pressure={"limit_surface": "quartic"}) if spread else job
 
 
 def drawn(
-    simulator: Simulator,
-    job: Job,
-    paths: Paths,
-    radius_mm: float,
-    draws: int,
-    rng: np.random.Generator,
+    simulator: Simulator, job: Job, paths: Paths, radius_mm: float, draws: Draws, rng: Generator
 ) -> Drawn:
-    """Simulates each push `draws` times; returns the quantiles `SHARES` of its displacements."""
+    """Simulates each push many times; returns the quantiles `SHARES` of its displacements."""
     n, given_up = len(paths.angles), 0
-    bounds, some = np.empty((n, 3, 2)), max(AT_ONCE // draws, 1)
+    bounds, some = np.empty((n, 3, 2)), max(AT_ONCE // draws.number, 1)
     for start in range(0, n, some):
         rows = np.arange(start, min(start + some, n))
-        many = Paths(*(np.repeat(values[rows], draws, axis=0) for values in paths))
+        many = Paths(*(np.repeat(values[rows], draws.number, axis=0) for values in paths))
+        if draws.start_mm:
+            many = tips.scattered(many, draws.start_mm, radius_mm, job.part.outline_mm, rng)
         pushed = draw(simulator, job, many, radius_mm, rng)
-        moved = in_degrees(pushed.moved).reshape(len(rows), draws, 3)
+        moved = in_degrees(pushed.moved).reshape(len(rows), draws.number, 3)
         bounds[rows] = np.moveaxis(np.quantile(moved, SHARES, axis=1), 0, 2)
         given_up += int(pushed.given_up.sum())
     return Drawn(bounds.reshape(n, 6), given_up)
 
 
-def draw(
-    simulator: Simulator, job: Job, paths: Paths, radius_mm: float, rng: np.random.Generator
-) -> Pushed:
-    """Simulates each of n pushes once, with start, friction and latent parameters drawn from the job."""
-    if job.doubt.start_mm:
-        paths = tips.scattered(paths, job.doubt.start_mm, radius_mm, job.part.outline_mm, rng)
+def draw(simulator: Simulator, job: Job, paths: Paths, radius_mm: float, rng: Generator) -> Pushed:
+    """Simulates each of n pushes once, with friction and latent parameters drawn from the job."""
     n = len(paths.angles)
     return simulator.push(paths, simulator.sample(n, rng, pushed_of(job, n, rng)), radius_mm)
 

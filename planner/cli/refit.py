@@ -22,7 +22,7 @@ from planner.refit.outcomes import Seen
 from planner.refit.posterior import Effort, Posterior, posterior
 from planner.report import run_log
 from planner.report.run_log import PartLog
-from planner.work.scheduler import Scheduler, scheduler_of
+from planner.work.scheduler import Scheduler
 from runtime.shell.command import Parser, positive_int
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import quoted, usable, write
@@ -62,20 +62,18 @@ def parser() -> Parser:
 def _refit(arguments: argparse.Namespace) -> None:
     usable(arguments.output, *job_file.files(arguments.job), *arguments.journal, *arguments.audit)
     if arguments.output.exists() and names_table(arguments.output.read_bytes()):
-        raise UsageError(
-            f"{arguments.output} is a table, which a cell may run; a refit writes a job: name JOB2.toml"
-        )
+        problem = f"{arguments.output} is a table, which a cell may run"
+        raise UsageError(f"{problem}; a refit writes a job: name JOB2.toml")
     text, job = documents.read(arguments.job), job_file.load(arguments.job)
     shell.check_one_part(job.hypothesis, str(arguments.job), "a refit")
     loaded, parts = _parts(arguments, job)
     seen = seen_of_parts(parts, loaded.table)
     if seen.parts < LEAST_PARTS:
-        raise UsageError(
-            f"the journals hold {seen.parts} squeezed parts, too few to learn from; run {LEAST_PARTS} or more"
-        )
+        problem = f"the journals hold {seen.parts} squeezed parts, too few to learn from"
+        raise UsageError(f"{problem}; run {LEAST_PARTS} or more")
     cells = Cells.of(job, loaded.table)
     with (
-        scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
+        shell.scheduler(arguments) as scheduler,
         shell.progress(arguments.json, course.counted) as report,
     ):
         effort = Effort(cells=arguments.cells)
@@ -129,9 +127,8 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
             problem = "holds runs of another table, too; refit one table at a time"
             raise InputError(problem, where=str(path))
     if arguments.audit and len(arguments.audit) != len(runs):
-        raise UsageError(
-            f"{len(arguments.audit)} --audit for {len(runs)} --journal; name one for each"
-        )
+        counts = f"{len(arguments.audit)} --audit for {len(runs)} --journal"
+        raise UsageError(f"{counts}; name one for each")
     for path, run in zip(arguments.audit, runs, strict=False):
         _measured(path, [part for part in run.parts if part.outcome != "cut short"])
     return loaded, [part for run in runs for part in run.parts]

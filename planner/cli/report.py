@@ -48,9 +48,8 @@ def _report(arguments: argparse.Namespace) -> None:
     output = shell.checked_output(arguments.output, "a page for a browser", ".html")
     usable(output, arguments.tree, arguments.journal, arguments.compare, *read)
     if arguments.trials > MAX_TRIALS:
-        raise UsageError(
-            f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less"
-        )
+        most = f"more than {MAX_TRIALS}; a picture needs less"
+        raise UsageError(f"--trials {arguments.trials} is {most}")
     (table, data, digest), job = shell.loaded(arguments)
     if arguments.bound or arguments.bound_dense:
         shell.check_one_part(table.hypotheses, str(arguments.tree), "--bound")

@@ -9,7 +9,7 @@ import signal
 import textwrap
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -19,6 +19,7 @@ from planner.job import model as job_file
 from planner.job.model import Job
 from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM, Options
 from planner.work.limit import Limit
+from planner.work.scheduler import Scheduler, scheduler_of
 from runtime.shell import command
 from runtime.shell.command import Parser
 from runtime.shell.errors import ExpectedError, InputError, UsageError
@@ -41,6 +42,12 @@ def parser(name: str, description: str, *examples: str) -> Parser:
     result = Parser(prog=name, description=text, epilog=epilog)
     result.add_common()
     return result
+
+
+def refuse(problems: Iterator[str]) -> None:
+    """Raises a `UsageError` for the first problem of a command line, if there is any."""
+    for problem in problems:
+        raise UsageError(problem)
 
 
 def check_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
@@ -76,21 +83,15 @@ def add_drawing(group: argparse._ArgumentGroup) -> None:
     text = "number of the contour, if there are several"
     add("--contour", type=command.positive_int, metavar="N", help=text)
     text = "greatest distance of the polygon from a curve (default: %(default)s)"
-    add("--tolerance", type=command.number, default=TOLERANCE_MM, metavar="MM", help=text)
+    number: dict[str, Any] = {"type": command.number, "metavar": "MM"}
+    add("--tolerance", dest="tolerance_mm", default=TOLERANCE_MM, help=text, **number)
     text = "height at which the finger tips meet an STL solid (default: half-way up, at most 8)"
-    add("--height", type=command.number, metavar="MM", help=text)
+    add("--height", dest="height_mm", help=text, **number)
 
 
 def drawing_of(arguments: argparse.Namespace) -> Options:
     """The values of the options of `add_drawing`."""
-    return Options(
-        arguments.units,
-        arguments.contour,
-        arguments.tolerance,
-        arguments.height,
-        arguments.layer,
-        arguments.scale,
-    )
+    return Options(**{name: getattr(arguments, name) for name in Options._fields})
 
 
 def add_table(parser: argparse.ArgumentParser) -> None:
@@ -136,7 +137,8 @@ def check_squeezes_alone(table: Table, name: str, what: str) -> None:
         UsageError: parts are pushed before some squeeze.
     """
     if table.pushing is not None:
-        message = f'plan with actions.pushes = "none"; {name} pushes before node {table.pushing}'
+        remedy = 'plan with actions.proposals = "belief"'
+        message = f"{remedy}; {name} pushes before node {table.pushing}"
         raise UsageError(f"{what} is for squeezes alone; {message}")
 
 
@@ -173,11 +175,16 @@ def add_takt(parser: argparse.ArgumentParser) -> None:
 
 
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
-    """Adds the options for workers; `planner.work.scheduler.scheduler_of` reads them."""
+    """Adds the options for workers; `scheduler` reads them."""
     text = "threads; the result is the same (default: cores)"
     parser.add_argument("--workers", type=command.positive_int, help=text)
     text = "work on the Dask cluster of this scheduler (default: threads of this machine)"
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help=text)
+
+
+def scheduler(arguments: argparse.Namespace) -> AbstractContextManager[Scheduler]:
+    """The workers that the options of `add_scheduler` ask for; see `planner.work.scheduler.scheduler_of`."""
+    return scheduler_of(arguments.scheduler, arguments.workers)
 
 
 Body = Callable[[argparse.Namespace], int | None]
@@ -199,6 +206,11 @@ def run(built: Parser, argv: Sequence[str] | None, body: Body) -> int:
 def answer(as_json: bool, figures: Mapping[str, Any], *lines: str) -> None:
     """Prints the result of a command: its figures as one JSON object on one line, or lines for people."""
     print(json.dumps(figures) if as_json else "\n".join(lines))
+
+
+def printer(as_json: bool) -> Callable[..., None]:
+    """`print` for people; where the answer is JSON, a function that prints nothing."""
+    return (lambda *_lines, **_options: None) if as_json else print
 
 
 @contextmanager

@@ -3,21 +3,23 @@
 import argparse
 import math
 import sys
+from collections.abc import Iterator
 from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from planner import columns
 from planner.arrays import Array
-from planner.cli import columns, pushes, shell, tips
+from planner.cli import pushes, shell, tips
 from planner.errors import KeyNameError
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.mechanics.push import PUSH_NAMES
 from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, Simulator
 from runtime.shell.command import Parser, natural, positive, positive_int
-from runtime.shell.errors import InputError, UsageError
+from runtime.shell.errors import InputError
 from runtime.shell.files import usable, words_of
 
 NAME = "plan-simulate"
@@ -28,7 +30,7 @@ IN_DEGREES = ("x_mm", "y_mm", DEGREES)  # columns of poses with angles in degree
 # Final pose and width, then the angles again, in degrees.
 RESULTS = (*(f"final_{name}" for name in INPUTS), "width_mm", "theta_deg", "final_theta_deg")
 MOST_RADIUS_MM, MOST_DRAWS = 1000.0, 100_000
-RANGES = {"mu": (0.0, 2.0), "step_mm": (1e-4, 2.0), "fingers_mm": (0.0, 1000.0)}
+RANGES = {"mu": (0, 2), "step_mm": (1e-4, 2), "fingers_mm": (0, 1000), "start_mm": (0, 10)}
 SAME_DEG = 1e-5  # rounding error between an angle in degrees and the same in radians
 
 
@@ -45,7 +47,7 @@ class Results(NamedTuple):
 
 def _simulate(arguments: argparse.Namespace) -> None:
     pictures = {name: path for name in PICTURES if (path := getattr(arguments, name)) is not None}
-    _check_options(arguments, pictures)
+    shell.refuse(_mistakes(arguments, pictures))
     for name, path in pictures.items():
         shell.check_suffix(f"--{name}", path, PICTURES[name])
     job = job_file.load(arguments.job, tips.ANY_OPENING if arguments.push else None)
@@ -101,6 +103,7 @@ def _squeezed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> 
 
 def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Results:
     path, outline, radius = arguments.push, job.part.outline_mm, arguments.tip_radius_mm
+    tip_mm = radius or 0.0
     centroid = job_file.centroid_as_drawn(arguments.job)
     if radius is None or arguments.fingers_mm is not None:
         stated = pushes.read(path, arguments.fingers_mm)
@@ -114,16 +117,16 @@ def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Re
     else:
         ways, further[tips.OVERLAP] = tips.beside(ways, radius, outline, path)
     if arguments.nominal:
-        pushed = simulator.push(
-            ways, simulator.nominal(len(ways.angles), arguments.mu), radius or 0.0
-        )
+        nominal = simulator.nominal(len(ways.angles), arguments.mu)
+        pushed = simulator.push(ways, nominal, tip_mm)
     else:
-        pushed = pushes.draw(simulator, job, ways, radius or 0.0, _rng(arguments, job))
+        pushed = pushes.draw(simulator, job, ways, tip_mm, _rng(arguments, job))
     given_up = int(pushed.given_up.sum())
     if arguments.draws is not None:
         # A separate stream: the lines are the same with and without --draws.
         rng = _rng(arguments, job, arguments.draws)
-        drawn = pushes.drawn(simulator, job, ways, radius or 0.0, arguments.draws, rng)
+        draws = pushes.Draws(arguments.draws, arguments.start_mm)
+        drawn = pushes.drawn(simulator, job, ways, tip_mm, draws, rng)
         further |= columns.named(pushes.BOUNDS, drawn.bounds)
         given_up += drawn.given_up
     names = PUSH_NAMES if radius is None else tips.STATUS_NAMES
@@ -157,9 +160,8 @@ def parser() -> Parser:
         f"too, {','.join(pushes.SHIFTS)}"
     )
     listed.add_argument("--push", type=Path, metavar="IN.csv", help=text)
-    text = (
-        f"distance of the two fingers, for pushes without a column {pushes.FINGERS}; 0: one finger"
-    )
+    without = f"for pushes without a column {pushes.FINGERS}"
+    text = f"distance of the two fingers, {without}; 0: one finger"
     add("--fingers-mm", type=float, metavar="MM", help=text)
     shell.add_output(built, "OUT.csv", "the results; - for standard output")
     text = (
@@ -168,11 +170,11 @@ def parser() -> Parser:
         "With --fingers-mm: two such tips, on the columns of two fingers"
     )
     add("--tip-radius-mm", type=positive, metavar="MM", help=text)
-    text = (
-        "add the 5th and 95th percentile of each push's displacement over so many draws of the mechanics and "
-        "of what the job doubts"
-    )
+    draws = "so many draws of the mechanics and of what the job doubts"
+    text = f"add the 5th and 95th percentile of each push's displacement over {draws}"
     add("--draws", type=positive_int, metavar="N", help=text)
+    text = "of the place where a pusher starts in --draws (default: %(default)s, as recorded)"
+    add("--start-mm", type=float, default=pushes.START_MM, metavar="MM", help=text)
     add("--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu")
     add("--mu", type=float, help="friction between finger and part, with --nominal")
     add("--seed", type=natural, help="of the scatter (default: the job's)")
@@ -233,35 +235,27 @@ def draw(
         trajectory.html(outline, jaws, traces, title, path)
 
 
-def _check_options(arguments: argparse.Namespace, pictures: dict[str, Path]) -> None:
+def _mistakes(arguments: argparse.Namespace, pictures: dict[str, Path]) -> Iterator[str]:
     if arguments.nominal != (arguments.mu is not None):
-        raise UsageError(
-            "--nominal and --mu go together: state the one friction value, such as --mu 0.5"
-        )
+        yield "--nominal and --mu go together: state the one friction value, such as --mu 0.5"
     for option, (least, most) in RANGES.items():
         value = getattr(arguments, option)
         if value is not None and not least <= value <= most:
             name = f"--{option.replace('_', '-')}"
-            raise UsageError(f"{name} {value} is not between {least:g} and {most:g}")
+            yield f"{name} {value} is not between {least:g} and {most:g}"
     if arguments.push and pictures:
-        raise UsageError(f"--{next(iter(pictures))} draws squeezes; leave it out with --push")
+        yield f"--{next(iter(pictures))} draws squeezes; leave it out with --push"
     if arguments.nominal and arguments.draws is not None:
-        raise UsageError(
-            "--draws draws the mechanics and --nominal does not; leave one of them out"
-        )
+        yield "--draws draws the mechanics and --nominal does not; leave one of them out"
     for option in ("tip_radius_mm", "draws"):
         if arguments.poses and getattr(arguments, option) is not None:
-            raise UsageError(f"--{option.replace('_', '-')} goes with --push")
+            yield f"--{option.replace('_', '-')} goes with --push"
     if arguments.tip_radius_mm is not None and arguments.tip_radius_mm > MOST_RADIUS_MM:
-        raise UsageError(
-            f"--tip-radius-mm {arguments.tip_radius_mm:g} is beyond {MOST_RADIUS_MM:g}"
-        )
+        yield f"--tip-radius-mm {arguments.tip_radius_mm:g} is beyond {MOST_RADIUS_MM:g}"
     if arguments.draws is not None and arguments.draws > MOST_DRAWS:
-        raise UsageError(f"--draws {arguments.draws} is beyond {MOST_DRAWS}")
+        yield f"--draws {arguments.draws} is beyond {MOST_DRAWS}"
     if arguments.poses and arguments.fingers_mm is not None:
-        raise UsageError(
-            "--fingers-mm goes with --push; the job's [gripper] has the jaws that squeeze"
-        )
+        yield "--fingers-mm goes with --push; the job's [gripper] has the jaws that squeeze"
 
 
 main = shell.main_of(parser, _simulate)

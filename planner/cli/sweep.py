@@ -91,9 +91,8 @@ def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list
     documents.from_toml(text, str(path))
     total = math.prod(len(values) for _, values in axes)
     if total > MOST_JOBS:
-        raise UsageError(
-            f"--vary: {total} combinations are more than {MOST_JOBS}; sweep fewer values"
-        )
+        most = f"more than {MOST_JOBS}; sweep fewer values"
+        raise UsageError(f"--vary: {total} combinations are {most}")
     combinations = itertools.product(*(values for _, values in axes))
     chosen = [tuple(zip(names, values, strict=True)) for values in combinations]
     return [_order(text, str(path), common, overrides) for overrides in dict.fromkeys(chosen)]

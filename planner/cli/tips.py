@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from planner import columns
 from planner.arrays import Array, IntArray
-from planner.cli import columns
 from planner.mechanics.push import PUSH_NAMES, Paths
 from planner.mechanics.simulator import Pushed
 from runtime.shell.errors import InputError
@@ -81,11 +81,10 @@ def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Besid
     overlap = np.maximum(_depth(paths.points, radius_mm, outline).max(axis=1), 0.0)
     if overlap.max(initial=0.0) >= 2.0 * radius_mm:
         number = int(np.argmax(overlap))
-        problem = (
-            f"push {number + 1}: the tip overlaps the part by {overlap[number]:.3g} mm at the start, its "
-            "diameter or more; state its centre, in the frame of the job's outline_mm"
-        )
-        raise InputError(problem, where=str(where))
+        overlaps = f"the tip overlaps the part by {overlap[number]:.3g} mm at the start"
+        problem = f"push {number + 1}: {overlaps}, its diameter or more"
+        remedy = "state its centre, in the frame of the job's outline_mm"
+        raise InputError(f"{problem}; {remedy}", where=str(where))
     shift, inside = _way_out(paths.points, radius_mm, outline)
     if len(inside):
         problem = "no place beside the part is free for all tips; correct where they start"

@@ -75,10 +75,8 @@ def _noise_lines(gains: Sequence[Gain]) -> list[str]:
         measured = ", ".join(f"{gain.source} {gain.gain:+.2%}" for gain in single)
         lines.append(f"no source of noise alone limits this plan: {measured}")
     missing = 1.0 - gains[-1].success_rate
-    return [
-        *lines,
-        f"{missing:.2%} would not be located without any noise either: extend the action set",
-    ]
+    rest = f"{missing:.2%} would not be located without any noise either"
+    return [*lines, f"{rest}: extend the action set"]
 
 
 class Advice(NamedTuple):
@@ -92,8 +90,8 @@ class Advice(NamedTuple):
     open_poses: list[Ambiguity]  # the unresolved leaves with most parts, and their remedies
     gains: Sequence[Gain]  # cost of each source of noise; empty if not asked for
     proposing: bool  # whether the search proposed placements besides the stated ones
+    shares: Shares  # the same shares, rounded as in other reports
     margins: Margins | None = None  # effect of a small offset of widths; None if not asked for
-    shares: Shares | None = None  # the same shares, rounded as in other reports
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
@@ -116,10 +114,8 @@ class Advice(NamedTuple):
     def _shares(self) -> list[str]:
         if self.failing == 0.0:
             return ["every part was located"]
-        failing, rejected, unresolved = self.failing, self.rejected, self.unresolved
-        if self.shares is not None:
-            failing = 1.0 - 0.01 * self.shares.located
-            rejected, unresolved = 0.01 * self.shares.rejected, 0.01 * self.shares.unresolved
+        failing = 1.0 - 0.01 * self.shares.located
+        rejected, unresolved = 0.01 * self.shares.rejected, 0.01 * self.shares.unresolved
         lines = [f"{failing:.2%} of the parts are not located"]
         if self.pinched > 0.5 * self.failing:
             lines.append(f"{min(self.pinched, rejected):.2%} are rejected, {PINCHED}")
@@ -129,9 +125,8 @@ class Advice(NamedTuple):
                 "add angles or centres" + ("" if self.proposing else ", or plan with proposals")
             )
         if self.at_depth_limit > 0.0:
-            lines.append(
-                f"{self.at_depth_limit:.2%} end unresolved at max_depth of [search]: raise it"
-            )
+            deep = f"{self.at_depth_limit:.2%} end unresolved at max_depth of [search]"
+            lines.append(f"{deep}: raise it")
         return lines + _noise_lines(self.gains)
 
 

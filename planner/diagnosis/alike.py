@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of
 from planner.errors import NoPlanError
@@ -43,16 +42,13 @@ class Alike(NamedTuple):
         turn = f"{self.degrees:.4g} degrees"
         message = f"{self.name}: no squeeze distinguishes a pose from the same turned by {turn}"
         half, modes = 0.5 * self.degrees, round(360.0 / self.degrees)
-        ways = [
-            f'[goal] kind = "modes" with modes = {modes}',
-            f"orientation_halfwidth_deg below {half:.4g}",
-        ]
+        ways = f'[goal] kind = "modes" with modes = {modes}'
+        ways += f", or orientation_halfwidth_deg below {half:.4g}"
         if self.order > self.stated:
-            ways.insert(
-                0, f'[part] symmetry = "auto", which is {self.order} and counts them as one'
-            )
+            auto = f'[part] symmetry = "auto", which is {self.order} and counts them as one'
+            ways = f"{auto}, or {ways}"
         some = "" if self.share >= ALL else f" ({self.share:.0%} of the parts may lie either way)"
-        return f"{message}: {differs}{some}; state {', or '.join(ways)}"
+        return f"{message}: {differs}{some}; state {ways}"
 
 
 def alike(job: Job) -> list[Alike]:
@@ -103,7 +99,5 @@ def _share(turn: float, halfwidth: float) -> float:
     if halfwidth >= math.pi:
         return 1.0
     angles = np.linspace(-halfwidth, halfwidth, ANGLES)
-    turned: list[Array] = [
-        np.abs(np.angle(np.exp(1j * (angles + sign * turn)))) for sign in (-1.0, 1.0)
-    ]
-    return float(np.mean((turned[0] <= halfwidth) | (turned[1] <= halfwidth)))
+    turned = np.abs(np.angle(np.exp(1j * (angles + np.array([[-turn], [turn]])))))
+    return float((turned <= halfwidth).any(axis=0).mean())

@@ -4,6 +4,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array
 from planner.belief.metric import Metric
@@ -81,17 +82,14 @@ class Ambiguity(NamedTuple):
         if len(self.where.poses) == 1 and scatter < 1.0:
             why = "the plan was less sure of it than its trials: more particles of [search] may be"
         elif len(self.where.poses) == 1:
-            why = (
-                f"nearly all others lie about it, within {scatter:.1f} times the goal: ask for less"
-            )
+            far = f"{scatter:.1f} times the goal"
+            why = f"nearly all others lie about it, within {far}: ask for less"
         elif self.separator is None:
             why = "no squeeze that was tried gives the first two different widths"
         else:
             (x, y, angle), (one, other) = self.separator.placement, self.separator.widths_mm
-            why = (
-                f"a hand at ({x:z.0f}, {y:z.0f}) mm, {math.degrees(angle):z.0f} deg would read {one:.1f} mm "
-                f"for the first and {other:.1f} mm for the second"
-            )
+            hand = f"a hand at ({x:z.0f}, {y:z.0f}) mm, {math.degrees(angle):z.0f} deg"
+            why = f"{hand} would read {one:.1f} mm for the first and {other:.1f} mm for the second"
         return f"leaf {self.leaf} ({self.share:.2%}): the part lies at {self.where.text()}; {why}"
 
 
@@ -101,19 +99,16 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
     Each has a squeeze that distinguishes its first two poses, if one of those tried does.
     """
     visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
-    order = [
-        int(leaf) for leaf in np.argsort(-visits, kind="stable") if visits[leaf] >= LEAST_TRIALS
-    ]
+    commonest = np.argsort(-visits, kind="stable")[:most].tolist()
     metric = metric_of_table(table)
     simulator = Simulator.of_job(job, workers=1)
     results = []
-    for leaf in order[:most]:
+    for leaf in (leaf for leaf in commonest if visits[leaf] >= LEAST_TRIALS):
         here = evaluation.poses[evaluation.leaf == leaf]
         where = whereabouts(here, metric)
         rng = np.random.default_rng([job.seed, leaf, SEED_AMBIGUITY])
-        separator = (
-            _separator(where.poses[:2], job, simulator, rng) if len(where.poses) > 1 else None
-        )
+        several = len(where.poses) > 1
+        separator = _separator(where.poses[:2], job, simulator, rng) if several else None
         share = float(visits[leaf] / len(evaluation.leaf))
         results.append(Ambiguity(leaf, share, where, separator))
     return results
@@ -131,17 +126,14 @@ def whereabouts(here: Array, metric: Metric) -> Whereabouts:
         far = distance > APART
         outside = np.sum(distance >= 1.0)
         if 2 * np.sum(far) <= outside:
-            return Whereabouts(
-                modes[0].pose[None], (modes[0].ratio,), float(np.max(distance[~far]))
-            )
+            scatter = float(np.max(distance[~far]))
+            return Whereabouts(modes[0].pose[None], (modes[0].ratio,), scatter)
         other = metric.main_modes(here[far], 1)[0]
         modes.append(other._replace(ratio=other.ratio * float(np.mean(far))))
     return Whereabouts(np.array([mode.pose for mode in modes]), tuple(mode.ratio for mode in modes))
 
 
-def _separator(
-    pair: Array, job: Job, simulator: Simulator, rng: np.random.Generator
-) -> Separator | None:
+def _separator(pair: Array, job: Job, simulator: Simulator, rng: Generator) -> Separator | None:
     """Finds the squeeze whose mean widths at two poses differ most, in units of their scatter.
 
     Squeezes that hold the part in both poses come first. None: no squeeze distinguishes the poses.
@@ -158,9 +150,8 @@ def _separator(
         if least_clearance(simulator.outline, simulator.jaws, pair, placement) < 0.0:
             continue
         hand = np.repeat(to_hand(pair, placement), SAMPLES, axis=0)
-        width = simulator.roll_out(hand, simulator.sample(len(hand), rng)).width_mm.reshape(
-            2, SAMPLES
-        )
+        rolled = simulator.roll_out(hand, simulator.sample(len(hand), rng))
+        width = rolled.width_mm.reshape(2, SAMPLES)
         one, other = width.mean(axis=1)
         clarity = abs(one - other) / math.sqrt(float((width.var(axis=1) + floor**2).sum()))
         # A hand that misses the part in one of the poses distinguishes them, but does not move the

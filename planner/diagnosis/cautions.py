@@ -15,19 +15,14 @@ def warnings_of(job: Job) -> list[str]:
         height_mm, tips_mm = alone.part.height_mm, job.cell.squeeze_height_mm
         name = f"{alone.part.name}: " if job.hypothesis else ""
         if tips_mm < LOW_TIPS_MM:
-            results.append(
-                f"{name}the finger tips close {tips_mm:g} mm above the table: an arm that is off by so much "
-                "touches it"
-            )
+            low = f"the finger tips close {tips_mm:g} mm above the table"
+            results.append(f"{name}{low}: an arm that is off by so much touches it")
         if height_mm is not None and height_mm - tips_mm < NEAR_TOP_MM:
-            results.append(
-                f"{name}the finger tips close {height_mm - tips_mm:.3g} mm below the top of a part that is "
-                f"{height_mm:g} mm high: they may slip over it"
-            )
+            top = f"{height_mm - tips_mm:.3g} mm below the top of a part that is {height_mm:g} mm high"
+            results.append(f"{name}the finger tips close {top}: they may slip over it")
         width_mm = min_width(alone.part.outline_mm)
         if job.goal.kind in ("pose", "modes") and job.goal.distance_mm > LARGE_GOAL * width_mm:
-            results.append(
-                f"{name}located to {job.goal.distance_mm:g} mm says little of a part that is "
-                f"{width_mm:.3g} mm wide; ask for less than {LARGE_GOAL * width_mm:.2g} mm"
-            )
+            says = f"located to {job.goal.distance_mm:g} mm says little of a part"
+            less = f"ask for less than {LARGE_GOAL * width_mm:.2g} mm"
+            results.append(f"{name}{says} that is {width_mm:.3g} mm wide; {less}")
     return list(dict.fromkeys(results))

@@ -35,14 +35,10 @@ class Shortage(NamedTuple):
 
     def line(self) -> str:
         """What is missing and which radius would suffice, for people."""
+        short = f"the jaws open {self.missing_mm:.2g} mm too little"
         if self.radius_mm is None:
-            return (
-                f"the jaws open {self.missing_mm:.2g} mm too little, even for a part in the middle"
-            )
-        return (
-            f"the jaws open {self.missing_mm:.2g} mm too little; radius_mm = {self.radius_mm:g} or less "
-            "would do"
-        )
+            return f"{short}, even for a part in the middle"
+        return f"{short}; radius_mm = {self.radius_mm:g} or less would do"
 
 
 def shortage(job: Job) -> Shortage | None:
@@ -94,9 +90,8 @@ def _poses(radius_mm: float, halfwidth_deg: float) -> Array:
     """Poses (n, 3) that cover a disc and an interval of angles, edges included [mm, mm, rad]."""
     radii = radius_mm * np.sqrt(np.arange(1, RINGS + 1) / RINGS)
     around = np.arange(DIRECTIONS) * math.tau / DIRECTIONS
-    angles = np.radians(
-        np.linspace(-halfwidth_deg, halfwidth_deg, 1 + 2 * math.ceil(halfwidth_deg / STEP_DEG))
-    )
+    count = 1 + 2 * math.ceil(halfwidth_deg / STEP_DEG)
+    angles = np.radians(np.linspace(-halfwidth_deg, halfwidth_deg, count))
     r, phi, theta = (axis.ravel() for axis in np.meshgrid(radii, around, angles))
     return np.column_stack([r * np.cos(phi), r * np.sin(phi), theta])
 
@@ -105,9 +100,8 @@ def no_first_squeeze(job: Job) -> str:
     """The reason why a job has no first squeeze and the remedy, as a sentence without its full stop."""
     more = "actions" if job.actions.pushes else "actions or pushes"
     if _is_met(job):
-        return (
-            "the goal is met before any squeeze; nothing is left to locate, unless it asks for less"
-        )
+        done = "the goal is met before any squeeze"
+        return f"{done}; nothing is left to locate, unless it asks for less"
     lacking = shortage(job)
     if lacking is None:
         return f"no first squeeze gains anything; add {more}, or reduce the uncertainty"

@@ -64,21 +64,16 @@ def reason(job: Job, advice: Advice, cut: bool) -> Reason:
     if advice.pinched > 0.5 * advice.failing:
         return Reason(THIN, f"{advice.pinched:.1%} of the parts are rejected, {PINCHED}")
     if advice.rejected > 0.5 * advice.failing:
-        return Reason(
-            REJECTED,
-            f"{advice.rejected:.1%} of the parts are rejected for a width that is not planned",
-        )
+        parts = f"{advice.rejected:.1%} of the parts"
+        return Reason(REJECTED, f"{parts} are rejected for a width that is not planned")
     if cut:
-        return Reason(
-            TIME, f"{advice.unresolved:.1%} of the parts were still open when the time was over"
-        )
+        parts = f"{advice.unresolved:.1%} of the parts"
+        return Reason(TIME, f"{parts} were still open when the time was over")
     if advice.at_depth_limit > 0.5 * advice.failing:
         return Reason(DEPTH, f"{advice.at_depth_limit:.1%} of the parts end there")
     if several:
         return Reason(ALIKE, several[0].line())
     if advice.open_poses:
         return Reason(SCATTER, advice.open_poses[0].line())
-    return Reason(
-        SCATTER,
-        f"{advice.failing - advice.unresolved:.1%} of the parts are answered wrongly or rejected",
-    )
+    parts = f"{advice.failing - advice.unresolved:.1%} of the parts"
+    return Reason(SCATTER, f"{parts} are answered wrongly or rejected")

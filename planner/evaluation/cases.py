@@ -116,7 +116,7 @@ def believed_cases(job: Job) -> list[Case]:
         ]
     if doubt.pressure != "stated" and job.pressure.limit_surface is not None:
         cases.append(on_three_feet(job))
-    if doubt.limit_surface == "any":
+    if job.pressure.limit_surface == "any":
         cases += _other_surface(job)
     if doubt.least_dof:
         name = f"{doubt.least_dof} degrees of freedom"
@@ -265,7 +265,7 @@ def _other_surface(job: Job) -> list[Case]:
     form = job.pressure.limit_surface
     if form is None:
         return []
-    other = "quartic" if form == "ellipsoid" else "ellipsoid"
+    form, other = ("quartic", "ellipsoid") if form == "quartic" else ("ellipsoid", "quartic")
     return [Case(f"{other}, not {form}", {"pressure": {"limit_surface": other}})]
 
 

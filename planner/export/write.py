@@ -17,20 +17,10 @@ from typing import Any, NamedTuple
 from jinja2 import Environment
 
 from planner.templating import environment
+from runtime import table as tables
 from runtime.shell.files import OutputError, folder
 from runtime.shell.files import write as write_text
-from runtime.table import (
-    HELD_UM,
-    REJECT,
-    DecisionMap,
-    Leaf,
-    LeafPose,
-    Node,
-    Segments,
-    Table,
-    TableFile,
-    decision_map,
-)
+from runtime.table import HELD_UM, REJECT
 
 # The object flag (gOBJ) of jaws that met something, and of jaws that met nothing.
 FELT, NOT_FELT = 2, 3
@@ -47,12 +37,12 @@ class Run(NamedTuple):
     branch: int  # index into the node's branches
 
 
-def maps_of(table: Table) -> list[DecisionMap]:
+def maps_of(table: tables.Table) -> list[tables.DecisionMap]:
     """The decision map of each node."""
-    return [decision_map(node, table.gripper) for node in table.nodes]
+    return [tables.decision_map(node, table.gripper) for node in table.nodes]
 
 
-def runs_of(decided: DecisionMap) -> list[Run]:
+def runs_of(decided: tables.DecisionMap) -> list[Run]:
     """The runs of a decision map, those with an object felt first, by ascending width."""
     return [
         Run(flag, *interval)
@@ -61,12 +51,12 @@ def runs_of(decided: DecisionMap) -> list[Run]:
     ]
 
 
-def holds(node: Node, branch: int) -> bool:
+def holds(node: tables.Node, branch: int) -> bool:
     """Whether the jaws hold the part after a branch; False for REJECT, after which this is unknown."""
     return branch != REJECT and node.branches[branch].expected_um >= HELD_UM
 
 
-def vectors(table: Table) -> Iterator[tuple[int, ...]]:
+def vectors(table: tables.Table) -> Iterator[tuple[int, ...]]:
     """Yields test vectors, with the columns `VECTOR`: what follows a width at each node and object flag.
 
     The widths are both ends and the middle of each segment of the step functions.
@@ -79,7 +69,7 @@ def vectors(table: Table) -> Iterator[tuple[int, ...]]:
                 yield index, width_um, flag, *_next(table, node, branch), *place
 
 
-def _compared(segments: Segments, opening_um: int) -> list[int]:
+def _compared(segments: tables.Segments, opening_um: int) -> list[int]:
     """Widths at which a step function is tested [um]: both ends and the middle of each segment."""
     widths = {-1, opening_um}
     for low, high in pairwise((*segments.starts_um, max(opening_um, segments.starts_um[-1]) + 1)):
@@ -87,7 +77,7 @@ def _compared(segments: Segments, opening_um: int) -> list[int]:
     return sorted(widths)
 
 
-def _next(table: Table, node: Node, branch: int) -> tuple[int, int]:
+def _next(table: tables.Table, node: tables.Node, branch: int) -> tuple[int, int]:
     """What follows a branch: the outcome, and the index of the next node or of the leaf; -1 for REJECT."""
     if branch == REJECT:
         return REJECTED, -1
@@ -114,7 +104,7 @@ UNKNOWN = -1  # success of a leaf without trials
 LONGEST_TEXT = 60  # of a text of the table in a comment
 
 
-def write(file: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[str, int]:
+def write(file: tables.TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[str, int]:
     """Writes a table in one of `FORMS`, and its vectors, into a new or an empty folder.
 
     Args:
@@ -137,13 +127,11 @@ def write(file: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[
     try:
         empty = not any(path.iterdir())
     except OSError as error:
-        raise OutputError(
-            f"{path} cannot be looked into: {error.strerror}; name another folder"
-        ) from error
+        problem = f"cannot be looked into: {error.strerror}; name another folder"
+        raise OutputError(f"{path} {problem}") from error
     if not empty:
-        raise OutputError(
-            f"{path} holds files already, which stay; name another folder, new or empty"
-        )
+        problem = "holds files already, which stay; name another folder, new or empty"
+        raise OutputError(f"{path} {problem}")
     written: list[Path] = []
     try:
         for name, text in texts.items():
@@ -159,13 +147,13 @@ def write(file: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[
     return {place.name: place.stat().st_size for place in written}
 
 
-def _text(name: str, file: TableFile, prefix: str = PREFIX) -> str:
+def _text(name: str, file: tables.TableFile, prefix: str = PREFIX) -> str:
     if name == "squeezetree_table.json":
         return json.dumps(_document(file), indent=1) + "\n"
     return _templates().get_template(name).render(_values(file), prefix=prefix)
 
 
-def _document(file: TableFile) -> dict[str, Any]:
+def _document(file: tables.TableFile) -> dict[str, Any]:
     """A table without its job as one JSON object, under the names of `TABLE.md`, with the runs."""
     table, maps = file.table, maps_of(file.table)
     return {
@@ -199,11 +187,11 @@ def _of_one_part(record: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in record.items() if key not in OF_SEVERAL}
 
 
-def _pose(pose: Leaf | LeafPose) -> tuple[int, int, int]:
+def _pose(pose: tables.Leaf | tables.LeafPose) -> tuple[int, int, int]:
     return pose.x_um, pose.y_um, pose.theta_urad
 
 
-def _values(file: TableFile) -> dict[str, Any]:
+def _values(file: tables.TableFile) -> dict[str, Any]:
     """Values for the templates of programs: names, and columns of integers within 32 bits."""
     table = file.table
     nodes, runs, leaves, alternatives = list[Row](), list[Row](), list[Row](), list[Row]()

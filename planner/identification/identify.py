@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array, take
 from planner.identification.pushes import Pairs
@@ -71,17 +72,17 @@ def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
     """Divides torques by rho, multiplies angles by rho, and scales the twists to length 1."""
     F = pairs.wrenches / [1.0, 1.0, rho_mm]
     V = pairs.twists * [1.0, 1.0, rho_mm]
-    unit = V / np.linalg.norm(V, axis=1, keepdims=True)
-    return Normalised(F, unit, pairs.weights / pairs.weights.mean())
+    return Normalised(F, _unit(V), pairs.weights / pairs.weights.mean())
 
 
 def directions(pairs: Pairs) -> Directions:
     """Scales the wrenches and twists of pairs to length 1."""
-    F, V = (
-        each / np.linalg.norm(each, axis=1, keepdims=True)
-        for each in (pairs.wrenches, pairs.twists)
-    )
-    return Directions(F, V, pairs.weights / pairs.weights.mean())
+    weights = pairs.weights / pairs.weights.mean()
+    return Directions(_unit(pairs.wrenches), _unit(pairs.twists), weights)
+
+
+def _unit(rows: Array) -> Array:
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
 def identify(
@@ -117,11 +118,9 @@ def identify(
     count = len(data.F)
     train = round(train_share * count)
     if count < LEAST_PAIRS or train < LEAST_PAIRS // 2 or train >= count:
-        problem = (
-            f"{count} pairs, {train} of them to fit; give at least {LEAST_PAIRS} pairs and fit to at least "
-            f"{LEAST_PAIRS // 2} of them, but not all"
-        )
-        raise InputError(problem, key="train_share")
+        problem = f"{count} pairs, {train} of them to fit; give at least {LEAST_PAIRS} pairs"
+        least = f"fit to at least {LEAST_PAIRS // 2} of them, but not all"
+        raise InputError(f"{problem} and {least}", key="train_share")
     errors = {kind: np.empty(splits) for kind in kinds}
     predicted = {kind: np.zeros((count, 3)) for kind in kinds}
     for split, seeds in enumerate(np.random.SeedSequence(seed).spawn(splits)):
@@ -139,19 +138,14 @@ def identify(
         fitted = fit(data, rho_mm, kind, np.random.default_rng(seed), friction_n)
         residual = np.average(angles(predict(fitted.surface, data.F), data.V), weights=data.weights)
         length = np.linalg.norm(predicted[kind], axis=1, keepdims=True)
-        mean = np.divide(
-            predicted[kind], length, out=np.full((count, 3), np.nan), where=length > 0.0
-        )
+        unseen_yet = np.full((count, 3), np.nan)
+        mean = np.divide(predicted[kind], length, out=unseen_yet, where=length > 0.0)
         results.append(Identified(kind, fitted, errors[kind], mean, float(residual)))
     return results
 
 
 def fit(
-    data: Normalised,
-    rho_mm: float,
-    kind: Kind,
-    rng: np.random.Generator,
-    friction_n: float | None = None,
+    data: Normalised, rho_mm: float, kind: Kind, rng: Generator, friction_n: float | None = None
 ) -> Fit:
     """Fits one surface to pairs; cross-validation on these pairs chooses the ridge of a quartic.
 
@@ -169,18 +163,16 @@ def fit(
     return Fit(_quartic(scaled, rho_mm, ridge), scale, ridge)
 
 
-def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: np.random.Generator) -> Fit:
+def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: Generator) -> Fit:
     """Fits a surface to wrenches of unknown magnitude: scales them onto it and fits again, several times."""
     A, emphasis = np.eye(3), data.weights
     for _ in range(_SCALING_ROUNDS):
-        scaled = Normalised(
-            data.F / np.sqrt(_ellipsoid_value(A, data.F))[:, None], data.V, data.weights
-        )
+        scaled = Normalised(_onto_ellipsoid(data.F, A), data.V, data.weights)
         A = limit_surface.fit(scaled.F, scaled.V, emphasis)
         emphasis = data.weights * quartic_fit.emphasis(scaled.F @ A, data.V)
     if kind == "ellipsoid":
         return Fit(LimitSurface(A, rho_mm), None, 0.0)
-    scaled = scaled._replace(F=data.F / np.sqrt(_ellipsoid_value(A, data.F))[:, None])
+    scaled = scaled._replace(F=_onto_ellipsoid(data.F, A))
     ridge = choose_ridge(scaled, rho_mm, rng, 0.0)
     surface = _quartic(scaled, rho_mm, ridge)
     for _ in range(_QUARTIC_ROUNDS):
@@ -189,8 +181,8 @@ def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: np.random.
     return Fit(surface, None, ridge)
 
 
-def _ellipsoid_value(A: Array, F: Array) -> Array:
-    return np.asarray(np.einsum("ki,ij,kj->k", F, A, F))
+def _onto_ellipsoid(F: Array, A: Array) -> Array:
+    return np.asarray(F / np.sqrt(np.einsum("ki,ij,kj->k", F, A, F))[:, None])
 
 
 def friction(data: Normalised) -> float:
@@ -206,9 +198,7 @@ def friction(data: Normalised) -> float:
     return scale
 
 
-def choose_ridge(
-    data: Normalised, rho_mm: float, rng: np.random.Generator, tolerance: float = 1.0
-) -> float:
+def choose_ridge(data: Normalised, rho_mm: float, rng: Generator, tolerance: float = 1.0) -> float:
     """Chooses the strongest of `RIDGES` whose cross-validated error is nearly the least.
 
     It may exceed the least error by `tolerance` standard errors of that error.

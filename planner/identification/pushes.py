@@ -22,7 +22,6 @@ pusher poses and the poses (t x y z qw qx qy qz). A push becomes a pair as follo
 - The tip of the pusher lies beside the logged position, to the left by `tip_offset`.
 """
 
-import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,6 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner import columns
 from planner.arrays import Array, BoolArray
 from planner.job import documents
 from planner.job.fields import shown
@@ -94,9 +94,8 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
     for number, (wrench, twist) in enumerate(zip(wrenches, twists, strict=True), 1):
         if not twist.any() or not wrench[:2].any():
             lacks = "no force reading shows contact" if twist.any() else "the block does not move"
-            raise InputError(
-                f"push {number} of {len(pushes)}: {lacks}; drop this push", where=where
-            )
+            problem = f"push {number} of {len(pushes)}: {lacks}; drop this push"
+            raise InputError(problem, where=where)
     return wrenches, twists
 
 
@@ -180,22 +179,6 @@ def _turn(angle: Array | float) -> Array:
     return np.array([[c, -s], [s, c]])
 
 
-def finite(text: str | None, place: str, where: str) -> float:
-    """Parses a number of a file.
-
-    Raises:
-        InputError: the number is missing, not a number, or too large for a measurement.
-    """
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not abs(value) < MOST:
-        what = f"{shown(text)} is not a number below {MOST:g}" if text else "a number is missing"
-        raise InputError(f"{place}: {what}; correct the file", where=where)
-    return value
-
-
 class _Reader:
     """A push log, read line by line without empty lines."""
 
@@ -216,11 +199,19 @@ class _Reader:
             problem = f"the file ends where {what} should follow; it is truncated, copy it again"
             raise self._error(problem) from None
         if len(fields) != columns:
-            raise self._error(
-                f"{what}: expected {columns} numbers, found {len(fields)}; correct the line"
-            )
-        place = f"line {self._line}, {self.place}: {what}"
-        return [finite(field, place, self._where) for field in fields]
+            problem = f"expected {columns} numbers, found {len(fields)}; correct the line"
+            raise self._error(f"{what}: {problem}")
+        return [self._finite(field, what) for field in fields]
+
+    def _finite(self, field: str, what: str) -> float:
+        try:
+            value = float(field)
+        except ValueError:
+            value = math.nan
+        if not abs(value) < MOST:
+            problem = f"{shown(field)} is not a number below {MOST:g}; correct the file"
+            raise self._error(f"{what}: {problem}")
+        return value
 
     def count(self, what: str, most: int = 10_000_000) -> int:
         value = self._row(f"number of {what}", 1)[0]
@@ -234,10 +225,8 @@ class _Reader:
         if abs(w * w + x * x + y * y + z * z - 1.0) > 1e-2:
             raise self._error(f"{what}: qw qx qy qz is not a unit quaternion; correct the line")
         if math.degrees(2.0 * math.asin(min(1.0, math.hypot(x, y)))) > MAX_TILT_DEG:
-            problem = (
-                f"{what}: tilted by more than {MAX_TILT_DEG:g} deg; the order is x y z qw qx qy qz"
-            )
-            raise self._error(problem)
+            problem = f"tilted by more than {MAX_TILT_DEG:g} deg; the order is x y z qw qx qy qz"
+            raise self._error(f"{what}: {problem}")
         return pose
 
     def rows(self, what: str, columns: int) -> Array:
@@ -264,61 +253,38 @@ class Pairs(NamedTuple):
     weights: Array  # (K,) positive
 
 
-def load(path: str | Path) -> Pairs:
+def load(path: Path) -> Pairs:
     """Reads pairs from a push log, or from a table if the name ends in .csv.
 
     Raises:
         InputError: the file is missing, unreadable or not text.
         InputError: the content is not as described for this module; names the line.
     """
+    if path.suffix.lower() == ".csv":
+        return load_table(path)
     where = str(path)
-    text = documents.read(path)
-    if where.lower().endswith(".csv"):
-        return parse_table(text, where)
-    wrenches, twists = pairs(parse(text, where), where)
+    wrenches, twists = pairs(parse(documents.read(path), where), where)
     return Pairs(wrenches, twists, np.ones(len(twists)))
 
 
-def load_directions(path: str | Path) -> Pairs:
-    """Reads wrenches and twists of any scale from a table with the columns `DIRECTIONS`.
+def load_table(path: Path, names: Sequence[str] = COLUMNS) -> Pairs:
+    """Reads a table of pairs; `names` are those of three columns of the wrench and three of the twist.
 
     Raises:
-        InputError: see `load`.
+        InputError: see `columns.read`; or there are no rows, a number is too large for a measurement, a
+            weight is not positive, or a wrench or twist is zero.
     """
-    return parse_table(documents.read(path), str(path), DIRECTIONS)
+    table = np.column_stack([*columns.read(path, names, {WEIGHT: 1.0}).values()])
+    wrenches, twists, weights = table[:, :3], table[:, 3:6], table[:, 6]
+    if not len(table):
+        raise InputError("holds no pair; add lines of numbers", where=str(path))
+    sound = wrenches.any(axis=1) & twists.any(axis=1) & (weights > 0.0)
+    for number in np.flatnonzero(~(sound & (np.abs(table).max(axis=1) < MOST))):
+        wrong = f"a wrench or twist is zero, a weight not positive, or a number not below {MOST:g}"
+        raise InputError(f"pair {number + 1}: {wrong}; drop the line", where=str(path))
+    return Pairs(wrenches, twists, weights)
 
 
 def join(parts: list[Pairs]) -> Pairs:
     """Concatenates the pairs of several files."""
     return Pairs(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-
-
-def parse_table(text: str, where: str = "table", columns: Sequence[str] = COLUMNS) -> Pairs:
-    """Reads a table of pairs; `columns` are the names of three columns of the wrench and three of the twist.
-
-    Raises:
-        InputError: a column is missing, there are no rows, a value is not a number, a weight is not
-            positive, or a wrench or twist is zero; names the line.
-    """
-    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
-    header = [name.strip() for name in reader.fieldnames or []]
-    reader.fieldnames = header
-    missing = [name for name in columns if name not in header]
-    if missing:
-        problem = f"line 1: column {', '.join(missing)} is missing; the header must name {','.join(columns)}"
-        raise InputError(problem, where=where)
-    wanted = [*columns, WEIGHT] if WEIGHT in header else list(columns)
-    rows = []
-    for record in reader:
-        place = f"line {reader.line_num}"
-        row = [finite(record[name], f"{place}: {name}", where) for name in wanted]
-        if not any(row[:3]) or not any(row[3:6]) or (len(row) > 6 and row[6] <= 0.0):
-            problem = f"{place}: a wrench or twist is zero, or a weight not positive; drop the line"
-            raise InputError(problem, where=where)
-        rows.append(row)
-    if not rows:
-        raise InputError("line 2: holds no pair; add lines of numbers", where=where)
-    table = np.array(rows)
-    return Pairs(
-        table[:, :3], table[:, 3:6], table[:, 6] if len(wanted) > 6 else np.ones(len(table))
-    )

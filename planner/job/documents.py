@@ -8,15 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from planner.errors import KeyNameError
-from planner.job import hypotheses
+from planner.job import hypotheses, schema
 from planner.job.fields import Field, check_names, missing_names, read_section, shown
-from planner.job.schema import (
-    ABSENT_SECTIONS,
-    FIELDS,
-    OPTIONAL_SECTIONS,
-    PRESSURE_FIELDS,
-    TOP_LEVEL,
-)
+from planner.job.schema import FIELDS, PRESSURE_FIELDS, TOP_LEVEL
 from runtime.shell import strict_json, strict_toml
 from runtime.shell.errors import InputError, UsageError
 
@@ -86,11 +80,11 @@ def from_json(text: str, where: str) -> dict[str, Any]:
 
 
 def checked(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Checks each key of a parsed job file alone; `checks.check_conflicts` compares them with each other.
+    """Checks each key of a parsed job file alone; `checks.conflicts` compares them with each other.
 
     Returns:
         The values, with defaults, by section name and key. Section "" is the top level. A section of
-        `ABSENT_SECTIONS` that is missing is None.
+        `schema.ABSENT_SECTIONS` that is missing is None.
 
     Raises:
         KeyNameError: an unknown or missing key or section.
@@ -98,13 +92,14 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
     """
     _check_strays(document, (*FIELDS, *TOP_LEVEL), "")
     check_names(document, (*FIELDS, *TOP_LEVEL), "")
-    missing = [name for name in FIELDS if name not in document and name not in OPTIONAL_SECTIONS]
+    required = [name for name in FIELDS if name not in schema.OPTIONAL_SECTIONS]
+    missing = [name for name in required if name not in document]
     if missing:
         raise missing_names(missing, "")
     top = {key: value for key, value in document.items() if key in TOP_LEVEL}
     values: dict[str, Any] = {"": read_section(top, TOP_LEVEL, "")}
     for name, section_fields in FIELDS.items():
-        if name in ABSENT_SECTIONS and name not in document:
+        if name in schema.ABSENT_SECTIONS and name not in document:
             values[name] = None
             continue
         table = document.get(name, {})
@@ -113,10 +108,9 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
         _check_strays(table, section_fields, name)
         values[name] = read_section(table, section_fields, name)
     _fill_orientation(values["uncertainty"])
-    if values["search"]["method"] != "closed-loop" and "particles" not in document.get(
-        "search", {}
-    ):
-        values["search"]["particles"] = PAPER_PARTICLES
+    search = values["search"]
+    if search["method"] != "closed-loop" and "particles" not in document.get("search", {}):
+        search["particles"] = PAPER_PARTICLES
     return values
 
 
@@ -144,17 +138,14 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
             if name == "part":
                 problem = "is not one for all; change each [[hypothesis]]"
                 raise InputError(problem, where=where, section="part")
-            entries = result[hypotheses.KEY]
-            changed_entries = [
+            result[hypotheses.KEY] = [
                 {**entry, name: _with_values(entry.get(name, {}), name, values)}
-                for entry in entries
+                for entry in result[hypotheses.KEY]
             ]
-            result[hypotheses.KEY] = changed_entries
         table = result.get(name, {})
         if is_section and not isinstance(table, dict):
-            raise UsageError(
-                f"{name} is no section of {where}, but one value; write it as {name}=value"
-            )
+            problem = f"{name} is no section of {where}, but one value"
+            raise UsageError(f"{problem}; write it as {name}=value")
         result[name] = _with_values(table, name, values) if is_section else values
     return result
 
@@ -182,14 +173,14 @@ def _check_strays(table: Any, valid: Container[str], section: str) -> None:
     """Raises `KeyNameError` for a key that is valid in another place only; the error names the place."""
     if not isinstance(table, dict):
         return
-    homes = {
-        key: f"belongs in [{name}]; move it there" for name, home in FIELDS.items() for key in home
-    }
+    homes: dict[str, str] = {}
+    for name, home in FIELDS.items():
+        homes |= dict.fromkeys(home, f"belongs in [{name}]; move it there")
     for kind, home in PRESSURE_FIELDS.items():
-        homes |= dict.fromkeys(
-            home, f'goes with kind = "{kind}" in [pressure]; change the kind or drop the key'
-        )
+        goes = f'goes with kind = "{kind}" in [pressure]'
+        homes |= dict.fromkeys(home, f"{goes}; change the kind or drop the key")
     homes |= dict.fromkeys(TOP_LEVEL, "belongs on top, before the first section; move it there")
+    homes |= schema.FORMER.get(section, {})
     for key in table:
         if key in homes and key not in valid:
             raise KeyNameError(f"key {shown(key)} {homes[key]}", section=section)

@@ -108,25 +108,28 @@ class Numbers:
     least: int = 1
     most: int = 10_000
     default: Any = REQUIRED
+    plain: bool = False  # whether it is read as a tuple, instead of an array
 
-    def read(self, value: Any) -> Array:
-        """Returns a valid list as a read-only array, (K,) or (K, columns)."""
+    def read(self, value: Any) -> Array | tuple[Any, ...]:
+        """Returns a valid list as a read-only array, (K,) or (K, columns), or as a tuple."""
         if not isinstance(value, list | tuple):
             raise InputError(f"must be a list {self._shape()}, not {shown(value)}")
         if not self.least <= len(value) <= self.most:
             count = str(self.least) if self.least == self.most else f"{self.least} to {self.most}"
             raise InputError(f"must have {count} entries, not {len(value)}")
-        rows = [self._entry(index, entry) for index, entry in enumerate(value)]
+        rows = tuple(self._entry(index, entry) for index, entry in enumerate(value))
+        if self.plain:
+            return rows
         array = np.array(rows, dtype=np.float64)
         array.setflags(write=False)
         return array
 
-    def _entry(self, index: int, entry: Any) -> float | list[float]:
+    def _entry(self, index: int, entry: Any) -> float | tuple[float, ...]:
         if self.columns and (not isinstance(entry, list | tuple) or len(entry) != self.columns):
             raise InputError(f"must be a list {self._shape()}; entry {index + 1} is {shown(entry)}")
         try:
             if self.columns:
-                return [self.item.read(number) for number in entry]
+                return tuple(self.item.read(number) for number in entry)
             return self.item.read(entry)
         except InputError as error:
             raise InputError(f"entry {index + 1} {error}") from None
@@ -147,14 +150,13 @@ class Poses:
     def read(self, value: Any) -> dict[str, list[float]]:
         """Returns valid poses, sorted by name."""
         if not isinstance(value, dict) or not 1 <= len(value) <= MOST_POSES:
-            raise InputError(
-                f"must be 1 to {MOST_POSES} lines name = [x, y, angle], not {shown(value)}"
-            )
-        row = Numbers(self.item, least=3, most=3)
+            wanted = f"1 to {MOST_POSES} lines name = [x, y, angle]"
+            raise InputError(f"must be {wanted}, not {shown(value)}")
+        row = Numbers(self.item, least=3, most=3, plain=True)
         result = {}
         for name in sorted(value):
             try:
-                result[Text().read(name)] = row.read(value[name]).tolist()
+                result[Text().read(name)] = list(row.read(value[name]))
             except InputError as error:
                 raise InputError(f"{shown(name)} {error}") from None
         return result
@@ -174,13 +176,11 @@ def read_section(table: Any, fields: Mapping[str, Field], section: str) -> dict[
         KeyNameError: a key is unknown or missing.
     """
     if not isinstance(table, dict):
-        raise InputError(
-            f"must be a section of keys and values, not {shown(table)}", section=section
-        )
+        problem = f"must be a section of keys and values, not {shown(table)}"
+        raise InputError(problem, section=section)
     check_names(table, fields, section)
-    missing = [
-        key for key, field in fields.items() if key not in table and field.default is REQUIRED
-    ]
+    required = [key for key, field in fields.items() if field.default is REQUIRED]
+    missing = [key for key in required if key not in table]
     if missing:
         raise missing_names(missing, section)
     return {key: _read_field(table, key, field, section) for key, field in fields.items()}

@@ -14,7 +14,7 @@ keys, except for the share.
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -29,6 +29,9 @@ MOST = 16
 TURNED_OVER = "turned over"  # suffix of the name of a part that lies on its other face
 # Signs of fx, fy and torque after turning a part over about its x axis.
 TURN = np.array([1.0, -1.0, -1.0])
+
+Entry: TypeAlias = tuple[float | None, dict[str, Any]]
+"""The share of an entry, if it states one, and its document."""
 
 _FIELDS: Mapping[str, Field] = {
     "name": Text(default=None),
@@ -48,17 +51,15 @@ def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
     if KEY not in document:
         return [(1.0, common)]
     if "part" in document:
-        raise KeyNameError(
-            "stands beside [[hypothesis]]; each of these has its own", section="part"
-        )
+        problem = "stands beside [[hypothesis]]; each of these has its own"
+        raise KeyNameError(problem, section="part")
     result = _entries(KEY, 2, document[KEY], common)
     shares = [share for share, _ in result if share is not None]
     if not shares:
         return [(1.0 / len(result), alone) for _, alone in result]
     if len(shares) < len(result) or abs(math.fsum(shares) - 1.0) > 1e-6:
-        raise InputError(
-            "must be stated for all or none, and add up to 1", section=KEY, key="share"
-        )
+        problem = "must be stated for all or none, and add up to 1"
+        raise InputError(problem, section=KEY, key="share")
     return [(share, alone) for share, (_, alone) in zip(shares, result, strict=True)]
 
 
@@ -92,9 +93,8 @@ def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
     if symmetry.congruent(outline, mirrored):
         return None
     if pressure.get("quartic") is not None:
-        raise InputError(
-            'of a quartic goes with one face; drop faces = "either"', section="pressure"
-        )
+        problem = 'of a quartic goes with one face; drop faces = "either"'
+        raise InputError(problem, section="pressure")
     if pressure.get("points_mm") is not None:
         points = np.array(pressure["points_mm"]) * np.array([1.0, -1.0]) + 0.0
         pressure["points_mm"] = points.tolist()
@@ -116,9 +116,7 @@ def _mirrored(pose: list[float]) -> list[float]:
     return [x, 0.0 - y, 0.0 - angle]
 
 
-def _entries(
-    key: str, least: int, entries: Any, common: Mapping[str, Any]
-) -> list[tuple[float | None, dict[str, Any]]]:
+def _entries(key: str, least: int, entries: Any, common: Mapping[str, Any]) -> list[Entry]:
     """Checks the list `key`; returns the share and the document of each entry.
 
     The share is None where an entry states none; `common` are the sections that entries share.
@@ -129,9 +127,7 @@ def _entries(
     return [_entry(key, f"{key} {number}", entry, common) for number, entry in numbered]
 
 
-def _entry(
-    key: str, where: str, entry: Any, common: Mapping[str, Any]
-) -> tuple[float | None, dict[str, Any]]:
+def _entry(key: str, where: str, entry: Any, common: Mapping[str, Any]) -> Entry:
     if not isinstance(entry, dict):
         raise InputError("must be a section of keys and values", section=where)
     sections = {section: entry[section] for section in SECTIONS if section in entry}
@@ -142,14 +138,12 @@ def _entry(
         raise KeyNameError(f"missing section part; add [{key}.part]", section=where)
     if values["name"] is not None:
         if part.get("name", values["name"]) != values["name"]:
-            raise InputError(
-                "differs from the name of its part; keep one", section=where, key="name"
-            )
+            problem = "differs from the name of its part; keep one"
+            raise InputError(problem, section=where, key="name")
         sections["part"] = {**part, "name": values["name"]}
     if "friction" not in {**common, **sections}:
-        raise KeyNameError(
-            f"missing section friction; add [{key}.friction], or [friction] for all", section=where
-        )
+        problem = f"missing section friction; add [{key}.friction], or [friction] for all"
+        raise KeyNameError(problem, section=where)
     return values["share"], {**common, **sections}
 
 

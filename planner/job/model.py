@@ -8,6 +8,7 @@ identifies the job.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -190,25 +191,26 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
         InputError: see `parse`.
     """
     try:
-        return _of_document(document, where, drawn)
+        return _of_document(document, Path(where).parent if drawn else None)
     except InputError as error:
         raise error.at(where) from error.__cause__
 
 
-def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
-    """Returns the job of a document, with a hypothesis for each part and face if there are several."""
+def _of_document(document: dict[str, Any], folder: Path | None) -> Job:
+    """Returns the job of a document, with a hypothesis for each part and face if there are several.
+
+    `folder` is that of the file in which a person drew the outline; None for the canonical form.
+    """
     results: list[tuple[float, Job]] = []
-    stated = hypotheses.stated(document)
-    listed = [alone for _, alone in stated]
-    named = _jobs(document, hypotheses.KEY, listed, where, drawn)
-    for (share, _), jobs in zip(stated, named, strict=True):
+    shares, listed = zip(*hypotheses.stated(document), strict=True)
+    named = _jobs(document, hypotheses.KEY, listed, folder)
+    for share, jobs in zip(shares, named, strict=True):
         results += [(share / len(jobs), job) for job in jobs]
-    others = _jobs(document, hypotheses.FOREIGN, hypotheses.foreign(document), where, drawn)
-    foreign = tuple(
-        ForeignPart(job.part, job.pressure, job.friction) for jobs in others for job in jobs
-    )
+    others = _jobs(document, hypotheses.FOREIGN, hypotheses.foreign(document), folder)
+    each = itertools.chain.from_iterable(others)
+    foreign = tuple(ForeignPart(job.part, job.pressure, job.friction) for job in each)
     first = replace(results[0][1], foreign=foreign or None)
-    job_checks.check_parts(first, [job.part.name for _, job in results])
+    job_checks.refuse(job_checks.of_parts(first, [job.part.name for _, job in results]))
     if len(results) == 1:
         return first
     lowest_mm = min(job.cell.squeeze_height_mm for _, job in results)
@@ -221,38 +223,38 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 
 
 def _jobs(
-    document: dict[str, Any], key: str, listed: list[dict[str, Any]], where: str, drawn: bool
+    document: dict[str, Any], key: str, listed: Sequence[dict[str, Any]], folder: Path | None
 ) -> list[list[Job]]:
     """Returns for each part of the list `key` its jobs: one for each face on which it may lie."""
     results = []
     for number, alone in enumerate(listed, start=1):
         try:
-            results.append(_on_faces(alone, where, drawn))
+            results.append(_on_faces(alone, folder))
         except InputError as error:
             raise hypotheses.named(document, key, number, error) from None
     return results
 
 
-def _on_faces(document: dict[str, Any], where: str, drawn: bool) -> list[Job]:
+def _on_faces(document: dict[str, Any], folder: Path | None) -> list[Job]:
     """Returns the job of one part, and that of its other face if it may lie on either and they differ."""
     part = document.get("part")
     faces = part.get("faces") if isinstance(part, dict) else None
-    job = _of_one(document, where, drawn)
+    job = _of_one(document, folder)
     other = hypotheses.turned_over(_document(job)) if faces is not None else None
-    return [job] if other is None else [job, _of_one(other, where, drawn=False)]
+    return [job] if other is None else [job, _of_one(other, None)]
 
 
-def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
+def _of_one(document: dict[str, Any], folder: Path | None) -> Job:
     values = documents.checked(document)
-    part, actions, cell = values["part"], values["actions"], values["cell"]
+    part, cell = values["part"], values["cell"]
     del part["faces"]
-    part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], drawn)
+    part["outline_mm"], shift = job_checks.place_outline(part["outline_mm"], folder is not None)
     if part["datum"] is not None:
         part["datum"] = part["datum"] + np.array([*shift, 0.0])
         part["datum"].setflags(write=False)
     if part["symmetry"] == "auto":
         part["symmetry"] = symmetry.order(part["outline_mm"])
-    surface_file.resolve(values["pressure"], where, drawn)
+    surface_file.resolve(values["pressure"], folder)
     job_checks.place_supports(values["pressure"], part["outline_mm"], shift)
     if cell["squeeze_height_mm"] is None:
         cell["squeeze_height_mm"] = tips_height_mm(part["height_mm"])
@@ -260,18 +262,10 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
     if document.get("doubt") and "encoder_mm" not in document["doubt"]:
         gripper = values["gripper"]
         most_mm = job_checks.doubt_mm(gripper["resolution_mm"], gripper["noise_mm"])
-        values["doubt"]["encoder_mm"] = np.array([-most_mm, most_mm])
-    job_checks.check_conflicts(values)
-    if actions["pushes"] == "none":
-        actions["pushes"] = None  # a job that states a default is the same job as one without it
-    actions["angles_deg"] = tuple(actions["angles_deg"].tolist())
-    for key in ("finger_share", "middle_mm", "encoder_mm", "encoder_gain"):
-        values["doubt"][key] = tuple(values["doubt"][key].tolist())
-    values["goal"]["tolerance_mm"] = tuple(values["goal"]["tolerance_mm"].tolist())
-    cell["work_area_mm"] = tuple(map(tuple, cell["work_area_mm"].tolist()))
-    records = {
-        name: values[name] and record(**values[name]) for name, record in schema.SECTIONS.items()
-    }
+        values["doubt"]["encoder_mm"] = (-most_mm, most_mm)
+    job_checks.refuse(job_checks.conflicts(values))
+    sections = schema.SECTIONS.items()
+    records = {name: values[name] and record(**values[name]) for name, record in sections}
     return Job(seed=values[""]["seed"], **records)
 
 

@@ -50,9 +50,8 @@ def value_of(name: str, text: str) -> Any:
         return parsed["value"]
     if _WORD.fullmatch(text.strip()):
         return text.strip()
-    raise UsageError(
-        f"{name}: {shown(text)} is not a value; write it as in a job file, such as 12.5 or [0, 90]"
-    )
+    remedy = "write it as in a job file, such as 12.5 or [0, 90]"
+    raise UsageError(f"{name}: {shown(text)} is not a value; {remedy}")
 
 
 def split(text: str) -> tuple[str, list[str]]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypeAlias, get_type_hints
 
 from planner.arrays import Array
 from planner.job.fields import Field, Flag, Integer, Number, Numbers, Poses, Text
-from planner.part.outline import Outline
+from planner.part.outline import MOST_VERTICES, Outline
 from planner.part.pressure import Pressure
 from planner.part.symmetry import MOST_ORDER
 from runtime.table import DEFAULT_MODEL, GripperProfile, profile_of
@@ -18,10 +18,6 @@ LEAST_MM, LEAST_DEG, LEAST_RATE = 0.01, 0.001, 0.1
 LEAST_STEP_MM = 0.001  # of a reading, which a table states in um
 MOST_OFF_MM = 20.0  # constant error of a width
 MM = 1_000.0  # larger than any part, gripper or height of such a cell
-
-
-MOST_VERTICES = 2000
-"""Most vertices of an outline: checks of symmetry take quadratic time, which no budget interrupts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,8 +90,8 @@ class Gripper:
 Interval: TypeAlias = tuple[float, float]
 
 
-def _interval(low: float, high: float) -> Numbers:
-    return Numbers(Number(low, high), least=2, most=2, default=[0.0, 0.0])
+def _pair(low: float, high: float, default: float = 0.0) -> Numbers:
+    return Numbers(Number(low, high), least=2, most=2, default=[default] * 2, plain=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,24 +104,20 @@ class Doubt:
 
     chance: Annotated[float, Number(0, 1, default=0.8)]  # that something is off
     # Error of the upper finger's share of the closing, beyond `upper_finger_share`.
-    finger_share: Annotated[Interval, _interval(-1, 1)]
+    finger_share: Annotated[Interval, _pair(-1, 1)]
     # Error of the place where the fingers meet on the part's narrowest side, from the hand's
     # middle.
-    middle_mm: Annotated[Interval, _interval(-20, 20)]
+    middle_mm: Annotated[Interval, _pair(-20, 20)]
     # Constant error of widths; by default three steps of a reading, or three of its standard
     # deviations where those are larger.
-    encoder_mm: Annotated[Interval, _interval(-MOST_OFF_MM, MOST_OFF_MM)]
+    encoder_mm: Annotated[Interval, _pair(-MOST_OFF_MM, MOST_OFF_MM)]
     # Error of widths in proportion to them.
-    encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]
+    encoder_gain: Annotated[Interval, _pair(-0.2, 0.2)]
     # "any": parts may press with their rim, their area, its middle or three feet, whatever [pressure] says.
     pressure: Annotated[str, Text(("stated", "any"), default="stated")]
-    # "any": the limit surface may also be of the form, ellipsoid or quartic, that [pressure] does not say.
-    limit_surface: Annotated[str | None, Text(("stated", "any"), default=None)]
     # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0:
     # no doubt.
     least_dof: Annotated[int, Integer(0, 1_000_000, default=0)]
-    # std of the x and y at which a recorded pusher stands beside the part, in `plan-simulate --draws` alone.
-    start_mm: Annotated[float | None, Number(0, 10, default=None)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,13 +145,17 @@ class Actions:
     """
 
     # Angles of the hand's x axis in the world.
-    angles_deg: Annotated[tuple[float, ...], Numbers(Number(-360, 360), most=1_000)]
+    angles_deg: Annotated[tuple[float, ...], Numbers(Number(-360, 360), most=1_000, plain=True)]
     # (K, 2) positions of the hand in the world, read-only.
     centers_mm: Annotated[Array, Numbers(PLACE, columns=2, most=1_000)]
-    # "belief": every node also considers placements that it derives from its belief.
-    proposals: Annotated[str, Text(("belief", "none"), default="belief")]
-    # "belief": the hand may push the part before a squeeze, as the belief suggests; None: it does not.
-    pushes: Annotated[str | None, Text(("belief", "none"), default=None)]
+    # "belief": every node also considers grasp poses that it derives from its belief; "pushes": and
+    # pushes before a squeeze.
+    proposals: Annotated[str, Text(("belief", "pushes", "none"), default="belief")]
+
+    @property
+    def pushes(self) -> bool:
+        """Whether the hand may push the part before a squeeze, as the belief suggests."""
+        return self.proposals == "pushes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,9 +175,7 @@ class Goal:
     # Least probability of a leaf.
     confidence: Annotated[float, Number(0, 1, above=True, below=True)]
     # Bounds on x and y, for "tolerances".
-    tolerance_mm: Annotated[
-        tuple[float, float], Numbers(Number(LEAST_MM, 100), least=2, most=2, default=[2.5, 2.5])
-    ]
+    tolerance_mm: Annotated[tuple[float, float], _pair(LEAST_MM, 100, 2.5)]
     # Bound on theta, for "tolerances" and "orientation".
     tolerance_deg: Annotated[float, Number(LEAST_DEG, 180, default=5.0)]
     modes: Annotated[int, Integer(1, 8, default=1)]  # most poses that a leaf may leave open
@@ -213,7 +207,7 @@ class Cell:
     # ((x_min, y_min), (x_max, y_max)) that the hand may be placed in, world frame.
     work_area_mm: Annotated[
         tuple[tuple[float, float], tuple[float, float]],
-        Numbers(PLACE, columns=2, least=2, most=2, default=[[-150, -150], [150, 150]]),
+        Numbers(PLACE, columns=2, least=2, most=2, default=[[-150] * 2, [150] * 2], plain=True),
     ]
     # Tips between squeezes.
     retreat_height_mm: Annotated[float, Number(0, MM, above=True, default=60.0)]
@@ -243,20 +237,10 @@ class Delivery:
     area_mm: Annotated[Array | None, Numbers(PLACE, least=4, most=4, default=None)]
 
 
-SECTIONS: Mapping[str, type[Any]] = {
-    "part": Part,
-    "pressure": Pressure,
-    "friction": Friction,
-    "gripper": Gripper,
-    "release": Release,
-    "doubt": Doubt,
-    "uncertainty": Uncertainty,
-    "actions": Actions,
-    "goal": Goal,
-    "search": Search,
-    "cell": Cell,
-    "delivery": Delivery,
-}  # The records of a job, in its order
+_RECORDS: tuple[type[Any], ...] = (Part, Pressure, Friction, Gripper, Release, Doubt, Uncertainty)
+_RECORDS += (Actions, Goal, Search, Cell, Delivery)
+SECTIONS: Mapping[str, type[Any]] = {record.__name__.lower(): record for record in _RECORDS}
+"""The records of a job, in its order, by the names of its sections."""
 
 TOP_LEVEL: Mapping[str, Field] = {"seed": Integer(0, 2**63 - 1, default=0)}
 
@@ -269,16 +253,14 @@ _STATED: Mapping[str, Mapping[str, Field]] = {
     "uncertainty": {"orientation": Text(("unknown",), default=None)},
 }  # Keys of the job file that the records hold in another form, or lack
 
+
+def _fields_of(record: type[Any]) -> dict[str, Field]:
+    hints = get_type_hints(record, include_extras=True).items()
+    return {key: hint.__metadata__[0] for key, hint in hints if hasattr(hint, "__metadata__")}
+
+
 FIELDS: Mapping[str, Mapping[str, Field]] = {
-    name: {
-        **_STATED.get(name, {}),
-        **{
-            key: hint.__metadata__[0]
-            for key, hint in get_type_hints(record, include_extras=True).items()
-            if hasattr(hint, "__metadata__")
-        },
-    }
-    for name, record in SECTIONS.items()
+    name: {**_STATED.get(name, {}), **_fields_of(record)} for name, record in SECTIONS.items()
 }  # The keys of a job file, by section; [pressure] has further ones, by its kind
 
 LIMIT_SURFACE: Mapping[str, Field] = {
@@ -289,7 +271,7 @@ LIMIT_SURFACE: Mapping[str, Field] = {
 }  # An identified limit surface: rho, and an ellipsoid or a quartic with its certificate
 
 _FITTED: Mapping[str, Field] = {
-    "limit_surface": Text(("ellipsoid", "quartic"), default="ellipsoid")
+    "limit_surface": Text(("ellipsoid", "quartic", "any"), default="ellipsoid")
 }
 
 PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
@@ -306,6 +288,14 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
         "rho_mm": Number(0, MM, above=True),
     },
 }  # Further keys of [pressure], by its kind
+
+FORMER: Mapping[str, Mapping[str, str]] = {
+    "actions": {"pushes": 'is part of proposals; write proposals = "pushes", or drop it'},
+    "doubt": {
+        "limit_surface": 'is part of [pressure]; write limit_surface = "any" there, or drop it',
+        "start_mm": "is an option; drop it, and give plan-simulate --start-mm",
+    },
+}  # Keys that jobs no longer have, by section, and what to write instead
 
 OPTIONAL_SECTIONS = ("pressure", "release", "doubt", "search", "cell", "delivery")
 ABSENT_SECTIONS = ("delivery",)

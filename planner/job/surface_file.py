@@ -80,11 +80,11 @@ def load(path: Path) -> dict[str, Any]:
     return values
 
 
-def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
+def resolve(pressure: dict[str, Any], folder: Path | None) -> None:
     """Replaces `surface_file` by the content of the file, or checks the surface stated in its place.
 
-    Changes `pressure` in place, if its kind is "identified". `surface_file` is relative to the job file
-    `where`; the canonical form (not `drawn`) may not refer to files.
+    Changes `pressure` in place, if its kind is "identified". `surface_file` is relative to the folder of the
+    job file; the canonical form has none, and may not refer to files.
 
     Raises:
         InputError: the file cannot be used; or the surface is stated twice, or not at all, or is not shown
@@ -96,15 +96,13 @@ def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
     inline = [key for key in LIMIT_SURFACE if pressure[key] is not None]
     if name is None:
         check(pressure, "pressure")
-    elif inline or not drawn:
-        problem = (
-            f"and {inline[0]} are both stated; keep one"
-            if inline
-            else "must be resolved; compile again"
-        )
+    elif inline or folder is None:
+        problem = "must be resolved; compile again"
+        if inline:
+            problem = f"and {inline[0]} are both stated; keep one"
         raise InputError(problem, section="pressure", key="surface_file")
     else:
-        pressure.update(load(Path(where).parent / name))
+        pressure.update(load(folder / name))
 
 
 def check(values: Mapping[str, Any], section: str) -> None:
@@ -131,9 +129,8 @@ def check(values: Mapping[str, Any], section: str) -> None:
         absent = "certificate" if certificate is None else "quartic"
         raise _missing(absent, "a quartic comes with its certificate", section)
     if not quartic_form.certifies(certificate, coefficients):
-        problem = (
-            "does not show that the quartic is convex; take both from one file of plan-identify"
-        )
+        problem = "does not show that the quartic is convex"
+        problem += "; take both from one file of plan-identify"
         raise InputError(problem, section=section, key="certificate")
 
 

@@ -58,9 +58,8 @@ class Kcde(NamedTuple):
         """
         used = np.flatnonzero(classify_contact(outline, jaws, rolled.initial) == TOUCHES)
         if not len(used):
-            raise ValueError(
-                "no roll-out touches the part; roll out a region that the fingers reach"
-            )
+            problem = "no roll-out touches the part"
+            raise ValueError(f"{problem}; roll out a region that the fingers reach")
         initial = rolled.initial[used]
         end = np.column_stack([rolled.final[used], rolled.width_mm[used]])
         grid = grid_of(initial * np.array([1.0, 1.0, rho_mm]), rho_mm * math.tau / order)

@@ -109,31 +109,15 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
                 continue
             half = np.sqrt(left)
             low, high = int(np.floor((z - half) / sz)), int(np.floor((z + half) / sz))
-            base = (i * ny + j) * nz
-            first = grid.first
+            first = grid.first[(i * ny + j) * nz :]
             if high - low + 1 >= nz:
-                result = _scan(
-                    grid, first[base], first[base + nz], q, square, place, squares, result
-                )
-            elif low < 0 or high >= nz:
-                low, high = (low + nz) % nz, high % nz
-                result = _scan(
-                    grid, first[base], first[base + high + 1], q, square, place, squares, result
-                )
-                result = _scan(
-                    grid, first[base + low], first[base + nz], q, square, place, squares, result
-                )
-            else:
-                result = _scan(
-                    grid,
-                    first[base + low],
-                    first[base + high + 1],
-                    q,
-                    square,
-                    place,
-                    squares,
-                    result,
-                )
+                low, high = 0, nz - 1
+            elif low < 0 or high >= nz:  # the row goes on at its other end
+                low, stop = (low + nz) % nz, first[high % nz + 1]
+                result = _scan(grid, first[0], stop, q, square, place, squares, result)
+                high = nz - 1
+            start, stop = first[low], first[high + 1]
+            result = _scan(grid, start, stop, q, square, place, squares, result)
     return result
 
 

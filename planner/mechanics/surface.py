@@ -55,7 +55,7 @@ def _forms_of(job: Job) -> list[Fit]:
     forms: list[Fit] = [limit_surface.fit_ellipsoid, quartic_fit.fit_pressure]
     if job.pressure.limit_surface == "quartic":
         forms.reverse()
-    return forms if job.doubt.limit_surface == "any" else forms[:1]
+    return forms if job.pressure.limit_surface == "any" else forms[:1]
 
 
 def others_of(job: Job) -> tuple[Surface, ...]:
@@ -81,10 +81,8 @@ def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
 
     An alternative differs from the nominal surface in its pressure, in its form, or in both.
     """
-    doubt = job.doubt
-    if job.pressure.limit_surface is None or (
-        doubt.pressure == "stated" and doubt.limit_surface != "any"
-    ):
+    form = job.pressure.limit_surface
+    if form is None or (form != "any" and job.doubt.pressure == "stated"):
         return []
     spread, feet = _other_pressures(job)
     pressures = [support(job.pressure, job.part.outline_mm), *spread, *feet]

@@ -20,10 +20,8 @@ from planner.world import ContactWorld, ContactWorlds
 from runtime.table import REJECT, Node, Schedule, Squeeze, Squeezed, placement
 
 ORIENTED_DEG = 5.0  # A part counts as oriented within this (the paper's tolerance, VII)
-IDEAL = {
-    "friction": {"finger_part_min": 0.0, "finger_part_max": 0.0},
-    "gripper": {"finger_length_mm": 900.0},
-}
+NO_FRICTION = {"finger_part_min": 0.0, "finger_part_max": 0.0}
+IDEAL = {"friction": NO_FRICTION, "gripper": {"finger_length_mm": 900.0}}
 SEED_BASELINE = 0x42415345
 WIDTH_DIGITS = 1  # of a mm: parts of equal widths take equally long
 
@@ -69,9 +67,8 @@ def sensorless(job: Job, trials: int, scheduler: Scheduler | None = None) -> Bas
     """
     squeezes = plan(job.part.outline_mm)
     ideal = job.replaced("the job without friction", **IDEAL)
-    real, without = (
-        _achieved(true, squeezes, trials, scheduler or Threads()) for true in (job, ideal)
-    )
+    scheduler = scheduler or Threads()
+    real, without = (_achieved(true, squeezes, trials, scheduler) for true in (job, ideal))
     bound = 2 * len(convex_hull(job.part.outline_mm)) - 1
     return Baseline(squeezes, bound, real, without, trials)
 
@@ -110,15 +107,12 @@ def _squeezed(job: Job, worlds: ContactWorlds, angles: Array, chunk: Chunk) -> t
 
 def seconds_of(job: Job, angles: Array, widths: Array) -> float:
     """Mean seconds a part, by the table's model of time, if squeezes end at widths (n, squeezes) [mm]."""
-    opening_um, speed_um_s = (
-        round(1e3 * value) for value in (job.gripper.opening_mm, job.gripper.speed_mm_s)
-    )
-    alike = job.gripper.upper_finger_share == 0.5
+    gripper = job.gripper
+    opening_um, speed_um_s = round(1e3 * gripper.opening_mm), round(1e3 * gripper.speed_mm_s)
+    alike = gripper.upper_finger_share == 0.5
     turns = np.unwrap(angles, period=math.pi if alike else math.tau)
-    nodes = [
-        Node(Squeeze(0, 0, round(1e6 * float(angle)), opening_um, speed_um_s, 0, 0), ())
-        for angle in turns
-    ]
+    urads = (round(1e6 * float(angle)) for angle in turns)
+    nodes = [Node(Squeeze(0, 0, urad, opening_um, speed_um_s, 0, 0), ()) for urad in urads]
     schedule = Schedule(nodes, timing_of(job))
     before = placement(nodes[-1].squeeze)
     rows, parts = np.unique(widths.round(WIDTH_DIGITS), axis=0, return_counts=True)
@@ -130,9 +124,8 @@ def seconds_of(job: Job, angles: Array, widths: Array) -> float:
 
 
 def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler) -> Achieved:
-    run = partial(
-        _squeezed, job, ContactWorlds.of_job(job, job.seed + SEED_BASELINE), squeezes.angles
-    )
+    worlds = ContactWorlds.of_job(job, job.seed + SEED_BASELINE)
+    run = partial(_squeezed, job, worlds, squeezes.angles)
     parts = list(scheduler.map(run, chunks_of(trials)))
     poses, widths = (np.concatenate(rows) for rows in zip(*parts, strict=True))
     metric = metric_of(job)

@@ -20,12 +20,13 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array
 from planner.frames import to_hand, to_world
 from planner.paper.sensor import Collides
 
-Motion: TypeAlias = Callable[[Array, np.random.Generator], Array]
+Motion: TypeAlias = Callable[[Array, Generator], Array]
 """ForwardMotionModel-KCDE: draws final poses for initial ones, both (n, 3) in the hand frame."""
 ALPHA = 0.75
 """Share of its singleton ratio that a sequence must keep in its last action."""
@@ -63,7 +64,7 @@ class OpenLoop:
     enough: float = math.inf  # a sequence above this ratio ends the search
     budget: float = math.inf  # beliefs to expand at most, in place of the paper's time limit
 
-    def search(self, poses: Array, rng: np.random.Generator) -> Sequence:
+    def search(self, poses: Array, rng: Generator) -> Sequence:
         """The sequence of largest ratio for particles (n, 3) in the world: Algorithm 2 up to a*."""
         queue = deque([_Element(poses, self.ratio(poses), ())])
         best, expanded = Sequence((), -np.inf), 0
@@ -80,11 +81,11 @@ class OpenLoop:
         """Whether the hand can be set down at a placement (3,) among the believed poses (n, 3)."""
         return bool(self.collides(to_hand(poses, placement)).mean() <= COLLIDING_SHARE)
 
-    def moved(self, poses: Array, placement: Array, rng: np.random.Generator) -> Array:
+    def moved(self, poses: Array, placement: Array, rng: Generator) -> Array:
         """Poses (n, 3) in the world after an action: ForwardMotionModel-KCDE(X, a)."""
         return to_world(self.motion(to_hand(poses, placement), rng), placement)
 
-    def _expand(self, element: _Element, rng: np.random.Generator) -> Iterator[_Element]:
+    def _expand(self, element: _Element, rng: Generator) -> Iterator[_Element]:
         """Algorithm 3: the element's successors that are free of collision and not pruned."""
         last = len(element.actions) + 1 == self.depth
         for action, placement in enumerate(self.placements):

@@ -38,6 +38,4 @@ def plan_paper(job: Job, simulator: Simulator, report: Report = silent) -> Node:
         order=job.part.symmetry,
     )
     belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))
-    return planner.plan(
-        belief, [job.seed], lambda done, waiting: report("search", done, done + waiting)
-    )
+    return planner.plan(belief, [job.seed], report)

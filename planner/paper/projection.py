@@ -44,9 +44,8 @@ class Projection:
         for k in range(1, int(label.max(initial=0)) + 1):
             poses = np.ascontiguousarray(final[label == k])
             if not len(poses):
-                raise ValueError(
-                    f"subspace {k} has no final pose; number the subspaces without gaps"
-                )
+                problem = f"subspace {k} has no final pose"
+                raise ValueError(f"{problem}; number the subspaces without gaps")
             box = [0.0, 0.0, rho_mm * math.tau / order]
             stored[k] = poses, cKDTree(_points(poses, rho_mm, order), boxsize=box)
         return cls(stored, rho_mm, order)

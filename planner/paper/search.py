@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array, IntArray, take
 from planner.belief.metric import Mode
@@ -25,7 +26,8 @@ from planner.paper.open_loop import Motion, OpenLoop
 from planner.paper.projection import Projection
 from planner.paper.sensor import Collides, Widths, collision_detector, sensor_model
 from planner.paper.subspaces import Subspaces, subspaces_of
-from planner.search.tree import Action, Node, Progress, Squeeze
+from planner.search.tree import Action, Node, Squeeze
+from planner.work.progress import Report, silent
 
 Path: TypeAlias = tuple[int, ...]  # the branches taken on the way to a node
 METHODS = ("paper", "sensorless")
@@ -103,7 +105,7 @@ class PaperPlanner:
     max_depth: int  # longest path of the tree, which the paper does not bound [squeezes]
     order: int  # the part's rotational order; the paper's parts have 2
 
-    def plan(self, belief: Array, seed: list[int], progress: Progress | None = None) -> Node:
+    def plan(self, belief: Array, seed: list[int], report: Report = silent) -> Node:
         """ExpandTree(C, eps, r_s, d) from particles (n, 3) in the world, breadth first instead of recursive.
 
         A leaf whose ratio is not above r_s could not be expanded: either no action was free of collision and
@@ -119,11 +121,10 @@ class PaperPlanner:
                 rng = np.random.default_rng([*seed, node.depth, *path])
                 ends = self._expanded(node, rng)
                 waiting.extend((end, (*path, k)) for k, end in enumerate(ends))
-            if progress is not None:
-                progress(done, len(waiting))
+            report("search", done, done + len(waiting))
         return root
 
-    def _expanded(self, node: Node, rng: np.random.Generator) -> list[Node]:
+    def _expanded(self, node: Node, rng: Generator) -> list[Node]:
         """Gives a node an action, or a chain of actions if sensorless; returns the nodes to expand next."""
         actions = self._search(self.max_depth - node.depth).search(node.belief.poses, rng).actions
         if self.method == "sensorless":
@@ -147,7 +148,7 @@ class PaperPlanner:
         )
 
     def _squeezed(
-        self, node: Node, placement: Array, rng: np.random.Generator, branching: bool
+        self, node: Node, placement: Array, rng: Generator, branching: bool
     ) -> list[Node]:
         """Gives a node its action, with a child for each observation, or one for all widths."""
         hand = self.models.motion(to_hand(node.belief.poses, placement), rng)

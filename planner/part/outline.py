@@ -16,6 +16,8 @@ from runtime.shell.errors import InputError
 
 Outline: TypeAlias = Array
 
+MOST_VERTICES = 2000
+"""Most vertices of an outline: checks of symmetry take quadratic time, which no budget interrupts."""
 REPEAT_MM = 1e-6  # Largest distance of two vertices that count as one vertex written twice
 
 CENTRED = 1e-6
@@ -39,7 +41,6 @@ def canonical(points: ArrayLike) -> Canonical:
             boundary that crosses or touches itself.
     """
     vertices = _vertices(points)
-    _check_simple(vertices)
     if area(vertices) < 0.0:
         vertices = np.concatenate([vertices[:1], vertices[:0:-1]])
     shift = -centroid(vertices)
@@ -57,7 +58,6 @@ def checked(points: ArrayLike) -> Outline:
         InputError: see `canonical`; or the outline is clockwise or off centre.
     """
     vertices = _vertices(points)
-    _check_simple(vertices)
     if area(vertices) < 0.0:
         raise InputError("outline runs clockwise; list its vertices counter-clockwise")
     offset = float(np.hypot(*centroid(vertices)))
@@ -115,11 +115,7 @@ def min_width(outline: Outline) -> float:
     paper's reference [12]).
     """
     hull = convex_hull(outline)
-    edges = np.roll(hull, -1, axis=0) - hull
-    normals = (
-        np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
-    )
-    along = normals @ hull.T  # (edges, vertices)
+    along = _normals(hull) @ hull.T  # (edges, vertices)
     return float((along.max(axis=1) - along.min(axis=1)).min())
 
 
@@ -135,6 +131,12 @@ def _cross_terms(outline: Outline) -> Array:
     return np.asarray(outline[:, 0] * following[:, 1] - following[:, 0] * outline[:, 1])
 
 
+def _normals(outline: Outline) -> Array:
+    """The outward unit normals of the edges (N, 2)."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    return np.asarray(np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(*edges.T)[:, None])
+
+
 def _vertices(points: ArrayLike) -> Outline:
     try:
         vertices = np.array(points, dtype=np.float64)
@@ -148,6 +150,7 @@ def _vertices(points: ArrayLike) -> Outline:
         index = int(np.argmin(np.isfinite(vertices).all(axis=1)))
         raise InputError(f"vertex {index + 1} is not finite; give plain numbers in mm")
     _check_distinct(vertices)
+    _check_simple(vertices)
     return vertices
 
 
@@ -180,8 +183,7 @@ def _check_simple(vertices: Outline) -> None:
 
 def offsets(outline: Outline) -> Array:
     """Displacement of each vertex (N, 2), along its mitre, per mm by which all edges move outwards."""
-    edges = np.roll(outline, -1, axis=0) - outline
-    after = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(*edges.T)[:, None]
+    after = _normals(outline)
     before = np.roll(after, 1, axis=0)
     return np.asarray((before + after) / (1.0 + (before * after).sum(axis=1))[:, None])
 

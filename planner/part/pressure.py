@@ -34,7 +34,8 @@ class Pressure:
 
     kind: Kind
     wishart_dof: int  # degrees of freedom n_df of the random ellipsoids (paper, IV, footnote 1)
-    limit_surface: str | None = None  # "ellipsoid" or "quartic", if fitted to the pressure
+    # Fitted to the pressure: "ellipsoid", "quartic", or "any": the ellipsoid, or in doubt the quartic.
+    limit_surface: str | None = None
     points_mm: Array | None = None  # (M, 2) supports in the part's frame, for "points"
     weights: Array | None = None  # (M,) share of the load on each support, of sum 1, for "points"
     ellipsoid: Array | None = None  # (3, 3) A with F^T A F = 1, F = [fx, fy, tau/rho] / (mu N)

@@ -62,9 +62,8 @@ def gram(coefficients: Array) -> Array:
 
     Q is 12 times the 4-tensor of H; it need not be positive definite.
     """
-    return np.asarray(
-        np.tensordot(12.0 * np.asarray(coefficients) / _MULTIPLICITY, _ENTRIES, axes=1)
-    )
+    shares = 12.0 * np.asarray(coefficients) / _MULTIPLICITY
+    return np.asarray(np.tensordot(shares, _ENTRIES, axes=1))
 
 
 def coefficients_of(certificate: Array) -> Array:

@@ -1,10 +1,12 @@
 """The rotational symmetry of an outline: turns after which the part looks the same."""
 
+import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
 import shapely
+from shapely import LinearRing
 
 from planner.part.outline import Outline, simplified
 
@@ -28,11 +30,8 @@ def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
     At most `MOST_ORDER` and at most the number of vertices are tried.
     """
     boundary = _boundary(outline)
-    return next(
-        n
-        for n in range(min(len(outline), MOST_ORDER), 0, -1)
-        if _maps_onto_itself(boundary, outline, n, tolerance_mm)
-    )
+    orders = range(min(len(outline), MOST_ORDER), 0, -1)
+    return next(n for n in orders if _maps_onto_itself(boundary, outline, n, tolerance_mm))
 
 
 def has_order(outline: Outline, n: int) -> bool:
@@ -52,9 +51,8 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
     """
     boundary, far = _boundary(other), np.hypot(*other.T)
     x, y = outline[np.argmax(np.hypot(*outline.T))]
-    turns = [
-        math.atan2(v[1], v[0]) - math.atan2(y, x) for v in other[far >= far.max() - tolerance_mm]
-    ]
+    farthest = other[far >= far.max() - tolerance_mm]
+    turns = [math.atan2(v[1], v[0]) - math.atan2(y, x) for v in farthest]
     return any(_is_on(boundary, outline, turn, tolerance_mm) for turn in turns)
 
 
@@ -83,9 +81,7 @@ def _with_few_vertices(outline: Outline) -> Outline:
     return outline
 
 
-def _maps_onto_itself(
-    boundary: shapely.LinearRing, outline: Outline, n: int, tolerance_mm: float
-) -> bool:
+def _maps_onto_itself(boundary: LinearRing, outline: Outline, n: int, tolerance_mm: float) -> bool:
     """Whether every turn by a multiple of 360 / `n` degrees maps an outline onto itself.
 
     To refuse soon, it tries a few vertices before all of them, and the angles that fail most often first. An
@@ -99,21 +95,16 @@ def _maps_onto_itself(
         return False
     turns = np.arange(1, n)
     likely = turns[np.argsort(np.abs(turns / n - 0.25), kind="stable")]
-    return all(
-        _is_on(boundary, vertices, math.tau * k / n, tolerance_mm)
-        for vertices in (some, outline)
-        for k in likely
-    )
+    tried = itertools.product((some, outline), math.tau * likely / n)
+    return all(_is_on(boundary, vertices, angle, tolerance_mm) for vertices, angle in tried)
 
 
-def _is_on(
-    boundary: shapely.LinearRing, vertices: Outline, angle: float, tolerance_mm: float
-) -> bool:
+def _is_on(boundary: LinearRing, vertices: Outline, angle: float, tolerance_mm: float) -> bool:
     turned = shapely.points(_turned(vertices, angle))
     return bool(shapely.dwithin(boundary, turned, tolerance_mm).all())
 
 
-def _boundary(outline: Outline) -> shapely.LinearRing:
+def _boundary(outline: Outline) -> LinearRing:
     boundary = shapely.linearrings(outline)
     shapely.prepare(boundary)
     return boundary

@@ -35,9 +35,8 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
         return result
     plain = [squeeze for squeeze in squeezes if not table.nodes[squeeze.node].pushes]
     if plain:
-        result["jaw_answer_s"] = round(
-            max(median(_jaws(table, timing, squeeze) for squeeze in plain), 0.0), 4
-        )
+        answers = [_jaws(table, timing, squeeze) for squeeze in plain]
+        result["jaw_answer_s"] = round(max(median(answers), 0.0), 4)
         looks = [
             squeeze.phases.release_s - CLEAR_MM / _speed(table, squeeze)
             for squeeze in plain

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.random import Generator
 
 from planner.arrays import Array
 from planner.belief.doubts import ROUGH, SLIPPERY, closing_mm, traits_of
@@ -61,14 +62,12 @@ class Space(NamedTuple):
         if doubt.least_dof and doubt.least_dof != job.pressure.wishart_dof:
             low, high = sorted((doubt.least_dof, job.pressure.wishart_dof))
             results.append(Quantity("least_dof", float(np.log(low)), float(np.log(high))))
-        least = max(
-            min(LEAST_FRICTION, friction.finger_part_min), SLIPPERY * friction.finger_part_min
-        )
+        lowest = friction.finger_part_min
+        least = max(min(LEAST_FRICTION, lowest), SLIPPERY * lowest)
         most = min(ROUGH * friction.finger_part_max, MOST_FRICTION)
         results += [Quantity(key, least, most) for key in ("finger_part_min", "finger_part_max")]
-        return cls(
-            tuple(quantity for quantity in results if quantity.high > quantity.low), surfaces
-        )
+        wide = [quantity for quantity in results if quantity.high > quantity.low]
+        return cls(tuple(wide), surfaces)
 
     @property
     def bounds(self) -> Array:
@@ -79,7 +78,7 @@ class Space(NamedTuple):
         """The index of the column that holds the quantity `key` in arrays of points."""
         return [quantity.key for quantity in self.quantities].index(key)
 
-    def draw(self, n: int, rng: np.random.Generator) -> Array:
+    def draw(self, n: int, rng: Generator) -> Array:
         """Draws points (n, d + 1) from the prior; the last column is the number of the limit surface.
 
         The quantities are uniform. Half of the points have surface 0, that of the job.
@@ -115,7 +114,7 @@ class Off(Disturbance):
 
     all_alike: Traits | None = None  # (1,) of all parts; None: as planned
 
-    def traits(self, job: Job, n: int, rng: np.random.Generator, foreign: bool = False) -> Traits:  # noqa: ARG002
+    def traits(self, job: Job, n: int, rng: Generator, foreign: bool = False) -> Traits:  # noqa: ARG002
         """The latent parameters (n,) of n parts: equal ones, with an outline error drawn for each part."""
         traits = np.repeat(as_planned(1) if self.all_alike is None else self.all_alike, n)
         if job.part.tolerance_mm:
@@ -138,7 +137,8 @@ class Cells:
     @classmethod
     def of(cls, job: Job, table: Table) -> Self:
         """Returns the cells of a job that run a decision table; parts may press on the support in any way."""
-        any_pressure = job.replaced(doubt={"pressure": "any", "limit_surface": "stated"})
+        one_form = {"limit_surface": "ellipsoid"} if job.pressure.limit_surface == "any" else {}
+        any_pressure = job.replaced(doubt={"pressure": "any"}, pressure=one_form)
         simulator = Simulator.of_job(any_pressure, workers=1)
         if simulator.others:
             simulator = replace(simulator, others=(*simulator.others, *_on_feet(job)))
@@ -147,9 +147,8 @@ class Cells:
     def run(self, point: Array, parts: int, seed: int) -> Evaluation:
         """Runs parts through the table in the cell at a point (d + 1,)."""
         values = self.values_at(point)
-        simulator = replace(
-            self.simulator, friction=(values["finger_part_min"], values["finger_part_max"])
-        )
+        friction = values["finger_part_min"], values["finger_part_max"]
+        simulator = replace(self.simulator, friction=friction)
         world = ContactWorld.of_simulator(simulator, [seed])
         rng = np.random.default_rng([seed, 0x524546])
         off = Off(all_alike=self._traits(values, int(point[-1])))
@@ -157,10 +156,7 @@ class Cells:
 
     def values_at(self, point: Array) -> dict[str, Any]:
         """The quantities at a point, by key."""
-        return {
-            quantity.key: value
-            for quantity, value in zip(self.space.quantities, point, strict=False)
-        }
+        return {quantity.key: point[k] for k, quantity in enumerate(self.space.quantities)}
 
     def surface_entries(self) -> Array:
         """The nominal limit surfaces (surfaces, k), one a row: the entries of their matrices."""

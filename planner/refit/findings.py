@@ -41,9 +41,8 @@ def _finding(quantity: Quantity, posterior: Posterior, job: Job) -> Finding:
     values = posterior.of(quantity.key)
     mean, spread = float(values.mean()), float(values.std())
     low, high = (float(end) for end in np.quantile(values, ENDS))
-    prior = (quantity.high - quantity.low) / np.sqrt(
-        18.0 if "finger_part" in quantity.key else 12.0
-    )
+    sorted_pair = "finger_part" in quantity.key
+    prior = (quantity.high - quantity.low) / np.sqrt(18.0 if sorted_pair else 12.0)
     learned = bool(spread < LEARNED * prior)
     sentence = f"the journals do not tell {NAMES[quantity.key]}; what the job says stays"
     if learned:
@@ -65,10 +64,8 @@ def _sentence(key: str, mean: float, low: float, high: float, job: Job) -> str:
         share = job.gripper.upper_finger_share - mean / closing_mm(job)
         uneven = f"{100.0 * share:.1f} +- {100.0 * half / closing_mm(job):.1f} %"
         fault = min(abs(low), abs(high)) > OFF_MM and low * high > 0.0
-        return message + (
-            f", as if the upper one made {uneven} of the closing: have the gripper looked at"
-            * fault
-        )
+        as_if = f", as if the upper one made {uneven} of the closing: have the gripper looked at"
+        return message + as_if * fault
     if key == "encoder_mm":
         return f"widths read {mean:+.2f} +- {half:.2f} mm too much"
     if key == "encoder_gain":
@@ -77,9 +74,8 @@ def _sentence(key: str, mean: float, low: float, high: float, job: Job) -> str:
         ends = f"{np.exp(low):.0f} to {np.exp(high):.0f}"
         dof = job.pressure.wishart_dof
         return f"friction with the table scatters by {ends} degrees of freedom, not {dof}"
-    end = ("least", job.friction.finger_part_min)
-    stated = ("greatest", job.friction.finger_part_max)
-    name, believed = end if key == "finger_part_min" else stated
+    name = "least" if key == "finger_part_min" else "greatest"
+    believed = getattr(job.friction, key)
     agrees = f", as stated ({believed:g})" if low <= believed <= high else f", not {believed:g}"
     return f"the {name} friction between finger and part is {low:.2f} to {high:.2f}{agrees}"
 
@@ -99,16 +95,12 @@ def _pressed(posterior: Posterior) -> Finding:
     shares = surface_shares(posterior)
     stated, best = float(shares[0]), float(shares.max())
     learned = bool(stated > 0.95 or stated < 0.05)
+    sentence = f"the journals do not tell how parts press on the table (as stated: {stated:.0%})"
     if stated > 0.95:
         sentence = "parts press on the table as the job says"
     elif stated < 0.05:
-        sentence = (
-            "parts do not press on the table as the job says: they may stand on feet or on a rim"
-        )
-    else:
-        sentence = (
-            f"the journals do not tell how parts press on the table (as stated: {stated:.0%})"
-        )
+        feet = "they may stand on feet or on a rim"
+        sentence = f"parts do not press on the table as the job says: {feet}"
     return Finding("pressure", stated, stated, best, learned, sentence)
 
 
@@ -120,9 +112,8 @@ def surface_shares(posterior: Posterior) -> Any:
 
 def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
     """Changes of the job by section and key; values that the journals do not determine are left out."""
-    record = {
-        finding.quantity: finding for finding in findings(posterior, cells) if finding.learned
-    }
+    every = findings(posterior, cells)
+    record = {finding.quantity: finding for finding in every if finding.learned}
     doubt: dict[str, Any] = {
         key: [round(record[key].low_5, digits), round(record[key].high_95, digits)]
         for key, digits in DIGITS.items()
@@ -133,8 +124,6 @@ def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any
     sections: dict[str, dict[str, Any]] = {"doubt": doubt, "friction": _friction(record, cells.job)}
     if "pressure" in record:
         sections["pressure"], doubt["pressure"] = _pressure(posterior, cells)
-        if sections["pressure"] and cells.job.doubt.limit_surface == "any":
-            doubt["limit_surface"] = "stated"  # a stated surface, not fitted to a pressure
     return {section: values for section, values in sections.items() if values}
 
 

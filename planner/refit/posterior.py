@@ -89,9 +89,7 @@ def posterior(
         done += len(sets)
         rounds.append((np.repeat(points, pairs, axis=0), np.concatenate(sets)))
         # Cells of the first rounds are far from explaining the observations.
-        points, shown = (
-            np.concatenate(column) for column in zip(*rounds[(turn + 1) // 2 :], strict=True)
-        )
+        points, shown = map(np.concatenate, zip(*rounds[(turn + 1) // 2 :], strict=True))
         result = Likelihood.of(features(points), shown, counted, seen.readings.size)
         drawn, power = (DRAWN, 1.0) if turn + 1 == effort.rounds else (effort.cells, WIDE)
         points = _drawn(cells.space, partial(_log, result, features, power), points, drawn, rng)
@@ -132,9 +130,8 @@ def _drawn(
     low, high = tried[:, :-1].min(axis=0), tried[:, :-1].max(axis=0)
 
     def density(at: Array) -> Array:
-        known = (np.abs(2.0 * at[:, :-1] - low - high) <= (1.0 + 2.0 * ROOM) * (high - low)).all(
-            axis=1
-        )
+        off = np.abs(2.0 * at[:, :-1] - low - high)
+        known = (off <= (1.0 + 2.0 * ROOM) * (high - low)).all(axis=1)
         with np.errstate(divide="ignore"):
             return np.asarray(log(at) + np.log(known * space.density(at)))
 
@@ -143,9 +140,8 @@ def _drawn(
     for _ in range(STEPS):
         one, two = points[rng.integers(0, chains, (2, chains)), :-1]
         far = np.where(rng.random(chains) < ACROSS, 1.0, usual)
-        surface = np.where(
-            rng.random(chains) < 0.5, points[:, -1], rng.integers(0, space.surfaces, chains)
-        )
+        kept = rng.random(chains) < 0.5
+        surface = np.where(kept, points[:, -1], rng.integers(0, space.surfaces, chains))
         proposed = np.column_stack([points[:, :-1] + far[:, None] * (one - two), surface])
         reached = density(proposed)
         taken = np.log(rng.random(chains)) < reached - level

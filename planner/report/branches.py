@@ -135,10 +135,9 @@ class _Places:
         if node.release:
             facts["dragged to"] = ", ".join(f"{um / 1e3:.2f}" for um in node.release) + " mm"
         for number, push in enumerate(node.pushes, 1):
-            facts[f"push {number}"] = (
-                f"from {push.x_um / 1e3:.2f}, {push.y_um / 1e3:.2f} mm, {push.length_um / 1e3:.2f} mm "
-                f"along {_degrees(push.angle_urad)}, jaws {push.opening_um / 1e3:.2f} mm"
-            )
+            start = f"from {push.x_um / 1e3:.2f}, {push.y_um / 1e3:.2f} mm"
+            way = f"{push.length_um / 1e3:.2f} mm along {_degrees(push.angle_urad)}"
+            facts[f"push {number}"] = f"{start}, {way}, jaws {push.opening_um / 1e3:.2f} mm"
         return facts
 
     def _leaf_facts(self, index: int, came: str) -> dict[str, str]:

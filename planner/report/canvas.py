@@ -4,11 +4,11 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-import matplotlib as mpl
 import numpy as np
 from jinja2 import Template
+from matplotlib import style as mpl_style
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
@@ -28,21 +28,7 @@ BLACK = "#1a1a1a"
 GREY = "#a6a6a6"
 PALE = "#d9d9d9"
 
-STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
-    "font.size": 8.0,
-    "axes.linewidth": 0.6,
-    "axes.edgecolor": GREY,
-    "xtick.color": "#595959",
-    "ytick.color": "#595959",
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.0,
-    "ytick.major.size": 2.0,
-    "svg.hashsalt": "squeezetree",  # keeps the ids of an SVG the same
-    "svg.fonttype": "path",
-    "pdf.fonttype": 42,
-}
+TEMPLATES = Path(__file__).parent / "templates"
 DPI = 200
 OUTLINES = 60  # most outlines of one belief on a page
 DARKNESS = 0.7  # of a place that all outlines of a belief cover
@@ -56,7 +42,7 @@ UNSIGNED = {
 
 def style() -> AbstractContextManager[None]:
     """The style of all pictures, as a context for drawing and saving."""
-    return mpl.rc_context(STYLE)
+    return mpl_style.context(TEMPLATES / "pictures.mplstyle")
 
 
 def save(path: Path, draw: Callable[[], Figure]) -> None:
@@ -156,7 +142,7 @@ def template(name: str) -> Template:
 @cache
 def asset(name: str) -> str:
     """The text of a stylesheet or script among the templates."""
-    return (Path(__file__).parent / "templates" / name).read_text("utf-8")
+    return (TEMPLATES / name).read_text("utf-8")
 
 
 def transform(pose: Array) -> str:

@@ -109,7 +109,7 @@ def page(
         source=source,
         sheet=sheet,
         tree=branches,
-        look=look.scenes(table, job, beliefs),
+        look=look.scenes(table, job, beliefs, look.SQUEEZES),
         where=verdicts.belief(job),
         trials=trials,
         seed=seed,
@@ -168,11 +168,9 @@ def _width_chart(job: Job) -> str:
     angles = range(181)
     widths = [outlines.width(job.part.outline_mm, float(np.radians(angle))) for angle in angles]
     closed = widths[:-1]  # 180 degrees is 0 degrees again
-    minima = [
-        f"{w:.2f} mm at {a}°"
-        for a, w in enumerate(closed)
-        if closed[a - 1] > w <= closed[(a + 1) % len(closed)]
-    ]
+    around = zip(np.roll(closed, 1), closed, np.roll(closed, -1), strict=True)
+    lowest = [a for a, (before, width, after) in enumerate(around) if before > width <= after]
+    minima = [f"{closed[a]:.2f} mm at {a}°" for a in lowest]
     label = "Width [mm] against the angle it is seen along"
     chart = charts.trend(label, [charts.Line("width", widths)], (), "degrees, 0 to")
     rest = f"<p>It comes to rest between the fingers at {', '.join(minima[:8])}.</p>"

@@ -64,9 +64,7 @@ def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> 
     return max(results, key=lambda path: (path[0] > 0 and len(path[1]) in squeezes, path[0]))[1]
 
 
-def scenes(
-    table: Table, job: Job, beliefs: Replay, squeezes: Collection[int] = SQUEEZES
-) -> list[Scene]:
+def scenes(table: Table, job: Job, beliefs: Replay, squeezes: Collection[int]) -> list[Scene]:
     """Scenes on the likeliest path: one before the first squeeze, and one after each squeeze."""
     whole = likeliest_path(table, beliefs, squeezes)
     # The path ends before a squeeze at which no part takes its branch, such as where all are rejected.

@@ -25,18 +25,6 @@ MARK_MM = 1.5  # distance between the marks of a trace
 WIDTH_IN = 2.1  # width of one panel
 APPROACH_FRAMES = 14
 CONTACT_FRAMES = 46
-PAGE = """\
-<main><h1>{title}</h1>
-<div class="slider"><button type="button">Play</button>
-<input type="range" min="0" value="0" aria-label="progress"></div>
-<div id="squeezes"></div></main>
-"""
-STYLE = """\
-.slider { position: sticky; top: 0; background: var(--paper); display: flex; gap: 1em; padding: .5em 0 }
-.slider input { flex: 1 } figure { margin: 0 } figcaption { text-align: center }
-#squeezes { display: grid; grid-template-columns: repeat(auto-fill, minmax(15em, 1fr)); gap: 1em }
-.trace { fill: none; stroke: var(--s0) }
-"""
 
 
 class Squeezed(NamedTuple):
@@ -144,8 +132,9 @@ def html(outline: Array, jaws: Jaws, traces: Sequence[Squeezed], title: str, pat
             for trace in traces
         ],
     }
-    body = PAGE.format(title=escape(title))
-    write(path, page(title, body, style=STYLE, data=data, script=canvas.asset("squeezes.js")))
+    body = canvas.asset("squeezes.html").format(title=escape(title))
+    style, script = canvas.asset("squeezes.css"), canvas.asset("squeezes.js")
+    write(path, page(title, body, style=style, data=data, script=script))
 
 
 def _named(state: Array) -> dict[str, float]:

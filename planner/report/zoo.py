@@ -13,27 +13,21 @@ from planner.diagnosis import reasons
 from planner.diagnosis.advice import advise
 from planner.errors import FitError, NoPlanError
 from planner.job import model as job_file
+from planner.job.drafts import FITTING, MOST_RADIUS_MM
 from planner.part import symmetry
 from planner.part.outline import canonical, reach
-from planner.report.canvas import template
+from planner.report.canvas import asset, template
 from planner.search.ranking import LEAST_CLEARANCE_MM
 from planner.work.limit import Limit
 from runtime.pages import frame
 from runtime.shell.errors import InputError, UnreachableError
 
 LOCATED = 0.99  # least share of parts located for an outline to count
-FITTING = 0.8  # radius of the disc, as a share of the room between the open fingers
-MOST_MM = 10.0  # greatest radius of the disc
 LEAST_MM = 1.0  # least radius
 LONGEST_NAME = 80  # of a part in a job
 ERROR = "error of the program"
 RATES = ("success_rate", "wrong_rate", "reject_rate", "unresolved_rate")
 KEPT = (*RATES, "mean_squeezes", "seconds_mean", "error_mm", "crashes")  # of a plan's summary
-STYLE = """\
-.parts { display: grid; grid-template-columns: repeat(auto-fill, minmax(15em, 1fr)); gap: .8em }
-.parts figure { margin: 0; border: 1px solid var(--pale); border-radius: 6px; padding: .5em }
-.parts svg { width: 6em; height: 6em } .failed .part { fill: var(--red); stroke: var(--red) }
-"""
 Figures = dict[str, Any]
 
 
@@ -53,12 +47,8 @@ def judge(item: Item) -> Figures:
         UnreachableError: the only error that is not reported in the figures.
     """
     started = time.thread_time(), time.perf_counter()
-    figures: Figures = {
-        "name": item.name,
-        "outline_mm": item.outline_mm,
-        "budget_s": item.budget_s,
-        "cut": False,
-    }
+    stated = item._asdict().items()
+    figures: Figures = {key: value for key, value in stated if key != "base"} | {"cut": False}
     try:
         figures |= _judged(item)
     except UnreachableError:
@@ -75,7 +65,7 @@ def judge(item: Item) -> Figures:
 def _judged(item: Item) -> Figures:
     base = job_file.from_canonical(item.base)
     room = 0.5 * base.gripper.opening_mm - reach(np.array(item.outline_mm))
-    radius_mm = min(MOST_MM, FITTING * room, room - LEAST_CLEARANCE_MM)
+    radius_mm = min(MOST_RADIUS_MM, FITTING * room, room - LEAST_CLEARANCE_MM)
     if radius_mm < LEAST_MM:
         text = f"turned, it leaves {room:.1f} mm to the open fingers"
         return {"kind": reasons.TOO_LARGE, "text": text}
@@ -115,7 +105,7 @@ def page(rows: Sequence[Figures]) -> str:
         squeezes=_quantiles(located, "mean_squeezes"),
         least=LOCATED,
     )
-    return frame.page(f"{len(rows)} outlines, planned and judged", body, style=STYLE)
+    return frame.page(f"{len(rows)} outlines, planned and judged", body, style=asset("zoo.css"))
 
 
 def _quantiles(rows: Sequence[Figures], key: str) -> list[float]:
@@ -128,7 +118,5 @@ def _thumbnail(outline: list[list[float]]) -> str:
     """The outline as points of an SVG that is 100 wide, y up."""
     shape = np.array(outline)
     scale = 90.0 / float(np.ptp(shape, axis=0).max())
-    return " ".join(
-        f"{50 + scale * x:.1f},{50 - scale * y:.1f}"
-        for x, y in shape - 0.5 * (shape.max(0) + shape.min(0))
-    )
+    middle = 0.5 * (shape.max(0) + shape.min(0))
+    return " ".join(f"{50 + scale * x:.1f},{50 - scale * y:.1f}" for x, y in shape - middle)

@@ -83,7 +83,7 @@ class Search:
         self.problem, self.rng, self.stage = problem, rng, stage
         self.ranking = Ranking(problem, actions_of(problem.job))
         self.handling = Handling(problem.job)
-        self.pusher = Pusher(problem) if problem.job.actions.pushes is not None else None
+        self.pusher = Pusher(problem) if problem.job.actions.pushes else None
         self.remembered = list[Array]()
 
     def begin(self, stage: Pass, previous: Node | None) -> Node:

@@ -11,7 +11,7 @@ Values are expected costs in typical squeezes; a part that is not located costs 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -22,8 +22,6 @@ from planner.belief.observation import Partition
 from planner.belief.particles import Belief
 from planner.belief.partition import Rule
 from planner.belief.transition import Push, Squeezed
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

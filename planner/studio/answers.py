@@ -83,11 +83,8 @@ class Answers:
     def state(self) -> Answer:
         """The drawings, plans and files of the folder."""
         files = self.folder.files()
-        drawings = [
-            file.name
-            for file in files
-            if file.name.lower().endswith(SUFFIXES) and not file.name.endswith(PICTURE)
-        ]
+        drawn = [file.name for file in files if file.name.lower().endswith(SUFFIXES)]
+        drawings = [name for name in drawn if not name.endswith(PICTURE)]
         plans = [_shown(plan) for plan in self.plans.all()]
         listed = [file._asdict() for file in files]
         return _object({"drawings": drawings, "plans": plans, "files": listed})
@@ -97,10 +94,9 @@ class Answers:
         data, suffix = self.folder.read(name, MOST_FILE_BYTES), Path(name).suffix
         if suffix in TEXT[1]:
             return Answer(data, TEXT[0])
-        shown = suffix in (".html", ".svg")
-        return Answer(
-            data, KINDS[suffix] if shown else "application/octet-stream", name="" if shown else name
-        )
+        if suffix in (".html", ".svg"):
+            return Answer(data, KINDS[suffix])
+        return Answer(data, "application/octet-stream", name=name)
 
     def film(self, query: dict[str, str]) -> Answer:
         """The squeezes of a simulated part; `query` names the plan and the number of the part."""

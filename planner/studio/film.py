@@ -74,8 +74,5 @@ def _outline(table: Table) -> list[dict[str, float]]:
 
 
 def _pose(x_mm: float, y_mm: float, theta_rad: float) -> dict[str, float]:
-    return {
-        "x_mm": round(x_mm, 3),
-        "y_mm": round(y_mm, 3),
-        "turn_deg": round(degrees(theta_rad), 2),
-    }
+    turn_deg = round(degrees(theta_rad), 2)
+    return {"x_mm": round(x_mm, 3), "y_mm": round(y_mm, 3), "turn_deg": turn_deg}

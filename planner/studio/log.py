@@ -92,9 +92,8 @@ def _answer(record: dict[str, Any]) -> dict[str, Any]:
         far = "none located" if error is None else f"{error['median']:.2f} mm"
         more = "" if error is None else f"median; 95 % within {error['p95']:.2f} mm"
         shares = shares_of(record)
-        squeezes = (
-            f"a part; {record['mean_squeezes']:.2f} squeezes, {record['max_squeezes']} at most"
-        )
+        mean, most = record["mean_squeezes"], record["max_squeezes"]
+        squeezes = f"a part; {mean:.2f} squeezes, {most} at most"
         others = f"{in_percent(shares.wrong)} wrong, of {record['trials']} trials"
         answer["numbers"] = [
             {"what": "located", "value": in_percent(shares.located), "more": others},

@@ -19,7 +19,7 @@ from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import read_regular
 
 MOST_LOG_BYTES = 4 << 20
-LOG = ".plan.jsonl"  # suffix
+LOG = written_for("")["log"]  # suffix
 OPTIONS = (
     *("units", "scale", "contour", "gripper", "fingers", "radius", "turn", "distance"),
     *("thickness", "budget"),
@@ -55,11 +55,8 @@ class Plans:
         unknown = settings.keys() - set(OPTIONS)
         if unknown or not all(isinstance(value, str) for value in settings.values()):
             raise UsageError(f"settings are {', '.join(OPTIONS)}, each a text")
-        return [
-            f"--{name}={settings[name].strip()}"
-            for name in OPTIONS
-            if settings.get(name, "").strip()
-        ]
+        stated = {name: settings.get(name, "").strip() for name in OPTIONS}
+        return [f"--{name}={text}" for name, text in stated.items() if text]
 
     def begin(self, drawing: str, arguments: list[str]) -> str:
         """Starts planning in a separate process; returns the plan's name.

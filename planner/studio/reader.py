@@ -43,10 +43,9 @@ class Reader:
                 line = b""
             if not line.endswith(b"\n"):
                 self._end()
-                raise InputError(
-                    "reading it takes too much memory or time; export the part's outline alone",
-                    where=arguments[0],
-                )
+                problem = "reading it takes too much memory or time"
+                remedy = "export the part's outline alone"
+                raise InputError(f"{problem}; {remedy}", where=arguments[0])
         return dict(json.loads(line))
 
     def close(self) -> None:

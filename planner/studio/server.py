@@ -100,10 +100,8 @@ class Handler(BaseHTTPRequestHandler):
         except (ExpectedError, OSError) as error:
             answer = refused(400, sentence_of(error))
         except Exception as error:
-            words = (
-                f"internal error, please report it: {type(error).__name__}: {sentence_of(error)}"
-            )
-            answer = refused(500, words)
+            what = f"{type(error).__name__}: {sentence_of(error)}"
+            answer = refused(500, f"internal error, please report it: {what}")
         self.send_response(answer.code)
         self.send_header("Content-Type", answer.kind)
         self.send_header("Content-Length", str(len(answer.body)))

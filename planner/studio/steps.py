@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 
 from planner.studio.what_if import trials_of
@@ -57,10 +58,8 @@ def beginning(name: str) -> str:
 
 def typed(words: Sequence[str]) -> str:
     """The command line that a user would type in a shell for the words of a command."""
-    apart = [
-        part for word in words for part in (word.split("=", 1) if word[:2] == "--" else [word])
-    ]
-    return shlex.join(["squeezetree", *apart])
+    split = (word.split("=", 1) if word[:2] == "--" else [word] for word in words)
+    return shlex.join(["squeezetree", *chain.from_iterable(split)])
 
 
 def main(argv: Sequence[str]) -> int:

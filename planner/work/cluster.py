@@ -12,8 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
-from types import TracebackType
-from typing import TYPE_CHECKING, NoReturn, Self, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, Self, TypeVar
 
 from runtime.shell.errors import UnreachableError, UsageError
 
@@ -55,32 +54,25 @@ class Cluster:
         try:
             from distributed import Client
         except ImportError as error:
+            needed = f"--scheduler needs the cluster extra ({error.name} is missing)"
             hint = "install squeezetree[cluster]; in a clone: pip install '.[cluster]'"
-            raise UsageError(
-                f"--scheduler needs the cluster extra ({error.name} is missing); {hint}"
-            ) from error
+            raise UsageError(f"{needed}; {hint}") from error
         # An UnreachableError states in one line what the log would say in several.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
             self._client = Client(self.address, timeout=self._connect_s, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             problem = f"no Dask scheduler answers within {self._connect_s:g} s"
-            raise self._error(
-                f"{problem}; check the address, or start one with: dask scheduler"
-            ) from error
+            remedy = "check the address, or start one with: dask scheduler"
+            raise self._error(f"{problem}; {remedy}") from error
         try:
             self._await_workers()
         except BaseException:  # Ctrl-C, too, must not leave the client connected
-            self.__exit__(None, None, None)
+            self.__exit__()
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         client, self._client = self._client, None
         if client is not None:
             client.close(timeout=self._connect_s)
@@ -100,59 +92,50 @@ class Cluster:
             UnreachableError: the scheduler is lost, all workers stay away, or several died of one item.
         """
         client = self._connected()
-        window = max(1, AHEAD * self.workers)
-        waiting = deque(enumerate(items))
-        running: dict[Future[R], int] = {}
-        results: dict[int, R] = {}
+        most = max(1, AHEAD * self.workers)
+        waiting: deque[Future[R]] = deque()
         try:
-            for k in range(len(items)):
-                while k not in results:
-                    while waiting and waiting[0][0] < k + window:
-                        index, item = waiting.popleft()
-                        running[client.submit(function, item, pure=False)] = index
-                    self._collect(running, results)
-                yield results.pop(k)
+            for item in items:
+                waiting.append(client.submit(function, item, pure=False))
+                if len(waiting) >= most:
+                    yield self._first(waiting)
+            while waiting:
+                yield self._first(waiting)
         finally:
-            for future in running:
+            for future in waiting:
                 future.release()
 
-    def _collect(self, running: dict[Future[R], int], results: dict[int, R]) -> None:
-        """Moves finished items from `running` to `results`; waits at most `POLL_S` if there are none."""
-        from distributed import wait
-
-        try:
-            with self._connected().as_current():
-                done = wait(list(running), timeout=POLL_S, return_when="FIRST_COMPLETED").done
-        except TimeoutError:
-            self._await_workers()
-            return
-        except (CancelledError, OSError) as error:
-            raise self._lost() from error
-        for future in done:
-            if future.status == "error":
-                self._fail(future.exception())
+    def _first(self, waiting: deque[Any]) -> Any:
+        """Awaits and removes the first result; asks for workers every `POLL_S`."""
+        while True:
             try:
-                results[running[future]] = future.result(timeout=POLL_S)
-            except TimeoutError:  # its worker died first: it runs again
-                continue
-            except (CancelledError, OSError) as error:  # also distributed's CommClosedError
-                raise self._lost() from error
-            del running[future]
+                result = waiting[0].result(timeout=POLL_S)
+            except Exception as error:
+                if waiting[0].status == "error":
+                    self._fail(error)
+                if isinstance(error, TimeoutError):  # its worker may have died: it runs again
+                    self._await_workers()
+                elif isinstance(error, CancelledError | OSError):  # also CommClosedError
+                    raise self._lost() from error
+                else:
+                    raise
+            else:
+                waiting.popleft()
+                return result
 
-    def _fail(self, error: BaseException | None) -> NoReturn:
+    def _fail(self, error: Exception) -> NoReturn:
         """Raises the error of an item: one about the cluster if that is the cause, else the function's."""
         from distributed import KilledWorker
 
         if isinstance(error, KilledWorker):
             problem = "several workers died of the same piece of work"
-            raise self._error(
-                f"{problem}; look into their logs, and give them more memory"
-            ) from error
+            remedy = "look into their logs, and give them more memory"
+            raise self._error(f"{problem}; {remedy}") from error
         missing = error if isinstance(error, ImportError) else getattr(error, "__cause__", None)
         if isinstance(missing, ImportError):
             problem = f"a machine of the cluster cannot import the planner ({missing})"
             raise self._error(f"{problem}; install squeezetree[cluster] on all of them") from error
-        raise error or self._lost()
+        raise error
 
     def _await_workers(self) -> None:
         """Waits for a worker; raises `UnreachableError` after `patience_s`."""

@@ -9,8 +9,8 @@ import pytest
 from problems import simulator
 from surfaces import hessian
 
+from planner import columns
 from planner.arrays import take
-from planner.cli import columns
 from planner.cli import pushes as push_files
 from planner.identification import identify, pushes
 from planner.mechanics.limit_surface import fit_ellipsoid

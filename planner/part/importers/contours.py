@@ -20,7 +20,7 @@ NEARLY = 0.1  # largest gap of an outline that is meant to be closed, as a share
 LARGER_MM = 0.1  # distance that an unread shape must extend beyond a contour to surround it
 
 # ISO 216, A0 to A5
-SHEETS_MM = ((841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210))
+SHEETS_MM = np.array([(841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210)])
 MARGINS_MM = 50.0  # of both sides: 20 mm for filing and 10 mm (ISO 5457), and some tolerance
 SHEET_SLACK_MM = 0.5
 
@@ -36,7 +36,7 @@ class Contour(NamedTuple):
     outer: bool = True  # whether it lies inside no other contour
 
 
-def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour], list[str]]:
+def contours(pieces: Pieces, join_mm: float) -> tuple[list[Contour], list[str]]:
     """Finds all contours of a drawing.
 
     Closes gaps of up to `join_mm` at ends of strokes, and nodes lines that cross or overlap. Faces that share
@@ -58,9 +58,9 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
     ]
     rings = [each for each in (*map(Contour, alone), *joined) if _is_wide(each.points, join_mm)]
     if not rings or _around(bounded.loose, [ring.points for ring in rings]):
-        raise _no_contour(bounded.loose, origin, pieces.lost, where)
+        raise _no_contour(bounded.loose, origin, pieces.lost)
     if len(rings) > MOST:
-        raise too_much(where, f"has more than {MOST} contours")
+        raise too_much(f"has more than {MOST} contours")
     notes = list(pieces.notes)
     if bounded.repeated_mm > join_mm:
         notes.append(f"{bounded.repeated_mm:.4g} mm of lines drawn twice, taken once")
@@ -80,7 +80,7 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
 
 
 def choose(
-    candidates: list[Contour], number: int | None, where: str, lost: Sequence[Lost] = ()
+    candidates: list[Contour], number: int | None, lost: Sequence[Lost] = ()
 ) -> tuple[Contour, list[str]]:
     """Returns the contour `number`, from 1, or the only outer one for None; and notes on the choice.
 
@@ -88,30 +88,25 @@ def choose(
         UsageError: there is no such contour, or no number and several outer ones; lists them.
         InputError: the outline may be one of the `lost` shapes, or another contour of the same lines.
     """
-    for shape in lost:
-        if shape.box is None or any(
-            _exceeds(shape.box, contour) for contour in candidates if contour.outer
-        ):
-            raise _missing(shape, where)
     outer = [contour for contour in candidates if contour.outer]
+    listed = listing(candidates)
+    for shape in lost:
+        if shape.box is None or any(_exceeds(shape.box, contour) for contour in outer):
+            raise _missing(shape)
     if number is None and len(outer) > 1:
-        raise UsageError(
-            f"{where}: has {len(outer)} contours; choose with --contour N: {listing(candidates)}"
-        )
+        raise UsageError(f"has {len(outer)} contours; choose with --contour N: {listed}")
     if number is not None and not 1 <= number <= len(candidates):
-        raise UsageError(
-            f"{where}: has no contour {number}; choose with --contour 1 to {len(candidates)}: "
-            f"{listing(candidates)}"
-        )
+        choice = f"choose with --contour 1 to {len(candidates)}: {listed}"
+        raise UsageError(f"has no contour {number}; {choice}")
     contour = candidates[(number or 1) - 1]
     if contour.ambiguity:
-        raise InputError(contour.ambiguity, where=where)
+        raise InputError(contour.ambiguity)
     notes = [contour.note] if contour.note else []
     if contour.holes:
         what = "contour" if contour.holes == 1 else "contours"
         notes.append(f"{contour.holes} inner {what} (holes) ignored")
     if len(candidates) > 1:
-        notes.append(f"contour {number or 1} of {len(candidates)} taken: {listing(candidates)}")
+        notes.append(f"contour {number or 1} of {len(candidates)} taken: {listed}")
     return contour, notes
 
 
@@ -126,9 +121,8 @@ def listing(contours: list[Contour]) -> str:
     lines = []
     for number, contour in enumerate(contours[:LISTED], 1):
         width, height = np.ptp(contour.points, axis=0)
-        lines.append(
-            f"{number}: {width:.4g} x {height:.4g} mm{'' if contour.outer else ' (inner)'}"
-        )
+        kind = "" if contour.outer else " (inner)"
+        lines.append(f"{number}: {width:.4g} x {height:.4g} mm{kind}")
     more = len(contours) - LISTED
     return "; ".join(lines) + (f"; and {more} more" if more > 0 else "")
 
@@ -146,7 +140,6 @@ def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
     lines = [curve - origin for curve in curves]
     count = len(pieces.rings)
     lines[:count] = [np.concatenate([ring, ring[:1]]) for ring in lines[:count]]
-    layers = [*pieces.layers] or [""] * len(lines)
     strings = [shapely.LineString(line) for line in lines]
     near = shapely.STRtree(strings).query(strings, predicate="dwithin", distance=join_mm)
     neighbours = np.bincount(near[0], minlength=len(lines)) - 1
@@ -160,7 +153,7 @@ def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
             apart.append(k)
     rest = sorted(set(range(len(lines))) - set(apart))
     tree = shapely.STRtree([strings[k] for k in rest])
-    drawn = Drawn([lines[k] for k in rest], [layers[k] for k in rest], origin, tree)
+    drawn = Drawn([lines[k] for k in rest], [pieces.layers[k] for k in rest], origin, tree)
     return [lines[k][:-1] for k in apart], drawn
 
 
@@ -184,13 +177,9 @@ def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
     box = shapely.box(*low, *high)
     if abs(float(shapely.Polygon(ring).area) - box.area) > SHEET_SLACK_MM * float(sides.sum()):
         return False
-    fits = any(
-        np.all(
-            (sides <= np.array(sheet) + SHEET_SLACK_MM) & (sides >= np.array(sheet) - MARGINS_MM)
-        )
-        for sheet in SHEETS_MM
-    )
-    return fits and any(
+    larger = sides - SHEETS_MM
+    fits = ((larger <= SHEET_SLACK_MM) & (larger >= -MARGINS_MM)).all(axis=1)
+    return bool(fits.any()) and any(
         other.points is not ring and box.contains_properly(shapely.multipoints(other.points))
         for other in others
     )
@@ -202,10 +191,9 @@ def _without_copies(rings: list[Contour], tolerance_mm: float) -> list[Contour]:
     boxes = shapely.bounds(lines)
     kept: list[int] = []
     for k, line in enumerate(lines):
-        alike = np.flatnonzero(
-            np.abs(boxes[kept] - boxes[k]).max(axis=1, initial=0.0) <= tolerance_mm
-        )
-        if not any(line.hausdorff_distance(lines[kept[j]]) <= tolerance_mm for j in alike):
+        near = np.abs(boxes[kept] - boxes[k]).max(axis=1, initial=0.0) <= tolerance_mm
+        alike = [lines[kept[j]] for j in np.flatnonzero(near)]
+        if not any(line.hausdorff_distance(other) <= tolerance_mm for other in alike):
             kept.append(k)
     return [rings[k] for k in kept]
 
@@ -229,22 +217,20 @@ def _nested(rings: list[Contour]) -> list[Contour]:
     return sorted(results, key=lambda contour: (not contour.outer, -contour.area_mm2))
 
 
-def _missing(lost: Lost, where: str) -> InputError:
+def _missing(lost: Lost) -> InputError:
     problem = f"the outline may be missing: {lost.what}; repair or delete it in the drawing"
-    return InputError(problem, where=where)
+    return InputError(problem)
 
 
-def _no_contour(loose: list[Array], origin: Array, lost: Sequence[Lost], where: str) -> InputError:
+def _no_contour(loose: list[Array], origin: Array, lost: Sequence[Lost]) -> InputError:
     if not loose and lost:
-        return _missing(lost[0], where)
+        return _missing(lost[0])
     if not loose:
-        return InputError("holds no closed contour; draw the part's outline as one", where=where)
+        return InputError("holds no closed contour; draw the part's outline as one")
     gap = _gap(loose)
-    problem = (
-        f"the contour is open at {place(gap.point + origin)} mm, where the nearest end is "
-        f"{gap.width_mm:.4g} mm away; close it in the drawing"
-    )
-    return InputError(problem, where=where)
+    end = f"where the nearest end is {gap.width_mm:.4g} mm away"
+    problem = f"the contour is open at {place(gap.point + origin)} mm, {end}"
+    return InputError(f"{problem}; close it in the drawing")
 
 
 def _around(loose: list[Array], rings: list[Array]) -> bool:
@@ -254,7 +240,7 @@ def _around(loose: list[Array], rings: list[Array]) -> bool:
     """
     if not loose:
         return False
-    hulls = [_hull(chain) for chain in _chains(loose)]
+    hulls = [_hull(chain) for chain in noding.chains(loose)]
     every = _hull(np.concatenate(loose))
     if _gap(loose).width_mm <= NEARLY * math.sqrt(every.area):
         hulls.append(every)
@@ -269,17 +255,9 @@ class Gap(NamedTuple):
     width_mm: float  # distance to the nearest other end
 
 
-def _chains(lines: list[Array]) -> list[Array]:
-    """Merges lines to chains (n, 2), at the points where exactly two lines meet."""
-    merged = shapely.line_merge(
-        shapely.multilinestrings([shapely.linestrings(line) for line in lines])
-    )
-    return [shapely.get_coordinates(chain) for chain in shapely.get_parts(merged)]
-
-
 def _gap(lines: list[Array]) -> Gap:
     """The narrowest gap between the ends of chains of lines."""
-    ends = np.array([chain[k] for chain in _chains(lines) for k in (0, -1)])
+    ends = np.array([chain[k] for chain in noding.chains(lines) for k in (0, -1)])
     gaps = cKDTree(ends).query(ends, k=2)[0][:, 1]
     apart = np.where(gaps > 0.0, gaps, np.inf)  # where three lines meet, two ends have no gap
     k = int(np.argmin(apart)) if np.isfinite(apart).any() else 0

@@ -35,14 +35,13 @@ def losses(auditor: Auditor, data: bytes) -> Losses:
     """Sorts the auditor's messages about shapes into losses and repairs; `data` is the file's content."""
     lost, repairs = list[str](), list[str]()
     for entry in (*auditor.errors, *auditor.fixes):
-        if not GEOMETRY.search(AuditError(entry.code).name):
+        code = AuditError(entry.code)
+        if not GEOMETRY.search(code.name):
             continue
         words = entry.message.strip().rstrip(".")
         removed = REMOVED.match(words)
         gone = removed is not None and not ANNOTATION.fullmatch(removed[1])
-        guessed = entry.code == AuditError.INVALID_FLOATING_POINT_VALUE and _among_shapes(
-            words, data
-        )
+        guessed = code is AuditError.INVALID_FLOATING_POINT_VALUE and _among_shapes(words, data)
         (lost if gone or guessed else repairs).append(f"ezdxf: {words}")
     if not data.rstrip().endswith(b"EOF"):
         ends = data.rfind(b"ENDSEC") > data.rfind(b"ENTITIES")

@@ -6,7 +6,6 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -63,9 +62,7 @@ class View(NamedTuple):
     notes: list[str]
 
 
-def view(
-    document: Drawing, scale: float, tolerance_mm: float, where: str, only: str | None
-) -> View:
+def view(document: Drawing, scale: float, tolerance_mm: float, only: str | None) -> View:
     """The curves of the model space that are visible and plotted, or that lie on the layer `only`.
 
     `scale` is the size of a unit in mm, `tolerance_mm` the largest distance of a chord from its curve.
@@ -75,19 +72,14 @@ def view(
     """
     document.header["$XCLIPFRAME"] = 0  # the frame of a clip is no shape
     _write_out_arrays(document)
-    recorder = Recorder()
-    viewer = _Viewer(document, recorder, tolerance_mm / scale, where, only)
+    viewer = _Viewer(document, scale, tolerance_mm / scale, only)
     viewer.draw_layout(document.modelspace())
     curves = [
         pieces.Curve(_flattened(record, scale, tolerance_mm), properties.layer)
-        for record, properties in recorder.player().recordings()
+        for record, properties in viewer.recorder.player().recordings()
         if isinstance(record, PathRecord)
     ]
-    lost = [
-        pieces.Lost(each.what, None if each.box is None else each.box * scale)
-        for each in viewer.lost
-    ]
-    return View([curve for curve in curves if len(curve.points)], lost, viewer.notes(scale))
+    return View([curve for curve in curves if len(curve.points)], viewer.lost, viewer.notes())
 
 
 def _write_out_arrays(document: Drawing) -> None:
@@ -104,18 +96,14 @@ def _flattened(record: PathRecord, scale: float, tolerance_mm: float) -> Array:
     control = np.array([(point.x, point.y) for point in record.path.vertices()])
     if not _sane(control, scale):
         return ABSURD
-    points = np.array(
-        [(point.x, point.y) for point in record.path.flattening(tolerance_mm / scale)]
-    )
-    return points.reshape(-1, 2) * scale
+    points = record.path.flattening(tolerance_mm / scale)
+    return np.array([(point.x, point.y) for point in points]).reshape(-1, 2) * scale
 
 
 class _Viewer(Frontend):
     """Draws the visible shapes by ezdxf, and records the other entities by kind or as lost."""
 
-    def __init__(
-        self, document: Drawing, recorder: Recorder, tolerance: float, where: str, only: str | None
-    ) -> None:
+    def __init__(self, document: Drawing, scale: float, tolerance: float, only: str | None) -> None:
         context = RenderContext(document)
         context.set_layer_properties_override(self._show_asked)
         settings = Configuration(
@@ -124,30 +112,29 @@ class _Viewer(Frontend):
             max_flattening_distance=tolerance,
         )
         self._only = only.lower() if only is not None else None
-        super().__init__(context, recorder, settings)
+        self.recorder = Recorder()
+        super().__init__(context, self.recorder, settings)
         layers = {layer.dxf.name.lower(): layer for layer in document.layers}
         layers.pop(self._only, None)
         self._frozen = {name for name, layer in layers.items() if layer.is_frozen()}
         self._unplotted = {name for name, layer in layers.items() if not layer.dxf.plot}
-        self._tolerance, self._where = tolerance, where
+        self._scale, self._tolerance = scale, tolerance
         self._hidden, self._strays = Counter[str](), Counter[str]()
         self._edge_on, self._not_plotted = Counter[str](), Counter[str]()
         self._widths: list[float] = []
         self.lost: list[pieces.Lost] = []
 
-    def notes(self, scale: float) -> list[str]:
-        """Notes on the drawing, one sentence each; `scale` is the size of a unit in mm."""
+    def notes(self) -> list[str]:
+        """Notes on the drawing, one sentence each."""
         counts = (
             ("not outlines, ignored", self._strays, ""),
             ("not visible, left out", self._hidden, ""),
             ("seen edge-on, left out", self._edge_on, "; draw the outline in x and y"),
             ("not plotted, left out", self._not_plotted, "; --layer reads a layer"),
         )
-        notes = [
-            f"{what}: {pieces.counted(kinds)}{remedy}" for what, kinds, remedy in counts if kinds
-        ]
+        notes = [f"{what}: {pieces.counted(kinds)}{hint}" for what, kinds, hint in counts if kinds]
         if self._widths:
-            widest_mm = max(self._widths) * scale
+            widest_mm = max(self._widths) * self._scale
             what = f"polylines with a width: {len(self._widths)}, up to {widest_mm:.4g} mm wide"
             notes.append(f"{what}; the outline runs along their middle")
         return notes
@@ -211,7 +198,8 @@ class _Viewer(Frontend):
         box = bbox.extents([entity])
         if box.has_data:
             corners = np.array([tuple(box.extmin)[:2], tuple(box.extmax)[:2]])
-            self.lost.append(pieces.Lost(f"{_name(entity)} {why}, and goes around it", corners))
+            what = f"{_name(entity)} {why}, and goes around it"
+            self.lost.append(pieces.Lost(what, corners * self._scale))
 
     def _draw_shape(self, entity: DXFGraphic, properties: Properties) -> None:
         try:
@@ -221,8 +209,7 @@ class _Viewer(Frontend):
             elif len(shape):
                 self.pipeline.draw_path(shape, properties)
         except (DXFError, ValueError, TypeError, ArithmeticError, IndexError) as error:
-            problem = f"its {_name(entity)} cannot be drawn; repair the drawing"
-            raise InputError(problem, where=self._where) from error
+            raise InputError(f"its {_name(entity)} cannot be drawn; repair the drawing") from error
         if isinstance(entity, LWPolyline | Polyline) and entity.has_width:
             self._widths.append(_width(entity))
 
@@ -242,10 +229,8 @@ def _name(entity: DXFEntity) -> str:
 
 def _width(entity: LWPolyline | Polyline) -> float:
     if isinstance(entity, LWPolyline):
-        widths = [
-            entity.dxf.get("const_width", 0.0),
-            *(max(ends) for ends in entity.get_points("se")),
-        ]
+        tapered = (max(ends) for ends in entity.get_points("se"))
+        widths = [entity.dxf.get("const_width", 0.0), *tapered]
     else:
         ends = ("start_width", "end_width")
         widths = [entity.dxf.get(f"default_{end}", 0.0) for end in ends]
@@ -269,9 +254,8 @@ def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
         origin = np.round(points[0])
         return _moved(path.from_vertices((points - origin).tolist()), Vec3(*origin))
     if isinstance(entity, Polyline):  # frame points of a fitted curve are not part of it
-        entity.vertices[:] = [
-            v for v in entity.vertices if not v.dxf.flags & DXFVertex.SPLINE_FRAME_CONTROL_POINT
-        ]
+        frame = DXFVertex.SPLINE_FRAME_CONTROL_POINT
+        entity.vertices[:] = [v for v in entity.vertices if not v.dxf.flags & frame]
     shape = path.make_path(entity)
     if not len(shape) or shape.start.magnitude < FAR:
         return shape
@@ -298,12 +282,8 @@ def _spline(entity: Spline, tolerance: float) -> Array:
     control = np.array([tuple(point)[:2] for point in entity.control_points], dtype=np.float64)
     weights = np.array(entity.weights if len(entity.weights) else np.ones(len(control)))
     counted = len(knots) == len(control) + degree + 1 and (np.diff(knots) >= 0.0).all()
-    if (
-        not counted
-        or not _sane(control, 1.0)
-        or not np.isfinite(knots).all()
-        or not (weights > 0.0).all()
-    ):
+    sound = _sane(control, 1.0) and np.isfinite(knots).all() and (weights > 0.0).all()
+    if not (counted and sound):
         raise ValueError("no spline")
     homogeneous = BSpline(knots, np.column_stack([control * weights[:, None], weights]), degree)
 
@@ -328,20 +308,9 @@ def _closed_spline(entity: Spline, tolerance: float) -> Array:
 
 def _span_by_span(curve: Callable[[Array], Array], knots: Array, tolerance: float) -> Array:
     """Converts a curve that is smooth between its knots to a polyline (n, 2)."""
-
-    def span(low: float, high: float, shares: Array) -> Array:
-        return curve(low + (high - low) * shares)
-
-    return np.concatenate(
-        [
-            pieces.flattened(partial(span, low, high), tolerance)
-            for low, high in pairwise(knots.tolist())
-        ]
-    )
+    spans = pairwise(knots.tolist())
+    return np.concatenate([pieces.flattened(curve, tolerance, *span) for span in spans])
 
 
 def _sane(points: Array, scale: float) -> bool:
-    return (
-        bool(np.isfinite(points).all())
-        and float(np.abs(points).max(initial=0.0)) * scale <= pieces.LARGEST_MM
-    )
+    return bool(np.abs(points).max(initial=0.0) * scale <= pieces.LARGEST_MM)  # False for nan

@@ -12,20 +12,13 @@ from planner.arrays import Array
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, kicad, mesh, svg, table
 from planner.part.importers.contours import Contour
-from planner.part.importers.pieces import MAX_BYTES, Options, Pieces, place, time_limit
-from runtime.shell.errors import ExpectedError, InputError, UsageError
+from planner.part.importers.pieces import MAX_BYTES, Options, Pieces, place, time_limit, too_much
+from runtime.shell.errors import InputError, UsageError
 
-READERS = {
-    ".dxf": dxf.read,
-    ".svg": svg.read,
-    ".csv": table.read,
-    ".kicad_mod": kicad.read,
-    ".stl": mesh.read,
-}
+READERS = {".dxf": dxf, ".svg": svg, ".csv": table, ".kicad_mod": kicad, ".stl": mesh}
 SUFFIXES = tuple(READERS)
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 """Generous bounds on the larger extent of a part for fingers; outside, the unit is probably wrong."""
-MOST_VERTICES = 2000
 LEAST_SHARE = 0.01  # least share of the parts that lie on a face
 
 
@@ -70,13 +63,11 @@ def read_outline(path: Path, options: Options) -> Imported:
         InputError: it holds no closed contour, one that crosses itself, or too many shapes.
         InputError: a line of a CSV file is not two numbers.
     """
-    where = str(path)
-    with _pieces(path, options) as pieces, _noted(pieces):
-        candidates, notes = contours.contours(pieces, options.tolerance_mm, where)
-        contour, more = contours.choose(candidates, options.contour, where, pieces.lost)
-        all_notes = (*notes, *(shape.what for shape in pieces.lost if shape.box is None), *more)
+    with _pieces(path, options) as pieces:
+        candidates, notes = contours.contours(pieces, options.tolerance_mm)
+        contour, more = contours.choose(candidates, options.contour, pieces.lost)
         holes = contours.holes_of(contour, candidates)
-        imported = _checked(contour.points, holes, where, options.tolerance_mm, all_notes)
+        imported = _checked(contour.points, holes, options.tolerance_mm, [*notes, *more])
         return imported._replace(height_mm=pieces.height_mm)
 
 
@@ -86,35 +77,39 @@ def read_contours(path: Path, options: Options) -> list[Contour]:
     Raises:
         UsageError, InputError: see `read_outline`.
     """
-    with _pieces(path, options) as pieces, _noted(pieces):
-        return contours.contours(pieces, options.tolerance_mm, str(path))[0]
+    with _pieces(path, options) as pieces:
+        return contours.contours(pieces, options.tolerance_mm)[0]
 
 
 @contextmanager
 def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
-    """Reads the shapes of a file; the time limit includes the body of the `with` statement."""
-    where = str(path)
+    """Reads the shapes of a file, for the body of a `with` statement; see `_reading`."""
     if not 1e-4 <= options.tolerance_mm <= 1.0:
         raise UsageError(f"--tolerance {options.tolerance_mm:g} is not between 0.0001 and 1 mm")
     if options.scale is not None and (options.units or not 1e-6 <= options.scale <= 1e6):
         raise UsageError("--scale states the mm of one unit, from 1e-6 to 1e6, instead of --units")
-    data, suffix = _bytes(path), path.suffix.lower()
-    if options.layer is not None and suffix != ".dxf":
-        raise UsageError(f"{where}: --layer is for DXF drawings; leave it out")
-    with time_limit(where):
-        yield READERS[suffix](data, where, options)
+    with _reading(path) as notes:
+        data, suffix = _bytes(path), path.suffix.lower()
+        if options.layer is not None and suffix != ".dxf":
+            raise UsageError("--layer is for DXF drawings; leave it out")
+        pieces = READERS[suffix].read(data, options)
+        notes += [*pieces.notes, *(shape.what for shape in pieces.lost if shape.box is None)]
+        yield pieces
 
 
 @contextmanager
-def _noted(pieces: Pieces) -> Iterator[None]:
-    """Adds the notes on a drawing to an error that the body of the `with` statement raises."""
+def _reading(path: Path) -> Iterator[list[str]]:
+    """Limits the time of reading a file; its errors get the name of the file, and the notes in the list."""
+    notes: list[str] = []
     try:
-        yield
-    except ExpectedError as error:
-        for note in (*pieces.notes, *(shape.what for shape in pieces.lost if shape.box is None)):
-            if note not in str(error):
-                error.add_note(note)
-        raise
+        with time_limit():
+            yield notes
+    except (InputError, UsageError) as error:
+        named = type(error)(f"{path}: {error}")
+        for note in notes:
+            if note not in str(named):
+                named.add_note(note)
+        raise named from error.__cause__
 
 
 def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) -> list[Face]:
@@ -127,19 +122,18 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
         UsageError: the file is no solid.
         ExpectedError: see `read_outline`; or the solid is not closed, or too thin on a face.
     """
-    where = str(path)
-    if path.suffix.lower() != ".stl":
-        raise UsageError(f"{where}: --faces are those of a solid; name an STL file")
-    data = _bytes(path)
-    with time_limit(where):
-        results = [face for face in mesh.lying(data, where, options) if face.share >= LEAST_SHARE]
+    with _reading(path):
+        if path.suffix.lower() != ".stl":
+            raise UsageError("--faces are those of a solid; name an STL file")
+        every = mesh.lying(_bytes(path), options)
+        results = [face for face in every if face.share >= LEAST_SHARE]
         least_mm = min(float(np.ptp(face.solid.bounds[:, 2])) for face in results)
         height_mm = options.height_mm or tips_mm(least_mm)
         if height_mm <= 0.0:
-            raise InputError(f"lies {least_mm:.3g} mm high, too thin for finger tips", where=where)
+            raise InputError(f"lies {least_mm:.3g} mm high, too thin for finger tips")
         faces: list[Face] = []
         for face in results:
-            imported = _lying(face, where, height_mm, options.tolerance_mm)
+            imported = _lying(face, height_mm, options.tolerance_mm)
             same = [k for k, other in enumerate(faces) if _alike(imported, other.imported)]
             if same:
                 other = faces[same[0]]
@@ -148,22 +142,21 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
             else:
                 faces.append(Face(face.share, imported, height_mm, (face.down,)))
     total = sum(face.share for face in faces)
-    return sorted(
-        (face._replace(share=face.share / total) for face in faces), key=lambda face: -face.share
-    )
+    shared = [face._replace(share=face.share / total) for face in faces]
+    return sorted(shared, key=lambda face: -face.share)
 
 
-def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) -> Imported:
+def _lying(face: mesh.Lying, height_mm: float, tolerance_mm: float) -> Imported:
     """The outline of a solid that lies on a face; for several outer contours their convex hull."""
-    pieces = mesh.silhouette(face.solid, where, height_mm)
-    result, notes = contours.contours(pieces, tolerance_mm, where)
+    pieces = mesh.silhouette(face.solid, height_mm)
+    result, notes = contours.contours(pieces, tolerance_mm)
     outer = [contour.points for contour in result if contour.outer]
     points = outer[0]
     if len(outer) > 1:
         hull = shapely.convex_hull(shapely.multipoints(np.concatenate(outer)))
         points = np.asarray(shapely.get_coordinates(hull)[:-1])
         notes.append(f"{len(outer)} contours, taken as their convex hull")
-    imported = _checked(points, [], where, tolerance_mm, tuple(notes))
+    imported = _checked(points, [], tolerance_mm, notes)
     return imported._replace(height_mm=pieces.height_mm)
 
 
@@ -177,44 +170,29 @@ def _alike(one: Imported, other: Imported) -> bool:
 
 
 def _bytes(path: Path) -> bytes:
-    where = str(path)
     if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(
-            f"{where}: not one of {', '.join(SUFFIXES)}; export the outline as one of these"
-        )
+        raise UsageError(f"not one of {', '.join(SUFFIXES)}; export the outline as one of these")
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise InputError(
-            f"cannot be read: {error.strerror}; check the path", where=where
-        ) from error
+        raise InputError(f"cannot be read: {error.strerror}; check the path") from error
     if len(data) > MAX_BYTES:
-        raise InputError(
-            f"is larger than {MAX_BYTES >> 20} MB; export the part's outline alone", where=where
-        )
+        raise too_much(f"is larger than {MAX_BYTES >> 20} MB")
     return data
 
 
-def _checked(
-    points: Array, holes: list[Array], where: str, tolerance_mm: float, notes: tuple[str, ...]
-) -> Imported:
+def _checked(points: Array, holes: list[Array], tolerance_mm: float, notes: list[str]) -> Imported:
     """Checks, simplifies and centres a contour; converts its holes and the datum to the outline's frame."""
     size = np.ptp(points, axis=0)
     if not SMALLEST_MM <= size.max() <= LARGEST_MM:
-        problem = (
-            f"is {size[0]:.4g} x {size[1]:.4g} mm, which no gripper takes; is the unit right? state --units, "
-            "or --scale for a drawing in pixels"
-        )
-        raise InputError(problem, where=where)
-    try:
-        drawn, first = outline.canonical(_apart(points, where))
-        simple, second = outline.canonical(outline.simplified(drawn, 0.5 * tolerance_mm))
-    except InputError as error:
-        raise InputError(error.problem, where=where) from None
-    if len(simple) > MOST_VERTICES:
+        problem = f"is {size[0]:.4g} x {size[1]:.4g} mm, which no gripper takes; is the unit right?"
+        raise InputError(f"{problem} state --units, or --scale for a drawing in pixels")
+    drawn, first = outline.canonical(_apart(points))
+    simple, second = outline.canonical(outline.simplified(drawn, 0.5 * tolerance_mm))
+    if len(simple) > outline.MOST_VERTICES:
         problem = f"still has {len(simple)} vertices at {tolerance_mm:g} mm; raise --tolerance"
-        raise InputError(problem, where=where)
+        raise InputError(problem)
     order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))
     shift = first + second
     origin, name = shift, DATUM
@@ -223,12 +201,16 @@ def _checked(
         name = f"the lower left corner of the part's box, {place(origin - shift)} mm in the drawing"
         metres = float(np.hypot(*shift)) / 1000
         far = f"the drawing's origin, {metres:.4g} m away, is too far for a datum; that is {name}"
-        notes = (*notes, far)
-    outlined = Imported(simple, order, size, notes, holes_mm=tuple(hole + shift for hole in holes))
-    return outlined._replace(origin_mm=tuple(origin.tolist()), origin_name=name)
+        notes = [*notes, far]
+    outlined = Imported(simple, order, size, tuple(notes))
+    return outlined._replace(
+        holes_mm=tuple(hole + shift for hole in holes),
+        origin_mm=tuple(origin.tolist()),
+        origin_name=name,
+    )
 
 
-def _apart(points: Array, where: str) -> Array:
+def _apart(points: Array) -> Array:
     """Removes points that repeat the point before them.
 
     Raises:
@@ -239,8 +221,6 @@ def _apart(points: Array, where: str) -> Array:
     places, times = np.unique(np.rint(fresh / (10 * outline.REPEAT_MM)), axis=0, return_counts=True)
     if times.max(initial=0) > 1:
         x, y = places[np.argmax(times)] * 10 * outline.REPEAT_MM
-        problem = (
-            f"the contour touches itself at ({x:.4g}, {y:.4g}) mm; part it there in the drawing"
-        )
-        raise InputError(problem, where=where)
+        touch = f"({x:.4g}, {y:.4g}) mm"
+        raise InputError(f"the contour touches itself at {touch}; part it there in the drawing")
     return np.asarray(fresh)

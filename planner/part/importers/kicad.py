@@ -13,6 +13,7 @@ from typing import NamedTuple, TypeGuard
 import numpy as np
 import sexpdata
 import shapely
+from scipy.interpolate import BPoly
 
 from planner.arrays import Array
 from planner.part.importers import pieces
@@ -65,7 +66,7 @@ class Expression(NamedTuple):
         return frozenset(_word(value) for part in stated for value in part.values)
 
 
-def read(data: bytes, where: str, options: pieces.Options) -> pieces.Pieces:
+def read(data: bytes, options: pieces.Options) -> pieces.Pieces:
     """Returns the lines, arcs, circles, rectangles, polygons and curves of the body.
 
     The file's unit is the millimetre, unless the options state another.
@@ -74,9 +75,9 @@ def read(data: bytes, where: str, options: pieces.Options) -> pieces.Pieces:
         InputError: the file is not a footprint, or one of its shapes is damaged.
         InputError: the footprint holds too many shapes, or none on the layer of the body.
     """
-    shapes = _shapes(data.decode("utf-8-sig", errors="replace"), where)
+    shapes = _shapes(data.decode("utf-8-sig", errors="replace"))
     if len(shapes) > pieces.MAX_SHAPES:
-        raise pieces.too_much(where, f"holds more than {pieces.MAX_SHAPES} shapes")
+        raise pieces.too_much(f"holds more than {pieces.MAX_SHAPES} shapes")
     unit_mm, tolerance_mm = options.unit_mm or 1.0, options.chord_mm
     scale = np.array([1.0, -1.0]) * unit_mm  # the file's y axis points down
     curves, strays = list[Array](), Counter[str]()
@@ -91,37 +92,35 @@ def read(data: bytes, where: str, options: pieces.Options) -> pieces.Pieces:
             curves.append(scale * draw(shape, tolerance_mm / unit_mm))
         except (KeyError, ValueError, IndexError) as error:
             problem = f"has a {shape.name} that cannot be read ({_reason(error)}); export it anew"
-            raise InputError(problem, where=where) from error
+            raise InputError(problem) from error
     left_out = pieces.counted(strays)
     if not curves:
-        raise _nothing(shapes, left_out, where)
+        raise _nothing(shapes, left_out)
     notes = [f"not known, ignored on {BODY}: {left_out}"] if strays else []
-    return pieces.sorted_out(curves, 2.0 * tolerance_mm, where, notes)
+    return pieces.sorted_out(curves, 2.0 * tolerance_mm, notes)
 
 
-def _shapes(text: str, where: str) -> list[Expression]:
+def _shapes(text: str) -> list[Expression]:
     """Parses a footprint and returns the lists that state their layers: its shapes and texts."""
     if not re.match(r"\s*\((footprint|module)\b", text):
-        raise InputError("is not a KiCad footprint; export one, or a DXF", where=where)
+        raise InputError("is not a KiCad footprint; export one, or a DXF")
     try:
         footprint = sexpdata.loads(text, nil=None, true=None, line_comment="\0")
     except InputError:  # the time limit
         raise
     except Exception as error:  # the parser asserts, recurses and looks up attributes
         problem = f"is a damaged KiCad footprint ({_reason(error)}); export it anew"
-        raise InputError(problem, where=where) from error
+        raise InputError(problem) from error
     return [part for part in Expression("", footprint).children() if part.layers()]
 
 
-def _nothing(shapes: list[Expression], left_out: str, where: str) -> InputError:
+def _nothing(shapes: list[Expression], left_out: str) -> InputError:
     drawn = {layer for shape in shapes if shape.name in CURVES for layer in shape.layers()}
     others = f"it draws on {', '.join(sorted(drawn))}" if drawn else "it draws nothing at all"
     if left_out:
         others = f"what is there is not known: {left_out}"
-    problem = (
-        f"has no shape on {BODY}, the layer of the body ({others}); draw the body's outline there"
-    )
-    return InputError(problem, where=where)
+    problem = f"has no shape on {BODY}, the layer of the body ({others})"
+    return InputError(f"{problem}; draw the body's outline there")
 
 
 def _is_list(value: object) -> TypeGuard[list[object]]:
@@ -190,13 +189,7 @@ def _bezier(shape: Expression, tolerance: float) -> Array:
     control = np.concatenate([part.first(2)[None] for part in shape.child("pts").children()])
     if len(control) != 4:
         raise ValueError(f"{len(control)} points of 4")
-
-    def curve(share: Array) -> Array:
-        rest = 1.0 - share
-        weights = [rest**3, 3.0 * rest**2 * share, 3.0 * rest * share**2, share**3]
-        return np.asarray(np.column_stack(weights) @ control)
-
-    return pieces.flattened(curve, tolerance)
+    return pieces.flattened(BPoly(control[:, None], [0.0, 1.0]), tolerance)
 
 
 CURVES: dict[str, Callable[[Expression, float], Array]] = {

@@ -27,12 +27,12 @@ class Lying(NamedTuple):
     solid: Any  # the trimesh, turned so that the face is down
 
 
-def read(data: bytes, where: str, options: Options) -> Pieces:
+def read(data: bytes, options: Options) -> Pieces:
     """The silhouette of a solid above the finger tips; see `silhouette`."""
-    return silhouette(_solid(_trimesh(where), data, where, options), where, options.height_mm)
+    return silhouette(_solid(data, options), options.height_mm)
 
 
-def lying(data: bytes, where: str, options: Options) -> list[Lying]:
+def lying(data: bytes, options: Options) -> list[Lying]:
     """Returns a solid on each facet of its convex hull that it can rest on, the commonest facet first.
 
     The share of a facet is the solid angle that it subtends at the centre of mass, plus that of the facets
@@ -43,12 +43,11 @@ def lying(data: bytes, where: str, options: Options) -> list[Lying]:
         UsageError: trimesh is not installed, or the unit is not stated.
         InputError: the file cannot be read, or the solid is not closed.
     """
-    trimesh = _trimesh(where)
-    solid = _solid(trimesh, data, where, options)
+    solid = _solid(data, options)
     if not (solid.is_watertight and solid.is_winding_consistent):
         problem = "is no closed solid, so that its centre of mass is not known; repair it and export it again"
-        raise InputError(problem, where=where)
-    turns, shares = trimesh.poses.compute_stable_poses(solid)
+        raise InputError(problem)
+    turns, shares = _trimesh().poses.compute_stable_poses(solid)
     results = []
     for turn, share in zip(turns, shares, strict=True):
         down = tuple((np.round(-turn[2, :3], 3) + 0.0).tolist())
@@ -56,7 +55,7 @@ def lying(data: bytes, where: str, options: Options) -> list[Lying]:
     return sorted(results, key=lambda face: (-round(face.share, 6), -face.down[2], face.down))
 
 
-def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
+def silhouette(solid: Any, height_mm: float | None) -> Pieces:
     """Returns the outline that closing fingers meet: the projection of a solid above the finger tips.
 
     The tips are `height_mm` above the solid's lowest point; None: `tips_height_mm` of the solid's height, or
@@ -68,42 +67,37 @@ def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
     """
     low, high = solid.bounds[:, 2].tolist()
     if low == high:
-        raise InputError("is flat; export a solid", where=where)
+        raise InputError("is flat; export a solid")
     height = height_mm
     if height is None:  # a solid too thin for tips has an outline, too
         height = max(tips_height_mm(high - low), 0.0) or 0.5 * (high - low)
     if not 0.0 < height < high - low:
-        raise UsageError(
-            f"{where}: --height {height:g} is not between 0 and {high - low:.4g} mm, the solid's height; "
-            "choose another, or leave it out: it follows from the thickness"
+        problem = (
+            f"--height {height:g} is not between 0 and {high - low:.4g} mm, the solid's height"
         )
-    above = _shadow(solid, low + height, where)
+        remedy = "choose another, or leave it out: it follows from the thickness"
+        raise UsageError(f"{problem}; {remedy}")
+    above = _shadow(solid, low + height)
     if above.is_empty:
-        raise InputError("has no outline above that height; choose another --height", where=where)
-    notes = [
-        f"silhouette of what is above the tips, {height:.4g} of {high - low:.4g} mm above its lowest point"
-    ]
+        raise InputError("has no outline above that height; choose another --height")
+    tips = f"{height:.4g} of {high - low:.4g} mm above its lowest point"
+    notes = [f"silhouette of what is above the tips, {tips}"]
     if not solid.is_watertight:
-        notes.append(
-            "its surface is not closed; compare the outline with the part, or repair it and export again"
-        )
-    everything = shapely.get_coordinates(
-        shapely.convex_hull(shapely.multipoints(solid.vertices[:, :2]))
-    )
-    beyond_mm = float(
-        shapely.distance(shapely.points(everything), shapely.convex_hull(above)).max()
-    )
+        remedy = "compare the outline with the part, or repair it and export again"
+        notes.append(f"its surface is not closed; {remedy}")
+    hull = shapely.convex_hull(shapely.multipoints(solid.vertices[:, :2]))
+    corners = shapely.points(shapely.get_coordinates(hull))
+    beyond_mm = float(shapely.distance(corners, shapely.convex_hull(above)).max())
     if beyond_mm > WIDER_MM:
-        notes.append(
-            f"below the tips it is up to {beyond_mm:.3g} mm wider, where no finger meets it"
-        )
+        wider = f"below the tips it is up to {beyond_mm:.3g} mm wider"
+        notes.append(f"{wider}, where no finger meets it")
     polygons = shapely.get_parts(above)
     rings = [ring for polygon in polygons for ring in (polygon.exterior, *polygon.interiors)]
-    pieces = sorted_out((shapely.get_coordinates(ring) for ring in rings), 0.0, where, notes)
+    pieces = sorted_out((shapely.get_coordinates(ring) for ring in rings), 0.0, notes)
     return pieces._replace(height_mm=high - low)
 
 
-def _shadow(solid: Any, height: float, where: str) -> shapely.Geometry:
+def _shadow(solid: Any, height: float) -> shapely.Geometry:
     """The projection of a solid above a height.
 
     For a closed solid it is the projection of the triangles above the height: a vertical line that enters
@@ -112,11 +106,10 @@ def _shadow(solid: Any, height: float, where: str) -> shapely.Geometry:
     Raises:
         InputError: the surface has a hole at this height.
     """
-    trimesh = _trimesh(where)
-    cut = trimesh.intersections
+    cut = _trimesh().intersections
     above = cut.slice_mesh_plane(solid, UP, (0.0, 0.0, height))
     above.merge_vertices()
-    shadow = _union(_patches(trimesh, above))
+    shadow = _union(_patches(above))
     if solid.is_watertight:
         return shadow
     lines = np.reshape(cut.mesh_plane(solid, UP, (0.0, 0.0, height)), (-1, 2, 3))[:, :, :2]
@@ -127,11 +120,11 @@ def _shadow(solid: Any, height: float, where: str) -> shapely.Geometry:
         if not shapely.covers(shapely.buffer(shadow, 2.0 * CRACK_MM), line):
             x, y = shapely.get_coordinates(line)[0]
             problem = f"has a hole in its surface near ({x:.4g}, {y:.4g}, {height:.4g}) mm; repair the solid"
-            raise InputError(problem, where=where)
+            raise InputError(problem)
     return shadow
 
 
-def _patches(trimesh: ModuleType, surface: Any) -> list[shapely.Geometry]:
+def _patches(surface: Any) -> list[shapely.Geometry]:
     """The projections of a surface's patches: connected triangles that all face up or all face down.
 
     The triangles of most patches do not overlap, so that removing their common edges unites them.
@@ -143,11 +136,11 @@ def _patches(trimesh: ModuleType, surface: Any) -> list[shapely.Geometry]:
     seen = np.flatnonzero(facing)
     joined = surface.face_adjacency
     joined = joined[facing[joined[:, 0]] * facing[joined[:, 1]] > 0.0]
-    labels = trimesh.graph.connected_component_labels(joined, node_count=len(facing))[seen]
+    graph = _trimesh().graph
+    labels = graph.connected_component_labels(joined, node_count=len(facing))[seen]
     order = np.argsort(labels, kind="stable")
-    groups = np.split(
-        shapely.polygons(corners[seen][order]), np.flatnonzero(np.diff(labels[order])) + 1
-    )
+    starts = np.flatnonzero(np.diff(labels[order])) + 1
+    groups = np.split(shapely.polygons(corners[seen][order]), starts)
     return [
         shapely.coverage_union_all(group)
         if len(group) > 1 and shapely.coverage_is_valid(group)
@@ -166,9 +159,10 @@ def _union(polygons: list[shapely.Geometry]) -> shapely.Geometry:
     return shapely.buffer(wider, -CRACK_MM, join_style="mitre")
 
 
-def _solid(trimesh: ModuleType, data: bytes, where: str, options: Options) -> Any:
+def _solid(data: bytes, options: Options) -> Any:
+    trimesh = _trimesh()
     if options.unit_mm is None:
-        raise need_units(where, "is an STL file, which never says its units")
+        raise need_units("is an STL file, which never says its units")
     try:
         solid = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
         vertices = np.asarray(solid.vertices, dtype=np.float64) * options.unit_mm
@@ -176,24 +170,21 @@ def _solid(trimesh: ModuleType, data: bytes, where: str, options: Options) -> An
     except InputError:  # the time limit
         raise
     except Exception as error:  # damage raises many kinds of errors in the parser
-        raise InputError("is no STL file that can be read; export it again", where=where) from error
+        raise InputError("is no STL file that can be read; export it again") from error
     if len(faces) == 0 or not np.isfinite(vertices).all():
-        raise InputError("holds no triangles; export it again", where=where)
+        raise InputError("holds no triangles; export it again")
     if np.abs(vertices).max() > FARTHEST_MM:
-        raise InputError(
-            f"has a corner beyond {FARTHEST_MM:g} mm, where STL files round it; export it near its origin",
-            where=where,
-        )
+        problem = f"has a corner beyond {FARTHEST_MM:g} mm, where STL files round it"
+        raise InputError(f"{problem}; export it near its origin")
     whole = trimesh.Trimesh(vertices, faces, process=False)
     whole.merge_vertices()
     return whole
 
 
-def _trimesh(where: str) -> ModuleType:
+def _trimesh() -> ModuleType:
     try:
         import trimesh
     except ModuleNotFoundError as error:
-        raise UsageError(
-            f"{where}: STL files need trimesh; install squeezetree[mesh]; in a clone: pip install '.[mesh]'"
-        ) from error
+        remedy = "install squeezetree[mesh]; in a clone: pip install '.[mesh]'"
+        raise UsageError(f"STL files need trimesh; {remedy}") from error
     return trimesh

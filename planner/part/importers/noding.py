@@ -65,11 +65,16 @@ def regions(lines: Sequence[Array], join_mm: float) -> Regions:
     loose = loose[shapely.length(loose) > join_mm]
     if not len(polygons):
         return Regions([], _coordinates(loose), repeated_mm)
-    thin = shapely.area(polygons) <= 0.5 * join_mm * shapely.length(
-        shapely.get_exterior_ring(polygons)
-    )
+    around = shapely.length(shapely.get_exterior_ring(polygons))
+    thin = shapely.area(polygons) <= 0.5 * join_mm * around
     repeated_mm += 0.5 * float(shapely.length(polygons[thin]).sum())
     return Regions(_joined(polygons, thin), _coordinates(loose), repeated_mm)
+
+
+def chains(lines: Sequence[Array] | Array) -> list[Array]:
+    """Merges lines (n, 2) to chains (m, 2), at the points where exactly two lines meet."""
+    drawn = shapely.geometrycollections([shapely.linestrings(line) for line in lines])
+    return _coordinates(shapely.get_parts(shapely.line_merge(drawn)))
 
 
 def _coordinates(lines: Array) -> list[Array]:
@@ -92,9 +97,7 @@ def _bridged(noded: shapely.Geometry, join_mm: float) -> shapely.Geometry:
 
 def _free_ends(chains: Array, join_mm: float) -> _Ends:
     """The ends of chains where no other line ends; not those of overshoots of up to `join_mm`."""
-    points = np.concatenate(
-        [shapely.get_coordinates(shapely.get_point(chains, index)) for index in (0, -1)]
-    )
+    points = shapely.get_coordinates([shapely.get_point(chains, index) for index in (0, -1)])
     chain = np.tile(np.arange(len(chains)), 2)
     last = np.repeat([False, True], len(chains))
     _, name, count = np.unique(points, axis=0, return_inverse=True, return_counts=True)
@@ -139,9 +142,8 @@ def _to_nearest(
     chain = tree.geometries[index]
     if chain.length > 4.0 * join_mm:
         away = 4.0 * join_mm
-        lines.append(
-            substring(chain, 0.0, -away) if ends.last[k] else substring(chain, away, chain.length)
-        )
+        span = (0.0, -away) if ends.last[k] else (away, chain.length)
+        lines.append(substring(chain, *span))
     distances = [line.distance(end) for line in lines]
     if not distances or not 0.0 < min(distances) <= join_mm:
         return None
@@ -162,9 +164,7 @@ def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
         seams = []
         if len(members) > 1:
             inside = segments[seam & (group[faces[:, 0]] == group[members[0]])]
-            seams = _coordinates(
-                shapely.get_parts(shapely.line_merge(shapely.multilinestrings(inside)))
-            )
+            seams = chains(inside)
         result += [Region(shapely.get_coordinates(part.exterior)[:-1], seams) for part in whole]
     return result
 
@@ -174,9 +174,8 @@ def _shared_edges(polygons: Array) -> tuple[Array, IntArray]:
     points, owner = shapely.get_coordinates(shapely.get_exterior_ring(polygons), return_index=True)
     same = owner[1:] == owner[:-1]
     first, second, owner = points[:-1][same], points[1:][same], owner[:-1][same]
-    back = (first[:, 0] > second[:, 0]) | (
-        (first[:, 0] == second[:, 0]) & (first[:, 1] > second[:, 1])
-    )
+    dx, dy = (first - second).T
+    back = (dx > 0.0) | ((dx == 0.0) & (dy > 0.0))
     segments = np.where(back[:, None], np.hstack([second, first]), np.hstack([first, second]))
     order = np.lexsort(segments.T)
     twice = np.flatnonzero((segments[order[1:]] == segments[order[:-1]]).all(axis=1))
@@ -193,12 +192,11 @@ def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> i
     if not loose:
         return None
     edges = shapely.linestrings(np.stack([region.ring, np.roll(region.ring, -1, axis=0)], axis=1))
-    bounding, beyond = (
-        lines.query(
-            shapely.line_interpolate_point(each, 0.5, normalized=True),
-            "dwithin",
-            distance=BESIDE_MM,
-        )[1]
-        for each in (edges, [shapely.LineString(line) for line in loose])
-    )
-    return min(set(bounding.tolist()) & set(beyond.tolist()), default=None)
+    beyond = [shapely.LineString(line) for line in loose]
+    return min(along(edges, lines) & along(beyond, lines), default=None)
+
+
+def along(each: Sequence[shapely.Geometry] | Array, lines: shapely.STRtree) -> set[int]:
+    """The indices of the lines of a tree on which the middle of one of the lines `each` lies."""
+    middles = shapely.line_interpolate_point(each, 0.5, normalized=True)
+    return set(lines.query(middles, "dwithin", distance=BESIDE_MM)[1].tolist())

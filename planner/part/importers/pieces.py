@@ -12,6 +12,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.errors import UnitsMissingError
+from planner.part.outline import REPEAT_MM
 from runtime.shell.errors import InputError
 
 MAX_BYTES = 32 << 20
@@ -21,7 +22,6 @@ SECONDS = 30.0  # Longest time for reading one file
 TOLERANCE_MM = 0.02
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "m": 1000.0}
 CLOSED = 0.1  # largest gap between the ends of a ring, as a share of its length
-REPEAT_MM = 1e-6  # Largest distance of two points that count as one point written twice
 LARGEST_MM = 1e10  # Largest coordinate; beyond, as on maps, a double does not resolve a micrometre
 
 
@@ -59,30 +59,32 @@ class Pieces(NamedTuple):
     rings: list[Array]  # closed curves, each (n, 2), first point not repeated [mm]
     strokes: list[Array]  # open curves, each (n, 2) [mm]
     notes: list[str]  # notes on the drawing, one sentence each
+    layers: tuple[str, ...]  # of each ring, then of each stroke; "" in formats without layers
     height_mm: float | None = None  # height of a solid; None for a drawing
-    layers: tuple[str, ...] = ()  # of each ring, then of each stroke; empty where there are none
     lost: tuple[Lost, ...] = ()  # shapes that were not read
 
 
-def need_units(where: str, said: str) -> UnitsMissingError:
+def need_units(said: str) -> UnitsMissingError:
     """Returns the error about a file without a scale; `said` is the reason, a verb phrase about the file."""
     hint = "say what one unit is with --units mm, cm, in or m, or with --scale MM"
-    return UnitsMissingError(f"{where}: {said}; {hint}")
+    return UnitsMissingError(f"{said}; {hint}")
 
 
-def too_much(where: str, what: str) -> InputError:
+def too_much(what: str) -> InputError:
     """Returns the error about a file that would take too long; `what` is the reason, a verb phrase."""
-    return InputError(f"{what}; export the part's outline alone", where=where)
+    return InputError(f"{what}; export the part's outline alone")
 
 
-def flattened(curve: Callable[[Array], Array], tolerance: float) -> Array:
+def flattened(
+    curve: Callable[[Array], Array], tolerance: float, low: float = 0.0, high: float = 1.0
+) -> Array:
     """Returns points (n, 2) of a curve, both ends included, whose chords lie within a tolerance of the curve.
 
-    `curve` takes (n,) parameters in [0, 1] and returns (n, 2) points in its own unit.
+    `curve` takes (n,) parameters from `low` to `high` and returns (n, 2) points in its own unit.
     """
     n = 8  # enough chords that a curve does not cross all of them in their middles
     while True:
-        points = curve(np.linspace(0.0, 1.0, 2 * n + 1))
+        points = curve(np.linspace(low, high, 2 * n + 1))
         chords = 0.5 * (points[0:-1:2] + points[2::2])
         if np.max(np.hypot(*(points[1::2] - chords).T)) <= tolerance or n >= 1 << 14:
             return np.asarray(points[::2], dtype=np.float64)
@@ -96,9 +98,7 @@ class Curve(NamedTuple):
     layer: str
 
 
-def sorted_out(
-    curves: Iterable[Array | Curve], join_mm: float, where: str, notes: list[str]
-) -> Pieces:
+def sorted_out(curves: Iterable[Array | Curve], join_mm: float, notes: list[str]) -> Pieces:
     """Sorts curves (n, 2) [mm] into rings, whose ends are at most `join_mm` apart, and strokes.
 
     A curve that is hardly longer than `join_mm` is no ring, but part of a chain of strokes.
@@ -113,12 +113,10 @@ def sorted_out(
         points = curve.points
         total += len(points)
         if total > MAX_POINTS:
-            raise too_much(where, f"has more than {MAX_POINTS} points")
-        if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > LARGEST_MM:
-            raise InputError(
-                "has a coordinate that is not finite or beyond 10000 km; repair the drawing",
-                where=where,
-            )
+            raise too_much(f"has more than {MAX_POINTS} points")
+        if not np.abs(points).max(initial=0.0) <= LARGEST_MM:  # also of nan
+            problem = "has a coordinate that is not finite or beyond 10000 km"
+            raise InputError(f"{problem}; repair the drawing")
         steps = np.hypot(*np.diff(points, axis=0).T)
         gap = float(np.hypot(*(points[0] - points[-1]))) if len(points) else 0.0
         if len(points) > 2 and gap <= min(join_mm, CLOSED * float(steps.sum())):
@@ -126,10 +124,8 @@ def sorted_out(
         elif len(points) > 1 and steps.any():
             strokes.append(curve)
     layers = tuple(curve.layer for curve in (*rings, *strokes))
-    sorted_pieces = Pieces(
-        [ring.points for ring in rings], [stroke.points for stroke in strokes], notes
-    )
-    return sorted_pieces._replace(layers=layers if any(layers) else ())
+    closed, opened = ([curve.points for curve in some] for some in (rings, strokes))
+    return Pieces(closed, opened, notes, layers)
 
 
 def place(point: Array) -> str:
@@ -147,7 +143,7 @@ REPEAT_S = 0.1  # time between two signals after the time limit
 
 
 @contextmanager
-def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
+def time_limit(seconds: float = SECONDS) -> Iterator[None]:
     """Limits the time of the body of a `with` statement, if it runs in the main thread, where signals arrive.
 
     Raises:
@@ -158,9 +154,7 @@ def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
         return
 
     def stop(_signum: int, _frame: FrameType | None) -> NoReturn:
-        raise InputError(
-            f"takes longer than {seconds:g} s to read; export the part's outline alone", where=where
-        )
+        raise too_much(f"takes longer than {seconds:g} s to read")
 
     usual = signal.signal(signal.SIGALRM, stop)
     # The signal repeats, since Python drops an exception that is raised within a finalizer or a

@@ -43,32 +43,26 @@ def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: fl
     remedy = "leave out of the drawing what is no outline"
     if any(drawn.layers):
         remedy = "choose the outline's layer with --layer, or leave out what is no outline"
-    note = (
-        f"faces that share the {what} {lines} are one contour; if they are not one part, {remedy}"
-    )
+    joined = f"faces that share the {what} {lines} are one contour"
+    note = f"{joined}; if they are not one part, {remedy}"
     loops = [seam for seam in region.seams if np.array_equal(seam[0], seam[-1])]
+    ambiguity = ""
     if loops:
         cross = place(loops[0][0] + drawn.origin)
-        return Meaning(
-            note, f"closed contours overlap near {cross} mm; draw the outline as one, or {remedy}"
-        )
-    beyond = noding.overrun(region, loose, drawn.tree)
-    if beyond is not None:
+        ambiguity = f"closed contours overlap near {cross} mm; draw the outline as one, or {remedy}"
+    elif (beyond := noding.overrun(region, loose, drawn.tree)) is not None:
         line = _named(drawn.lines[beyond], drawn)
-        return Meaning(note, f"the line {line} bounds the contour and goes on beyond it; {remedy}")
-    if layer := _differing_layer(region, drawn, join_mm):
-        return Meaning(
-            note,
-            f"layer {layer} bounds one contour alone, another one with the {what} {lines}; {remedy}",
-        )
-    return Meaning(note)
+        ambiguity = f"the line {line} bounds the contour and goes on beyond it; {remedy}"
+    elif layer := _differing_layer(region, drawn, join_mm):
+        other = f"another one with the {what} {lines}"
+        ambiguity = f"layer {layer} bounds one contour alone, {other}; {remedy}"
+    return Meaning(note, ambiguity)
 
 
 def _named(points: Array, drawn: Drawn) -> str:
     """Describes a line (n, 2) for people: its course and its layers."""
     ends = " to ".join(place(end + drawn.origin) for end in sorted(points[[0, -1]].tolist()))
-    middle = shapely.line_interpolate_point(shapely.LineString(points), 0.5, normalized=True)
-    near = drawn.tree.query(middle, "dwithin", distance=noding.BESIDE_MM)
+    near = noding.along([shapely.LineString(points)], drawn.tree)
     layers = {drawn.layers[k] for k in near} - {""}
     return f"from {ends} mm" + (f" (layer {', '.join(sorted(layers))})" if layers else "")
 
@@ -83,9 +77,8 @@ def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str
     layers = sorted({drawn.layers[k] for k in near})
     differing = ""
     for layer in layers if len(layers) > 1 else ():
-        bounded = noding.regions(
-            [drawn.lines[k] for k in near if drawn.layers[k] == layer], join_mm
-        ).regions
+        lines = [drawn.lines[k] for k in near if drawn.layers[k] == layer]
+        bounded = noding.regions(lines, join_mm).regions
         if not bounded:
             continue
         whole = shapely.union_all([noding.face(each.ring) for each in bounded])

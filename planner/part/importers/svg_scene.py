@@ -6,7 +6,7 @@ Definitions (`defs`, `symbol`, `marker`, `mask`, `clipPath`, `pattern`) show onl
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
-from xml.etree import ElementTree as Tree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import shapely
@@ -14,7 +14,7 @@ import shapely
 from planner.arrays import Array
 from planner.part.importers import pieces
 from planner.part.importers.svg_shapes import SHAPES
-from planner.part.importers.svg_style import INHERITED, Sheets, Style, paints, shows, strokes
+from planner.part.importers.svg_style import INHERITED, Sheets, Style
 from planner.part.importers.svg_values import Values, Viewport
 from runtime.shell.errors import InputError
 
@@ -49,18 +49,16 @@ class Frame(NamedTuple):
 class Scene:
     """The shapes of a drawing, and counts of its other elements."""
 
-    def __init__(
-        self, root: Tree.Element, sheets: Sheets, viewport: Viewport, unit_mm: float, where: str
-    ) -> None:
+    def __init__(self, root: Element, sheets: Sheets, viewport: Viewport, unit_mm: float) -> None:
         self.unseen = 0  # elements that are hidden, transparent or without paint
         self.cut = 0  # elements that a clip path, mask or viewport cuts
         self.strays = Counter[str]()  # visible elements that are no outlines, by kind
         self.widest_mm = 0.0  # width of the widest visible stroke
         self.missing: list[str] = []  # links of copies whose target the file lacks
-        self._root, self._viewport, self._unit_mm, self._where = root, viewport, unit_mm, where
+        self._root, self._viewport, self._unit_mm = root, viewport, unit_mm
         self._namespace = str(root.tag).rpartition("}")[0]
         self._sheets = sheets
-        self._named: dict[str, Tree.Element] = {}
+        self._named: dict[str, Element] = {}
         for element in root.iter():
             self._named.setdefault(element.get("id", ""), element)
         self._elements = 0
@@ -81,30 +79,27 @@ class Scene:
             why = "hidden, transparent, out of sight, or neither filled nor stroked"
             notes.append(f"not seen ({why}), left out: {self.unseen} of its elements")
         if self.cut:
-            notes.append(
-                f"cut by clip paths, masks or viewports, taken whole: {self.cut} of its elements"
-            )
+            whole = f"taken whole: {self.cut} of its elements"
+            notes.append(f"cut by clip paths, masks or viewports, {whole}")
         if self.widest_mm > WIDE_MM:
-            notes.append(
-                f"strokes up to {self.widest_mm:.4g} mm wide; the outline runs along their middle"
-            )
+            wide = f"strokes up to {self.widest_mm:.4g} mm wide"
+            notes.append(f"{wide}; the outline runs along their middle")
         if self.strays:
             notes.append(f"not outlines, ignored: {pieces.counted(self.strays)}")
         if self.missing:
             notes.append(f"copied, but not in the file: {', '.join(dict.fromkeys(self.missing))}")
         return notes
 
-    def _draw(self, element: Tree.Element, around: Frame, copy: Values | None) -> Iterator[Shape]:
+    def _draw(self, element: Element, around: Frame, copy: Values | None) -> Iterator[Shape]:
         """Yields the shapes of one element; `copy` is the `use` element that places it, or None."""
         kind = self._kind(element)
         if not (kind in SHAPES or kind in GROUPS or kind in STRAYS or (kind == "symbol" and copy)):
             return
         self._count(element, around)
         name = f" {element.get('id')!r}" if element.get("id") else ""
-        where = f"{self._where}: <{kind}>{name}"
         style = self._sheets.style(element, around.style)
-        values = Values(style, around.viewport, self._unit_mm, where)
-        if not shows(style, where):
+        values = Values(style, around.viewport, self._unit_mm, f"<{kind}>{name}")
+        if not values.shows():
             self.unseen += 1
             return
         if kind in STRAYS:
@@ -115,8 +110,8 @@ class Scene:
         frame = Frame(matrix, style, around.viewport, around.window, (*around.above, id(element)))
         if kind in SHAPES:
             width = values.size("stroke-width")
-            if paints(style, width, where):
-                if strokes(style, width, where):
+            if values.paints(width):
+                if values.strokes(width):
                     width_mm = width * self._unit_mm * float(np.linalg.norm(matrix[:2, :2], 2))
                     self.widest_mm = max(self.widest_mm, width_mm)
                 yield Shape(kind, values, matrix, around.window)
@@ -130,7 +125,7 @@ class Scene:
                 for child in self._children(element):
                     yield from self._draw(child, inside, None)
 
-    def _copy(self, element: Tree.Element, frame: Frame, values: Values) -> Iterator[Shape]:
+    def _copy(self, element: Element, frame: Frame, values: Values) -> Iterator[Shape]:
         link = (element.get("href") or element.get(XLINK) or "").strip()
         target = self._named.get(link[1:]) if link.startswith("#") and link != "#" else None
         if target is None:
@@ -152,9 +147,8 @@ class Scene:
         values = values._replace(style={**values.style, **sizes})
         box = values.box()
         known = None not in frame.viewport
-        size = Viewport(
-            *(values.size(name) if known or "%" not in sizes[name] else None for name in SIZES)
-        )
+        stated = [name for name in SIZES if known or "%" not in sizes[name]]
+        size = Viewport(*(values.size(name) if name in stated else None for name in SIZES))
         if 0.0 in size or (box is not None and 0.0 in box[2:]):
             return None
         window = self._window(frame, values, size)
@@ -175,23 +169,21 @@ class Scene:
         window = shapely.polygons(corners @ frame.matrix[:2, :2].T + frame.matrix[:2, 2])
         return window if frame.window is None else shapely.intersection(window, frame.window)
 
-    def _children(self, element: Tree.Element) -> Iterable[Tree.Element]:
+    def _children(self, element: Element) -> Iterable[Element]:
         if self._kind(element) != "switch":
             return element
         free = (child for child in element if not any(child.get(name) for name in CONDITIONS))
         return [child for child in free if self._kind(child) in GROUPS | SHAPES | STRAYS][:1]
 
-    def _count(self, element: Tree.Element, around: Frame) -> None:
+    def _count(self, element: Element, around: Frame) -> None:
         if id(element) in around.above or len(around.above) > MAX_DEPTH:
-            problem = "is nested too deeply, or in itself; export it again"
-            raise InputError(problem, where=self._where)
+            raise InputError("is nested too deeply, or in itself; export it again")
         self._elements += 1
         if self._elements > pieces.MAX_SHAPES:
-            raise pieces.too_much(
-                self._where, f"draws more than {pieces.MAX_SHAPES} shapes, its copies written out"
-            )
+            shapes = f"{pieces.MAX_SHAPES} shapes, its copies written out"
+            raise pieces.too_much(f"draws more than {shapes}")
 
-    def _kind(self, element: Tree.Element) -> str:
+    def _kind(self, element: Element) -> str:
         """The name of an element without its namespace; "" if this is not that of the root."""
         namespace, _, name = str(element.tag).rpartition("}")
         return name if namespace == self._namespace else ""

@@ -83,12 +83,9 @@ def _polyline(part: svgelements.Subpath, tolerance: float, values: Values) -> Ar
             points.append(np.array(ends, dtype=np.float64))
             continue
         coarse = _at(segment, np.linspace(0.0, 1.0, 9))
-        if (
-            not np.isfinite(coarse).all()
-            or np.abs(coarse).max() > pieces.LARGEST_MM / tolerance * 0.02
-        ):
+        if not np.abs(coarse).max() <= pieces.LARGEST_MM / tolerance * 0.02:  # also of nan
             problem = "has a coordinate that is not finite or absurdly large; repair the drawing"
-            raise InputError(problem, where=values.where)
+            raise InputError(problem, key=values.element)
         points.append(pieces.flattened(partial(_at, segment), tolerance))
     if not points:
         return np.empty((0, 2))
@@ -99,6 +96,5 @@ def _polyline(part: svgelements.Subpath, tolerance: float, values: Values) -> Ar
 
 
 def _at(segment: svgelements.PathSegment, parameters: Array) -> Array:
-    return np.array(
-        [(point.x, point.y) for point in map(segment.point, parameters)], dtype=np.float64
-    )
+    points = map(segment.point, parameters)
+    return np.array([(point.x, point.y) for point in points], dtype=np.float64)

@@ -1,17 +1,13 @@
 """Styles of SVG elements: presentation attributes, style sheets and `style`, cascaded as in CSS.
 
-Selectors are matched by cssselect2, declarations and colours parsed by tinycss2.
+Selectors are matched by cssselect2, declarations parsed by tinycss2.
 """
 
-import re
 from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree as Tree
 
 import cssselect2
 import tinycss2
-from tinycss2.color4 import parse_color
-
-from runtime.shell.errors import InputError
 
 INHERITED = {
     "color": "black",
@@ -24,7 +20,6 @@ INHERITED = {
 }
 """Inherited properties with their initial values."""
 SKIPPED = (True, True)  # comments and white space, for tinycss2
-SHARE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(%?)\s*")
 SCREEN = {"", "all", "screen"}  # media whose style sheets count
 ELSEWHERE = {"print", "speech"}  # media whose style sheets do not count
 # at-rules that hide no shape
@@ -59,16 +54,10 @@ class Sheets:
         for each in (*(each for each in (*sheet, *inline) if not each.important), *last):
             stated[each.lower_name] = tinycss2.serialize(each.value).strip()
         computed = {name: parent[name] for name in INHERITED}
+        sources = {"inherit": parent, "initial": INHERITED, "unset": computed, "revert": computed}
         for name, value in stated.items():
-            word = value.strip().lower()
-            if word == "inherit":
-                computed[name] = parent.get(name, "")
-            elif word in ("initial", "unset", "revert"):
-                computed[name] = (
-                    INHERITED.get(name, "") if word == "initial" else computed.get(name, "")
-                )
-            else:
-                computed[name] = value
+            source = sources.get(value.strip().lower())
+            computed[name] = value if source is None else source.get(name, "")
         return computed
 
     def _add_for(self, media: str, rules: list[tinycss2.ast.Node]) -> None:
@@ -99,53 +88,6 @@ class Sheets:
         self._empty = False
         for selector in selectors:
             self._matcher.add_selector(selector, _declarations(rule.content))
-
-
-def shows(style: Style, where: str) -> bool:
-    """Whether an element and its content are displayed."""
-    return _word(style, "display", where) != "none" and _share(style, "opacity", where) > 0.0
-
-
-def paints(style: Style, stroke_width: float, where: str) -> bool:
-    """Whether a shape is visible, and filled or stroked with some colour."""
-    filled = _inks(style, "fill", where)
-    return _word(style, "visibility", where) == "visible" and (
-        filled or strokes(style, stroke_width, where)
-    )
-
-
-def strokes(style: Style, stroke_width: float, where: str) -> bool:
-    """Whether a shape, if it is visible, is stroked with some colour."""
-    return stroke_width > 0.0 and _inks(style, "stroke", where)
-
-
-def _inks(style: Style, what: str, where: str) -> bool:
-    paint = _word(style, what, where)
-    if paint == "currentcolor":
-        paint = _word(style, "color", where)
-    colour = parse_color(paint)
-    clear = getattr(colour, "alpha", 1.0) == 0.0
-    return paint != "none" and not clear and _share(style, f"{what}-opacity", where) > 0.0
-
-
-def _word(style: Style, name: str, where: str) -> str:
-    """The value of a property in lower case; raises `InputError` for a CSS variable."""
-    text = style.get(name, "").strip()
-    if "var(" in text:
-        problem = (
-            f"{name}={text[:40]!r} is a variable, which is not read; correct it in the drawing"
-        )
-        raise InputError(problem, where=where)
-    return text.lower()
-
-
-def _share(style: Style, name: str, where: str) -> float:
-    text = style.get(name) or "1"
-    share = SHARE.fullmatch(text)
-    if share is None:
-        problem = f"{name}={text[:40]!r} is no number; correct it in the drawing"
-        raise InputError(problem, where=where)
-    return float(share[1])
 
 
 def _declarations(content: str | Iterable[object]) -> list[tinycss2.ast.Declaration]:

@@ -1,4 +1,4 @@
-"""Parses numbers in SVG attributes: lengths, lists, transforms and view boxes; refuses malformed ones."""
+"""Parses SVG attributes: lengths, lists, transforms, view boxes, opacities; refuses malformed ones."""
 
 import math
 import re
@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import svgelements
+from tinycss2.color4 import parse_color
 
 from planner.arrays import Array
 from planner.part.importers.svg_style import Style
@@ -14,24 +15,16 @@ from runtime.shell.errors import InputError
 NUMBER = r"(?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 GAP = r"(?>\s*,?\s*)"
 LENGTH = re.compile(rf"\s*({NUMBER})\s*(mm|cm|in|pt|pc|Q|px|%)?\s*", re.IGNORECASE)
+SHARE = re.compile(rf"\s*({NUMBER})\s*%?\s*")
 APART = r"(?!\.)"  # 1.1.1 is two numbers in a path only
 LIST = re.compile(rf"\s*(?:{NUMBER}{APART}{GAP})*")
 CALL = rf"([a-zA-Z]+)\s*\(\s*((?:{NUMBER}{APART}(?:px|deg|grad|rad|turn)?{GAP})*)\)"
 CALLS = re.compile(rf"\s*(?:{CALL}{GAP})*")
 PHYSICAL_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "q": 0.25}
 PIXEL_MM = 25.4 / 96  # size of a CSS pixel: the user unit without a view box
-ARGUMENTS = {
-    "matrix": (6,),
-    "translate": (1, 2),
-    "translatex": (1,),
-    "translatey": (1,),
-    "scale": (1, 2),
-    "scalex": (1,),
-    "scaley": (1,),
-    "rotate": (1, 3),
-    "skewx": (1,),
-    "skewy": (1,),
-}
+ARGUMENTS = {"matrix": (6,), "translate": (1, 2), "scale": (1, 2), "rotate": (1, 3)}
+ARGUMENTS |= dict.fromkeys(("translatex", "translatey", "scalex", "scaley"), (1,))
+ARGUMENTS |= {"skewx": (1,), "skewy": (1,)}
 # Attributes whose percentages refer to the width of the viewport.
 ACROSS = frozenset({"x", "cx", "rx", "x1", "x2", "width"})
 # Attributes whose percentages refer to the height of the viewport.
@@ -57,13 +50,19 @@ class Length(NamedTuple):
     unit: str  # lower case; empty for user units
 
 
+def is_physical(name: str, text: str) -> bool:
+    """Whether the attribute `name` is a size or position, and `text` a length in a physical unit."""
+    parts = LENGTH.fullmatch(text) if name in PLACES else None
+    return parts is not None and (parts[2] or "").lower() in PHYSICAL_MM
+
+
 class Values(NamedTuple):
     """The attributes of one element, as numbers in user units."""
 
     style: Style
     viewport: Viewport
     unit_mm: float  # size of one user unit of the whole drawing
-    where: str  # file and element, for errors
+    element: str  # name of the element, for errors
 
     def stated(self, name: str) -> Length | None:
         """The length `name` as written; None if it is not stated, or `auto`.
@@ -127,16 +126,11 @@ class Values(NamedTuple):
         text = self.style.get("transform", "none").strip()
         if text in ("none", ""):
             return np.eye(3)
-        calls = re.findall(CALL, text)
-        if not CALLS.fullmatch(text) or not all(
-            len(re.findall(NUMBER, inside)) in ARGUMENTS.get(name.lower(), ())
-            for name, inside in calls
-        ):
+        calls = re.findall(CALL, text) if CALLS.fullmatch(text) else [("", "")]
+        counts = ((name.lower(), len(re.findall(NUMBER, inside))) for name, inside in calls)
+        if not all(count in ARGUMENTS.get(name, ()) for name, count in counts):
             raise self.error("transform", "is no transform")
-        parsed = svgelements.Matrix(text)
-        matrix = np.array(
-            [[parsed.a, parsed.c, parsed.e], [parsed.b, parsed.d, parsed.f], [0.0, 0.0, 1.0]]
-        )
+        matrix = _array(svgelements.Matrix(text))
         origin = np.eye(3)
         origin[:2, 2] = self._origin()
         return np.asarray(origin @ matrix @ np.linalg.inv(origin))
@@ -157,14 +151,47 @@ class Values(NamedTuple):
         aspect = ASPECT.fullmatch(self.style.get("preserveAspectRatio", ""))
         how = f"{aspect[1]} {aspect[2] or 'meet'}" if aspect else None
         place = self.at("x"), self.at("y"), size.width, size.height
-        parsed = svgelements.Matrix(svgelements.Viewbox.viewbox_transform(*place, *box, how))
-        return np.array([[parsed.a, 0.0, parsed.e], [0.0, parsed.d, parsed.f], [0.0, 0.0, 1.0]])
+        return _array(svgelements.Matrix(svgelements.Viewbox.viewbox_transform(*place, *box, how)))
 
     def error(self, name: str, problem: str) -> InputError:
         """An error that states an attribute, its value, and what is wrong with the value."""
         text = " ".join(self.style.get(name, "").split())
         text = text if len(text) <= 40 else f"{text[:37]}..."
-        return InputError(f'{name}="{text}" {problem}; correct it in the drawing', where=self.where)
+        problem = f'{name}="{text}" {problem}; correct it in the drawing'
+        return InputError(problem, key=self.element)
+
+    def shows(self) -> bool:
+        """Whether an element and its content are displayed."""
+        return self._word("display") != "none" and self._is_opaque("opacity")
+
+    def paints(self, stroke_width: float) -> bool:
+        """Whether a shape is visible, and filled or stroked with some colour."""
+        inked = self._inks("fill") or self.strokes(stroke_width)
+        return self._word("visibility") == "visible" and inked
+
+    def strokes(self, stroke_width: float) -> bool:
+        """Whether a shape, if it is visible, is stroked with some colour."""
+        return stroke_width > 0.0 and self._inks("stroke")
+
+    def _inks(self, what: str) -> bool:
+        paint = self._word(what)
+        if paint == "currentcolor":
+            paint = self._word("color")
+        clear = getattr(parse_color(paint), "alpha", 1.0) == 0.0
+        return paint != "none" and not clear and self._is_opaque(f"{what}-opacity")
+
+    def _word(self, name: str) -> str:
+        """The value of a property in lower case; raises `InputError` for a CSS variable."""
+        text = self.style.get(name, "").strip()
+        if "var(" in text:
+            raise self.error(name, "is a variable, which is not read")
+        return text.lower()
+
+    def _is_opaque(self, name: str) -> bool:
+        share = SHARE.fullmatch(self.style.get(name) or "1")
+        if share is None:
+            raise self.error(name, "is no number")
+        return float(share[1]) > 0.0
 
     def _origin(self) -> tuple[float, float]:
         words = self.style.get("transform-origin", "").split()[:2]
@@ -177,3 +204,7 @@ class Values(NamedTuple):
         words = [EDGES.get(word, word) for word in (*words, "center")]
         placed = self._replace(style={"x": words[0], "y": words[1]})
         return placed.at("x"), placed.at("y")
+
+
+def _array(m: svgelements.Matrix) -> Array:
+    return np.array([[m.a, m.c, m.e], [m.b, m.d, m.f], [0.0, 0.0, 1.0]])

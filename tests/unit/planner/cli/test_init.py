@@ -19,7 +19,7 @@ from planner.cli import init
 from planner.job import model as job_file
 from planner.job.drafts import FINGERS, GRIPPERS
 from planner.job.fields import REQUIRED
-from planner.job.schema import ABSENT_SECTIONS, FIELDS
+from planner.job.schema import ABSENT_SECTIONS, FIELDS, PRESSURE_FIELDS
 from runtime.table import PROFILES, timing
 
 pytestmark = pytest.mark.slow
@@ -53,9 +53,11 @@ def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path)
         elif match := re.match(r"# (\w+ = .*)", line):
             shown |= {(section, key): value for key, value in tomllib.loads(match[1]).items()}
     assert len(shown) > 20
-    for example in ("part height_mm", "part faces", "part picks", "doubt limit_surface"):
+    for example in ("part height_mm", "part faces", "part picks"):
         del shown[tuple(example.split())]  # it has no default
-    del shown["actions", "pushes"], shown["goal", "identify"]
+    fitted = PRESSURE_FIELDS["boundary"]["limit_surface"]
+    assert shown.pop(("pressure", "limit_surface")) == fitted.default
+    del shown["goal", "identify"]
     del shown["cell", "regrasp_height_mm"]
     profile = PROFILES["robotiq-2f-85"]  # what a job does not say of its gripper, it knows
     step_mm = profile.resolution_um / 1e3

@@ -69,13 +69,12 @@ def test_tips_are_freed_by_the_shortest_way_also_of_notches():
     assert shifted[inside] == pytest.approx(shortest, abs=0.01)
 
 
-def test_start_of_a_push_scatters_as_the_job_says(tmp_path):
+def test_start_of_a_push_scatters_as_the_option_says(tmp_path):
     """A part that hardly scatters turns by more or less, as the pusher stands beside its centroid."""
     text, options = f"{TIPS}\n-4.75,50,20,0\n", (*RADIUS, "--draws", "200")
     steady, widths = JOB.replace("pressure = {", "pressure = { wishart_dof = 100000,"), []
     for start_mm in (0.0, 2.0):
-        job = f"{steady}doubt = {{ start_mm = {start_mm} }}\n"
-        _, rows, _, _ = run(tmp_path, text, *options, job=job)
+        _, rows, _, _ = run(tmp_path, text, *options, "--start-mm", str(start_mm), job=steady)
         widths.append(float(rows[0]["turned_deg_high"]) - float(rows[0]["turned_deg_low"]))
     assert widths[1] > 2.0 * widths[0]
 
@@ -87,6 +86,7 @@ def test_start_of_a_push_scatters_as_the_job_says(tmp_path):
         ("--tip-radius-mm", "-1"),
         ("--tip-radius-mm", "nan"),
         ("--tip-radius-mm", "2000"),
+        (*RADIUS, "--start-mm", "11"),
         (*RADIUS, "--draws", "0"),
         (*RADIUS, "--draws", "9"),
         (*RADIUS, "--draws", "1000000000"),

@@ -21,7 +21,7 @@ def job_of(outline):
 
 
 def advice(**values):
-    return Advice(0.5, 0.0, 0.0, 0.0, 0.0, [], (), proposing=True)._replace(**values)
+    return Advice(0.5, 0.0, 0.0, 0.0, 0.0, [], (), proposing=True, shares=None)._replace(**values)
 
 
 def notched(depth):

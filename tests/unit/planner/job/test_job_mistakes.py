@@ -37,6 +37,18 @@ def test_an_unknown_name_is_refused_with_the_nearest_valid_one(old, new, section
     assert caught.value.section == section
 
 
+@pytest.mark.parametrize(
+    ("section", "key", "instead"),
+    [(section, key, text) for section, keys in schema.FORMER.items() for key, text in keys.items()],
+)
+def test_a_former_key_is_refused_with_what_to_write_instead(section, key, instead):
+    heads = {"actions": "[actions]", "doubt": "[doubt]"}
+    text = TEXT if heads[section] in TEXT else f"{TEXT}\n{heads[section]}\n"
+    with pytest.raises(KeyNameError, match=rf"\[{section}\]: key '{key}' is") as caught:
+        job.parse(text.replace(heads[section], f'{heads[section]}\n{key} = "any"', 1), "my.toml")
+    assert str(caught.value).endswith(instead)
+
+
 REQUIRED = [
     (section, key)
     for section, keys in schema.FIELDS.items()

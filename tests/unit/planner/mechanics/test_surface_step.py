@@ -28,7 +28,7 @@ def test_local_matrix_is_a_third_of_the_hessian_and_gives_the_gradient(job):
 
 
 def test_in_one_roll_out_each_part_is_squeezed_by_the_form_of_its_own_surface(job, poses):
-    doubting = job.replaced(doubt={"limit_surface": "any", "chance": 1.0})
+    doubting = job.replaced(pressure={"limit_surface": "any"}, doubt={"chance": 1.0})
     simulator, rng = Simulator.of_job(doubting, workers=1), np.random.default_rng(6)
     traits = believed(doubting, len(poses), rng).traits
     curved = traits["surface"] == 1
