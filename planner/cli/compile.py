@@ -139,7 +139,7 @@ def _job(arguments: argparse.Namespace) -> Job:
             name = f"--{option.replace('_', '-')}"
             shell.check_one_part(job.hypothesis, str(arguments.job), name)
     if job.actions.pushes and (arguments.bound or arguments.bound_dense):
-        has = f'{arguments.job} has actions.proposals = "pushes"'
+        has = f'{arguments.job} has actions.pushes = "belief"'
         raise UsageError(f"--bound is for squeezes alone; {has}")
     return job if arguments.seed is None else dataclasses.replace(job, seed=arguments.seed)
 

@@ -137,7 +137,7 @@ def check_squeezes_alone(table: Table, name: str, what: str) -> None:
         UsageError: parts are pushed before some squeeze.
     """
     if table.pushing is not None:
-        remedy = 'plan with actions.proposals = "belief"'
+        remedy = 'plan with actions.pushes = "none"'
         message = f"{remedy}; {name} pushes before node {table.pushing}"
         raise UsageError(f"{what} is for squeezes alone; {message}")
 

@@ -128,9 +128,8 @@ def conflicts(values: Values) -> Conflicts:
     yield from _of_doubt(values["doubt"])
     yield from _of_heights(part["height_mm"], cell)
     yield from _of_actions(values["actions"], cell)
-    if values["actions"]["proposals"] == "pushes" and values["search"]["method"] != "closed-loop":
-        problem = 'is "pushes", which the paper\'s methods do not know'
-        yield "actions", "proposals", f'{problem}; leave method at "closed-loop"'
+    if values["actions"]["pushes"] == "belief":
+        yield from _of_pushes(values["search"]["method"], values["actions"]["proposals"])
     _check_fit(part["outline_mm"], gripper["opening_mm"])
     if values["delivery"] is not None:
         yield from _of_delivery(values)
@@ -223,6 +222,15 @@ def _of_actions(actions: Values, cell: Values) -> Conflicts:
         x, y = centers[int(np.argmax(outside))]
         problem = f"({x:g}, {y:g}) lies outside work_area_mm of [cell]; move it or widen the area"
         yield "actions", "centers_mm", problem
+
+
+def _of_pushes(method: str, proposals: str) -> Conflicts:
+    if method != "closed-loop":
+        remedy = 'which the paper\'s methods do not know; leave method at "closed-loop"'
+        yield "actions", "pushes", f'is "belief", {remedy}'
+    if proposals == "none":
+        remedy = 'and grasp poses must follow what was pushed; leave proposals at "belief", too'
+        yield "actions", "pushes", f'is "belief", {remedy}'
 
 
 def _of_delivery(values: Values) -> Conflicts:

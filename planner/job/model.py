@@ -264,6 +264,8 @@ def _of_one(document: dict[str, Any], folder: Path | None) -> Job:
         most_mm = job_checks.doubt_mm(gripper["resolution_mm"], gripper["noise_mm"])
         values["doubt"]["encoder_mm"] = (-most_mm, most_mm)
     job_checks.refuse(job_checks.conflicts(values))
+    if values["actions"]["pushes"] == "none":
+        values["actions"]["pushes"] = None  # a job that states a default is the job without it
     sections = schema.SECTIONS.items()
     records = {name: values[name] and record(**values[name]) for name, record in sections}
     return Job(seed=values[""]["seed"], **records)

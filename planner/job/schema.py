@@ -148,14 +148,10 @@ class Actions:
     angles_deg: Annotated[tuple[float, ...], Numbers(Number(-360, 360), most=1_000, plain=True)]
     # (K, 2) positions of the hand in the world, read-only.
     centers_mm: Annotated[Array, Numbers(PLACE, columns=2, most=1_000)]
-    # "belief": every node also considers grasp poses that it derives from its belief; "pushes": and
-    # pushes before a squeeze.
-    proposals: Annotated[str, Text(("belief", "pushes", "none"), default="belief")]
-
-    @property
-    def pushes(self) -> bool:
-        """Whether the hand may push the part before a squeeze, as the belief suggests."""
-        return self.proposals == "pushes"
+    # "belief": every node also considers grasp poses that it derives from its belief.
+    proposals: Annotated[str, Text(("belief", "none"), default="belief")]
+    # "belief": the hand may push the part before a squeeze, as the belief suggests; None: it does not.
+    pushes: Annotated[str | None, Text(("belief", "none"), default=None)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,7 +286,6 @@ PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
 }  # Further keys of [pressure], by its kind
 
 FORMER: Mapping[str, Mapping[str, str]] = {
-    "actions": {"pushes": 'is part of proposals; write proposals = "pushes", or drop it'},
     "doubt": {
         "limit_surface": 'is part of [pressure]; write limit_surface = "any" there, or drop it',
         "start_mm": "is an option; drop it, and give plan-simulate --start-mm",

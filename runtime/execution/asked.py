@@ -65,7 +65,7 @@ def check_asked(table: Table) -> None:
     if table.pushing is not None:
         raise TableError(
             f"parts are pushed before node {table.pushing}, which a robot that asks does not; "
-            'plan with actions.proposals = "belief"'
+            'plan with actions.pushes = "none"'
         )
 
 

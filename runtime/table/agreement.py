@@ -115,8 +115,8 @@ def _squeezes(table: Table, job: Section) -> Compared:
             choice = wanted[0] if len(wanted) == 1 else f"one of {', '.join(map(str, wanted))}"
             yield f"node {index}: {field}", value, value if value in wanted else choice
     if actions and table.pushing is not None:
-        name = f"node {table.pushing} is pushed before: actions.proposals"
-        yield name, "pushes", actions.get("proposals")
+        name = f"node {table.pushing} is pushed before: actions.pushes"
+        yield name, "belief", actions.get("pushes") or "none"
 
 
 def _scaled(name: str, value: int, stated: Section, key: str, scale: float = UM) -> Compared:

@@ -1,4 +1,4 @@
-"""Do pushes before squeezes pay? Plans with and without them (`actions.proposals`); not part of the gate.
+"""Do pushes before squeezes pay? Plans with and without them (`actions.pushes`); not part of the gate.
 
     python tests/bench/bench_push_actions.py [--seeds 3] [CASE ...]
 
@@ -20,8 +20,8 @@ from planner.job import model as job_file
 
 RESULTS = harness.Kept("push_actions")
 WAYS: dict[str, dict[str, Any]] = {
-    "squeezes": {"actions": {"proposals": "belief"}},
-    "pushes": {"actions": {"proposals": "pushes"}},
+    "squeezes": {"actions": {"proposals": "belief", "pushes": "none"}},
+    "pushes": {"actions": {"proposals": "belief", "pushes": "belief"}},
 }
 AS_THEY_ARE = ("rectangle", "rectangle-25", "wedge", "clevis", "hook-jaw", "butterfly-15")
 IN_NARROW_JAWS = (("rectangle", 10), ("rectangle", 15), ("rectangle", 20), ("wedge", 12))

@@ -55,18 +55,19 @@ def plan(job):
     return compile_job(thin, workers=2, trials=4000)
 
 
-@pytest.mark.parametrize("proposals", ["none", "pushes"])
-def test_bytes_of_a_table_depend_on_the_seed_and_not_on_the_workers(job, proposals):
+@pytest.mark.parametrize("pushes", ["none", "belief"])
+def test_bytes_of_a_table_depend_on_the_seed_and_not_on_the_workers(job, pushes):
     """The rectangle; it lies wider about than half-open jaws reach where it has to be pushed."""
     where = {"radius_mm": 12.0, "orientation_halfwidth_deg": 8.0}
     few = {"particles": 200, "max_depth": 2}
     quick = job.replaced(search=few, uncertainty=where, friction={"doubt": 0.0})
-    if proposals == "pushes":
-        quick = quick.replaced(gripper={"opening_mm": 50.0}, actions={"proposals": proposals})
+    if pushes == "belief":
+        actions = {"pushes": pushes, "proposals": pushes}
+        quick = quick.replaced(gripper={"opening_mm": 50.0}, actions=actions)
     one, two = (compile_job(quick, workers, trials=300).table for workers in (1, 2))
     assert dumps(one) == dumps(two)
-    assert bool(one.nodes[0].pushes) == (proposals == "pushes")
-    if proposals == "none":
+    assert bool(one.nodes[0].pushes) == (pushes == "belief")
+    if pushes == "none":
         other = dataclasses.replace(quick, seed=quick.seed + 1)
         assert dumps(compile_job(other, workers=2, trials=300).table) != dumps(one)
 

@@ -28,7 +28,7 @@ CHANGES = {
     "uncertainty": {"radius_mm": 12.0, "orientation_halfwidth_deg": 20.0},
     "doubt": {"chance": 0.0},
     "friction": {"doubt": 0.0},
-    "actions": {"proposals": "pushes"},
+    "actions": {"proposals": "belief", "pushes": "belief"},
     "search": {"particles": 600, "max_depth": 2},
 }
 
@@ -59,7 +59,7 @@ class Still:
 
 def test_without_pushes_there_is_no_first_squeeze(job: job_file.Job) -> None:
     with pytest.raises(NoPlanError, match="no first squeeze is free of collision"):
-        compile_job(job.replaced(actions={"proposals": "belief"}), trials=100)
+        compile_job(job.replaced(actions={"pushes": "none"}), trials=100)
 
 
 def test_pushed_parts_are_located_in_trials_and_in_a_cell(
@@ -131,7 +131,7 @@ def test_what_knows_no_pushes_says_so(
     refused = called(command.main, *(at.get(word, word) for word in words.split()))
     assert refused.code == code
     assert message in refused.err
-    assert 'plan with actions.proposals = "belief"' in refused.err
+    assert 'plan with actions.pushes = "none"' in refused.err
     assert not list(tmp_path.iterdir())
 
 

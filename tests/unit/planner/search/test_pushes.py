@@ -18,7 +18,7 @@ from planner.search.ranking import Ranking
 from planner.search.search import Search
 from runtime.shell.errors import InputError
 
-PUSHING = {"actions": {"proposals": "pushes"}}
+PUSHING = {"actions": {"proposals": "belief", "pushes": "belief"}}
 
 
 @pytest.fixture(scope="module")
@@ -94,17 +94,18 @@ def test_best_pushes_through_a_belief_reach_where_they_were_judged_to_end(proble
         assert under(pusher, belief, pushes[0], 0.0) == 0
 
 
-def test_a_job_pushes_only_where_it_says_so(job):
-    assert Search(Problem.of(job_file.load(JOB_PATH), 1), np.random.default_rng(0)).pusher is None
-    assert job.actions.pushes
+def test_job_that_states_no_pushes_is_the_job_without_the_key(job):
+    stated = job_file.load(JOB_PATH, {"actions": {"pushes": "none"}})
+    assert stated.canonical() == job_file.load(JOB_PATH).canonical()
+    assert Search(Problem.of(stated, 1), np.random.default_rng(0)).pusher is None
     assert job_file.from_canonical(job.canonical()) == job
 
 
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"actions": {"proposals": "sometimes"}}, "proposals"),
-        ({"actions": {"pushes": "belief"}}, 'write proposals = "pushes"'),
+        ({"actions": {"pushes": "sometimes"}}, "pushes"),
+        ({"actions": {"pushes": "belief", "proposals": "none"}}, "follow what was pushed"),
         ({**PUSHING, "search": {"method": "paper"}}, "which the paper's methods do not know"),
     ],
 )

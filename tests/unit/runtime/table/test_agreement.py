@@ -54,7 +54,7 @@ def shifted(x_um: int, y_um: int) -> Table:
             90_000,
             "at (90.00, 0.00) mm the jaws touch no part within radius",
         ),
-        ("nodes.0.pushes", (PUSH,), "actions.proposals is pushes, but the embedded job says"),
+        ("nodes.0.pushes", (PUSH,), "actions.pushes is belief, but the embedded job says"),
     ],
 )
 def test_a_table_that_its_job_contradicts_is_refused(path, value, said):
