@@ -4,7 +4,6 @@ import base64
 import re
 from dataclasses import replace
 from pathlib import Path
-from random import Random
 
 import numpy as np
 import pytest
@@ -14,17 +13,12 @@ from programs import JOB, called, document
 from rectangle import quick_job
 from sample_tables import changed, every_field_table, random_table, small_table
 
-from planner.belief.metric import Mode
-from planner.belief.observation import Partition
-from planner.belief.particles import Belief
 from planner.cli import compile as compile_
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.measured import leading, without_untried
 from planner.evaluation.outcome import REJECTED
 from planner.evaluation.trials import encoder_of_table
 from planner.job import model as job_file
 from planner.report.tree import leaf_label, leaf_lines
-from planner.search import tree as plans
 from planner.world import ContactWorlds
 from runtime.execution.executor import Executor
 from runtime.journal.replay import Replay
@@ -35,7 +29,6 @@ from runtime.table import (
     Branch,
     Leaf,
     Node,
-    Prediction,
     Table,
     decide,
     decision_map,
@@ -102,51 +95,6 @@ def test_the_evaluation_reads_by_the_same_rule() -> None:
     assert set(result.leaf) == {REJECTED, 0, 1, 2, 3}
     # Something between the fingers, where nothing was planned.
     assert np.all(result.leaf[1:10] == REJECTED)
-
-
-def tree_of(table: Table, target: int = 0) -> plans.Node:
-    """A tree of the table's shape, without beliefs."""
-    node = plans.Node(Belief.of(np.empty((0, 3))), 1.0, Mode(np.zeros(3), 1.0))
-    if target >= 0:
-        branches = table.nodes[target].branches
-        size = np.ones(len(branches), np.int64)
-        clusters = Partition(1.0 * size, size, size, size)
-        children = [tree_of(table, branch.target) for branch in branches]
-        node.actions = [plans.Action(plans.Squeeze(np.zeros(3), 85.0, 0.0, clusters), children)]
-    return node
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_meant(
-    seed: int,
-) -> None:
-    table, random = random_table(seed, 12), Random(seed)
-    reached = {n for n in range(len(table.leaves)) if random.random() < 0.5} | {0}
-    kept = leading(table, reached)
-    pruned, root = without_untried(table, kept), plans.pruned(tree_of(table), kept)
-    # Validates it; the figures were those of all leaves.
-    dumps(replace(pruned, predicted=Prediction(0, 0, 0)))
-    waiting = [(0, 0, root)]
-    while waiting:
-        old, new, planned = waiting.pop()
-        before, after = table.nodes[old], pruned.nodes[new]
-        assert after.squeeze == before.squeeze
-        clusters = planned.squeeze.clusters.mean
-        assert len(planned.children) == len(clusters) == len(after.branches) == len(kept[old])
-        maps = [decision_map(node, table.gripper) for node in (before, after)]
-        read = [
-            tuple(decide(decided, width, felt) for decided in maps)
-            for width in range(0, 86_000, 157)
-            for felt in (False, True)
-        ]
-        for was, now in read:
-            assert now == (kept[old].index(was) if was in kept[old] else REJECT)
-        for number, branch, child in zip(kept[old], after.branches, planned.children, strict=True):
-            target = before.branches[number].target
-            if branch.target >= 0:
-                waiting.append((target, branch.target, child))
-            else:
-                assert pruned.leaves[~branch.target] == table.leaves[~target]
 
 
 def small_job(path: Path, *change: str) -> Path:

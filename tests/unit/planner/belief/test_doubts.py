@@ -5,7 +5,7 @@ import pytest
 
 from planner.belief.doubts import ROUGH, SLIPPERY, believed, pushed_of
 from planner.belief.observation import encoder_of
-from planner.belief.particles import initial, replenish, subsample
+from planner.belief.particles import initial
 from planner.belief.transition import Simulation
 from planner.frames import to_hand
 from planner.mechanics.simulator import Simulator
@@ -89,13 +89,8 @@ def test_one_thing_at_most_is_off_within_its_interval_and_the_others_are_at_the_
     assert traits["dof"][traits["dof"] > 0].min() >= 10
 
 
-def test_traits_are_kept_by_thinning_repeating_and_squeezing(doubting):
+def test_traits_are_kept_by_squeezing(doubting):
     belief = believed(doubting, 300, np.random.default_rng(3))
-    ours = {pose.tobytes(): row for pose, row in zip(belief.poses, belief.traits, strict=True)}
-    for other, n in ((subsample(belief, 70), 70), (replenish(belief, 500), 500)):
-        assert len(other) == len(other.traits) == n
-        for pose, row in zip(other.poses, other.traits, strict=True):
-            assert ours[pose.tobytes()].tobytes() == row.tobytes()
     after = squeezed(doubting, belief, np.random.default_rng(4))
     assert after.traits.tobytes() == belief.traits.tobytes()
 

@@ -9,10 +9,8 @@ from counting import label_of
 
 from planner.belief.metric import Metric
 from planner.belief.observation import Partition, Resolution
-from planner.belief.particles import Belief
 from planner.belief.partition import Rule
 from planner.belief.partition import partition as labels_of
-from planner.belief.recut import recut
 from planner.belief.stopping import StoppingRule
 
 FREE = 228
@@ -134,35 +132,3 @@ def test_what_lies_at_one_pose_is_one_interval_and_noise_does_not_split_it():
     counts = np.rint(150 + 1.5 * np.random.default_rng(0).standard_normal(2000)).astype(np.int64)
     assert len(partition(np.zeros((2000, 3)), counts, rule()).mean) == 1
     assert len(partition(np.zeros((1, 3)), np.array([77]), rule()).mean) == 1
-
-
-def lost(n):
-    """n poses of which no goal holds two."""
-    return np.column_stack([np.arange(n) * 20.0, np.zeros(n), np.zeros(n)])
-
-
-@pytest.mark.parametrize(
-    ("gap", "poses", "reads", "cuts"),
-    [
-        (10, 2, [150, 150], [110]),  # two poses that read the same after the squeeze
-        (10, 1, [150, 150], []),  # one pose
-        (10, 2, [150, 180], []),  # two poses that the squeeze tells apart itself
-        (3, 2, [150, 150], [103]),
-        (2, 2, [150, 150], []),  # parts would stray into a leaf of another pose
-    ],
-)
-def test_recut_reading_is_cut_where_it_tells_what_the_next_squeeze_does_not(
-    gap, poses, reads, cuts
-):
-    old = Belief.of(lost(700), np.repeat([100, 100 + gap], [500, 200]))
-    there = np.repeat(PLACES[[0, poses - 1]], [500, 200], axis=0)
-    new = Belief.of(there, np.repeat(reads, [500, 200]))
-    assert recut(old, new, rule()).tolist() == cuts
-
-
-def test_recut_piece_that_would_be_a_leaf_stays_where_parts_of_another_pose_stray_into_it():
-    """After the squeeze all readings tell everything; the cut would save nothing but that squeeze."""
-    poses = np.concatenate([np.tile([0.0, 90.0, 0.0], (500, 1)), lost(500)])
-    old = Belief.of(poses, np.repeat([100, 102], 500))
-    new = Belief.of(np.repeat(PLACES[:2], 500, axis=0), np.repeat([150, 180], 500))
-    assert len(recut(old, new, rule())) == 0

@@ -6,11 +6,10 @@ import pytest
 
 from planner.belief.metric import Metric, Mode
 from planner.belief.particles import Belief
-from planner.frames import to_hand
 from planner.mechanics.clearance import free_placements, least_clearance
 from planner.problem import Problem
 from planner.search.actions import ActionSet, actions_of, middle_of
-from planner.search.proposals import Proposals, placed, proposals_of, stable_angles
+from planner.search.proposals import Proposals
 from planner.search.ranking import Ranking
 
 
@@ -63,36 +62,6 @@ def test_candidates_where_open_jaws_at_the_mode_hit_a_part_stand_at_the_middle(j
     assert all(least_clearance(outline, jaws, poses, grasp) > 0.0 for grasp in across)
 
 
-def width(outline, angle):
-    """Between long parallel jaws at a hand angle."""
-    return np.ptp(outline @ np.array([-np.sin(angle), np.cos(angle)]))
-
-
 @pytest.fixture(scope="module")
 def job(job):
     return job.replaced(actions={"proposals": "belief"})
-
-
-@pytest.mark.parametrize("name", ["right triangle", "butterfly", "L", "ellipse", "hexagon"])
-def test_the_first_stable_angle_is_the_narrowest_of_all(name):
-    outline = problems.OUTLINES[name]()
-    widths = [width(outline, angle) for angle in np.radians(np.arange(0.0, 180.0, 0.25))]
-    assert width(outline, stable_angles(outline)[0]) <= min(widths) + 0.2
-
-
-def test_proposals_turn_and_move_with_the_part(job):
-    (proposals,) = proposals_of(job)
-    pose = np.array([3.0, -2.0, 0.7])
-    seen = [to_hand(pose, placement) for placement in placed(proposals.relative, pose)]
-    expected = [to_hand(np.zeros(3), placement) for placement in proposals.relative]
-    np.testing.assert_allclose(np.array(seen)[:, :2], np.array(expected)[:, :2], atol=1e-9)
-    turn = np.array(seen)[:, 2] - np.array(expected)[:, 2]
-    np.testing.assert_allclose(np.cos(turn), 1.0)
-
-
-def test_every_proposed_finger_reaches_the_part(job):
-    half, outline = 0.5 * job.gripper.finger_length_mm, job.part.outline_mm
-    for x, y, angle in proposals_of(job)[0].relative:
-        along = (outline - [x, y]) @ np.array([np.cos(angle), np.sin(angle)])
-        assert along.min() < half
-        assert along.max() > -half

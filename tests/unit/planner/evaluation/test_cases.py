@@ -1,7 +1,5 @@
 """The standard set of worlds that are not as planned."""
 
-import math
-
 import numpy as np
 import pytest
 from problems import OUTLINES
@@ -14,8 +12,6 @@ from planner.evaluation.cases import (
     offset_cases,
     standard_cases,
 )
-from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import evaluate, sweep
 from planner.job.schema import MOST_FRICTION
 from planner.world import ContactWorlds
 
@@ -28,10 +24,6 @@ def job(job):
     return job.replaced(doubt=NO_DOUBT, part={"tolerance_mm": 0})
 
 
-def worlds(real):
-    return ContactWorlds.of_job(real, 5)
-
-
 @pytest.mark.parametrize("name", OUTLINES)
 def test_every_part_can_be_put_into_every_world(job, name):
     outline = OUTLINES[name]().tolist()
@@ -41,16 +33,6 @@ def test_every_part_can_be_put_into_every_world(job, name):
         assert (real == part) == (not case.changes)
         same = np.array_equal(real.part.outline_mm, part.part.outline_mm)
         assert same == ("part" not in case.changes)
-
-
-def test_only_the_world_differs_from_case_to_case(job, table):
-    cases = [case for case in standard_cases(job) if case.name in ("as planned", "encoder +1 mm")]
-    plain, moved = sweep(table, job, cases, 1000, 3, worlds=worlds)
-    assert np.array_equal(plain.evaluation.initial, moved.evaluation.initial)
-    assert np.array_equal(plain.evaluation.poses, evaluate(table, job, worlds(job), 1000, 3).poses)
-    shift = 1.0 / job.gripper.resolution_mm
-    shifts = plain.evaluation.steps[:, 0] - moved.evaluation.steps[:, 0]
-    assert set(np.unique(shifts)) <= {math.floor(shift), math.ceil(shift)}
 
 
 def test_a_centred_uneven_gripper_holds_the_narrowest_side_where_the_hand_is_sent(job):
@@ -84,12 +66,3 @@ def test_worlds_that_a_job_believes_in_are_the_ends_of_its_doubts(job):
     cases = believed_cases(job.replaced(doubt=doubt, pressure=any_form, part={"tolerance_mm": 0.2}))
     assert len({case.name for case in cases}) == len(cases) == 12
     assert {case.disturbance.encoder_offset_mm for case in cases} == {-1.0, 0.0, 1.0}
-
-
-def test_a_constant_error_of_the_arm_is_a_change_of_frame(job, table):
-    """Parts that the hand never meets lie in its frame where they lay, less the error."""
-    bias = Disturbance(bias_mm=(120.0, 0.0))
-    displaced = evaluate(table, job, worlds(job), 200, 3, disturbance=bias)
-    assert displaced.poses == pytest.approx(displaced.initial - bias.bias)
-    near = evaluate(table, job, worlds(job), 1000, 3, disturbance=Disturbance(bias_mm=(1.5, 0.0)))
-    assert near.success.mean() > 0.99
