@@ -136,9 +136,7 @@ def tree(tmp_path):
     return tmp_path / "t.msgpack"
 
 
-def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
-    tmp_path, tree, capsys
-):
+def test_parts_have_the_code_of_their_outcome_and_only_a_located_one_a_pose(tmp_path, tree, capsys):
     results = []
 
     def program(client):
