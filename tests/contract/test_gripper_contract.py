@@ -94,7 +94,6 @@ def test_port_that_nobody_serves_is_refused_in_one_line(port, sentence):
 
 
 def test_gripper_of_another_profile_than_asked_for_is_refused_and_closed(monkeypatch):
-
     def stubborn(makes, *settings, profile, **options):
         return modbus.gripper(*settings, profile=None, **options)
 

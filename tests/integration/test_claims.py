@@ -117,9 +117,7 @@ def tree_of(table: Table, target: int = 0) -> plans.Node:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_meant(
-    seed: int,
-) -> None:
+def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_meant(seed):
     table, random = random_table(seed, 12), Random(seed)
     reached = {n for n in range(len(table.leaves)) if random.random() < 0.5} | {0}
     kept = leading(table, reached)

@@ -108,9 +108,7 @@ def test_a_part_that_a_stop_left_in_the_air_is_put_down_only_if_asked(station) -
     assert_sound(station.journal)
 
 
-def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_drops_it(
-    station,
-) -> None:
+def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_drops_it(station):
     station.strike(signal.SIGKILL, station.grips, "--activate")
     code, _, err = station.run()
     assert code == 24

@@ -169,9 +169,7 @@ def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize(("command", "read"), CLASHES, ids=named)
-def test_an_input_is_never_an_output(
-    desk: Desk, refuses: Callable[[Command, Path], int], command: Command, read: str
-) -> None:
+def test_an_input_is_never_an_output(desk, refuses, command, read):
     out = desk.files[read].rename(desk.folder / f"seed=1{command.suffix}")
     desk.files[read] = out
     other = desk.folder / "other" / out.name
@@ -186,9 +184,7 @@ def test_an_input_is_never_an_output(
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=named)
-def test_only_a_regular_file_is_an_output(
-    desk: Desk, refuses: Callable[[Command, Path], int], command: Command
-) -> None:
+def test_only_a_regular_file_is_an_output(desk, refuses, command):
     odd = odd_files(desk.folder, command.suffix)
     codes = {refuses(command, path) for path in odd.values()}
     assert codes == {2}
@@ -196,9 +192,7 @@ def test_only_a_regular_file_is_an_output(
         pytest.skip("all but the device, which only root can make")
 
 
-def test_a_file_that_the_job_names_is_an_input(
-    desk: Desk, refuses: Callable[[Command, Path], int]
-) -> None:
+def test_a_file_that_the_job_names_is_an_input(desk, refuses):
     """The surface that plan-identify measured; and a second output in the place of the first."""
     surface = desk.folder / "surface.msgpack"
     surface.write_text(SURFACE)
@@ -215,9 +209,7 @@ def test_a_file_that_the_job_names_is_an_input(
 @pytest.mark.parametrize(
     "kind", ["text", "json", "tree", "journal of another kind", "no end", "odd"]
 )
-def test_what_is_no_journal_is_not_written_to(
-    desk: Desk, capfd: pytest.CaptureFixture[str], kind: str
-) -> None:
+def test_what_is_no_journal_is_not_written_to(desk, capfd, kind):
     contents = {
         "text": b"a note\nand one more, without an end",
         "json": b'{"host": "cell"}',
@@ -283,9 +275,7 @@ def test_rows_on_standard_output_are_nothing_but_rows(desk: Desk, program: str, 
     assert what_is(Path("/dev/stdout")) == before
 
 
-def test_a_device_is_locked_under_all_its_names(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_device_is_locked_under_all_its_names(desk, monkeypatch, capfd):
     """Whatever the session's folder for such things is, and whatever was planted in it."""
     number = 10_000 + os.getpid() % 50_000
     with PortLock(f"tcp://127.0.0.1:{number}"):

@@ -95,9 +95,7 @@ def test_an_answer_that_is_lost_is_no_success(tell: Tell, journal: Path, words: 
     assert "output cannot be written: No space left" in err
 
 
-def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(
-    tell: Tell, journal: Path
-) -> None:
+def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(tell, journal):
     code, _, err = tell(REPORT, journal, shell="| head -c 1 >/dev/null")
     assert err == ""
     assert code in (0, 11)
@@ -113,9 +111,7 @@ def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(
         (["--node", "x"], "'x' is not a whole number"),
     ],
 )
-def test_filters_that_no_record_could_pass_are_usage(
-    tell: Tell, journal: Path, words, message: str
-) -> None:
+def test_filters_that_no_record_could_pass_are_usage(tell, journal, words, message):
     _, out, err = tell(JOURNAL, "show", journal, *words, code=2)
     assert (out, err.count("\n")) == ("", 1)
     assert message in err

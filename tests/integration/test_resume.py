@@ -119,9 +119,7 @@ BOTH = pytest.mark.parametrize(
 
 @BOTH
 @pytest.mark.parametrize("plan", [PLAIN, CAREFUL], ids=["direct", "regulated, level tips"])
-def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(
-    table: Table, plan: RunOptions, tmp_path: Path, some: Some
-) -> None:
+def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(table, plan, tmp_path, some):
     moments = moments_of(table, plan, tmp_path / "whole.jsonl")
     assert moments > 200
     for last in some(moments, 23):
@@ -138,17 +136,13 @@ def test_a_resumed_run_may_be_killed_again(table: Table, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("table", [small_table(), pushing_table()], ids=["plain", "pushing"])
-def test_a_part_that_is_started_over_reaches_the_same_leaf(
-    table: Table, tmp_path: Path, some: Some
-) -> None:
+def test_a_part_that_is_started_over_reaches_the_same_leaf(table, tmp_path, some):
     for last in some(moments_of(table, PLAIN, tmp_path / "whole.jsonl"), 29):
         path = tmp_path / f"{last}.jsonl"
         assert survive(table, PLAIN, path, (last,), "restart") == ("leaf", 1), last
 
 
-def test_a_run_killed_while_it_pushed_is_not_resumed_and_no_push_is_repeated(
-    killed: Runs,
-) -> None:
+def test_a_run_killed_while_it_pushed_is_not_resumed_and_no_push_is_repeated(killed):
     """What it broke off at may be started over."""
     refused = 0
     for last, _, path, kinds in killed(pushing_table(), 23):
@@ -165,9 +159,7 @@ def test_a_run_killed_while_it_pushed_is_not_resumed_and_no_push_is_repeated(
     assert refused > 2
 
 
-def test_a_run_that_is_given_up_says_so_and_moves_nothing(
-    killed: Runs,
-) -> None:
+def test_a_run_that_is_given_up_says_so_and_moves_nothing(killed):
     for _, world, path, begun in killed(small_table(), 23):
         stood = (world.at_mm, world.model.read_output())
         if not begun or "end" in begun or "outcome" in begun:
@@ -190,9 +182,7 @@ def whole_kinds(path: Path) -> list[str]:
 
 @BOTH
 @pytest.mark.parametrize("height_mm", [10.0, 60.0])
-def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(
-    table: Table, height_mm: float, killed: Runs
-) -> None:
+def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(table, height_mm, killed):
     """Once a reading is believed, the part is gone on with only where the hand was left, held or let go."""
     for last, world, path, kinds in killed(table, 29):
         world._grip_mm = None
@@ -208,9 +198,7 @@ def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(
         assert tally.exit_code in ({24} if touched else {0, 10})
 
 
-def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one(
-    killed: Runs,
-) -> None:
+def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one(killed):
     """The fingers closed on as the part went: count and journal differ."""
     refused = 0
     for _, world, path, kinds in killed(small_table(), 7):
@@ -224,9 +212,7 @@ def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one
     assert refused
 
 
-def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(
-    killed: Runs,
-) -> None:
+def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(killed):
     codes = set()
     for _, world, path, _ in killed(small_table(), 17):
         world.model.write_output(0, bytes(6), world.time.now())

@@ -71,9 +71,7 @@ def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path) ->
     assert code in (0, 10)
 
 
-def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refused(
-    tree: Path,
-) -> None:
+def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refused(tree):
     """Copied and truncated, as `logrotate` does it; the tests of the journal displace it otherwise."""
     journal, old = (tree.with_name(name) for name in ("journal.jsonl", "journal.jsonl.old"))
     with RunningCell(tree, time_scale=40) as cell:

@@ -41,9 +41,7 @@ def test_study_without_faults_sees_no_error() -> None:
     [(State.WAITING, Event.ACKNOWLEDGE_BACK), (State.PRESENTED, Event.TRIGGER_BACK)],
     ids=lambda each: each.name,
 )
-def test_study_notices_a_handshake_that_loses_results(
-    state: State, event: Event, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_study_notices_a_handshake_that_loses_results(state, event, monkeypatch):
     wrong = {**TABLE, (state, event): Transition(State.READY)}
     monkeypatch.setattr(station, "TABLE", wrong)
     study = Study(1)

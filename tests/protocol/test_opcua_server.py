@@ -111,9 +111,7 @@ def test_part_goes_through_the_states_and_has_its_result(served: Served, line: S
     assert line[f"{MACHINE}/LastTransition"] == "SingleExecutionToReady"
 
 
-def test_address_space_has_recipes_configuration_and_states(
-    served: Served, line: Supervisor
-) -> None:
+def test_address_space_has_recipes_configuration_and_states(served, line):
     assert line.call(f"{RECIPES}/GetRecipeList") == [
         [offer.id for offer in OFFERS],
         [offer.digest for offer in OFFERS],
@@ -143,9 +141,7 @@ def test_address_space_has_recipes_configuration_and_states(
         (f"{RESULTS}/ReleaseResultHandle", ("1",), "BadInvalidArgument"),
     ],
 )
-def test_call_that_does_not_fit_is_refused_and_begins_nothing(
-    path: str, inputs: tuple[Any, ...], problem: str, served: Served, line: Supervisor
-) -> None:
+def test_call_that_does_not_fit_is_refused_and_begins_nothing(path, inputs, problem, served, line):
     with pytest.raises(ua.UaStatusCodeError) as refused:
         line.call(path, *inputs)
     assert type(refused.value).__name__ == problem
@@ -174,9 +170,7 @@ def test_variable_cannot_be_written_and_no_node_added(served: Served, line: Supe
         line.wait(line.client.nodes.objects.add_object(2, "mine"))
 
 
-def test_second_client_reads_and_may_not_command_until_the_first_is_gone(
-    served: Served, line: Supervisor
-) -> None:
+def test_second_client_reads_and_may_not_command_until_the_first_is_gone(served, line):
     job = line.start("a")
     served.end_part()
     line.result(job)
@@ -241,9 +235,7 @@ def test_fault_is_an_error_until_it_is_confirmed(served: Served, line: Superviso
     assert line[f"{MACHINE}/CurrentState"] == "Operational"
 
 
-def test_abort_is_a_stop_request(
-    served: Served, line: Supervisor, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_abort_is_a_stop_request(served, line, monkeypatch):
     sent: list[tuple[int, int]] = []
     monkeypatch.setattr(os, "kill", lambda *what: sent.append(what))
     assert line.call(f"{AUTOMATIC}/Abort") == [0, ""]
@@ -303,9 +295,7 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
 @pytest.mark.parametrize(
     "junk", [b"GET / HTTP/1.0\r\n\r\n", b"HELF\x00\x00\x00\x08", b"\xff" * 4096]
 )
-def test_bytes_that_are_no_message_change_nothing(
-    junk: bytes, served: Served, line: Supervisor
-) -> None:
+def test_bytes_that_are_no_message_change_nothing(junk, served, line):
     with socket.create_connection(("127.0.0.1", served.port), timeout=20) as intruder:
         intruder.sendall(junk)
     assert line[STATE] == "Ready"

@@ -34,9 +34,7 @@ def test_without_its_folder_a_kernel_is_kept_nowhere_and_the_user_is_warned_once
     kernels._warn_once.cache_clear()
 
 
-def test_kernels_are_kept_under_the_key_of_their_content(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_kernels_are_kept_under_the_key_of_their_content(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(kernels.numba_config, "CACHE_DIR", str(tmp_path / "keyed"))
     result = kernels.kernel(doubled)
     assert Path(result.stats.cache_path).is_relative_to(tmp_path / "keyed")

@@ -68,18 +68,14 @@ TIGHT = {"limits.work_area_um": Area(-60_000, -2_100, 60_000, 60_000)}
         (small_table(), UNKNOWN, 58.0),
     ],
 )
-def test_plan_is_not_turned_where_the_world_is_not_the_same_from_every_side(
-    table: Table, job: dict | None, middle_mm: float
-) -> None:
+def test_plan_is_not_turned_where_the_world_is_not_the_same_from_every_side(table, job, middle_mm):
     assert may_turn(small_table(), UNKNOWN)
     assert not may_turn(table, job, middle_mm)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.6])
 @pytest.mark.parametrize("angle_rad", [-2.0, 0.7, 4.0])
-def test_hand_need_not_turn_to_the_first_squeeze_of_a_turned_plan(
-    share: float, angle_rad: float
-) -> None:
+def test_hand_need_not_turn_to_the_first_squeeze_of_a_turned_plan(share, angle_rad):
     job = {"gripper": {"upper_finger_share": share}}
     parts = [
         Schedule.of(small_table(), each).part([Squeezed(0, 21.0, 0)], Stand(0.0, 0.0, angle_rad))
