@@ -5,6 +5,7 @@ import re
 import shlex
 from pathlib import Path
 
+import pytest
 from documents import rows, section
 from programs import ROOT
 from soaking import soak_run
@@ -71,6 +72,22 @@ def classes() -> list[type[ExpectedError]]:
     """All error classes of the project."""
     named = [item for name in MODULES for item in vars(importlib.import_module(name)).values()]
     return [item for item in named if isinstance(item, type) and issubclass(item, ExpectedError)]
+
+
+@pytest.mark.parametrize("cls", classes(), ids=lambda cls: cls.__name__)
+def test_error_class_has_the_code_of_what_it_is_about(cls):
+    codes = {
+        "ExpectedError": 1,
+        "UsageError": 2,
+        "InputError": 3,
+        "NoPlanError": 4,
+        "PackError": 34,
+    }
+    codes |= {"CheckFailedError": 11, "DeviceError": 20, "UnreachableError": 21, "StoppedError": 40}
+    codes |= {"JournalError": 24, "BrokenRunError": 24}
+    assert cls.exit_code == next(
+        codes[each.__name__] for each in cls.mro() if each.__name__ in codes
+    )
 
 
 def test_exit_codes_are_at_most_twelve_beside_success_and_interrupt():

@@ -1,6 +1,5 @@
 """What goes wrong on the way to the gripper is in the journal of the run it went wrong in, and only there."""
 
-
 import pytest
 from soaking import small_setting
 

@@ -95,14 +95,8 @@ def test_silence_is_a_timeout_and_then_the_end_of_the_link():
 @pytest.mark.parametrize(
     "answer",
     [
-        b"?",
-        b"nack",
-        b"POS 147",
-        b"ACT 256",
-        b"ACT one",
-        b"ACT 1111",
+        *(b"?", b"nack", b"POS 147", b"ACT 256", b"ACT one", b"ACT 1111", b"\xff"),
         b"HTTP/1.1 400 Bad Request",
-        b"\xff",
     ],
 )
 def test_other_answers_are_refused(answer):
@@ -145,20 +139,15 @@ def test_noise_never_becomes_a_reading_that_nobody_sent():
 @pytest.mark.parametrize(
     "line",
     [
-        b"",
-        b"GET",
-        b"GET XYZ",
-        b"GET POS 1",
-        b"SET",
-        b"SET POS",
-        b"SET POS -1",
-        b"SET POS 256",
-        b"SET GTO 2",
-        b"set POS 1",
-        b"SET POS 1 XYZ 2",
-        b"SET STA 3",
-        b"\xff\xfe",
-        b"SET POS \xb2",
+        *(b"", b"GET", b"GET XYZ", b"GET POS 1", b"SET", b"SET POS", b"SET POS -1", b"SET POS 256"),
+        *(
+            b"SET GTO 2",
+            b"set POS 1",
+            b"SET POS 1 XYZ 2",
+            b"SET STA 3",
+            b"\xff\xfe",
+            b"SET POS \xb2",
+        ),
     ],
 )
 def test_the_simulated_urcap_obeys_no_line_that_it_does_not_understand(line):

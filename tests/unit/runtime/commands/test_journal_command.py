@@ -54,8 +54,8 @@ def test_replay_of_a_forged_decision_is_24_though_its_chain_holds(journal, tmp_p
     assert seen.code == 24
     assert seen.out.startswith("record 3: ")
     assert "records claim what their counts do not justify" in seen.err
-    told = called(main, "replay", forged, "--json")
-    assert (told.code, json.loads(told.out)["findings"][0]["seq"]) == (24, 3)
+    reported = called(main, "replay", forged, "--json")
+    assert (reported.code, json.loads(reported.out)["findings"][0]["seq"]) == (24, 3)
 
 
 def test_show_filters_by_part_node_outcome_and_time(journal):
@@ -68,8 +68,8 @@ def test_show_filters_by_part_node_outcome_and_time(journal):
         ("--outcome", "reject", "part", 4),
     )
     for option, value, field, kept in filters:
-        told = lines("show", journal, option, value, "--json")
-        assert {json.loads(line)[field] for line in told} == {kept}
+        shown = lines("show", journal, option, value, "--json")
+        assert {json.loads(line)[field] for line in shown} == {kept}
     assert lines("show", journal, "--since", "9999-01-01") == []
 
 

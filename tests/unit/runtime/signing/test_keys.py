@@ -98,9 +98,8 @@ def test_what_is_no_such_key_is_refused_in_a_sentence(tmp_path):
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
 def test_openssl_makes_keys_for_us_and_reads_ours(tmp_path):
     def openssl(*words):
-        return subprocess.run(
-            ["openssl", *words], capture_output=True, timeout=30, check=True
-        ).stdout
+        command = ["openssl", *map(str, words)]
+        return subprocess.run(command, capture_output=True, timeout=30, check=True).stdout
 
     theirs, public = tmp_path / "theirs.pem", tmp_path / "theirs.pub"
     openssl("genpkey", "-algorithm", "ed25519", "-out", str(theirs))

@@ -6,7 +6,18 @@ from math import cos, hypot, pi, sin
 import pytest
 from sample_tables import changed, every_field_table, pushing_table, random_table, small_table
 
-from runtime.table import Area, Place, Schedule, Squeezed, Stand, Table, may_turn, turned
+from runtime.table import (
+    Area,
+    Leaf,
+    Node,
+    Place,
+    Schedule,
+    Squeezed,
+    Stand,
+    Table,
+    may_turn,
+    turned,
+)
 
 UNKNOWN = {"uncertainty": {"radius_mm": 10.0, "orientation_halfwidth_deg": 180.0}}
 TURNS_URAD = [1, 785_398, -1_570_796, 3_141_592, 5_000_000]
@@ -34,17 +45,18 @@ def test_turned_plan_turned_back_is_the_plan(table: Table, turn_urad: int) -> No
     assert [node.branches for node in back.nodes] == [node.branches for node in table.nodes]
 
 
+def distance(node: Node, leaf: Leaf) -> float:
+    """From the hand at a node to a leaf's pose, um."""
+    return hypot(node.squeeze.x_um - leaf.x_um, node.squeeze.y_um - leaf.y_um)
+
+
 @pytest.mark.parametrize("turn_urad", TURNS_URAD)
 def test_turned_plan_keeps_distances_between_hand_and_part(turn_urad: int) -> None:
     table = every_field_table()
     result = turned(table, turn_urad)
     for node, before in zip(result.nodes, table.nodes, strict=True):
         for leaf, leaf_before in zip(result.leaves, table.leaves, strict=True):
-            apart, apart_before = (
-                hypot(one.squeeze.x_um - end.x_um, one.squeeze.y_um - end.y_um)
-                for one, end in ((node, leaf), (before, leaf_before))
-            )
-            assert apart == pytest.approx(apart_before, abs=2)
+            assert distance(node, leaf) == pytest.approx(distance(before, leaf_before), abs=2)
             off = leaf.theta_urad - node.squeeze.angle_urad
             off -= leaf_before.theta_urad - before.squeeze.angle_urad
             assert 1e6 * 2 * pi * round(off / (2e6 * pi)) == pytest.approx(off, abs=2)

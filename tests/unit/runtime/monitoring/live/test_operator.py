@@ -35,9 +35,8 @@ def shown(status):
 
 
 def part(number=1, outcome=Outcome.LEAF, steps=(STEP,), reason=None, **fields):
-    return replace(
-        PartResult.of(number, outcome, list(steps), reason, exit_code=0), seconds=5.0, **fields
-    )
+    result = PartResult.of(number, outcome, list(steps), reason, exit_code=0)
+    return replace(result, seconds=5.0, **fields)
 
 
 @pytest.mark.parametrize("phase", Phase)
@@ -72,9 +71,8 @@ def test_a_normal_end_looks_normal_and_a_fault_says_what_failed():
     tally = Tally()
     tally.add(part(), None)
     assert ended(tally) == ("good", "Ended as planned. 1 part, 1 located.")
-    failed = part(
-        2, Outcome.FAULT, [], "no answer from the gripper", safe_state=("fingers stopped",)
-    )
+    said = "no answer from the gripper"
+    failed = part(2, Outcome.FAULT, [], said, safe_state=("fingers stopped",))
     tally.add(failed, None)
     seen = status()
     seen.part(failed)
@@ -89,7 +87,7 @@ def test_a_normal_end_looks_normal_and_a_fault_says_what_failed():
     ("error", "sentence"),
     [
         (KeyboardInterrupt(), "Stopped by the operator"),
-        (OSError("disk <full>"), "Ended by an error: disk &lt;full&gt;"),
+        (OSError("a <disk>"), "error: a &lt;disk&gt;"),
     ],
 )
 def test_a_run_that_breaks_off_says_so(tmp_path, error, sentence):
