@@ -27,9 +27,8 @@ HEADINGS = ["Status", "Context", "Decision", "Consequences"]
 
 def folders(path: Path) -> set[str]:
     """Names of the folders in path, without those that git ignores by name and git's own."""
-    ignored = [
-        line.strip("/") for line in (ROOT / ".gitignore").read_text().splitlines() if line.strip()
-    ]
+    lines = (ROOT / ".gitignore").read_text().splitlines()
+    ignored = [line.strip("/") for line in lines if line.strip()]
     names = {entry.name for entry in path.iterdir() if entry.is_dir() and entry.name != ".git"}
     return {name for name in names if not any(fnmatch(name, pattern) for pattern in ignored)}
 

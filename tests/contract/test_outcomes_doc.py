@@ -28,16 +28,13 @@ def setting(name: str) -> str:
 
 
 def test_the_states_are_those_of_the_loop():
-    assert [row[0].strip("`") for row in rows(section(TEXT, "States"))] == [
-        phase.value for phase in Phase
-    ]
+    states = [row[0].strip("`") for row in rows(section(TEXT, "States"))]
+    assert states == [phase.value for phase in Phase]
 
 
 def test_the_outcomes_have_their_codes():
     record = {row[0].strip("`"): row[1] for row in rows(section(TEXT, "Outcomes"))}
-    assert record == {
-        outcome.value: str(EXIT_CODES.get(outcome, "the device's")) for outcome in Outcome
-    }
+    assert record == {each.value: str(EXIT_CODES.get(each, "the device's")) for each in Outcome}
 
 
 def test_the_faults_are_the_codes_of_devices_and_disk():

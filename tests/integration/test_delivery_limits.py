@@ -71,9 +71,8 @@ def test_hundreds_of_deliveries_do_not_wind_the_wrist_up() -> None:
 
 def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.abb.arm.Arm._overturn", lambda *_: "")
-    monkeypatch.setattr(
-        "drivers.abb.arm.Arm.turn_range", lambda *_: (radians(-2000), radians(2000))
-    )
+    anywhere = radians(-2000), radians(2000)
+    monkeypatch.setattr("drivers.abb.arm.Arm.turn_range", lambda *_: anywhere)
     monkeypatch.setattr("runtime.traversal.geometry.MOST_TURNS", 9)
     monkeypatch.setattr("runtime.execution.safety.MOST_TURNS", 9)
     counts = soaked(60)

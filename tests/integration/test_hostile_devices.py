@@ -55,7 +55,7 @@ def stopped() -> Iterator[str]:
         os.close(end)
 
 
-def test_commands_that_look_at_a_stopped_serial_port_end(stopped, tree, tmp_path):
+def test_commands_that_look_at_a_stopped_serial_port_end(stopped, tree, tmp_path) -> None:
     check = ("--tree", tree, "--tips", "straight", "--check")
     width = ("width", "--gripper", "S/N", "-o", tmp_path / "g.json")
     for main, words in ((cli.main, check), (cli.calibrate, width)):
@@ -68,7 +68,7 @@ def test_commands_that_look_at_a_stopped_serial_port_end(stopped, tree, tmp_path
     assert "cannot be searched" in ended.out
 
 
-def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(tree, tmp_path):
+def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(tree, tmp_path) -> None:
     reader, writer = os.pipe()
     fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
     os.write(writer, bytes(4096))  # it is full

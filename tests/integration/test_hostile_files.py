@@ -206,15 +206,13 @@ def test_a_file_that_the_job_names_is_an_input(desk, refuses):
     refuses(twice, desk.folder / "s.svg")
 
 
-@pytest.mark.parametrize(
-    "kind", ["text", "json", "tree", "journal of another kind", "no end", "odd"]
-)
+@pytest.mark.parametrize("kind", ["text", "json", "tree", "another journal", "no end", "odd"])
 def test_what_is_no_journal_is_not_written_to(desk, capfd, kind):
     contents = {
         "text": b"a note\nand one more, without an end",
         "json": b'{"host": "cell"}',
         "tree": desk.files["tree"].read_bytes(),
-        "journal of another kind": b'{"seq":0,"time":"now","kind":"header"}\n{"seq":1,"time":"now"',
+        "another journal": b'{"seq":0,"time":"now","kind":"header"}\n{"seq":1,"time":"now"',
         "no end": b"x" * 100,
     }
     if kind == "odd":
@@ -227,7 +225,7 @@ def test_what_is_no_journal_is_not_written_to(desk, capfd, kind):
         assert desk.start(path) == 24
         said = capfd.readouterr().err.splitlines()
         assert said[-1].startswith(f"grasp-runtime: journal {path}")
-        assert "is no" in said[-1] or "it is a" in said[-1] or kind == "journal of another kind"
+        assert "is no" in said[-1] or "it is a" in said[-1] or kind == "another journal"
         assert desk.seen() == before
 
 

@@ -30,9 +30,7 @@ def tell(tmp_path: Path, monkeypatch) -> Tell:
     """Runs a command in `tmp_path`, as a process where `shell` redirects, and checks what holds then."""
     monkeypatch.chdir(tmp_path)
 
-    def run(
-        entry: tuple[str, str], *words: object, code: int | None = None, shell: str = ""
-    ) -> Ended:
+    def run(entry: tuple[str, str], *words: object, code: int | None = None, shell="") -> Ended:
         module, function = entry
         if shell:
             call = f"import sys; from {module} import {function}; sys.exit({function}())"
@@ -95,7 +93,7 @@ def test_an_answer_that_is_lost_is_no_success(tell: Tell, journal: Path, words: 
     assert "output cannot be written: No space left" in err
 
 
-def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(tell, journal):
+def test_report_keeps_its_code_and_its_peace_when_the_reader_goes(tell, journal) -> None:
     code, _, err = tell(REPORT, journal, shell="| head -c 1 >/dev/null")
     assert err == ""
     assert code in (0, 11)
@@ -111,7 +109,7 @@ def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(tell, journa
         (["--node", "x"], "'x' is not a whole number"),
     ],
 )
-def test_filters_that_no_record_could_pass_are_usage(tell, journal, words, message):
+def test_show_of_filters_that_no_record_could_pass_is_usage(tell, journal, words, message) -> None:
     _, out, err = tell(JOURNAL, "show", journal, *words, code=2)
     assert (out, err.count("\n")) == ("", 1)
     assert message in err

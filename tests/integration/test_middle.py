@@ -63,11 +63,8 @@ def run_parts(tree, handling, delivery=None):
     console = Deaf()
     console.part = lambda result, seen: ended.append((result, seen, virtual.scene.truth()))
     cell = Cell(virtual.gripper(), virtual.arm(), virtual.clock, FakeJournal())
-    run = {
-        "count": PARTS,
-        "activate": True,
-        "options": RunOptions(handling=handling, delivery=delivery),
-    }
+    options = RunOptions(handling=handling, delivery=delivery)
+    run = {"count": PARTS, "activate": True, "options": options}
     session.run_journalled(load(tree).table, cell, virtual.scene, console, **run)
     return ended
 

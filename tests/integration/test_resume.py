@@ -92,9 +92,7 @@ def moments_of(table: Table, plan: RunOptions, path: Path) -> int:
     return moments
 
 
-def survive(
-    table: Table, plan: RunOptions, path: Path, deaths: tuple[int, ...], after_crash: str
-) -> tuple:
+def survive(table: Table, plan: RunOptions, path: Path, deaths: tuple, after_crash: str) -> tuple:
     """Processes that die at the given moments, one after the other, and one that lives; the part's end."""
     world = World(table, PATH)
     for last in (*deaths, None):

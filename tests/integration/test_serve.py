@@ -25,9 +25,7 @@ PARTS = 12
 POSE = ("x_mm", "y_mm", "theta_rad")
 
 
-def asked(
-    locate: Callable[[SimulatedRobot], object], robot: SimulatedRobot, parts: int
-) -> list[object]:
+def asked(locate: Callable[..., object], robot: SimulatedRobot, parts: int) -> list[object]:
     """What a client is told of so many parts."""
     lines = []
     for _ in range(parts):

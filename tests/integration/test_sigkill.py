@@ -93,10 +93,8 @@ def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refus
     broken_of(journal).unlink()
     assert_sound(journal)
     *_, outcome, end = records(journal)
-    assert [(each["kind"], each["exit_code"]) for each in (outcome, end)] == [
-        ("outcome", 24),
-        ("end", 24),
-    ]
+    ends = [(each["kind"], each["exit_code"]) for each in (outcome, end)]
+    assert ends == [("outcome", 24), ("end", 24)]
     assert any("retreat height" in sentence for sentence in outcome["safe_state"])
 
 

@@ -18,9 +18,8 @@ def test_study_of_faulty_exchanges_loses_no_result_and_takes_none_twice(seed: in
     study = Study(seed)
     study.run(500)
     study.check()
-    assert all(
-        study.counts[name] for name in ("dropped", "doubled", "late", "discarded", "broken", "lazy")
-    )
+    mishaps = ("dropped", "doubled", "late", "discarded", "broken", "lazy")
+    assert all(study.counts[name] for name in mishaps)
 
 
 def check_each_step(study: Study) -> None:

@@ -86,6 +86,5 @@ def test_driver_sends_the_frames_of_the_manual():
     gripper.move(47_500, 68.0, 160.0)
     gripper.wait()
     writes = [frame for frame in sent if frame[1] == 6]
-    assert writes == [
-        bytes.fromhex(frame) for frame in (INITIALISE, SET_SPEED_50, SET_POSITION_500)
-    ]
+    frames = (INITIALISE, SET_SPEED_50, SET_POSITION_500)
+    assert writes == [*map(bytes.fromhex, frames)]

@@ -36,9 +36,8 @@ def address(url):
 def master(cell, kind):
     """A pymodbus client, and where the blocks are for it."""
     if kind == "pty":
-        client = ModbusSerialClient(
-            cell.endpoints["gripper"], baudrate=115200, timeout=0.2, retries=0
-        )
+        port = cell.endpoints["gripper"]
+        client = ModbusSerialClient(port, baudrate=115200, timeout=0.2, retries=0)
         return client, 9, 1000, 2000
     host, port = address(cell.endpoints["gripper_tcp" if kind == "tcp" else "gripper_rtu_tcp"])
     framer = FramerType.SOCKET if kind == "tcp" else FramerType.RTU

@@ -27,16 +27,14 @@ RAPID = Path(drivers.abb.__file__).with_name("SqueezeTree.modx").read_text(encod
 
 @pytest.fixture
 def rig():
-    result = OmniCoreRig(digest=True)
-    yield result
-    result.close()
+    with contextlib.closing(OmniCoreRig(digest=True)) as result:
+        yield result
 
 
 @pytest.fixture
 def basic():
-    result = OmniCoreRig()
-    yield result
-    result.close()
+    with contextlib.closing(OmniCoreRig()) as result:
+        yield result
 
 
 def test_the_first_motion_starts_our_program_and_the_next_feeds_it(rig):

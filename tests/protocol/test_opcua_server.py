@@ -303,9 +303,8 @@ def test_bytes_that_are_no_message_change_nothing(junk, served, line):
 
 def test_endpoint_is_the_encrypted_one_alone(served: Served) -> None:
     async def endpoints() -> list[Any]:
-        return list(
-            await Client(f"opc.tcp://127.0.0.1:{served.port}").connect_and_get_server_endpoints()
-        )
+        client = Client(f"opc.tcp://127.0.0.1:{served.port}")
+        return list(await client.connect_and_get_server_endpoints())
 
     (only,) = asyncio.run(endpoints())
     assert only.SecurityPolicyUri.endswith("#Basic256Sha256")

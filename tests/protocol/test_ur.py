@@ -32,9 +32,8 @@ PAUSED = 4  # runtime state
 
 @pytest.fixture
 def rig():
-    result = Ur()
-    yield result
-    result.close()
+    with contextlib.closing(Ur()) as result:
+        yield result
 
 
 def is_still(rig):
