@@ -143,9 +143,8 @@ def decision_us(tree: Path) -> dict[str, float]:
 def percentiles(durations: "array[int]", prefix: str) -> dict[str, float]:
     """Some percentiles of durations in ns, in us."""
     spent = sorted(durations)
-    at = {
-        prefix + name: spent[int(share * len(spent))] / 1e3 for name, share in PERCENTILES.items()
-    }
+    places = {name: int(share * len(spent)) for name, share in PERCENTILES.items()}
+    at = {prefix + name: spent[place] / 1e3 for name, place in places.items()}
     return {**at, f"{prefix}max_us": spent[-1] / 1e3}
 
 

@@ -26,9 +26,7 @@ class Tried(Enum):
     OPEN = "open"
 
 
-def tried(
-    rng: np.random.Generator, rate: float, limit: float, most: int, unseen: float = 0.0
-) -> Tried:
+def tried(rng: np.random.Generator, rate: float, limit: float, most: int, unseen=0.0) -> Tried:
     """Run a cell until its first verdict, or for so many parts.
 
     Args:

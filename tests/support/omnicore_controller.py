@@ -93,10 +93,7 @@ class OmniCore:
                 kind, fields = "rap-execution", {"ctrlexecstate": state}
             case _ if path == POINTER:
                 at = {"_title": "progpointer", "modulemame": module, "routinename": routine}
-                return [
-                    {"_type": "pcp-info", **at},
-                    {"_type": "pcp-info", "_title": "motionpointer"},
-                ]
+                return [{"_type": "pcp-info", **row} for row in (at, {"_title": "motionpointer"})]
             case _ if path == f"{unit}/jointtarget":
                 kind, fields = "ms-jointtarget", axes
             case _ if path == f"{unit}/cartesian":

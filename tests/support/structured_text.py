@@ -41,11 +41,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 """Of IEC 61131-3; positions count from 1, and 0 is nowhere."""
 INTEGERS = {"INT": 2**15, "DINT": 2**31}
 FIRST = {"BOOL": False, "INT": 0, "DINT": 0, "REAL": 0.0, "STRING": ""}
-BLOCKS = {
-    st.InputDeclarations: INPUT,
-    st.OutputDeclarations: OUTPUT,
-    st.VariableDeclarations: LOCAL,
-}
+BLOCKS = {st.InputDeclarations: INPUT, st.OutputDeclarations: OUTPUT}
+BLOCKS[st.VariableDeclarations] = LOCAL
 
 
 NARROWED = {

@@ -43,9 +43,8 @@ def made_up_push(
     def block(share: float) -> tuple[np.ndarray, float]:
         turned = share * twist[2]
         a, b = (math.sin(turned), 1 - math.cos(turned)) if turned else (0.0, 0.0)
-        moved = (
-            np.array([[a, -b], [b, a]]) @ twist[:2] / twist[2] if twist[2] else share * twist[:2]
-        )
+        rotation = np.array([[a, -b], [b, a]])
+        moved = rotation @ twist[:2] / twist[2] if twist[2] else share * twist[:2]
         return start + turn(angle) @ moved, angle + turned
 
     heading = angle + math.atan2(*(FACES[face][1] @ turn(slant).T)[::-1])  # the pusher's x axis

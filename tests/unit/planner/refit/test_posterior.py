@@ -40,9 +40,8 @@ class Plain:
 
     def run(self, point, parts, seed):
         rng = np.random.default_rng(seed)
-        read = (point[:3] - LOW) / SPAN + rng.standard_normal((parts, 3)) * SIGMA * np.sqrt(
-            PARTS
-        ) / SPAN
+        noise = rng.standard_normal((parts, 3)) * SIGMA * np.sqrt(PARTS) / SPAN
+        read = (point[:3] - LOW) / SPAN + noise
         counts = np.clip(np.rint(50.0 + 100.0 * read), 0, 200).astype(np.int64)
         which = np.where(rng.random(parts) < SURFACE[int(point[3])], 100, 101)
         path = np.tile(np.arange(4), (parts, 1))
@@ -61,9 +60,8 @@ def drawn(monkeypatch, truth, seed):
     counts = readings(run, TABLE)
     monkeypatch.setattr(refit, "DRAWN", 500)
     seen = Seen(counts, PARTS, np.zeros(0, np.int64), np.zeros((0, 3)))
-    result = posterior(
-        Plain(), seen, seed, Threads(1), Effort(cells=50, parts=200, parts_for_each=2.0)
-    )
+    effort = Effort(cells=50, parts=200, parts_for_each=2.0)
+    result = posterior(Plain(), seen, seed, Threads(1), effort)
     return (
         LOW + SPAN * (run.steps[:, :3].mean(axis=0) - 50.0) / 100.0,
         counts[3, TABLE.gripper.steps - 100],
