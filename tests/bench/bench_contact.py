@@ -51,11 +51,8 @@ MODELS = ("uniform, friction .25", "authors' ellipsoid", "authors' quartic")
 MODELS += ("new job", "from own pairs")
 SQUARE = np.array([[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]])  # passes the jaws
 UNIFORM = {"kind": "uniform", "limit_surface": "ellipsoid"}
-LOADS = {
-    "rim": {"kind": "boundary", "limit_surface": "ellipsoid"},
-    "area": UNIFORM,
-    "quartic": {"kind": "boundary", "limit_surface": "quartic"},
-}
+RIM = {"kind": "boundary", "limit_surface": "ellipsoid"}
+LOADS = {"rim": RIM, "area": UNIFORM, "quartic": {**RIM, "limit_surface": "quartic"}}
 JOBS = sorted((ROOT / "trees").glob("*/job.toml"))
 SQUEEZES = 1000  # of each part
 APART_MM, APART_DEG = 1.0, 3.0

@@ -103,11 +103,9 @@ def memory_of(pid: int) -> dict[str, float]:
         descriptors = len(list(Path(f"/proc/{pid}/fd").iterdir()))
     except OSError:
         return {}
-    return {
-        "peak_mib": int(record["VmHWM"][1]) / 1024,
-        "rss_mib": int(record["VmRSS"][1]) / 1024,
-        "descriptors": descriptors,
-    }
+    sizes = {"peak_mib": "VmHWM", "rss_mib": "VmRSS"}
+    mib = {name: int(record[key][1]) / 1024 for name, key in sizes.items()}
+    return {**mib, "descriptors": descriptors}
 
 
 def decision_us(tree: Path) -> dict[str, float]:

@@ -73,15 +73,9 @@ def classes() -> list[type[ExpectedError]]:
 
 @pytest.mark.parametrize("cls", classes(), ids=lambda cls: cls.__name__)
 def test_error_class_has_the_code_of_what_it_is_about(cls):
-    codes = {
-        "ExpectedError": 1,
-        "UsageError": 2,
-        "InputError": 3,
-        "NoPlanError": 4,
-        "PackError": 34,
-    }
+    codes = {"ExpectedError": 1, "UsageError": 2, "InputError": 3, "NoPlanError": 4}
     codes |= {"CheckFailedError": 11, "DeviceError": 20, "UnreachableError": 21, "StoppedError": 40}
-    codes |= {"JournalError": 24, "BrokenRunError": 24}
+    codes |= {"PackError": 34, "JournalError": 24, "BrokenRunError": 24}
     assert cls.exit_code == next(
         codes[each.__name__] for each in cls.mro() if each.__name__ in codes
     )

@@ -70,13 +70,8 @@ def files(tmp_path):
     calibration.save(true_calibration(OPTICS), tmp_path / "camera.json")
     tag_file.save(part_tag(), tmp_path / "tag.json", DATE)
     with CameraServer(RIG.watcher(lambda: Look(POSE), seed=1)) as server:
-        yield {
-            "tree": TABLE,
-            "camera": server.url,
-            "calibration": tmp_path / "camera.json",
-            "tag": tmp_path / "tag.json",
-            "deadline": ANSWER_S,
-        }
+        named = {"calibration": tmp_path / "camera.json", "tag": tmp_path / "tag.json"}
+        yield {"tree": TABLE, "camera": server.url, **named, "deadline": ANSWER_S}
 
 
 def test_questions_are_answered_by_what_the_camera_sees_and_failures_are_drawn(files, tmp_path):

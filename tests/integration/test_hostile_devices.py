@@ -21,13 +21,8 @@ from runtime import cli
 from runtime.journal.chain import records, verify
 from runtime.table import dump
 
-CASES = [
-    Case("gripper", "stopped", 8, 1),
-    Case("gripper_urcap", "endless", 40),
-    Case("arm", "drip", 10),
-    Case("arm_ur", "silent", 3, 16),
-    Case("scene", "gone", 1),
-]
+CASES = [Case("gripper", "stopped", 8, 1), Case("gripper_urcap", "endless", 40)]
+CASES += [Case("arm", "drip", 10), Case("arm_ur", "silent", 3, 16), Case("scene", "gone", 1)]
 
 
 @pytest.fixture(scope="module")

@@ -38,13 +38,10 @@ def exchange(device, request, now_s=0.0):
     return b"".join(piece.data for piece in slave.feed(bytes.fromhex(request)))
 
 
-@pytest.mark.parametrize(
-    "request_frame",
-    [
-        *(INITIALISE, CALIBRATE, SET_POSITION_500, SET_SPEED_50),
-        *(OPEN_FIRST, SAVE, BAUD_115200, STOP_BIT, NO_PARITY),
-    ],
-)
+WRITES = (INITIALISE, CALIBRATE, SET_POSITION_500, SET_SPEED_50, OPEN_FIRST, SAVE)
+
+
+@pytest.mark.parametrize("request_frame", [*WRITES, BAUD_115200, STOP_BIT, NO_PARITY])
 def test_simulator_repeats_each_write_of_the_manual(device, request_frame):
     assert exchange(device, request_frame) == bytes.fromhex(request_frame)
     assert device.writes == 1

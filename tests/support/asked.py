@@ -20,13 +20,6 @@ def asked_parts(
     count: int | None = None,
 ) -> AskedParts:
     """What answers a robot's lines by a table."""
-    return AskedParts(
-        table,
-        "0" * 64,
-        journal or FakeJournal(),
-        clock or FakeClock(),
-        Objects(table, Path("j")),
-        Tally(),
-        options or RunOptions(),
-        count,
-    )
+    console, options = Objects(table, Path("j")), options or RunOptions()
+    kept = (journal or FakeJournal(), clock or FakeClock())
+    return AskedParts(table, "0" * 64, *kept, console, Tally(), options, count)

@@ -33,15 +33,7 @@ def by_count(decided: DecisionMap) -> tuple[int, ...]:
     return tuple(decided.either.at(width_um(count)) for count in range(COUNTS))
 
 
-def state(
-    count: int,
-    flag: int = 3,
-    echo: int = 0,
-    *,
-    active: bool = True,
-    moving: bool = False,
-    fault: int = 0,
-) -> GripperState:
+def state(count, flag=3, echo=0, *, active=True, moving=False, fault=0) -> GripperState:
     """A reading of one."""
     text = fault_text(fault).partition(";")[0] if fault else ""
     target = SETTINGS.target_um(echo)

@@ -199,15 +199,7 @@ class CountedArm:
     def obstacle(self, start: tuple[float, ...], target: tuple[float, ...]) -> str:
         return ""
 
-    def move_linear(
-        self,
-        x_mm: float,
-        y_mm: float,
-        z_mm: float,
-        angle_rad: float,
-        speed_mm_s: float,
-        radius_mm: float = TURN_RADIUS_MM,
-    ) -> None:
+    def move_linear(self, x_mm, y_mm, z_mm, angle_rad, speed_mm_s, radius_mm=TURN_RADIUS_MM):
         with self._life.moments():
             self._world.move((x_mm, y_mm, z_mm, angle_rad))
 
@@ -235,14 +227,7 @@ class CountedJournal(Journal):
         os.write(file, data[len(data) // 2 :])
 
 
-def process(
-    world: World,
-    path: Path,
-    options: RunOptions,
-    *,
-    last: int | None = None,
-    after_crash: str = "resume",
-) -> tuple[session.Tally, int]:
+def process(world: World, path: Path, options: RunOptions, *, last=None, after_crash="resume"):
     """One life of the controlling process, as `runtime.cli` wires it; what came of it, and its moments.
 
     Raises:
@@ -253,24 +238,14 @@ def process(
     on_reject, on_unresolved = options.policy.texts()
     fields = {"on_reject": on_reject, "on_unresolved": on_unresolved}
     with CountedJournal(path, world, life) as journal:
-        begun = crash.look(
-            *(journal, data, fields, after_crash, Console()),
-            now={"time": world.time.stamp(), **world.time.uptime()},
-            most_s=RESUME_WITHIN_S,
-        )
+        now = {"time": world.time.stamp(), **world.time.uptime()}
+        given = (journal, data, fields, after_crash, Console())
+        begun = crash.look(*given, now=now, most_s=RESUME_WITHIN_S)
         gripper = Gripper(CountedLink(world, life), Pace(world.time))
         crash.begin(journal, begun, data, fields, after_crash)
         cell = Cell(gripper, CountedArm(world, life), world.time, journal)
-        tally = session.run_journalled(
-            world.table,
-            cell,
-            None,
-            Console(),
-            count=1,
-            activate=False,
-            options=options,
-            broken=begun,
-        )
+        run = {"count": 1, "activate": False, "options": options, "broken": begun}
+        tally = session.run_journalled(world.table, cell, None, Console(), **run)
     return tally, life.moment
 
 

@@ -30,14 +30,8 @@ class State(NamedTuple):
     @property
     def reading(self) -> GripperState:
         """As the port tells it."""
-        return state(
-            self.position_counts,
-            self.object_flag,
-            self.echo_counts,
-            active=self.activated,
-            moving=self.moving,
-            fault=self.fault,
-        )
+        known = {"active": self.activated, "moving": self.moving, "fault": self.fault}
+        return state(self.position_counts, self.object_flag, self.echo_counts, **known)
 
 
 class Call(NamedTuple):
@@ -134,15 +128,7 @@ class FakeArm:
     def obstacle(self, start: tuple[float, ...], target: tuple[float, ...]) -> str:
         return self.obstacles(start, target)
 
-    def move_linear(
-        self,
-        x_mm: float,
-        y_mm: float,
-        z_mm: float,
-        angle_rad: float,
-        speed_mm_s: float,
-        radius_mm: float = TURN_RADIUS_MM,
-    ) -> None:
+    def move_linear(self, x_mm, y_mm, z_mm, angle_rad, speed_mm_s, radius_mm=TURN_RADIUS_MM):
         self.log.call("arm", "move_linear", x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
         self.radii_mm.append(radius_mm)
         self.at = (x_mm, y_mm, z_mm, angle_rad)

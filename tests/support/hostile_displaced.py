@@ -53,11 +53,7 @@ class Run(NamedTuple):
 
 
 def campaign(
-    setting: Setting,
-    table: Table,
-    numbers: range,
-    seed: int,
-    report: Callable[[str], object] = print,
+    setting: Setting, table: Table, numbers: range, seed: int, report: Callable = print
 ) -> Counter[str]:
     """Displace the arm once in each of so many parts; returns how often each end was met."""
     ends: Counter[str] = Counter()

@@ -234,11 +234,8 @@ def _handler(
                 return
             if not self._signed_in():
                 challenge = f'Digest realm="{REALM}", nonce="0123abcd", qop="auth", opaque="x"'
-                self._send(
-                    HTTPStatus.UNAUTHORIZED,
-                    {"status": {"msg": "sign in"}},
-                    {"WWW-Authenticate": challenge if digest else f'Basic realm="{REALM}"'},
-                )
+                asked = {"WWW-Authenticate": challenge if digest else f'Basic realm="{REALM}"'}
+                self._send(HTTPStatus.UNAUTHORIZED, {"status": {"msg": "sign in"}}, asked)
                 return
             parts = urlsplit(self.path)
             query = {name: words[-1] for name, words in parse_qs(parts.query).items()}

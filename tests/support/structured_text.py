@@ -60,13 +60,9 @@ def parser() -> Lark:
     for general, narrow in NARROWED.items():
         assert grammar.count(general) == 1
         grammar = grammar.replace(general, narrow)
-    return Lark(
-        grammar,
-        parser="earley",
-        maybe_placeholders=True,
-        propagate_positions=True,
-        start=[rule.name for rule in BlarkStartingRule],
-    )
+    starts = [rule.name for rule in BlarkStartingRule]
+    how = {"maybe_placeholders": True, "propagate_positions": True}
+    return Lark(grammar, parser="earley", start=starts, **how)
 
 
 class FunctionBlock:

@@ -279,13 +279,11 @@ def test_refusals_of_a_gateway_are_distinguished(code, kind, message):
     assert type(raised.value) is kind
 
 
-@pytest.mark.parametrize(
-    "query",
-    [
-        *("unit=256", "unit=x", "unit=", "uint=9", "unit=9&unit=9"),
-        *("function=6", "output=65536", "baud=1"),
-    ],
-)
+SETTINGS = ["unit=256", "unit=x", "unit=", "uint=9", "unit=9&unit=9"]
+SETTINGS += ["function=6", "output=65536", "baud=1"]
+
+
+@pytest.mark.parametrize("query", SETTINGS)
 def test_setting_of_a_port_that_is_not_understood_is_refused(query):
     key = query.partition("=")[0]
     with pytest.raises(PortError, match=rf"{key}=.* is not understood; there are unit \(0 to"):

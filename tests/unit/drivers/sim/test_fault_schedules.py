@@ -149,9 +149,10 @@ def test_an_outbox_keeps_the_order_of_arrival():
     box = Outbox(BYTE_S, clock.at, lambda data: arrived.append((clock.now(), data)))
     box.put([Piece(b"late", 1.0), Piece(b"ab"), Piece(b"cd")], 10.0)
     clock.advance(20.0)
+    whole_s = 10.0 + 2 * BYTE_S
     assert arrived == [
-        (10.0 + 2 * BYTE_S, b"ab"),
-        (10.0 + 2 * BYTE_S + 2 * BYTE_S, b"cd"),
+        (whole_s, b"ab"),
+        (whole_s + 2 * BYTE_S, b"cd"),
         (11.0 + 4 * BYTE_S, b"late"),
     ]
 

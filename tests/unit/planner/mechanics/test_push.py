@@ -168,13 +168,8 @@ def test_fingers_end_a_push_as_their_corners_alone_do():
     ways = np.full(n, opening), np.full(n, way)
     by_hand = part.push_by_hand(poses, *ways, np.random.default_rng(9))
     for k, pose in enumerate(poses):
-        ahead = np.array(
-            [
-                (JAWS.length_mm / 2, side * y)
-                for side in (-1, 1)
-                for y in (15.0, 15.0 + JAWS.thickness_mm)
-            ]
-        )
+        far = (15.0, 15.0 + JAWS.thickness_mm)
+        ahead = np.array([(JAWS.length_mm / 2, side * y) for side in (-1, 1) for y in far])
         back = turned(ahead - pose[:2], -pose[2])
         push = paths(back, shift=turned([way, 0.0], -pose[2]))
         result = part.push(push, take(drawn, np.array([k])))

@@ -16,14 +16,8 @@ from planner.work.scheduler import Threads
 from runtime.table import load
 
 TABLE = load(TABLE_PATH).table
-SPACE = Space(
-    (
-        Quantity("encoder_mm", -3.0, 3.0),
-        Quantity("finger_part_min", 0.0, 1.0),
-        Quantity("finger_part_max", 0.0, 1.0),
-    ),
-    surfaces=2,
-)
+FRICTION = (Quantity(f"finger_part_{end}", 0.0, 1.0) for end in ("min", "max"))
+SPACE = Space((Quantity("encoder_mm", -3.0, 3.0), *FRICTION), surfaces=2)
 SIGMA, PARTS = np.array([0.05, 0.04, 0.04]), 100  # what so many parts tell, standard deviation
 LOW, SPAN = SPACE.bounds[0], np.ptp(SPACE.bounds, axis=0)
 SURFACE = (0.45, 0.55)  # share of the parts that read 100 at the last node
@@ -46,12 +40,8 @@ class Plain:
         which = np.where(rng.random(parts) < SURFACE[int(point[3])], 100, 101)
         path = np.tile(np.arange(4), (parts, 1))
         nowhere = np.full(parts, -1)
-        return SimpleNamespace(
-            steps=np.column_stack([counts, which]),
-            path=path,
-            leaf=nowhere,
-            poses=np.zeros((parts, 3)),
-        )
+        steps = np.column_stack([counts, which])
+        return SimpleNamespace(steps=steps, path=path, leaf=nowhere, poses=np.zeros((parts, 3)))
 
 
 def drawn(monkeypatch, truth, seed):

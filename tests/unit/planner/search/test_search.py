@@ -18,13 +18,9 @@ from planner.search.effort import PASSES
 from planner.search.search import LEAST_STRAYS, Search
 from planner.search.tree import Node, breadth_first, leaves
 
-JOB = job_file.load(
-    JOB_PATH,
-    {
-        "actions": {"angles_deg": [0, 50, 100]},
-        "uncertainty": {"orientation": "within", "orientation_halfwidth_deg": 20},
-    },
-)
+WITHIN = {"orientation": "within", "orientation_halfwidth_deg": 20}
+CHANGES = {"actions": {"angles_deg": [0, 50, 100]}, "uncertainty": WITHIN}
+JOB = job_file.load(JOB_PATH, CHANGES)
 ANGLES = np.radians(JOB.actions.angles_deg)
 PLACES = np.array([[-12.0, 0.0, 0.0], [-4.0, 8.0, 0.0], [4.0, -8.0, 0.0], [12.0, 0.0, 0.0]])
 EACH = 100  # particles at each place

@@ -78,12 +78,7 @@ class Running:
     """A run on a cell in memory, in the main thread; the PLC's program is in another one."""
 
     def __init__(
-        self,
-        folder: Path,
-        rig: FakeCell,
-        *trees: Path,
-        count: int | None = None,
-        journal: type[Journal] = Journal,
+        self, folder: Path, rig: FakeCell, *trees: Path, count=None, journal=Journal
     ) -> None:
         self.journal = journal(folder / "j.jsonl", lambda: "")
         self._cell = replace(rig.cell, journal=self.journal)

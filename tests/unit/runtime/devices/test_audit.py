@@ -58,11 +58,10 @@ def test_judge_answers_part_by_part(auditor):
     assert [auditor.judge(part, POSE)["verdict"] for part in (1, 2, 3)] == ["pass", "fail", "pass"]
 
 
-@pytest.mark.parametrize(
-    "auditor",
-    ["nonsense", "no verdict", "endless number", "list", "gone", "endless"],
-    indirect=True,
-)
+NO_ANSWERS = ["nonsense", "no verdict", "endless number", "list", "gone", "endless"]
+
+
+@pytest.mark.parametrize("auditor", NO_ANSWERS, indirect=True)
 def test_judge_of_whatever_is_no_answer_is_unknown(auditor):
     auditor._answer_s = 1.0
     assert auditor.judge(1, POSE)["verdict"] == "unknown"

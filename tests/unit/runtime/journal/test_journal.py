@@ -152,12 +152,8 @@ def test_journal_refuses_what_is_no_regular_file_and_leaves_it(tmp_path):
     before = target.read_bytes()
     (tmp_path / "link").symlink_to(target)
     os.mkfifo(tmp_path / "fifo")
-    said = {
-        "link": "a symbolic link",
-        "fifo": "no regular file",
-        "": "a folder",
-        "/dev/full": "no ",
-    }
+    said = {"link": "a symbolic link", "fifo": "no regular file"}
+    said |= {"": "a folder", "/dev/full": "no regular"}
     for name, sentence in said.items():
         with pytest.raises(JournalError, match=f"cannot be written: it is {sentence}"):
             Journal(tmp_path / name, STAMP)

@@ -60,13 +60,11 @@ def _write(path, data):
     return path
 
 
-@pytest.mark.parametrize(
-    ("key", "words"),
-    [
-        (rsa.generate_private_key(65537, 1024), "an RSA key"),
-        (ec.generate_private_key(ec.SECP256R1()), "key"),
-    ],
-)
+KINDS = [(rsa.generate_private_key(65537, 1024), "an RSA key")]
+KINDS += [(ec.generate_private_key(ec.SECP256R1()), "key")]
+
+
+@pytest.mark.parametrize(("key", "words"), KINDS)
 def test_a_key_of_another_kind_is_refused_by_its_name(tmp_path, key, words):
     private = _write(tmp_path / "k", key.private_bytes(PEM, PKCS8, PLAIN))
     public = _write(tmp_path / "p", key.public_key().public_bytes(PEM, PUBLIC))

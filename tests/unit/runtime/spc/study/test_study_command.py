@@ -153,12 +153,8 @@ def test_study_crossed_takes_journals_for_appraisers(tmp_path, capsys):
 
 
 def measured(path, change=lambda rows: rows):
-    rows = [
-        [f"P{part}", "ABC"[who], value]
-        for part, row in enumerate(AIAG)
-        for who, cell in enumerate(row)
-        for value in cell
-    ]
+    readings = np.ndenumerate(np.array(AIAG))
+    rows = [[f"P{part}", "ABC"[who], float(value)] for (part, who, _), value in readings]
     with path.open("w", newline="") as file:
         csv.writer(file).writerows([["part", "appraiser", "value"], *change(rows)])
     return path
