@@ -139,20 +139,17 @@ def test_a_part_of_long_ago_is_not_gone_on_with(station) -> None:
     assert "--resume-within" in said
 
 
+HELLO = "input(); print('hello', flush=True); input()"
+NO_AUDITORS = ["/no/such/auditor", str(ROOT / "README.md"), f"{sys.executable} -c pass"]
+NO_AUDITORS.append(f'{sys.executable} -c "{HELLO}"')
+
+
 @pytest.mark.parametrize(
     ("words", "code"),
     [
         ((), 20),  # it is not activated
         (("--activate", "--tips", "10,5"), 3),  # the table leaves no room for these
-        *(
-            (("--activate", "--audit", auditor), 2)
-            for auditor in (
-                "/no/such/auditor",
-                str(ROOT / "README.md"),
-                f"{sys.executable} -c pass",
-                f"{sys.executable} -c \"input(); print('hello', flush=True); input()\"",
-            )
-        ),
+        *((("--activate", "--audit", auditor), 2) for auditor in NO_AUDITORS),
     ],
 )
 def test_a_start_that_fails_moves_and_writes_nothing(station, words, code) -> None:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import pytest
 from programs import JOB, REHEARSAL, VIRTUAL, called, ended
+from push_commands import HEADER
 from sample_tables import small_table
 from written_journals import write_run
 
@@ -20,15 +21,11 @@ from runtime.journal.chain import verify
 from runtime.table import dump
 
 SURFACE = (
-    "format = 1\nkind = 'ellipsoid'\nrho_mm = 75.0\n"
-    "ellipsoid = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]\n"
+    "format = 1\nkind = 'ellipsoid'\nrho_mm = 75.0\nellipsoid = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n"
 )
 TEXTS = {
     "poses": "x_mm,y_mm,theta_rad\n1,2,0.3\n",
-    "pushes": (
-        "push_x_mm,push_y_mm,approach_x,approach_y,cor_x_mm,cor_y_mm,angle_deg,fingers_mm\n"
-        "15,0,0,1,90,0,2,5\n"
-    ),
+    "pushes": f"{HEADER},fingers_mm\n15,0,0,1,90,0,2,5\n",
     "log": "no pushes\n",
     "outline": "0,0\n30,0\n30,21\n",
     "expected": "{}\n",

@@ -26,10 +26,8 @@ from runtime.traversal.results import Outcome
 
 PATH = [(0, 1), (1, 0)]  # by both nodes of the small table to leaf 1
 PLAIN = RunOptions(Policy.of("next", "next"), Handling())
-CAREFUL = RunOptions(
-    Policy.of("resqueeze,restart,next", "restart,next"),
-    Handling(regulated=True, arc=TipArc(level_mm=8.0)),
-)
+LEVEL = Handling(regulated=True, arc=TipArc(level_mm=8.0))
+CAREFUL = RunOptions(Policy.of("resqueeze,restart,next", "restart,next"), LEVEL)
 
 
 def dragging_table() -> Table:
@@ -110,9 +108,7 @@ def survive(table: Table, plan: RunOptions, path: Path, deaths: tuple, after_cra
     return (ended[0]["outcome"], ended[0]["leaf"]) if ended else (None, None)
 
 
-BOTH = pytest.mark.parametrize(
-    "table", [small_table(), dragging_table()], ids=["plain", "dragging"]
-)
+BOTH = pytest.mark.parametrize("table", [small_table(), dragging_table()], ids=["plain", "drags"])
 
 
 @BOTH

@@ -100,9 +100,8 @@ def test_part_goes_through_the_states_and_has_its_result(served: Served, line: S
     assert (result["X_mm"], result["Y_mm"], result["Angle_deg"]) == (-1.5, 0.25, 90.0)
     assert (result["Part"], result["Face"], result["Seconds"]) == ("shim", 1, 1.25)
     assert result["ConfigurationDigest"] == line[f"{CONFIGURATION}/Digest"] == "c" * 64
-    assert {name: line[f"{RESULTS}/LastResult/{name}"] for name in ("ResultId", "X_mm")} == {
-        name: result[name] for name in ("ResultId", "X_mm")
-    }
+    for name in ("ResultId", "X_mm"):
+        assert line[f"{RESULTS}/LastResult/{name}"] == result[name]
     line.release(result["ResultHandle"])
     assert (line[STATE], line[f"{PACKML}/StateCurrentName"]) == ("Ready", "Idle")
     assert line[f"{PACKML}/Located"] == located + 1
@@ -112,10 +111,8 @@ def test_part_goes_through_the_states_and_has_its_result(served: Served, line: S
 
 
 def test_address_space_has_recipes_configuration_and_states(served, line):
-    assert line.call(f"{RECIPES}/GetRecipeList") == [
-        [offer.id for offer in OFFERS],
-        [offer.digest for offer in OFFERS],
-    ]
+    ids, digests = line.call(f"{RECIPES}/GetRecipeList")
+    assert list(zip(ids, digests, strict=True)) == [(each.id, each.digest) for each in OFFERS]
     assert line[f"{RECIPES}/Recipes/one/Digest"] == OFFERS[0].digest
     assert line[f"{RECIPES}/PreparedDigest"] == OFFERS[1].digest
     assert line["ConfigurationManagement/ActiveConfiguration"] == "gripper.json"
@@ -272,14 +269,9 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
             intruder.protocol.authentication_token = ua.NodeId(token)
             entering = ua.ActivateSessionParameters()
             entering.UserIdentityToken = ua.AnonymousIdentityToken("anonymous")
-            for act in (
-                intruder.activate_session(entering),
-                intruder.read(
-                    ua.ReadParameters(
-                        NodesToRead=[ua.ReadValueId(ua.NodeId(2256), ua.AttributeIds.Value)]
-                    )
-                ),
-            ):
+            value = ua.ReadValueId(ua.NodeId(2256), ua.AttributeIds.Value)
+            reading = intruder.read(ua.ReadParameters(NodesToRead=[value]))
+            for act in (intruder.activate_session(entering), reading):
                 try:
                     await act
                     ends.append(type(None))
@@ -292,9 +284,7 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
     assert line[STATE] == "Ready"
 
 
-@pytest.mark.parametrize(
-    "junk", [b"GET / HTTP/1.0\r\n\r\n", b"HELF\x00\x00\x00\x08", b"\xff" * 4096]
-)
+@pytest.mark.parametrize("junk", [b"GET / HTTP/1.0\r\n\r\n", b"HELF\0\0\0\x08", b"\xff" * 4096])
 def test_bytes_that_are_no_message_change_nothing(junk, served, line):
     with socket.create_connection(("127.0.0.1", served.port), timeout=20) as intruder:
         intruder.sendall(junk)
