@@ -25,21 +25,13 @@ def corner(x_mm, y_mm):
     return {"x_mm": x_mm, "y_mm": y_mm}
 
 
+def squeeze(before, after, **rest):
+    return {"before": before, "after": after, **rest}
+
+
 SQUEEZES = [
-    {
-        "before": pose(1, 2, 170),
-        "after": pose(1, 0, -170),
-        "hand": pose(0, 0, 0),
-        "opening_mm": 85,
-        "width_mm": 21,
-    },
-    {
-        "before": pose(0, 0, 0),
-        "after": pose(0, 1, 0),
-        "hand": pose(5, 6, 90),
-        "opening_mm": 60,
-        "width_mm": 22,
-    },
+    squeeze(pose(1, 2, 170), pose(1, 0, -170), hand=pose(0, 0, 0), opening_mm=85, width_mm=21),
+    squeeze(pose(0, 0, 0), pose(0, 1, 0), hand=pose(5, 6, 90), opening_mm=60, width_mm=22),
 ]
 FILM = {
     "outline": [corner(-15, -10.5), corner(15, -10.5), corner(15, 10.5), corner(-15, 10.5)],
