@@ -120,16 +120,14 @@ def measured(
         off.append(errors(place.pose, pose))
         if built is not None:
             with_ours = measure.of_sighting(seen[numbers.index(number)], built, tag)
-            ours.append(
-                (*errors(with_ours.pose, pose), float(np.hypot(*pose[:2])), with_ours.sigma_mm)
-            )
-    row = {
-        "pictures": count,
-        "missed": missed,
-        "wrong_ids": wrong,
+            radius_mm = float(np.hypot(*pose[:2]))
+            ours.append((*errors(with_ours.pose, pose), radius_mm, with_ours.sigma_mm))
+    row = {"pictures": count, "missed": missed, "wrong_ids": wrong}
+    row |= {
         "detection": 1.0 - missed / count,
+        "ms_mean": float(np.mean(spent)),
+        "ms_p95": float(np.percentile(spent, 95)),
     }
-    row |= {"ms_mean": float(np.mean(spent)), "ms_p95": float(np.percentile(spent, 95))}
     if off:
         row |= summary(np.array(off).T, "true_calibration")
     if ours:

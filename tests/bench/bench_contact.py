@@ -51,11 +51,8 @@ MODELS = ("uniform, friction .25", "authors' ellipsoid", "authors' quartic")
 MODELS += ("new job", "from own pairs")
 SQUARE = np.array([[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]])  # passes the jaws
 UNIFORM = {"kind": "uniform", "limit_surface": "ellipsoid"}
-LOADS = {
-    "rim": {"kind": "boundary", "limit_surface": "ellipsoid"},
-    "area": UNIFORM,
-    "quartic": {"kind": "boundary", "limit_surface": "quartic"},
-}
+RIM = {"kind": "boundary", "limit_surface": "ellipsoid"}
+LOADS = {"rim": RIM, "area": UNIFORM, "quartic": {**RIM, "limit_surface": "quartic"}}
 JOBS = sorted((ROOT / "trees").glob("*/job.toml"))
 SQUEEZES = 1000  # of each part
 APART_MM, APART_DEG = 1.0, 3.0
@@ -156,9 +153,8 @@ def start_mm(sets: list[Recorded]) -> float:
 def turned(points: Array, angle: Array) -> Array:
     """Points (n, 2), each turned by its angle (n,)."""
     c, s = np.cos(angle), np.sin(angle)
-    return np.column_stack(
-        [c * points[:, 0] - s * points[:, 1], s * points[:, 0] + c * points[:, 1]]
-    )
+    x, y = points.T
+    return np.column_stack([c * x - s * y, s * x + c * y])
 
 
 def about(moved: Array, place: Array) -> Array:
@@ -211,9 +207,8 @@ def worst(pushes: Recorded, moved: Array) -> dict[str, Any]:
 
 def by_load(job: Job, end: Callable[[Simulator], Array]) -> dict[str, Array]:
     """Displacements (n, 3) that a simulator of the job predicts with each of `LOADS`."""
-    return {
-        name: end(Simulator.of_job(job.replaced(pressure=load), 1)) for name, load in LOADS.items()
-    }
+    jobs = {name: job.replaced(pressure=load) for name, load in LOADS.items()}
+    return {name: end(Simulator.of_job(loaded, 1)) for name, loaded in jobs.items()}
 
 
 def squeezed(path: Path) -> dict[str, Array]:

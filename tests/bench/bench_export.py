@@ -58,11 +58,8 @@ def proved(table: Table, folder: Path) -> int:
 def measured(compiler: str, folder: Path, calls: int, repeat: int) -> dict[str, Any]:
     """The figures of one table by one compiler."""
     executable = executor(compiler, folder)
-    sections = [
-        row.split()
-        for row in said("-A", executable, program="size").splitlines()
-        if row.startswith(".rodata")
-    ]
+    rows = said("-A", executable, program="size").splitlines()
+    sections = [row.split() for row in rows if row.startswith(".rodata")]
     fast = built(compiler, folder, *STRICT, "-O2")
     mean_ns, slowest_ns = map(float, said("time", repeat, program=fast).split())
     checked = built(compiler, folder, *STRICT, *SANITIZERS)
@@ -108,12 +105,8 @@ def main() -> int:
     parser = harness.parser(__doc__)
     names = [*NAMES, WIDE]
     parser.add_argument("--parts", nargs="+", choices=names, default=names, metavar="PART")
-    parser.add_argument(
-        "--calls", type=int, default=10_000_000, help="random calls of each program"
-    )
-    parser.add_argument(
-        "--repeat", type=int, default=2_000, help="calls of each reading for its time"
-    )
+    parser.add_argument("--calls", type=int, default=10_000_000, help="random ones of each program")
+    parser.add_argument("--repeat", type=int, default=2_000, help="calls of a reading for its time")
     options = parser.parse_args()
     record = RESULTS.read({"tables": []})
     rows = {row["table"]: row for row in record["tables"]}

@@ -164,12 +164,9 @@ def at_random(model: Pomdp, _belief: np.ndarray, rng: np.random.Generator) -> in
 def main() -> None:
     """Run the chosen benches and record them."""
     parser = harness.parser(__doc__)
-    parser.add_argument(
-        "--parts", type=int, default=300, help="of each policy that carries a filter"
-    )
-    parser.add_argument(
-        "--only", nargs="+", choices=["speed", "policies"], default=["speed", "policies"]
-    )
+    benches = ["speed", "policies"]
+    parser.add_argument("--parts", type=int, default=300, help="of each policy with a filter")
+    parser.add_argument("--only", nargs="+", choices=benches, default=benches)
     options = parser.parse_args()
     results = RESULTS.read({})
     if "speed" in options.only:

@@ -54,15 +54,13 @@ def planned(planner: str, checkout: Path, part: str, seed: int) -> Plan:
         command += ["-o", f"{folder}/t.msgpack", "--seed", str(seed)]
         command += ["--workers", "1", "--no-advice", "--json"]
         with Path(folder, "json").open("wb") as output:
-            process = subprocess.Popen(
-                command, stdout=output, stderr=subprocess.DEVNULL, cwd=checkout
-            )
+            streams = {"stdout": output, "stderr": subprocess.DEVNULL}
+            process = subprocess.Popen(command, cwd=checkout, **streams)
             _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode:
-            raise SystemExit(
-                f"{planner}, {part}, seed {seed}: plan-compile ended with {process.returncode}"
-            )
+            said = f"plan-compile ended with {process.returncode}"
+            raise SystemExit(f"{planner}, {part}, seed {seed}: {said}")
         figures = json.loads(Path(folder, "json").read_text())
     rates = (figures[name] for name in ("mean_squeezes", "success_rate", "wrong_rate", "nodes"))
     return Plan(planner, part, seed, *rates, round(usage.ru_utime + usage.ru_stime, 2))

@@ -140,9 +140,7 @@ def main() -> int:
     parser.add_argument("--parts", type=int, default=1_000_000)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument(
-        "--output", type=Path, default=Path(__file__).parent / "results" / "plc.json"
-    )
+    parser.add_argument("--output", type=Path, default=harness.Kept("plc").path)
     parser.add_argument("--modbus", type=int, metavar="PARTS")
     parser.add_argument("--opc-ua", type=int, metavar="PARTS")
     parser.add_argument("--node-modules", type=Path, metavar="FOLDER")

@@ -94,9 +94,8 @@ def read_log(path: Path) -> Recorded:
         turned = math.remainder(after - before, math.tau)
         moved.append([*((np.array(end) - [x, y]) @ _turn(before)), turned])
     n = len(log)
-    return Recorded(
-        Paths(np.array(starts), np.zeros((n, 2)), np.zeros(n), np.array(shifts)), np.array(moved)
-    )
+    paths = Paths(np.array(starts), np.zeros((n, 2)), np.zeros(n), np.array(shifts))
+    return Recorded(paths, np.array(moved))
 
 
 def _yaw(quaternion: Array) -> float:
@@ -167,9 +166,8 @@ def read_two_fingers(path: Path) -> tuple[Recorded, list[dict[str, str]]]:
     with path.open(newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
     paths = pushes.paths(pushes.read(path, FINGERS_MM), push_log.MARKER_TO_PART_MM)
-    moved = [
-        [float(line[name]) for name in ("moved_x_mm", "moved_y_mm", "turned_deg")] for line in lines
-    ]
+    columns = ("moved_x_mm", "moved_y_mm", "turned_deg")
+    moved = [[float(line[name]) for name in columns] for line in lines]
     return Recorded(paths, np.array(moved) * [1.0, 1.0, math.pi / 180.0]), lines
 
 

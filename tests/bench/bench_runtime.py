@@ -103,11 +103,9 @@ def memory_of(pid: int) -> dict[str, float]:
         descriptors = len(list(Path(f"/proc/{pid}/fd").iterdir()))
     except OSError:
         return {}
-    return {
-        "peak_mib": int(record["VmHWM"][1]) / 1024,
-        "rss_mib": int(record["VmRSS"][1]) / 1024,
-        "descriptors": descriptors,
-    }
+    sizes = {"peak_mib": "VmHWM", "rss_mib": "VmRSS"}
+    mib = {name: int(record[key][1]) / 1024 for name, key in sizes.items()}
+    return {**mib, "descriptors": descriptors}
 
 
 def decision_us(tree: Path) -> dict[str, float]:
@@ -143,9 +141,8 @@ def decision_us(tree: Path) -> dict[str, float]:
 def percentiles(durations: "array[int]", prefix: str) -> dict[str, float]:
     """Some percentiles of durations in ns, in us."""
     spent = sorted(durations)
-    at = {
-        prefix + name: spent[int(share * len(spent))] / 1e3 for name, share in PERCENTILES.items()
-    }
+    places = {name: int(share * len(spent)) for name, share in PERCENTILES.items()}
+    at = {prefix + name: spent[place] / 1e3 for name, place in places.items()}
     return {**at, f"{prefix}max_us": spent[-1] / 1e3}
 
 

@@ -15,9 +15,7 @@ from runtime.shell.exit_codes import ExitCode
 COMMANDS = parsers()
 
 
-def every(
-    result: dict[str, argparse.ArgumentParser],
-) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+def every(result: dict) -> Iterator[tuple[str, argparse.ArgumentParser]]:
     """All commands and subcommands by the words that call them."""
     for name, built in result.items():
         yield name, built
@@ -31,9 +29,8 @@ LAST = [name for name, items in ALL.items() if not subcommands(items)]  # not `s
 
 
 def arguments(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    return [
-        action for action in parser._actions if not isinstance(action, argparse._SubParsersAction)
-    ]
+    groups = argparse._SubParsersAction
+    return [action for action in parser._actions if not isinstance(action, groups)]
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -70,9 +67,8 @@ def test_an_example_is_understood(name):
 
 
 def test_identify_states_every_column_that_it_reads():
-    assert {*pushes.COLUMNS, *pushes.DIRECTIONS} <= set(
-        re.findall(r"\w+", ALL["plan-identify"].epilog)
-    )
+    stated = set(re.findall(r"\w+", ALL["plan-identify"].epilog))
+    assert {*pushes.COLUMNS, *pushes.DIRECTIONS} <= stated
 
 
 def test_who_prints_text_prints_json_too():

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 from programs import ROOT, Ended, ended
 
-CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
-    "contracts"
-]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+CONTRACTS = PYPROJECT["tool"]["importlinter"]["contracts"]
 LAYERS = re.findall(r"[\w.]+", " ".join(line for c in CONTRACTS for line in c.get("layers", ())))
 LINT = "import sys; from importlinter.cli import lint_imports_command; sys.exit(lint_imports_command())"
 
@@ -149,9 +148,8 @@ def test_the_picture_shows_the_layers(contract):
         rooms = set(re.findall(rf"{package}\.(\w+)", layer)) - set().union(*layers)
         layers += [rooms] if rooms else []
     picture = (ROOT / "tools" / "docs" / "pictures" / "rooms.svg").read_text()
-    drawn = re.split(
-        r">(?:planner|runtime|drivers)</text>", picture.partition(f">{package}</text>")[2]
-    )[0]
+    after = picture.partition(f">{package}</text>")[2]
+    drawn = re.split(r">(?:planner|runtime|drivers)</text>", after)[0]
     rows: dict[str, set[str]] = {}
     for height, name in re.findall(r' y="([\d.]+)" font-size="22"[^>]*>(\w+)<', drawn):
         rows.setdefault(height, set()).add(name)

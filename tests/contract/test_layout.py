@@ -10,11 +10,16 @@ import pytest
 from programs import ROOT
 
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-PACKAGES = sorted(
-    ".".join(module.parent.relative_to(ROOT).parts)
-    for top in ("planner", "runtime", "drivers")
-    for module in (ROOT / top).rglob("__init__.py")
-)
+TOPS = ("planner", "runtime", "drivers")
+
+
+def packages_of(files: str) -> set[str]:
+    """The packages in whose folders such files lie."""
+    modules = (module for top in TOPS for module in (ROOT / top).rglob(files))
+    return {".".join(module.parent.relative_to(ROOT).parts) for module in modules}
+
+
+PACKAGES = sorted(packages_of("__init__.py"))
 RENAMED = {"try": "first_look"}  # `try` is a word of Python
 COMMANDS = PYPROJECT["project"]["scripts"]
 TOP_LEVEL = {"planner", "runtime", "drivers", "trees", "tests", "tools", ".ci"}
@@ -27,9 +32,8 @@ HEADINGS = ["Status", "Context", "Decision", "Consequences"]
 
 def folders(path: Path) -> set[str]:
     """Names of the folders in path, without those that git ignores by name and git's own."""
-    ignored = [
-        line.strip("/") for line in (ROOT / ".gitignore").read_text().splitlines() if line.strip()
-    ]
+    lines = (ROOT / ".gitignore").read_text().splitlines()
+    ignored = [line.strip("/") for line in lines if line.strip()]
     names = {entry.name for entry in path.iterdir() if entry.is_dir() and entry.name != ".git"}
     return {name for name in names if not any(fnmatch(name, pattern) for pattern in ignored)}
 
@@ -43,12 +47,7 @@ def test_tests_are_sorted_by_kind():
 
 
 def test_every_folder_of_modules_is_a_package_that_is_installed():
-    on_disk = {
-        ".".join(module.parent.relative_to(ROOT).parts)
-        for top in ("planner", "runtime", "drivers")
-        for module in (ROOT / top).rglob("*.py")
-    }
-    assert sorted(on_disk) == PACKAGES
+    assert sorted(packages_of("*.py")) == PACKAGES
     included = PYPROJECT["tool"]["setuptools"]["packages"]["find"]["include"]
     assert all(any(fnmatch(package, pattern) for pattern in included) for package in PACKAGES)
 
@@ -70,12 +69,8 @@ def test_package_exports_only_names_that_exist(package):
 
 def test_packages_are_marked_as_typed():
     data = PYPROJECT["tool"]["setuptools"]["package-data"]
-    missing = [
-        f"{top}/{name}"
-        for top, names in data.items()
-        for name in names
-        if not list((ROOT / top).glob(name))
-    ]
+    named = [(top, name) for top, names in data.items() for name in names]
+    missing = [f"{top}/{name}" for top, name in named if not list((ROOT / top).glob(name))]
     assert missing == []
 
 

@@ -5,6 +5,7 @@ import re
 import shlex
 from pathlib import Path
 
+import pytest
 from documents import rows, section
 from programs import ROOT
 from soaking import soak_run
@@ -27,16 +28,13 @@ def setting(name: str) -> str:
 
 
 def test_the_states_are_those_of_the_loop():
-    assert [row[0].strip("`") for row in rows(section(TEXT, "States"))] == [
-        phase.value for phase in Phase
-    ]
+    states = [row[0].strip("`") for row in rows(section(TEXT, "States"))]
+    assert states == [phase.value for phase in Phase]
 
 
 def test_the_outcomes_have_their_codes():
     record = {row[0].strip("`"): row[1] for row in rows(section(TEXT, "Outcomes"))}
-    assert record == {
-        outcome.value: str(EXIT_CODES.get(outcome, "the device's")) for outcome in Outcome
-    }
+    assert record == {each.value: str(EXIT_CODES.get(each, "the device's")) for each in Outcome}
 
 
 def test_the_faults_are_the_codes_of_devices_and_disk():
@@ -74,6 +72,16 @@ def classes() -> list[type[ExpectedError]]:
     """All error classes of the project."""
     named = [item for name in MODULES for item in vars(importlib.import_module(name)).values()]
     return [item for item in named if isinstance(item, type) and issubclass(item, ExpectedError)]
+
+
+@pytest.mark.parametrize("cls", classes(), ids=lambda cls: cls.__name__)
+def test_error_class_has_the_code_of_what_it_is_about(cls):
+    codes = {"ExpectedError": 1, "UsageError": 2, "InputError": 3, "NoPlanError": 4}
+    codes |= {"CheckFailedError": 11, "DeviceError": 20, "UnreachableError": 21, "StoppedError": 40}
+    codes |= {"PackError": 34, "JournalError": 24, "BrokenRunError": 24}
+    assert cls.exit_code == next(
+        codes[each.__name__] for each in cls.mro() if each.__name__ in codes
+    )
 
 
 def test_exit_codes_are_at_most_twelve_beside_success_and_interrupt():

@@ -73,9 +73,8 @@ def test_rows_are_the_papers_table(jobs):
     for row in ROWS:
         job = jobs[row["part"]]
         actions = len(job.actions.angles_deg) * len(job.actions.centers_mm)
-        results.append(
-            (row["experiment"], job.part.name, job.uncertainty.radius_mm, actions, row["paper"])
-        )
+        about = job.part.name, job.uncertainty.radius_mm
+        results.append((row["experiment"], *about, actions, row["paper"]))
     assert results == TABLE_I
 
 

@@ -14,16 +14,14 @@ import cv2
 import numpy as np
 import pytest
 from audit_loops import agreement, loop, mixed
-from cameras import camera, part_tag, rig, true_calibration
+from cameras import DATE, camera, keep_standard, part_tag, rig, true_calibration
 from programs import ROOT, TABLE, ended, started
 
 from drivers.camera.audit import service
 from drivers.camera.audit.auditor import PASS, UNKNOWN, Answer
 from drivers.camera.calibration import file as calibration
-from drivers.camera.calibration.file import Reference
 from drivers.camera.commands import audit as grasp_audit
 from drivers.camera.vision import tag_file
-from drivers.sim.camera.rig import standard_rig
 from drivers.sim.camera.server import CameraServer
 from drivers.sim.physics.tabletop import Look
 from runtime.cli import main as runtime
@@ -103,9 +101,7 @@ def test_questions_are_answered_by_what_the_camera_sees_and_failures_are_drawn(f
         ({"camera": "/dev/video99"}, "there is no camera or folder /dev/video99", 21),
     ],
 )
-def test_whatever_is_missing_is_reported_with_every_verdict_and_at_the_end(
-    files, change, sentence, code
-):
+def test_judge_reports_what_is_missing_with_every_verdict(files, change, sentence, code):
     if change == {"calibration": "spoilt"}:
         path = files["calibration"]
         path.write_text(path.read_text().replace("S-1", "S-2"))
@@ -235,19 +231,14 @@ PARTS, SEED, TIME_SCALE = 5, 1, 5.0
 @pytest.fixture
 def folder(tmp_path):
     """Calibration and tag file of the standard camera, and a table some of whose leaves are wrong."""
-    rig = standard_rig()
-    places = tuple(Reference(number, x, y) for number, (x, y, _) in rig.references)
-    known = replace(true_calibration(rig.optics, 0.02), references=places)
-    calibration.save(known, tmp_path / "camera.json")
-    tag_file.save(part_tag(on_part=rig.on_part), tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
+    keep_standard(tmp_path)
     dump(mixed(load(TABLE).table), tmp_path / "mixed.msgpack")
     return tmp_path
 
 
 def test_verdicts_agree_with_the_world_and_are_in_the_journal(folder, capsys):
-    result = loop(
-        folder / "mixed.msgpack", folder, parts=PARTS, seed=SEED, time_scale=TIME_SCALE, runs=4
-    )
+    given = {"parts": PARTS, "seed": SEED, "time_scale": TIME_SCALE, "runs": 4}
+    result = loop(folder / "mixed.msgpack", folder, **given)
     record = agreement(result.parts)
     assert record["at_leaves"] == PARTS, result.faults
     # A fault, on a machine too busy for five times life's speed, means other parts than those of the seed.

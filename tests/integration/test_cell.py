@@ -150,6 +150,16 @@ def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
     running.end(1, "grasp-cell: stopped: no such squeeze\n")
 
 
+NO_WORLDS = {
+    "nocolon": "module:factory",
+    "no.such.module:make": "cannot be imported",
+    "fake_scene:missing": "no function missing",
+    "fake_scene:not_callable": "no function",
+    "fake_scene:broken": "this world is broken",
+    "runtime.devices.rehearsal:make": "--tree",
+}
+
+
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
@@ -158,17 +168,7 @@ def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
         (("--job", "broken"), 3, "broken"),
         (("--tree", "broken"), 3, "broken"),
         (("--job", str(JOB), "--time-scale", "0"), 2, "not a positive number"),
-        *(
-            (("--job", str(JOB), "--world", world), 2, says)
-            for world, says in (
-                ("nocolon", "module:factory"),
-                ("no.such.module:make", "cannot be imported"),
-                ("fake_scene:missing", "no function missing"),
-                ("fake_scene:not_callable", "no function"),
-                ("fake_scene:broken", "this world is broken"),
-                ("runtime.devices.rehearsal:make", "--tree"),
-            )
-        ),
+        *((("--job", str(JOB), "--world", world), 2, says) for world, says in NO_WORLDS.items()),
     ],
 )
 def test_arguments_that_make_no_cell_are_one_line(words, code, says, tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ import logged_work
 import pytest
 from programs import JOB, ROOT, until
 from rectangle import quick_job
+from refusals import refused_in_a_line
 
 from planner.cli import compile as plan_compile
 from planner.work.cluster import AHEAD
@@ -159,11 +160,8 @@ def test_a_cluster_that_stays_without_workers_is_one_error(machines, tmp_path):
         results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(50))
         next(results)
         machines.kill_workers()
-        with pytest.raises(
-            UnreachableError, match=r"no workers for 1 s.* dask worker tcp://"
-        ) as caught:
+        with refused_in_a_line(UnreachableError, r"no workers for 1 s.* dask worker tcp://"):
             list(results)
-        assert str(caught.value).isprintable()
     with pytest.raises(UnreachableError, match="no workers"):
         Cluster(machines.address, patience_s=0.5).__enter__()
 
@@ -173,19 +171,15 @@ def test_a_lost_scheduler_is_one_error(machines, tmp_path):
         results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(100))
         next(results)
         machines.scheduler.kill()
-        with pytest.raises(UnreachableError, match="scheduler is lost") as caught:
+        with refused_in_a_line(UnreachableError, "scheduler is lost"):
             list(results)
-        assert str(caught.value).isprintable()
 
 
 def test_without_the_extra_the_error_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with (
-        pytest.raises(UsageError, match=r"install squeezetree\[cluster\]") as caught,
-        scheduler_of("tcp://127.0.0.1:9"),
-    ):
+    says = refused_in_a_line(UsageError, r"install squeezetree\[cluster\]")
+    with says, scheduler_of("tcp://127.0.0.1:9"):
         pass
-    assert str(caught.value).isprintable()
 
 
 def test_the_command_says_in_one_line_that_nothing_answers(tmp_path, capsys):

@@ -90,9 +90,9 @@ def faults(kind, cell, every_moment):
     values = {kind.low, (kind.low + kind.high) / 2, kind.high}
     if kind.name not in FINE:
         values = {round(value) for value in values}
-    ways = list(product(sorted({1, kind.lasts}), sorted(values)))
     if cell.table:
-        ways = list(product({1, kind.lasts}, {kind.low, kind.high}))
+        values = {kind.low, kind.high}
+    ways = list(product(sorted({1, kind.lasts}), sorted(values)))
     moments = cell.moments
     if kind.channel not in DEVICE:
         moments = range(14 if kind.channel is Channel.ARM else 2)

@@ -108,9 +108,7 @@ def test_a_part_that_a_stop_left_in_the_air_is_put_down_only_if_asked(station) -
     assert_sound(station.journal)
 
 
-def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_drops_it(
-    station,
-) -> None:
+def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_drops_it(station):
     station.strike(signal.SIGKILL, station.grips, "--activate")
     code, _, err = station.run()
     assert code == 24
@@ -141,20 +139,17 @@ def test_a_part_of_long_ago_is_not_gone_on_with(station) -> None:
     assert "--resume-within" in said
 
 
+HELLO = "input(); print('hello', flush=True); input()"
+NO_AUDITORS = ["/no/such/auditor", str(ROOT / "README.md"), f"{sys.executable} -c pass"]
+NO_AUDITORS.append(f'{sys.executable} -c "{HELLO}"')
+
+
 @pytest.mark.parametrize(
     ("words", "code"),
     [
         ((), 20),  # it is not activated
         (("--activate", "--tips", "10,5"), 3),  # the table leaves no room for these
-        *(
-            (("--activate", "--audit", auditor), 2)
-            for auditor in (
-                "/no/such/auditor",
-                str(ROOT / "README.md"),
-                f"{sys.executable} -c pass",
-                f"{sys.executable} -c \"input(); print('hello', flush=True); input()\"",
-            )
-        ),
+        *((("--activate", "--audit", auditor), 2) for auditor in NO_AUDITORS),
     ],
 )
 def test_a_start_that_fails_moves_and_writes_nothing(station, words, code) -> None:

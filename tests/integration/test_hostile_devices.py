@@ -21,13 +21,8 @@ from runtime import cli
 from runtime.journal.chain import records, verify
 from runtime.table import dump
 
-CASES = [
-    Case("gripper", "stopped", 8, 1),
-    Case("gripper_urcap", "endless", 40),
-    Case("arm", "drip", 10),
-    Case("arm_ur", "silent", 3, 16),
-    Case("scene", "gone", 1),
-]
+CASES = [Case("gripper", "stopped", 8, 1), Case("gripper_urcap", "endless", 40)]
+CASES += [Case("arm", "drip", 10), Case("arm_ur", "silent", 3, 16), Case("scene", "gone", 1)]
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +50,7 @@ def stopped() -> Iterator[str]:
         os.close(end)
 
 
-def test_commands_that_look_at_a_stopped_serial_port_end(
-    stopped: str, tree: Path, tmp_path: Path
-) -> None:
+def test_commands_that_look_at_a_stopped_serial_port_end(stopped, tree, tmp_path) -> None:
     check = ("--tree", tree, "--tips", "straight", "--check")
     width = ("width", "--gripper", "S/N", "-o", tmp_path / "g.json")
     for main, words in ((cli.main, check), (cli.calibrate, width)):
@@ -70,9 +63,7 @@ def test_commands_that_look_at_a_stopped_serial_port_end(
     assert "cannot be searched" in ended.out
 
 
-def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(
-    tree: Path, tmp_path: Path
-) -> None:
+def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(tree, tmp_path) -> None:
     reader, writer = os.pipe()
     fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
     os.write(writer, bytes(4096))  # it is full

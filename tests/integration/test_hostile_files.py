@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import pytest
 from programs import JOB, REHEARSAL, VIRTUAL, called, ended
+from push_commands import HEADER
 from sample_tables import small_table
 from written_journals import write_run
 
@@ -20,15 +21,11 @@ from runtime.journal.chain import verify
 from runtime.table import dump
 
 SURFACE = (
-    "format = 1\nkind = 'ellipsoid'\nrho_mm = 75.0\n"
-    "ellipsoid = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]\n"
+    "format = 1\nkind = 'ellipsoid'\nrho_mm = 75.0\nellipsoid = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n"
 )
 TEXTS = {
     "poses": "x_mm,y_mm,theta_rad\n1,2,0.3\n",
-    "pushes": (
-        "push_x_mm,push_y_mm,approach_x,approach_y,cor_x_mm,cor_y_mm,angle_deg,fingers_mm\n"
-        "15,0,0,1,90,0,2,5\n"
-    ),
+    "pushes": f"{HEADER},fingers_mm\n15,0,0,1,90,0,2,5\n",
     "log": "no pushes\n",
     "outline": "0,0\n30,0\n30,21\n",
     "expected": "{}\n",
@@ -169,9 +166,7 @@ def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize(("command", "read"), CLASHES, ids=named)
-def test_an_input_is_never_an_output(
-    desk: Desk, refuses: Callable[[Command, Path], int], command: Command, read: str
-) -> None:
+def test_an_input_is_never_an_output(desk, refuses, command, read):
     out = desk.files[read].rename(desk.folder / f"seed=1{command.suffix}")
     desk.files[read] = out
     other = desk.folder / "other" / out.name
@@ -186,9 +181,7 @@ def test_an_input_is_never_an_output(
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=named)
-def test_only_a_regular_file_is_an_output(
-    desk: Desk, refuses: Callable[[Command, Path], int], command: Command
-) -> None:
+def test_only_a_regular_file_is_an_output(desk, refuses, command):
     odd = odd_files(desk.folder, command.suffix)
     codes = {refuses(command, path) for path in odd.values()}
     assert codes == {2}
@@ -196,9 +189,7 @@ def test_only_a_regular_file_is_an_output(
         pytest.skip("all but the device, which only root can make")
 
 
-def test_a_file_that_the_job_names_is_an_input(
-    desk: Desk, refuses: Callable[[Command, Path], int]
-) -> None:
+def test_a_file_that_the_job_names_is_an_input(desk, refuses):
     """The surface that plan-identify measured; and a second output in the place of the first."""
     surface = desk.folder / "surface.msgpack"
     surface.write_text(SURFACE)
@@ -212,17 +203,13 @@ def test_a_file_that_the_job_names_is_an_input(
     refuses(twice, desk.folder / "s.svg")
 
 
-@pytest.mark.parametrize(
-    "kind", ["text", "json", "tree", "journal of another kind", "no end", "odd"]
-)
-def test_what_is_no_journal_is_not_written_to(
-    desk: Desk, capfd: pytest.CaptureFixture[str], kind: str
-) -> None:
+@pytest.mark.parametrize("kind", ["text", "json", "tree", "another journal", "no end", "odd"])
+def test_what_is_no_journal_is_not_written_to(desk, capfd, kind):
     contents = {
         "text": b"a note\nand one more, without an end",
         "json": b'{"host": "cell"}',
         "tree": desk.files["tree"].read_bytes(),
-        "journal of another kind": b'{"seq":0,"time":"now","kind":"header"}\n{"seq":1,"time":"now"',
+        "another journal": b'{"seq":0,"time":"now","kind":"header"}\n{"seq":1,"time":"now"',
         "no end": b"x" * 100,
     }
     if kind == "odd":
@@ -235,7 +222,7 @@ def test_what_is_no_journal_is_not_written_to(
         assert desk.start(path) == 24
         said = capfd.readouterr().err.splitlines()
         assert said[-1].startswith(f"grasp-runtime: journal {path}")
-        assert "is no" in said[-1] or "it is a" in said[-1] or kind == "journal of another kind"
+        assert "is no" in said[-1] or "it is a" in said[-1] or kind == "another journal"
         assert desk.seen() == before
 
 
@@ -283,9 +270,7 @@ def test_rows_on_standard_output_are_nothing_but_rows(desk: Desk, program: str, 
     assert what_is(Path("/dev/stdout")) == before
 
 
-def test_a_device_is_locked_under_all_its_names(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_device_is_locked_under_all_its_names(desk, monkeypatch, capfd):
     """Whatever the session's folder for such things is, and whatever was planted in it."""
     number = 10_000 + os.getpid() % 50_000
     with PortLock(f"tcp://127.0.0.1:{number}"):

@@ -30,9 +30,7 @@ def tell(tmp_path: Path, monkeypatch) -> Tell:
     """Runs a command in `tmp_path`, as a process where `shell` redirects, and checks what holds then."""
     monkeypatch.chdir(tmp_path)
 
-    def run(
-        entry: tuple[str, str], *words: object, code: int | None = None, shell: str = ""
-    ) -> Ended:
+    def run(entry: tuple[str, str], *words: object, code: int | None = None, shell="") -> Ended:
         module, function = entry
         if shell:
             call = f"import sys; from {module} import {function}; sys.exit({function}())"
@@ -47,6 +45,13 @@ def tell(tmp_path: Path, monkeypatch) -> Tell:
         return seen
 
     return run
+
+
+def refused(tell: Tell, entry: tuple[str, str], *words: object, **how: object) -> str:
+    """The one line that a command says, which answers nothing."""
+    seen = tell(entry, *words, **how)
+    assert (seen.out, seen.one_line) == ("", True), seen
+    return seen.err
 
 
 @pytest.fixture
@@ -90,14 +95,11 @@ def test_other_streams_may_be_closed(tell: Tell, journal: Path, stream: str) -> 
     "words", [["verify", "j.jsonl"], ["show", "--help"], ["replay", "j.jsonl", "--json"]]
 )
 def test_an_answer_that_is_lost_is_no_success(tell: Tell, journal: Path, words: list[str]) -> None:
-    _, _, err = tell(JOURNAL, *words, code=2, shell=">/dev/full")
-    assert err.count("\n") == 1
+    err = refused(tell, JOURNAL, *words, code=2, shell=">/dev/full")
     assert "output cannot be written: No space left" in err
 
 
-def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(
-    tell: Tell, journal: Path
-) -> None:
+def test_report_keeps_its_code_and_its_peace_when_the_reader_goes(tell, journal) -> None:
     code, _, err = tell(REPORT, journal, shell="| head -c 1 >/dev/null")
     assert err == ""
     assert code in (0, 11)
@@ -113,12 +115,8 @@ def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(
         (["--node", "x"], "'x' is not a whole number"),
     ],
 )
-def test_filters_that_no_record_could_pass_are_usage(
-    tell: Tell, journal: Path, words, message: str
-) -> None:
-    _, out, err = tell(JOURNAL, "show", journal, *words, code=2)
-    assert (out, err.count("\n")) == ("", 1)
-    assert message in err
+def test_show_of_filters_that_no_record_could_pass_is_usage(tell, journal, words, message) -> None:
+    assert message in refused(tell, JOURNAL, "show", journal, *words, code=2)
 
 
 def test_every_command_tells_wrong_arguments_in_one_line(capsys) -> None:
@@ -169,8 +167,7 @@ def test_odd_journals_do_not_verify(tell: Tell, tmp_path: Path, line: bytes) -> 
     path = tmp_path / "j.jsonl"
     path.write_bytes(line)
     for entry, words in ((JOURNAL, ["show", path]), (JOURNAL, ["replay", path]), (REPORT, [path])):
-        _, out, err = tell(entry, *words, code=24)
-        assert (out, err.count("\n")) == ("", 1)
+        refused(tell, entry, *words, code=24)
     assert path.read_bytes() == line
 
 
@@ -195,9 +192,8 @@ def test_a_judge_without_its_files_ends_with_what_is_missing(tell: Tell, tmp_pat
     (tmp_path / missing).unlink()
     files = [word for name in ("tree", "calibration", "tag") for word in (f"--{name}", name)]
     words = ["judge", *files, "--camera", "/dev/video99"]
-    _, out, err = tell(("drivers.camera.commands", "audit"), *words, code=3, shell="</dev/null")
-    assert (out, err.count("\n")) == ("", 1)
-    assert missing in err
+    audit = ("drivers.camera.commands", "audit")
+    assert missing in refused(tell, audit, *words, code=3, shell="</dev/null")
 
 
 def test_the_unforeseen_is_one_broad_sentence(monkeypatch, tell: Tell) -> None:
@@ -208,7 +204,6 @@ def test_the_unforeseen_is_one_broad_sentence(monkeypatch, tell: Tell) -> None:
         raise ZeroDivisionError("of\nnothing")
 
     monkeypatch.setattr(recipe, "load", broken)
-    _, _, err = tell(RUNTIME, "--tree", "t", "--check", code=1)
-    assert err.count("\n") == 1
+    err = refused(tell, RUNTIME, "--tree", "t", "--check", code=1)
     assert "internal error, please report it: ZeroDivisionError: of nothing" in err
     assert "Traceback" in called(cli.main, "--tree", "t", "--check", "--debug").err

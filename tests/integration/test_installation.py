@@ -20,9 +20,7 @@ def loaded_after(code: str) -> str:
     return done.out.splitlines()[-1]
 
 
-def test_a_run_that_nobody_watches_and_a_check_load_nothing_heavy(
-    tree: Path, tmp_path: Path
-) -> None:
+def test_a_run_that_nobody_watches_and_a_check_load_nothing_heavy(tree, tmp_path):
     words = ["--tree", str(tree), "--journal", str(tmp_path / "journal.jsonl")]
     real, virtual = (*words, "--port", "sim", "--time-scale", "60"), (*words, *VIRTUAL, *REHEARSAL)
     code = f"import runtime.cli\nfor words in {real!r}, {virtual!r}:\n"
@@ -100,9 +98,7 @@ RUN = "--tree small.msgpack --journal journal.jsonl --port sim --time-scale 20"
         ("grasp-runtime", [*RUN.split(), *REHEARSAL]),
     ],
 )
-def test_command_beside_foreign_folders_starts(
-    program: str, words: list[str], tree: Path, tmp_path: Path
-) -> None:
+def test_command_beside_foreign_folders_starts(program, words, tree, tmp_path):
     for package in ("planner", "runtime", "drivers"):
         (tmp_path / package).mkdir()
         foreign = "raise SystemExit('a foreign module was imported')\n"

@@ -1,7 +1,5 @@
 """What goes wrong on the way to the gripper is in the journal of the run it went wrong in, and only there."""
 
-from pathlib import Path
-
 import pytest
 from soaking import small_setting
 
@@ -15,9 +13,7 @@ from runtime.journal.chain import MOST_INCIDENTS, Incidents, Journal, records, v
 SCALE = 20.0  # the runtime takes the cell for a real one, which is just fast
 
 
-def test_retries_are_journalled_with_the_run(
-    tree: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_retries_are_journalled_with_the_run(tree, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     lost = [Fault("reply_lost", 0, 0), Fault("request_lost", 0, 30)]
     faults = Listed([*lost, Fault("noise", 0, 40, value=9)])
@@ -35,9 +31,7 @@ def test_retries_are_journalled_with_the_run(
     assert grasp_journal(["replay", "j.jsonl"]) == 0
 
 
-def test_what_is_reported_before_there_is_a_journal_is_kept_and_not_without_end(
-    tmp_path: Path,
-) -> None:
+def test_what_is_reported_before_there_is_a_journal_is_kept_and_not_without_end(tmp_path):
     incidents = Incidents()
     for number in range(MOST_INCIDENTS + 5):
         incidents.record("link", {"number": number})

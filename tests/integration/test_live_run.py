@@ -61,9 +61,7 @@ def test_the_page_follows_the_run(words: list[str]) -> None:
         (["--http", "0", "--dry-run"], "leave it out with --check and --dry-run"),
     ],
 )
-def test_what_cannot_be_shown_is_one_line_before_anything_starts(
-    words: list[str], wrong: list[str], reason: str
-) -> None:
+def test_what_cannot_be_shown_is_one_line_before_anything_starts(words, wrong, reason):
     printed = called(main, *words, *wrong)
     assert (printed.code, printed.one_line) == (2, True)
     assert reason in printed.err

@@ -32,11 +32,10 @@ def test_run_in_virtual_time_locates_parts_by_readings_of_the_gripper(tmp_path, 
     assert all(width == profile.reading_um(profile.step(width)) for width in readings_um)
 
 
-@pytest.mark.parametrize(
-    "words",
-    [["--faults", "seed:1"], ["--block", "20,0,0"], ["--middle", "1"], ["--camera"]],
-    ids=lambda words: words[0],
-)
+WORDS = [["--faults", "seed:1"], ["--block", "20,0,0"], ["--middle", "1"], ["--camera"]]
+
+
+@pytest.mark.parametrize("words", WORDS, ids=lambda words: words[0])
 def test_grasp_cell_with_a_gripper_alone_refuses_what_only_a_cell_has(words, capsys):
     assert sim.main(["--gripper", "dh-ag95", *words]) == ExitCode.USAGE
     (line,) = capsys.readouterr().err.splitlines()

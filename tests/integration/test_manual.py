@@ -48,9 +48,7 @@ def test_a_person_with_calipers_locates_a_part(words: list[object], tmp_path: Pa
     assert_sound(tmp_path / "j.jsonl")
 
 
-def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(
-    words: list[object], tree: Path
-) -> None:
+def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(words, tree):
     table = small_table()
     dump(changed(table, {"nodes.0.release": Place(5_000, 0)}), tree)
     said = ("", "", "29,9", "", "", "", "", "", "21.1", "", "")
@@ -84,9 +82,7 @@ def test_the_end_of_input_is_a_fault(words: list[object], said: list[str], code:
     assert "standard input ended" in part["reason"]
 
 
-def test_ctrl_c_at_a_question_stops_and_what_was_typed_before_it_answers_nothing(
-    words: list[object], tmp_path: Path
-) -> None:
+def test_ctrl_c_at_a_question_stops_and_what_was_typed_before_it_answers_nothing(words, tmp_path):
     main, child = pty.openpty()
     os.write(main, b"\n\n\n29.9\n")
     process = started(words, stdin=child)
@@ -121,9 +117,7 @@ class Behind:
         return self.answer
 
 
-def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(monkeypatch):
     person, arm = Behind(monkeypatch), connect.arm("manual")
     places = ((3, 4, 60), (3, 4, 10), (5, 4, 10), (5, 4, 60))
     for target in ((0, 0, 60, 0.0), *((*place, 2.0) for place in places)):

@@ -24,13 +24,8 @@ from runtime.execution.executor import PLAIN, Cell, RunOptions
 from runtime.table import dump, load
 
 OFF_MM, PARTS, SEED = 1.5, 8, 4
-CERTAIN = {
-    "goal": {"distance_mm": 1.4},
-    "friction": {"doubt": 0.0},
-    "doubt": {"chance": 0.0},
-    "part": {"tolerance_mm": 0.0},
-    "search": {"particles": 800},
-}
+CERTAIN = {"goal": {"distance_mm": 1.4}, "friction": {"doubt": 0.0}, "doubt": {"chance": 0.0}}
+CERTAIN |= {"part": {"tolerance_mm": 0.0}, "search": {"particles": 800}}
 
 
 @pytest.fixture(scope="module")

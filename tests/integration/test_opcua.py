@@ -101,9 +101,7 @@ def test_parts_by_a_supervisor_have_the_results_that_are_printed_and_journalled(
 
 
 @pytest.mark.slow
-def test_stop_request_ends_the_part_safely_and_the_server_within_its_deadline(
-    tree: Path, identity: Passport
-) -> None:
+def test_stop_request_ends_the_part_safely_and_the_server_within_its_deadline(tree, identity):
     more = ("--time-scale", "12", *REHEARSAL, "--plc-trusted", str(identity.certificate.parent))
     with PlcServed(tree, more=more, plc="opc.tcp://127.0.0.1:0") as served:
         with Supervisor(served.port, identity) as line:

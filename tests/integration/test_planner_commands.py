@@ -126,9 +126,7 @@ BAD_JOBS = {
     "key": lambda text: text.replace("distance_mm", "distance_mn"),
     "friction": lambda text: text.replace("finger_part_min = 0.4", "finger_part_min = 0.7"),
     "crossing": lambda text: text.replace("[30, 21], [0, 21]]", "[0, 21], [30, 21]]"),
-    "large": lambda text: text.replace(
-        "[30, 0], [30, 21], [0, 21]]", "[99, 0], [99, 99], [0, 99]]"
-    ),
+    "large": lambda text: text.replace("[30, 0], [30, 21], [0, 2", "[99, 0], [99, 99], [0, 9"),
 }
 OUT, CSV = "-o out.msgpack", "-o out.csv"
 REFUSED = [

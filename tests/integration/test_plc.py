@@ -114,9 +114,7 @@ def test_ladder_takes_each_result_once_whatever_interrupts_it() -> None:
 
 
 @pytest.mark.slow
-def test_lost_connection_and_stop_request_while_busy_end_in_the_result_of_that_id(
-    tree: Path,
-) -> None:
+def test_lost_connection_and_stop_request_while_busy_end_in_the_result_of_that_id(tree):
     with PlcServed(tree, more=("--time-scale", "12", *REHEARSAL)) as served:
         with served.plc() as plc:
             plc.begin(77)

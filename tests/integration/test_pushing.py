@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from programs import JOB, VIRTUAL, called
@@ -62,9 +61,7 @@ def test_without_pushes_there_is_no_first_squeeze(job: job_file.Job) -> None:
         compile_job(job.replaced(actions={"pushes": "none"}), trials=100)
 
 
-def test_pushed_parts_are_located_in_trials_and_in_a_cell(
-    job: job_file.Job, table: Table, path: Path, tmp_path: Path
-) -> None:
+def test_pushed_parts_are_located_in_trials_and_in_a_cell(job, table, path, tmp_path):
     result = evaluate(table, job, ContactWorlds.of_job(job, 77), 500, 77)
     assert table.nodes[0].pushes
     assert result.success.mean() >= 0.97
@@ -80,9 +77,7 @@ def test_pushed_parts_are_located_in_trials_and_in_a_cell(
     assert_sound(journal)
 
 
-def test_a_world_that_cannot_push_is_refused_by_evaluation_and_cell(
-    job: job_file.Job, table: Table, path: Path
-) -> None:
+def test_a_world_that_cannot_push_is_refused_by_evaluation_and_cell(job, table, path):
     with pytest.raises(UsageError, match=r"pushes parts, and the world Still has no push\(\)"):
         evaluate(table, job, Still(), 10, 1)
     setting = scene.load(path, None, "planner.world:make")
@@ -124,9 +119,7 @@ def test_a_study_of_rare_answers_pushes_too(job: job_file.Job, table: Table) -> 
         (cli, "--tree TABLE --serve tcp://127.0.0.1:0", 3, "a robot that asks does not"),
     ],
 )
-def test_what_knows_no_pushes_says_so(
-    command: ModuleType, words: str, code: int, message: str, path: Path, tmp_path: Path
-) -> None:
+def test_what_knows_no_pushes_says_so(command, words, code, message, path, tmp_path):
     at = {"TABLE": path, "OUT": tmp_path / "out", "OUT.html": tmp_path / "out.html"}
     refused = called(command.main, *(at.get(word, word) for word in words.split()))
     assert refused.code == code

@@ -153,9 +153,8 @@ def test_documented_worlds_run_in_a_simulated_cell(name, tmp_path, monkeypatch):
     setting = scene.load(TABLE, None, f"worn_{name}:Worn")
     scene.warm_up(setting, 3)
     pose = (1.0, 2.0, 0.3)
-    worn, sound = (
-        make(setting.subject, 3).squeeze(pose) for make in (setting.factory, ContactWorld)
-    )
+    worlds = (make(setting.subject, 3) for make in (setting.factory, ContactWorld))
+    worn, sound = (world.squeeze(pose) for world in worlds)
     assert worn[1] == pytest.approx(sound[1] + 0.5)
     doubting = setting.subject.replaced(doubt={"finger_share": [0.0, 0.1]})
     if name == "without_traits":

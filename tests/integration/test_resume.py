@@ -26,10 +26,8 @@ from runtime.traversal.results import Outcome
 
 PATH = [(0, 1), (1, 0)]  # by both nodes of the small table to leaf 1
 PLAIN = RunOptions(Policy.of("next", "next"), Handling())
-CAREFUL = RunOptions(
-    Policy.of("resqueeze,restart,next", "restart,next"),
-    Handling(regulated=True, arc=TipArc(level_mm=8.0)),
-)
+LEVEL = Handling(regulated=True, arc=TipArc(level_mm=8.0))
+CAREFUL = RunOptions(Policy.of("resqueeze,restart,next", "restart,next"), LEVEL)
 
 
 def dragging_table() -> Table:
@@ -92,9 +90,7 @@ def moments_of(table: Table, plan: RunOptions, path: Path) -> int:
     return moments
 
 
-def survive(
-    table: Table, plan: RunOptions, path: Path, deaths: tuple[int, ...], after_crash: str
-) -> tuple:
+def survive(table: Table, plan: RunOptions, path: Path, deaths: tuple, after_crash: str) -> tuple:
     """Processes that die at the given moments, one after the other, and one that lives; the part's end."""
     world = World(table, PATH)
     for last in (*deaths, None):
@@ -112,16 +108,12 @@ def survive(
     return (ended[0]["outcome"], ended[0]["leaf"]) if ended else (None, None)
 
 
-BOTH = pytest.mark.parametrize(
-    "table", [small_table(), dragging_table()], ids=["plain", "dragging"]
-)
+BOTH = pytest.mark.parametrize("table", [small_table(), dragging_table()], ids=["plain", "drags"])
 
 
 @BOTH
 @pytest.mark.parametrize("plan", [PLAIN, CAREFUL], ids=["direct", "regulated, level tips"])
-def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(
-    table: Table, plan: RunOptions, tmp_path: Path, some: Some
-) -> None:
+def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(table, plan, tmp_path, some):
     moments = moments_of(table, plan, tmp_path / "whole.jsonl")
     assert moments > 200
     for last in some(moments, 23):
@@ -138,17 +130,13 @@ def test_a_resumed_run_may_be_killed_again(table: Table, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("table", [small_table(), pushing_table()], ids=["plain", "pushing"])
-def test_a_part_that_is_started_over_reaches_the_same_leaf(
-    table: Table, tmp_path: Path, some: Some
-) -> None:
+def test_a_part_that_is_started_over_reaches_the_same_leaf(table, tmp_path, some):
     for last in some(moments_of(table, PLAIN, tmp_path / "whole.jsonl"), 29):
         path = tmp_path / f"{last}.jsonl"
         assert survive(table, PLAIN, path, (last,), "restart") == ("leaf", 1), last
 
 
-def test_a_run_killed_while_it_pushed_is_not_resumed_and_no_push_is_repeated(
-    killed: Runs,
-) -> None:
+def test_a_run_killed_while_it_pushed_is_not_resumed_and_no_push_is_repeated(killed):
     """What it broke off at may be started over."""
     refused = 0
     for last, _, path, kinds in killed(pushing_table(), 23):
@@ -165,9 +153,7 @@ def test_a_run_killed_while_it_pushed_is_not_resumed_and_no_push_is_repeated(
     assert refused > 2
 
 
-def test_a_run_that_is_given_up_says_so_and_moves_nothing(
-    killed: Runs,
-) -> None:
+def test_a_run_that_is_given_up_says_so_and_moves_nothing(killed):
     for _, world, path, begun in killed(small_table(), 23):
         stood = (world.at_mm, world.model.read_output())
         if not begun or "end" in begun or "outcome" in begun:
@@ -190,9 +176,7 @@ def whole_kinds(path: Path) -> list[str]:
 
 @BOTH
 @pytest.mark.parametrize("height_mm", [10.0, 60.0])
-def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(
-    table: Table, height_mm: float, killed: Runs
-) -> None:
+def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(table, height_mm, killed):
     """Once a reading is believed, the part is gone on with only where the hand was left, held or let go."""
     for last, world, path, kinds in killed(table, 29):
         world._grip_mm = None
@@ -208,9 +192,7 @@ def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(
         assert tally.exit_code in ({24} if touched else {0, 10})
 
 
-def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one(
-    killed: Runs,
-) -> None:
+def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one(killed):
     """The fingers closed on as the part went: count and journal differ."""
     refused = 0
     for _, world, path, kinds in killed(small_table(), 7):
@@ -224,9 +206,7 @@ def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one
     assert refused
 
 
-def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(
-    killed: Runs,
-) -> None:
+def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(killed):
     codes = set()
     for _, world, path, _ in killed(small_table(), 17):
         world.model.write_output(0, bytes(6), world.time.now())

@@ -19,15 +19,13 @@ from written_journals import assert_sound
 
 from runtime.execution.asked import ERRORS, MAX_LINE, VERSION
 from runtime.journal.chain import Journal
-from runtime.table import Table, dump
+from runtime.table import dump
 
 PARTS = 12
 POSE = ("x_mm", "y_mm", "theta_rad")
 
 
-def asked(
-    locate: Callable[[SimulatedRobot], object], robot: SimulatedRobot, parts: int
-) -> list[object]:
+def asked(locate: Callable[..., object], robot: SimulatedRobot, parts: int) -> list[object]:
     """What a client is told of so many parts."""
     lines = []
     for _ in range(parts):
@@ -58,12 +56,7 @@ def asked_in_structured_text(served: Served, robot: SimulatedRobot, parts: int) 
     ],
     ids=["in Python", "in structured text with drags"],
 )
-def test_a_robot_that_asks_gets_the_answers_of_a_driven_run(
-    ask: Callable[[Served, SimulatedRobot, int], list[object]],
-    table: Table,
-    outcomes: set[str],
-    tmp_path: Path,
-) -> None:
+def test_a_robot_that_asks_gets_the_answers_of_a_driven_run(ask, table, outcomes, tmp_path):
     tree = tmp_path / "t.msgpack"
     dump(table, tree)
     with Journal(tmp_path / "driven.jsonl", lambda: "") as journal:
@@ -135,9 +128,7 @@ def hung_up(line: Line, random: Random) -> None:
 MISBEHAVIOURS = (half_line, wrong_order, two_at_once, silence, noise, endless, impossible, hung_up)
 
 
-def test_misbehaving_robots_get_no_wrong_answer_and_a_stop_request_ends_the_part(
-    tree: Path,
-) -> None:
+def test_misbehaving_robots_get_no_wrong_answer_and_a_stop_request_ends_the_part(tree):
     random = Random(1)
     with Served(tree) as served:
         for number in range(2 * len(MISBEHAVIOURS)):

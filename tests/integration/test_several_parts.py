@@ -302,9 +302,7 @@ def polygons(page):
     ]
 
 
-def test_a_report_of_parts_that_are_sorted_shows_their_names_and_those_of_a_journal(
-    plan, ran, tmp_path
-):
+def test_report_of_several_parts_shows_their_names_and_those_of_a_journal(plan, ran, tmp_path):
     parts, journal = ran
     lines = [part["hypothesis"] for part in parts]
     text, _, data = report_of(plan.table, tmp_path, "--journal", str(journal))

@@ -71,9 +71,7 @@ def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path) ->
     assert code in (0, 10)
 
 
-def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refused(
-    tree: Path,
-) -> None:
+def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refused(tree):
     """Copied and truncated, as `logrotate` does it; the tests of the journal displace it otherwise."""
     journal, old = (tree.with_name(name) for name in ("journal.jsonl", "journal.jsonl.old"))
     with RunningCell(tree, time_scale=40) as cell:
@@ -95,10 +93,8 @@ def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refus
     broken_of(journal).unlink()
     assert_sound(journal)
     *_, outcome, end = records(journal)
-    assert [(each["kind"], each["exit_code"]) for each in (outcome, end)] == [
-        ("outcome", 24),
-        ("end", 24),
-    ]
+    ends = [(each["kind"], each["exit_code"]) for each in (outcome, end)]
+    assert ends == [("outcome", 24), ("end", 24)]
     assert any("retreat height" in sentence for sentence in outcome["safe_state"])
 
 

@@ -95,9 +95,7 @@ QUICK = ["--radius", "2", "--turn", "8", "--budget", "2s"]
 
 
 @pytest.mark.slow
-def test_a_first_look_answers_and_writes_what_to_go_on_with(
-    plate: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_first_look_answers_and_writes_what_to_go_on_with(plate, monkeypatch):
     code, out, _ = called(first_look.main, plate, *QUICK, "--json")
     assert code == 0
     record = json.loads(out)
@@ -173,9 +171,7 @@ def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
     assert answer._replace(short="unknown").short_text().startswith("Not known yet")
 
 
-def test_a_sheet_too_thin_for_finger_tips_is_answered(
-    plate: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_try_of_a_sheet_too_thin_for_finger_tips_is_answered(plate, monkeypatch) -> None:
     read = first_plan.read_outline
     thin = lambda *words: read(*words)._replace(height_mm=0.5)  # noqa: E731
     monkeypatch.setattr(first_plan, "read_outline", thin)

@@ -14,12 +14,8 @@ from runtime.shell.errors import InputError
 
 RECTANGLE = job.load(JOB)
 DOCUMENT = json.loads(RECTANGLE.canonical())
-PLACES = [
-    (section, key)
-    for section, table in DOCUMENT.items()
-    if isinstance(table, dict)
-    for key in table
-]
+SECTIONS = {section: table for section, table in DOCUMENT.items() if isinstance(table, dict)}
+PLACES = [(section, key) for section, table in SECTIONS.items() for key in table]
 
 radii = st.lists(st.floats(3.0, 40.0), min_size=3, max_size=24)
 shifts = st.tuples(st.floats(-1000.0, 1000.0), st.floats(-1000.0, 1000.0))

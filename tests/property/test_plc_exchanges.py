@@ -18,9 +18,8 @@ def test_study_of_faulty_exchanges_loses_no_result_and_takes_none_twice(seed: in
     study = Study(seed)
     study.run(500)
     study.check()
-    assert all(
-        study.counts[name] for name in ("dropped", "doubled", "late", "discarded", "broken", "lazy")
-    )
+    mishaps = ("dropped", "doubled", "late", "discarded", "broken", "lazy")
+    assert all(study.counts[name] for name in mishaps)
 
 
 def check_each_step(study: Study) -> None:
@@ -41,9 +40,7 @@ def test_study_without_faults_sees_no_error() -> None:
     [(State.WAITING, Event.ACKNOWLEDGE_BACK), (State.PRESENTED, Event.TRIGGER_BACK)],
     ids=lambda each: each.name,
 )
-def test_study_notices_a_handshake_that_loses_results(
-    state: State, event: Event, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_study_notices_a_handshake_that_loses_results(state, event, monkeypatch):
     wrong = {**TABLE, (state, event): Transition(State.READY)}
     monkeypatch.setattr(station, "TABLE", wrong)
     study = Study(1)

@@ -40,10 +40,8 @@ JOB = programs.JOB.read_text()
 
 def prints(text: str) -> bool:
     """Whether nothing in a text moves a cursor, breaks a line or turns a reading direction."""
-    return not any(
-        unicodedata.category(letter) in ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
-        for letter in text
-    )
+    hidden = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
+    return not any(unicodedata.category(letter) in hidden for letter in text)
 
 
 def named(name: str) -> Table:

@@ -4,6 +4,7 @@ Each runs as a process, since bkstools replaces `serial.Serial.read` when it is 
 the home folder. The one concession is the framing in the name of the port: a pseudo-terminal has no parity.
 """
 
+import contextlib
 import json
 import os
 import re
@@ -19,9 +20,8 @@ SUPPORT = Path(__file__).parents[1] / "support"
 
 @pytest.fixture
 def rig():
-    result = SchunkRig("schunk-egu", scale=1.0)
-    yield result
-    result.close()
+    with contextlib.closing(SchunkRig("schunk-egu", scale=1.0)) as result:
+        yield result
 
 
 @pytest.fixture

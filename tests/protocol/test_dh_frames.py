@@ -38,13 +38,10 @@ def exchange(device, request, now_s=0.0):
     return b"".join(piece.data for piece in slave.feed(bytes.fromhex(request)))
 
 
-@pytest.mark.parametrize(
-    "request_frame",
-    [
-        *(INITIALISE, CALIBRATE, SET_POSITION_500, SET_SPEED_50),
-        *(OPEN_FIRST, SAVE, BAUD_115200, STOP_BIT, NO_PARITY),
-    ],
-)
+WRITES = (INITIALISE, CALIBRATE, SET_POSITION_500, SET_SPEED_50, OPEN_FIRST, SAVE)
+
+
+@pytest.mark.parametrize("request_frame", [*WRITES, BAUD_115200, STOP_BIT, NO_PARITY])
 def test_simulator_repeats_each_write_of_the_manual(device, request_frame):
     assert exchange(device, request_frame) == bytes.fromhex(request_frame)
     assert device.writes == 1
@@ -86,6 +83,5 @@ def test_driver_sends_the_frames_of_the_manual():
     gripper.move(47_500, 68.0, 160.0)
     gripper.wait()
     writes = [frame for frame in sent if frame[1] == 6]
-    assert writes == [
-        bytes.fromhex(frame) for frame in (INITIALISE, SET_SPEED_50, SET_POSITION_500)
-    ]
+    frames = (INITIALISE, SET_SPEED_50, SET_POSITION_500)
+    assert writes == [*map(bytes.fromhex, frames)]

@@ -36,9 +36,8 @@ def address(url):
 def master(cell, kind):
     """A pymodbus client, and where the blocks are for it."""
     if kind == "pty":
-        client = ModbusSerialClient(
-            cell.endpoints["gripper"], baudrate=115200, timeout=0.2, retries=0
-        )
+        port = cell.endpoints["gripper"]
+        client = ModbusSerialClient(port, baudrate=115200, timeout=0.2, retries=0)
         return client, 9, 1000, 2000
     host, port = address(cell.endpoints["gripper_tcp" if kind == "tcp" else "gripper_rtu_tcp"])
     framer = FramerType.SOCKET if kind == "tcp" else FramerType.RTU
@@ -75,13 +74,9 @@ def test_a_pymodbus_master_activates_closes_and_opens_and_else_meets_silence(cel
             ask()
         assert not client.read_input_registers(inputs, count=3, device_id=unit).isError()
     if kind == "pty":
-        reply = client.readwrite_registers(
-            read_address=inputs,
-            read_count=3,
-            write_address=output,
-            values=[0x0900, 100, 0xFF00],
-            device_id=unit,
-        )
+        written = {"write_address": output, "values": [0x0900, 100, 0xFF00]}
+        places = {"read_address": inputs, "read_count": 3, **written}
+        reply = client.readwrite_registers(**places, device_id=unit)
         assert reply.registers[1] & 0xFF == 100
     client.close()
 

@@ -183,9 +183,7 @@ def test_frames_are_answered_in_order_however_they_are_cut(served: Served, raw: 
     assert served.exchange.read(TRIGGER_ID, 1) == [199]
 
 
-def test_half_a_frame_moves_nothing_and_holds_nobody_up(
-    served: Served, raw: Raw, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_half_a_frame_moves_nothing_and_holds_nobody_up(served, raw, monkeypatch):
     monkeypatch.setattr(modbus, "PATIENCE_S", 0.2)
     whole = frame(write_many(ENABLE, 1, 1, 5))
     for cut in (1, 6, 7, 8, len(whole) - 1):
@@ -213,18 +211,14 @@ def test_half_a_frame_moves_nothing_and_holds_nobody_up(
     ],
     ids=["http", "protocol", "long", "short", "noise"],
 )
-def test_who_sends_no_frame_is_disconnected_and_others_are_not(
-    served: Served, raw: Raw, noise: bytes
-) -> None:
+def test_who_sends_no_frame_is_disconnected_and_others_are_not(served, raw, noise):
     other = served.raw()
     other.send(noise)
     assert other.is_closed()
     assert raw.ask(read(0, 6)) == b"\x03\x0c" + bytes(12)
 
 
-def test_second_client_reads_and_its_writes_are_refused_while_the_first_is_there(
-    served: Served,
-) -> None:
+def test_second_client_reads_and_its_writes_are_refused_while_the_first_is_there(served):
     with served.plc() as first, served.plc() as second:
         assert (second["trigger_id"], second["table_digest"]) == (0, 0xDEADBEEF)
         assert second.code("enable", 1) == 6
@@ -243,9 +237,7 @@ def test_second_client_reads_and_its_writes_are_refused_while_the_first_is_there
             assert third.code("trigger_id", 8) == 6
 
 
-def test_reader_that_stays_does_not_keep_the_plc_out(
-    served: Served, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_reader_that_stays_does_not_keep_the_plc_out(served, monkeypatch):
     monkeypatch.setattr(modbus, "PANEL_S", 0.2)
     with served.plc() as panel, served.plc() as plc:
         assert panel["trigger_id"] == 0
@@ -284,9 +276,7 @@ def test_flood_by_one_client_keeps_no_other_waiting(served: Served, raw: Raw) ->
     flood.close()
 
 
-def test_client_that_takes_no_answers_is_disconnected(
-    served: Served, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_client_that_takes_no_answers_is_disconnected(served, monkeypatch):
     monkeypatch.setattr(modbus, "MOST_UNREAD_BYTES", -1)
     deaf = served.raw()
     deaf.send(frame(read(STATUS, 21)))

@@ -27,16 +27,14 @@ RAPID = Path(drivers.abb.__file__).with_name("SqueezeTree.modx").read_text(encod
 
 @pytest.fixture
 def rig():
-    result = OmniCoreRig(digest=True)
-    yield result
-    result.close()
+    with contextlib.closing(OmniCoreRig(digest=True)) as result:
+        yield result
 
 
 @pytest.fixture
 def basic():
-    result = OmniCoreRig()
-    yield result
-    result.close()
+    with contextlib.closing(OmniCoreRig()) as result:
+        yield result
 
 
 def test_the_first_motion_starts_our_program_and_the_next_feeds_it(rig):
@@ -136,9 +134,7 @@ def test_frames_go_to_the_controller(basic):
 
 def test_a_wrong_password_is_reported_and_not_printed(rig, monkeypatch):
     monkeypatch.setenv(rws.PASSWORD, "hunter2")
-    with pytest.raises(
-        ArmError, match="refuses the user 'Default User'; set SQUEEZETREE_RWS_USER"
-    ) as raised:
+    with pytest.raises(ArmError, match="refuses the user 'Default User'; set SQUEEZE") as raised:
         rig.open()
     assert "hunter2" not in str(raised.value)
 
@@ -189,10 +185,8 @@ def test_a_controller_without_our_module_or_with_another_is_reported(basic):
 @pytest.mark.parametrize("bytes_sent", [b"", b"220 ftp ready\r\n", b"HTTP/1.1 200 OK\r\n\r\n"])
 def test_who_is_no_controller_is_reported(bytes_sent, monkeypatch):
     monkeypatch.setattr(rws, "ANSWER_S", 0.3)
-    with (
-        contextlib.closing(Impostor(greeting=bytes_sent)) as impostor,
-        pytest.raises(ArmError, match="no answer to GET"),
-    ):
+    says = pytest.raises(ArmError, match="no answer to GET")
+    with contextlib.closing(Impostor(greeting=bytes_sent)) as impostor, says:
         connect.arm(f"omnicore://{impostor.address}")
 
 
@@ -277,11 +271,10 @@ def endless(start, piece):
 
 HEAD = b"HTTP/1.1 200 OK\r\n"
 CHUNKED, CHUNK = b"Transfer-Encoding: chunked\r\n\r\n", b"8000\r\n" + b"x" * 0x8000 + b"\r\n"
+LONG = b"Content-Length: 99999999999\r\n\r\n"
 ENDLESS = {
     "a body without a length": lambda: endless(HEAD + b"\r\n", b"x" * 65536),
-    "a body of any length": lambda: endless(
-        HEAD + b"Content-Length: 99999999999\r\n\r\n", b"x" * 65536
-    ),
+    "a body of any length": lambda: endless(HEAD + LONG, b"x" * 65536),
     "chunks": lambda: endless(HEAD + CHUNKED, CHUNK),
     "a chunk": lambda: endless(HEAD + CHUNKED + b"fffffffffff\r\n", b"x" * 65536),
     "headers": lambda: endless(HEAD, b"X-A: b\r\n" * 1000),

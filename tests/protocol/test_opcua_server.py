@@ -100,9 +100,8 @@ def test_part_goes_through_the_states_and_has_its_result(served: Served, line: S
     assert (result["X_mm"], result["Y_mm"], result["Angle_deg"]) == (-1.5, 0.25, 90.0)
     assert (result["Part"], result["Face"], result["Seconds"]) == ("shim", 1, 1.25)
     assert result["ConfigurationDigest"] == line[f"{CONFIGURATION}/Digest"] == "c" * 64
-    assert {name: line[f"{RESULTS}/LastResult/{name}"] for name in ("ResultId", "X_mm")} == {
-        name: result[name] for name in ("ResultId", "X_mm")
-    }
+    for name in ("ResultId", "X_mm"):
+        assert line[f"{RESULTS}/LastResult/{name}"] == result[name]
     line.release(result["ResultHandle"])
     assert (line[STATE], line[f"{PACKML}/StateCurrentName"]) == ("Ready", "Idle")
     assert line[f"{PACKML}/Located"] == located + 1
@@ -111,13 +110,9 @@ def test_part_goes_through_the_states_and_has_its_result(served: Served, line: S
     assert line[f"{MACHINE}/LastTransition"] == "SingleExecutionToReady"
 
 
-def test_address_space_has_recipes_configuration_and_states(
-    served: Served, line: Supervisor
-) -> None:
-    assert line.call(f"{RECIPES}/GetRecipeList") == [
-        [offer.id for offer in OFFERS],
-        [offer.digest for offer in OFFERS],
-    ]
+def test_address_space_has_recipes_configuration_and_states(served, line):
+    ids, digests = line.call(f"{RECIPES}/GetRecipeList")
+    assert list(zip(ids, digests, strict=True)) == [(each.id, each.digest) for each in OFFERS]
     assert line[f"{RECIPES}/Recipes/one/Digest"] == OFFERS[0].digest
     assert line[f"{RECIPES}/PreparedDigest"] == OFFERS[1].digest
     assert line["ConfigurationManagement/ActiveConfiguration"] == "gripper.json"
@@ -143,9 +138,7 @@ def test_address_space_has_recipes_configuration_and_states(
         (f"{RESULTS}/ReleaseResultHandle", ("1",), "BadInvalidArgument"),
     ],
 )
-def test_call_that_does_not_fit_is_refused_and_begins_nothing(
-    path: str, inputs: tuple[Any, ...], problem: str, served: Served, line: Supervisor
-) -> None:
+def test_call_that_does_not_fit_is_refused_and_begins_nothing(path, inputs, problem, served, line):
     with pytest.raises(ua.UaStatusCodeError) as refused:
         line.call(path, *inputs)
     assert type(refused.value).__name__ == problem
@@ -174,9 +167,7 @@ def test_variable_cannot_be_written_and_no_node_added(served: Served, line: Supe
         line.wait(line.client.nodes.objects.add_object(2, "mine"))
 
 
-def test_second_client_reads_and_may_not_command_until_the_first_is_gone(
-    served: Served, line: Supervisor
-) -> None:
+def test_second_client_reads_and_may_not_command_until_the_first_is_gone(served, line):
     job = line.start("a")
     served.end_part()
     line.result(job)
@@ -241,9 +232,7 @@ def test_fault_is_an_error_until_it_is_confirmed(served: Served, line: Superviso
     assert line[f"{MACHINE}/CurrentState"] == "Operational"
 
 
-def test_abort_is_a_stop_request(
-    served: Served, line: Supervisor, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_abort_is_a_stop_request(served, line, monkeypatch):
     sent: list[tuple[int, int]] = []
     monkeypatch.setattr(os, "kill", lambda *what: sent.append(what))
     assert line.call(f"{AUTOMATIC}/Abort") == [0, ""]
@@ -280,14 +269,9 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
             intruder.protocol.authentication_token = ua.NodeId(token)
             entering = ua.ActivateSessionParameters()
             entering.UserIdentityToken = ua.AnonymousIdentityToken("anonymous")
-            for act in (
-                intruder.activate_session(entering),
-                intruder.read(
-                    ua.ReadParameters(
-                        NodesToRead=[ua.ReadValueId(ua.NodeId(2256), ua.AttributeIds.Value)]
-                    )
-                ),
-            ):
+            value = ua.ReadValueId(ua.NodeId(2256), ua.AttributeIds.Value)
+            reading = intruder.read(ua.ReadParameters(NodesToRead=[value]))
+            for act in (intruder.activate_session(entering), reading):
                 try:
                     await act
                     ends.append(type(None))
@@ -300,12 +284,8 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
     assert line[STATE] == "Ready"
 
 
-@pytest.mark.parametrize(
-    "junk", [b"GET / HTTP/1.0\r\n\r\n", b"HELF\x00\x00\x00\x08", b"\xff" * 4096]
-)
-def test_bytes_that_are_no_message_change_nothing(
-    junk: bytes, served: Served, line: Supervisor
-) -> None:
+@pytest.mark.parametrize("junk", [b"GET / HTTP/1.0\r\n\r\n", b"HELF\0\0\0\x08", b"\xff" * 4096])
+def test_bytes_that_are_no_message_change_nothing(junk, served, line):
     with socket.create_connection(("127.0.0.1", served.port), timeout=20) as intruder:
         intruder.sendall(junk)
     assert line[STATE] == "Ready"
@@ -313,9 +293,8 @@ def test_bytes_that_are_no_message_change_nothing(
 
 def test_endpoint_is_the_encrypted_one_alone(served: Served) -> None:
     async def endpoints() -> list[Any]:
-        return list(
-            await Client(f"opc.tcp://127.0.0.1:{served.port}").connect_and_get_server_endpoints()
-        )
+        client = Client(f"opc.tcp://127.0.0.1:{served.port}")
+        return list(await client.connect_and_get_server_endpoints())
 
     (only,) = asyncio.run(endpoints())
     assert only.SecurityPolicyUri.endswith("#Basic256Sha256")

@@ -3,6 +3,7 @@
 Some tests use the model (no time passes), the others raw TCP with no code of our driver.
 """
 
+import contextlib
 import math
 import random
 import select
@@ -149,9 +150,8 @@ class Served:
 
 @pytest.fixture
 def served():
-    result = Served()
-    yield result
-    result.close()
+    with contextlib.closing(Served()) as result:
+        yield result
 
 
 def talk(client, text):
@@ -240,16 +240,13 @@ def test_random_bytes_never_move_it(served):
     client = served.client()
     assert talk(client, "0 #") == "0 1 "
     for _ in range(20):
-        reply = talk(
-            client, bytes(rng.choice(b"xyz,;.- ") for _ in range(rng.randrange(1, 30))).decode()
-        )
+        words = bytes(rng.choice(b"xyz,;.- ") for _ in range(rng.randrange(1, 30)))
+        reply = talk(client, words.decode())
         assert reply == "0 0 "
     assert served.model.moves == 0
 
 
-@pytest.mark.parametrize(
-    ("way_mm", "seconds"), [(100.0, 0.525), (8.0, 2.0 * (8.0 / 2000.0) ** 0.5)]
-)
+@pytest.mark.parametrize(("way_mm", "seconds"), [(100.0, 0.525), (8.0, 2.0 * 0.004**0.5)])
 def test_line_with_an_acceleration_starts_and_ends_slowly(way_mm: float, seconds: float) -> None:
     arm = ArmModel(BASE, (2000.0, 700.0))
     ends_s = arm.line(Pose(0.0, 0.0, 100.0 - way_mm, HAND_DOWN), (250.0, 90.0), 0.0)

@@ -1,5 +1,7 @@
 """pyDHgripper, a client that others wrote for real DH grippers, drives the simulated one by its own calls."""
 
+import contextlib
+
 import pytest
 from gripper_rigs import Dh
 from programs import until
@@ -10,9 +12,8 @@ SCALE = 20.0
 
 @pytest.fixture
 def device():
-    result = Dh("dh-ag95", SCALE)
-    yield result
-    result.close()
+    with contextlib.closing(Dh("dh-ag95", SCALE)) as result:
+        yield result
 
 
 @pytest.fixture

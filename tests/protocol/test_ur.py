@@ -32,9 +32,8 @@ PAUSED = 4  # runtime state
 
 @pytest.fixture
 def rig():
-    result = Ur()
-    yield result
-    result.close()
+    with contextlib.closing(Ur()) as result:
+        yield result
 
 
 def is_still(rig):
@@ -143,10 +142,8 @@ def test_a_slow_slider_stretches_the_deadline(rig):
 )
 def test_who_is_no_ur_controller_is_reported(greeting, monkeypatch):
     monkeypatch.setattr(rtde, "ANSWER_S", 0.2)
-    with (
-        contextlib.closing(Impostor(greeting=greeting)) as impostor,
-        pytest.raises(ArmError, match="RTDE"),
-    ):
+    says = pytest.raises(ArmError, match="RTDE")
+    with contextlib.closing(Impostor(greeting=greeting)) as impostor, says:
         connect.arm(f"ur://{impostor.address}")
 
 

@@ -28,13 +28,8 @@ def data():
 def squeezes(path):
     """Initial and final poses (n, 3) in mm and rad, final openings (n,) in mm."""
     with path.open(newline="") as file:
-        table = [
-            [
-                float(row[name])
-                for name in ("x0_m", "y0_m", "th0_rad", "x_m", "y_m", "th_rad", "opening_m")
-            ]
-            for row in csv.DictReader(file)
-        ]
+        names = ("x0_m", "y0_m", "th0_rad", "x_m", "y_m", "th_rad", "opening_m")
+        table = [[float(row[name]) for name in names] for row in csv.DictReader(file)]
     numbers = np.array(table) * [1e3, 1e3, 1, 1e3, 1e3, 1, 1e3]
     return np.ascontiguousarray(numbers[:, :3]), numbers[:, 3:6], numbers[:, 6]
 

@@ -13,9 +13,8 @@ CLOSE_MM, CLOSE_RAD = 0.3, math.radians(1.0)
 def poses_clear_of_the_fingers(outline, seed, count, radius):
     """Poses that open fingers do not stand on."""
     poses = random_poses(np.random.default_rng(seed), 4 * count, radius)
-    return np.array(
-        [p for p in poses if deepest_overlap(outline, p, JAWS.opening_mm) == 0.0][:count]
-    )
+    clear = [p for p in poses if deepest_overlap(outline, p, JAWS.opening_mm) == 0.0]
+    return np.array(clear[:count])
 
 
 @pytest.mark.parametrize(

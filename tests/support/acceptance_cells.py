@@ -8,12 +8,8 @@ import numpy as np
 from runtime.spc.history import Part
 from runtime.spc.study.acceptance import Verdict, followed
 
-FAILED = (
-    Part(1, outcome="leaf", verdict="fail"),
-    Part(1, outcome="reject"),
-    Part(1, outcome="unresolved"),
-    Part(1, outcome="fault"),
-)
+FAILED = (Part(1, outcome="leaf", verdict="fail"),)
+FAILED += tuple(Part(1, outcome=how) for how in ("reject", "unresolved", "fault"))
 GOOD = Part(1, outcome="leaf", verdict="pass")
 UNSEEN, STOPPED = Part(1, outcome="leaf", verdict="unknown"), Part(1, outcome="stopped")
 
@@ -26,9 +22,7 @@ class Tried(Enum):
     OPEN = "open"
 
 
-def tried(
-    rng: np.random.Generator, rate: float, limit: float, most: int, unseen: float = 0.0
-) -> Tried:
+def tried(rng: np.random.Generator, rate: float, limit: float, most: int, unseen=0.0) -> Tried:
     """Run a cell until its first verdict, or for so many parts.
 
     Args:

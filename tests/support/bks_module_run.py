@@ -34,9 +34,8 @@ module.grip_workpiece(BKSModule.grip_from_outside, 0, 100, **long)
 noted("grip")
 module.release_workpiece(**long)
 noted("release")
-module.grip_workpiece_with_expected_position(
-    BKSModule.grip_from_outside, 41_000, 25_000, 50, **long
-)
+from_outside = BKSModule.grip_from_outside
+module.grip_workpiece_with_expected_position(from_outside, 41_000, 25_000, 50, **long)
 noted("grip at a width")
 results["expected"] = {"max_pos": module.max_pos, "max_vel": module.max_vel}
 print(json.dumps(results))

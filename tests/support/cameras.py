@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from drivers.camera.calibration.file import CameraCalibration, Reference, Trust
+from drivers.camera.calibration.file import CameraCalibration, Reference, Trust, save
+from drivers.camera.vision import tag_file
 from drivers.camera.vision.arrays import Picture
 from drivers.camera.vision.lens import Lens
 from drivers.camera.vision.plane import View
@@ -13,10 +15,11 @@ from drivers.camera.vision.tag_file import PartTag
 from drivers.sim.camera.cards import Card, lying
 from drivers.sim.camera.optics import Optics, webcam
 from drivers.sim.camera.render import Flaws
-from drivers.sim.camera.rig import Rig
+from drivers.sim.camera.rig import Rig, standard_rig
 from runtime.shell.errors import UnreachableError
 from runtime.table import GoalSpec
 
+DATE = "2026-01-01T00:00:00+00:00"
 SIZE = (960, 540)
 SIDE_MM = 22.0
 NUMBER = 7
@@ -45,9 +48,7 @@ class Shown:
         del until
         picture = self._take()
         if picture is None:
-            raise UnreachableError(
-                "camera /dev/video0 has not sent a picture yet; check power and cable"
-            )
+            raise UnreachableError("camera /dev/video0 has not sent a picture yet; check power")
         return picture
 
     def close(self) -> None:
@@ -68,17 +69,21 @@ def true_view(optics: Optics) -> View:
     return View(lens, optics.rotation, -optics.rotation @ optics.eye_mm)
 
 
-def true_calibration(
-    optics: Optics, sigma_mm: float = 0.02, references: bool = True
-) -> CameraCalibration:
-    """A perfect calibration that trusts itself to so much."""
+def true_calibration(optics: Optics, references: bool = True) -> CameraCalibration:
+    """A perfect calibration that trusts itself to 0.02 mm."""
     stuck = REFERENCES if references else ()
     places = tuple(Reference(number, x, y) for number, (x, y, _) in stuck)
     axes = np.array([-400.0, 400.0]), np.array([-250.0, 250.0])
-    trust = Trust(*axes, np.full((2, 2), sigma_mm))
-    return CameraCalibration(
-        "S-1", "2026-01-01T00:00:00+00:00", true_view(optics), 0.05, 0.1, trust, places, 18
-    )
+    trust = Trust(*axes, np.full((2, 2), 0.02))
+    return CameraCalibration("S-1", DATE, true_view(optics), 0.05, 0.1, trust, places, 18)
+
+
+def keep_standard(folder: Path) -> None:
+    """Write camera.json and tag.json of a simulated cell's own camera and tag."""
+    rig = standard_rig()
+    places = tuple(Reference(number, x, y) for number, (x, y, _) in rig.references)
+    save(replace(true_calibration(rig.optics), references=places), folder / "camera.json")
+    tag_file.save(part_tag(on_part=rig.on_part), folder / "tag.json", DATE)
 
 
 def part_tag(**values: object) -> PartTag:

@@ -33,28 +33,17 @@ def by_count(decided: DecisionMap) -> tuple[int, ...]:
     return tuple(decided.either.at(width_um(count)) for count in range(COUNTS))
 
 
-def state(
-    count: int,
-    flag: int = 3,
-    echo: int = 0,
-    *,
-    active: bool = True,
-    moving: bool = False,
-    fault: int = 0,
-) -> GripperState:
+def state(count, flag=3, echo=0, *, active=True, moving=False, fault=0) -> GripperState:
     """A reading of one."""
     text = fault_text(fault).partition(";")[0] if fault else ""
     target = SETTINGS.target_um(echo)
     said = f"0x{fault:02X}, {text}" if fault else ""
-    return GripperState(
-        active, moving, fault, said, ObjectState(flag), target, SETTINGS.width_um(count), 0
-    )
+    width = SETTINGS.width_um(count)
+    return GripperState(active, moving, fault, said, ObjectState(flag), target, width, 0)
 
 
 def label_of(clusters, readings):
     """The number of the cluster (n,) of `Partition` that each reading lies in, -1 for none."""
-    rows = [
-        [k for k in range(len(clusters.low)) if clusters.low[k] <= each <= clusters.high[k]] or [-1]
-        for each in readings
-    ]
-    return np.array([row[0] for row in rows])
+    readings = np.asarray(readings)[:, None]
+    inside = (clusters.low <= readings) & (readings <= clusters.high)
+    return np.where(inside.any(axis=1), inside.argmax(axis=1), -1)

@@ -230,14 +230,7 @@ class CountedJournal(Journal):
         os.write(file, data[len(data) // 2 :])
 
 
-def process(
-    world: World,
-    path: Path,
-    options: RunOptions,
-    *,
-    last: int | None = None,
-    after_crash: str = "resume",
-) -> tuple[session.Tally, int]:
+def process(world: World, path: Path, options: RunOptions, *, last=None, after_crash="resume"):
     """One life of the controlling process, as `runtime.cli` wires it; what came of it, and its moments.
 
     Raises:

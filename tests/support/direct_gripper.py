@@ -106,10 +106,14 @@ def connect(link):
     return Counted(Gripper(link, Pace(link.clock)))
 
 
-def active(**options):
-    contact = options.pop("contact", None)
+def reset(**options):
+    """A link to a gripper that was never activated, and its driver."""
     link = DirectLink(**options)
-    gripper = connect(link)
+    return link, connect(link)
+
+
+def active(contact=None, **options):
+    link, gripper = reset(**options)
     gripper.activate()
     link.contact, link.writes, link.asked = contact, [], 0
     return link, gripper

@@ -50,9 +50,8 @@ def section(page: str, title: str) -> str:
 
 def rows(text: str, first: str = "") -> list[list[str]]:
     """The cells of the one table whose head begins with a word, without that head."""
-    (table,) = re.findall(
-        rf"^\| {re.escape(first)}.*\n\| ---.*\n((?:\|.*\n?)+)", text, re.MULTILINE
-    )
+    head = rf"^\| {re.escape(first)}.*\n\| ---.*\n"
+    (table,) = re.findall(rf"{head}((?:\|.*\n?)+)", text, re.MULTILINE)
     return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in table.splitlines()]
 
 

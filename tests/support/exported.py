@@ -39,9 +39,9 @@ Answer = tuple[int, int, int, int]  # outcome, index, release x and y
 def wide_table() -> Table:
     """One squeeze with as many outcomes as a node may have; the first holds nothing that could be dragged."""
     table = small_table()
+    lows = [2_500 * k for k in range(MAX_BRANCHES)]
     branches = tuple(
-        Branch(2_500 * k, 2_500 * k + 1_500, 2_500 * k + 3_000, 31_250, ~k)
-        for k in range(MAX_BRANCHES)
+        Branch(low, low + 1_500, low + 3_000, 31_250, ~k) for k, low in enumerate(lows)
     )
     root = table.nodes[0]._replace(branches=branches, release=Place(3_000, -4_000))
     return replace(table, nodes=(root,), leaves=table.leaves[:1] * MAX_BRANCHES)
@@ -76,9 +76,7 @@ def rows_of(path: Path) -> list[tuple[int, ...]]:
         return [tuple(map(int, row)) for row in list(csv.reader(file))[1:]]
 
 
-def check_structured_text(
-    block: FunctionBlock, table: Table, rows: Iterable[tuple[int, ...]]
-) -> None:
+def check_structured_text(block: FunctionBlock, table: Table, rows: Iterable[tuple]) -> None:
     """Call the block with every row, and compare all its outputs.
 
     Raises:

@@ -30,14 +30,8 @@ class State(NamedTuple):
     @property
     def reading(self) -> GripperState:
         """As the port tells it."""
-        return state(
-            self.position_counts,
-            self.object_flag,
-            self.echo_counts,
-            active=self.activated,
-            moving=self.moving,
-            fault=self.fault,
-        )
+        known = {"active": self.activated, "moving": self.moving, "fault": self.fault}
+        return state(self.position_counts, self.object_flag, self.echo_counts, **known)
 
 
 class Call(NamedTuple):

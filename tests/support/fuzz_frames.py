@@ -27,9 +27,8 @@ READ_WRITE = bytes.fromhex("09 17 07D0 0002 03E9 0002 04 00E6 3CC8 2D0C")
 TCP_REPLY = bytes.fromhex("0001 0000 0009 02 04 06 B900 00FF BD00")
 WRITE_REPLY = bytes.fromhex("09 10 03E8 0003 0130")
 SAID = ((READ, CLOSE, READ_WRITE), (READ_REPLY, WRITE_REPLY), (TCP_REPLY,))
-CORPUS = tuple(
-    bytes((listener, 0)) + frame for listener, frames in enumerate(SAID) for frame in frames
-)
+SPOKEN = [(listener, frame) for listener, frames in enumerate(SAID) for frame in frames]
+CORPUS = tuple(bytes((listener, 0)) + frame for listener, frame in SPOKEN)
 MAX_PIECES = 64
 CLOCK = VirtualClock()
 # As the driver does when it opens a port.

@@ -67,9 +67,8 @@ class Robotiq(GripperRig):
             return "can:contract?interface=virtual"
         if bus.startswith("urcap"):
             urcap = Urcap(self.model, self.now, b"" if bus.endswith("bare") else b"\n")
-            port = self.site.answer_lines(
-                lambda line: b"" if self.mute else urcap.answer(line), MAX_LINE
-            )
+            answered = lambda line: b"" if self.mute else urcap.answer(line)  # noqa: E731
+            port = self.site.answer_lines(answered, MAX_LINE)
             return f"urcap://127.0.0.1:{port}"
         if bus == "tcp":
             self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP), unit=TCP.unit)

@@ -98,10 +98,5 @@ def expectation_document(tree: Table, digest: str, count: int = 4000) -> dict[st
             for squeeze in part.squeezes:
                 rows[squeeze.node][str(tree.gripper.bin_of(squeeze.width_um))] += 1
         worlds.append({"name": name, "readings": [dict(row) for row in rows]})
-    return {
-        "kind": "expected readings",
-        "version": 2,
-        "bins": tree.gripper.bins,
-        "table_sha256": digest,
-        "worlds": worlds,
-    }
+    of_table = {"bins": tree.gripper.bins, "table_sha256": digest}
+    return {"kind": "expected readings", "version": 2, **of_table, "worlds": worlds}

@@ -25,14 +25,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
 from arm_rigs import BASE, OmniCoreRig
-from cameras import part_tag, true_calibration
+from cameras import keep_standard
 from programs import ROOT, RUNTIME, TABLE, started
 from relays import SLOW_S, Case, Hindrance, Relay, Row, TcpRelay, TtyRelay
 from running_cells import RunningCell
@@ -40,9 +39,6 @@ from sample_tables import small_table, two_squeeze_table
 
 from drivers import connect
 from drivers.abb import rws
-from drivers.camera.calibration import file as calibration
-from drivers.camera.calibration.file import Reference
-from drivers.camera.vision import tag_file
 from drivers.clock import LINK_TIMEOUT_S
 from drivers.links import DRAIN_S, READ_TRIES
 from drivers.sim.camera.rig import standard_rig
@@ -68,6 +64,7 @@ ROWS = {
     "scene": 2,
     "camera": 1,
 }
+GRIPPERS = ("gripper", "gripper_tcp", "gripper_rtu_tcp", "gripper_urcap")
 SIMULATED = ("scene", "camera")  # heard by runs with --port sim
 SCALE = 12.0
 SPARE_S = 2.0
@@ -81,10 +78,7 @@ _TRIES_S = READ_TRIES * (LINK_TIMEOUT_S + DRAIN_S)
 # for the safe sequence. A motion of the arm may take its own time, and has 3 device seconds for its ramps.
 MOTION_S = 8.0
 DEADLINES_S = {
-    **dict.fromkeys(
-        ("gripper", "gripper_tcp", "gripper_rtu_tcp", "gripper_urcap"),
-        2.0 * _TRIES_S + LINK_TIMEOUT_S,
-    ),
+    **dict.fromkeys(GRIPPERS, 2.0 * _TRIES_S + LINK_TIMEOUT_S),
     "arm": 2.0 + MOTION_S,
     "arm_ur": 3.0 * ANSWER_S + MOTION_S,
     "arm_ur_script": 3.0 * ANSWER_S + MOTION_S,
@@ -152,12 +146,7 @@ class Bench:
     @cached_property
     def _auditor(self) -> str:
         """The command that looks through that camera."""
-        optics = standard_rig()
-        places = tuple(Reference(number, x, y) for number, (x, y, _) in optics.references)
-        known = replace(true_calibration(optics.optics), references=places)
-        calibration.save(known, self._folder / "camera.json")
-        tag = part_tag(on_part=optics.on_part)
-        tag_file.save(tag, self._folder / "tag.json", "2026-01-01T00:00:00+00:00")
+        keep_standard(self._folder)
         words = [sys.executable, "-m", "drivers.camera.audit.command", "judge"]
         words += ["--tree", str(TABLE), "--calibration", str(self._folder / "camera.json")]
         words += ["--tag", str(self._folder / "tag.json")]

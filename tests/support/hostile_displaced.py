@@ -53,11 +53,7 @@ class Run(NamedTuple):
 
 
 def campaign(
-    setting: Setting,
-    table: Table,
-    numbers: range,
-    seed: int,
-    report: Callable[[str], object] = print,
+    setting: Setting, table: Table, numbers: range, seed: int, report: Callable = print
 ) -> Counter[str]:
     """Displace the arm once in each of so many parts; returns how often each end was met."""
     ends: Counter[str] = Counter()
@@ -133,10 +129,9 @@ def _judged(sound: Run, ended: Run, case: Displacement) -> str:
         return "out of the arm's reach"
     if not case.above:
         same = (before.outcome, before.exit_code) == (after.outcome, after.exit_code)
-        sound_arm = same or not _of_arm(after)
-        return (
-            "below the tolerance: no fault" if sound_arm else "FAILED below the tolerance: a fault"
-        )
+        if same or not _of_arm(after):
+            return "below the tolerance: no fault"
+        return "FAILED below the tolerance: a fault"
     if _of_arm(after) and after.leaf is None and after.safe_state:
         return "above the tolerance: a fault"
     return "FAILED above the tolerance: no fault of the arm"

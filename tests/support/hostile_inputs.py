@@ -312,12 +312,7 @@ def err_name(entry: tuple[str, str]) -> str:
     return str(importlib.import_module(PARSERS.get(entry, entry[0])).parser().prog)
 
 
-def run(
-    seed: int,
-    numbers: Iterable[int],
-    tell: Callable[[str], object] = print,
-    longest_s: float = LONGEST_S,
-) -> Counter[str]:
+def run(seed: int, numbers: Iterable[int], tell=print, longest_s=LONGEST_S) -> Counter[str]:
     """Judge the cases of some numbers in a worker process, which is replaced when one of them hangs.
 
     Args:

@@ -318,11 +318,8 @@ def campaign(count: int, seed: int, first: int = 0) -> int:
                     said = f"{case}: {'; '.join(wrong)}"
                     print(f"signals, seed {seed}, case {number}: {said}", flush=True)
 
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        usual_signals(),
-        ThreadPoolExecutor(WORKERS) as pool,
-    ):
+    pool = ThreadPoolExecutor(WORKERS)
+    with tempfile.TemporaryDirectory() as folder, usual_signals(), pool:
         given = [share for share in shares if share]
         list(pool.map(work, given, [Path(tempfile.mkdtemp(dir=folder)) for _ in given]))
     print(json.dumps({"signals": count, "seed": seed, "failed": sorted(failed)}), flush=True)

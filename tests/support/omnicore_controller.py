@@ -93,10 +93,7 @@ class OmniCore:
                 kind, fields = "rap-execution", {"ctrlexecstate": state}
             case _ if path == POINTER:
                 at = {"_title": "progpointer", "modulemame": module, "routinename": routine}
-                return [
-                    {"_type": "pcp-info", **at},
-                    {"_type": "pcp-info", "_title": "motionpointer"},
-                ]
+                return [{"_type": "pcp-info", **row} for row in (at, {"_title": "motionpointer"})]
             case _ if path == f"{unit}/jointtarget":
                 kind, fields = "ms-jointtarget", axes
             case _ if path == f"{unit}/cartesian":
@@ -237,11 +234,8 @@ def _handler(
                 return
             if not self._signed_in():
                 challenge = f'Digest realm="{REALM}", nonce="0123abcd", qop="auth", opaque="x"'
-                self._send(
-                    HTTPStatus.UNAUTHORIZED,
-                    {"status": {"msg": "sign in"}},
-                    {"WWW-Authenticate": challenge if digest else f'Basic realm="{REALM}"'},
-                )
+                asked = {"WWW-Authenticate": challenge if digest else f'Basic realm="{REALM}"'}
+                self._send(HTTPStatus.UNAUTHORIZED, {"status": {"msg": "sign in"}}, asked)
                 return
             parts = urlsplit(self.path)
             query = {name: words[-1] for name, words in parse_qs(parts.query).items()}

@@ -4,11 +4,8 @@ from runtime.signing.keys import SigningKey, _ed25519
 from runtime.signing.pack import signed
 from runtime.table import TableFile, dumps, loads
 
-FACTS = {
-    "signer": "ada@example",
-    "created": "2026-11-27T03:00:00.000+00:00",
-    "versions": {"squeezetree": "0.1.0"},
-}
+FACTS = {"signer": "ada@example", "created": "2026-11-27T03:00:00.000+00:00"}
+FACTS["versions"] = {"squeezetree": "0.1.0"}
 
 
 def new_key() -> SigningKey:

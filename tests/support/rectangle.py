@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-FOLDER = Path(__file__).parents[2] / "trees" / "rectangle"
-JOB_PATH, TABLE_PATH = FOLDER / "job.toml", FOLDER / "rectangle.msgpack"
+from programs import JOB, TABLE
+
+JOB_PATH, TABLE_PATH = JOB, TABLE
 TEXT = JOB_PATH.read_text(encoding="utf-8")
 
 

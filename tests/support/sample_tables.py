@@ -55,9 +55,8 @@ def small_table() -> Table:
         Leaf(0, 0, 643_000, wide, 610_000, 1_000, False, (), 2_200, 9_800),
     )
     predicted = Prediction(958_000, 10_000, 1_400_000, 0, 340, 1_020)
-    return Table(
-        "squeezetree test", NO_JOB, GRIPPER, GOAL, LIMITS, (root, second), leaves, predicted, None
-    )
+    nodes = (root, second)
+    return Table("squeezetree test", NO_JOB, GRIPPER, GOAL, LIMITS, nodes, leaves, predicted, None)
 
 
 def two_squeeze_table() -> Table:

@@ -23,12 +23,9 @@ def small_setting(table: Table | None = None) -> Setting:
     return Setting(table, table_geometry(table), REHEARSAL[1], rehearsal.make)
 
 
-def small_soak(
-    parts: int = 1,
-    *,
-    faults: bool = False,
-    handled: tuple[RunOptions, ...] = (RunOptions(),),
-    table: Table | None = None,
-) -> object:
+HANDLED = (RunOptions(),)
+
+
+def small_soak(parts=1, *, faults=False, handled=HANDLED, table: Table | None = None):
     """Runs of that many parts."""
     return soak_run.Soak(small_setting(table), table or small_table(), faults, parts, handled)

@@ -41,11 +41,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 """Of IEC 61131-3; positions count from 1, and 0 is nowhere."""
 INTEGERS = {"INT": 2**15, "DINT": 2**31}
 FIRST = {"BOOL": False, "INT": 0, "DINT": 0, "REAL": 0.0, "STRING": ""}
-BLOCKS = {
-    st.InputDeclarations: INPUT,
-    st.OutputDeclarations: OUTPUT,
-    st.VariableDeclarations: LOCAL,
-}
+BLOCKS = {st.InputDeclarations: INPUT, st.OutputDeclarations: OUTPUT}
+BLOCKS[st.VariableDeclarations] = LOCAL
 
 
 NARROWED = {
@@ -63,13 +60,9 @@ def parser() -> Lark:
     for general, narrow in NARROWED.items():
         assert grammar.count(general) == 1
         grammar = grammar.replace(general, narrow)
-    return Lark(
-        grammar,
-        parser="earley",
-        maybe_placeholders=True,
-        propagate_positions=True,
-        start=[rule.name for rule in BlarkStartingRule],
-    )
+    starts = [rule.name for rule in BlarkStartingRule]
+    how = {"maybe_placeholders": True, "propagate_positions": True}
+    return Lark(grammar, parser="earley", start=starts, **how)
 
 
 class FunctionBlock:

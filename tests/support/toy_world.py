@@ -64,11 +64,8 @@ class Toy:
     def least(self, success, squeezes, **options):
         """Least mean squeezes of a plan that locates a share of all parts; infinite if none does."""
         most = (1.0 - success) * self.size + 1e-9
-        means = [
-            cost / self.size
-            for cost, missed in self.outcomes(squeezes, **options)
-            if missed <= most
-        ]
+        plans = self.outcomes(squeezes, **options)
+        means = [cost / self.size for cost, missed in plans if missed <= most]
         return min(means, default=np.inf)
 
 

@@ -25,9 +25,8 @@ LINES = {
 def wheels(tmp_path):
     for stem, lines in LINES.items():
         name, _, version = stem.rpartition("-")
-        text = "\n".join(
-            ["Metadata-Version: 2.4", f"Name: {name}", f"Version: {version}", *lines, "", ""]
-        )
+        head = ["Metadata-Version: 2.4", f"Name: {name}", f"Version: {version}"]
+        text = "\n".join([*head, *lines, "", ""])
         with zipfile.ZipFile(tmp_path / f"{stem}-py3-none-any.whl", "w") as archive:
             archive.writestr(f"{stem}.dist-info/METADATA", text)
     return tmp_path
@@ -39,16 +38,13 @@ def test_bill_is_valid_and_lists_each_wheel_with_its_digest(wheels):
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
     record = json.loads(text)
     assert record["metadata"]["component"]["name"] == "squeezetree"
-    listed = {
-        part["name"]: part for part in [*record["components"], record["metadata"]["component"]]
-    }
+    parts = [*record["components"], record["metadata"]["component"]]
+    listed = {part["name"]: part for part in parts}
     assert set(listed) == {"squeezetree", "msgpack", "odd-name", "classified", "own"}
     for path in wheels.glob("*.whl"):
         (digest,) = listed[path.name.partition("-")[0].replace("_", "-")]["hashes"]
-        assert digest == {
-            "alg": "SHA-256",
-            "content": hashlib.sha256(path.read_bytes()).hexdigest(),
-        }
+        content = hashlib.sha256(path.read_bytes()).hexdigest()
+        assert digest == {"alg": "SHA-256", "content": content}
     needed = {line["ref"]: line.get("dependsOn", []) for line in record["dependencies"]}
     assert needed["pkg:pypi/squeezetree@0.1.0"] == ["pkg:pypi/msgpack@1.1.2"]
     assert all(part.get("licenses") for name, part in listed.items() if name != "squeezetree")

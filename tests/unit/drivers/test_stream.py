@@ -97,9 +97,7 @@ def test_silent_name_server_is_not_waited_for(monkeypatch):
 
     monkeypatch.setattr(socket, "getaddrinfo", silent)
     monkeypatch.setattr(stream, "CONNECT_S", 0.1)
-    with pytest.raises(
-        PortError, match=r"no name server tells the address of robot\.local.*; hint"
-    ):
+    with pytest.raises(PortError, match=r"no name server tells .* robot\.local.*; hint"):
         open_tcp("robot.local", 1, "tcp://robot.local:1", "hint")
     answered.set()
 

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -19,9 +18,7 @@ CALLS = {
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_commands_with_a_missing_file_end_before_the_planner_is_loaded(
-    name: str, tmp_path: Path
-) -> None:
+def test_commands_with_a_missing_file_end_before_the_planner_is_loaded(name, tmp_path):
     (tmp_path / "there.toml").touch()
     code = BLOCK.format(name) + LOADED
     done = subprocess.run(

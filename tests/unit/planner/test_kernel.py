@@ -18,25 +18,18 @@ def test_without_its_folder_a_kernel_is_kept_nowhere_and_the_user_is_warned_once
     """Not beside the module either, where numba would take old ones after an upgrade."""
     monkeypatch.setattr(kernels.numba_config, "CACHE_DIR", folder)
     kernels._warn_once.cache_clear()
-    result = [
-        kernels.kernel(doubled),
-        kernels.inner_kernel(doubled),
-        kernels.inlined_kernel(doubled),
-    ]
+    makers = kernels.kernel, kernels.inner_kernel, kernels.inlined_kernel
+    result = [make(doubled) for make in makers]
     assert [each.stats.cache_path for each in result] == [None] * 3
     assert result[0](1.5) == 3.0
     assert not list((Path(__file__).parent / "__pycache__").glob("test_kernel.doubled*"))
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    assert err.startswith(
-        f"squeezetree: {folder} cannot be written, so kernels are compiled anew each time"
-    )
+    assert err.startswith(f"squeezetree: {folder} cannot be written, so kernels are compiled anew")
     kernels._warn_once.cache_clear()
 
 
-def test_kernels_are_kept_under_the_key_of_their_content(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_kernels_are_kept_under_the_key_of_their_content(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(kernels.numba_config, "CACHE_DIR", str(tmp_path / "keyed"))
     result = kernels.kernel(doubled)
     assert Path(result.stats.cache_path).is_relative_to(tmp_path / "keyed")

@@ -29,11 +29,8 @@ def test_numbers_have_no_exponent_and_no_negative_zero():
 
 
 def test_the_worst_pose_line_fits_the_string_limit():
-    worst = Pose(-99999.999, -99999.999, -99999.999, codec.hand_rotation(-2.5))
-    long = codec.command(
-        codec.MOVE_LINEAR, *codec.pose_numbers(Pose(-999.999, -999.999, -999.999, worst.rotation))
-    )
-    assert len(long) <= codec.MAX_LINE
+    far = Pose(-999.999, -999.999, -999.999, codec.hand_rotation(-2.5))
+    assert len(codec.command(codec.MOVE_LINEAR, *codec.pose_numbers(far))) <= codec.MAX_LINE
     with pytest.raises(ProtocolError, match="too long"):
         codec.command(1, *["1"] * 11)
     with pytest.raises(ProtocolError, match="too long"):
@@ -50,9 +47,8 @@ def test_a_quaternion_off_unit_length_is_refused():
 def test_the_server_reads_what_was_meant():
     rng = random.Random(5)
     for _ in range(500):
-        pose = Pose(
-            *(rng.uniform(-400, 400) for _ in range(3)), codec.hand_rotation(rng.uniform(-7, 7))
-        )
+        place = (rng.uniform(-400, 400) for _ in range(3))
+        pose = Pose(*place, codec.hand_rotation(rng.uniform(-7, 7)))
         message = Message()
         message.parse(codec.command(1, *codec.pose_numbers(pose)).decode())
         assert (message.code, message.count) == (1, 7)

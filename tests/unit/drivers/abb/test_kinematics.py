@@ -49,12 +49,8 @@ def test_every_hand_pointing_down_over_the_table_is_in_reach():
     rng = random.Random(2)
     for _ in range(200):
         turn = rng.uniform(-math.pi, math.pi)
-        target = Pose(
-            300.0 + rng.uniform(-150, 150),
-            rng.uniform(-150, 150),
-            rng.uniform(5, 100),
-            (0.0, math.cos(turn / 2), math.sin(turn / 2), 0.0),
-        )
+        place = 300.0 + rng.uniform(-150, 150), rng.uniform(-150, 150), rng.uniform(5, 100)
+        target = Pose(*place, (0.0, math.cos(turn / 2), math.sin(turn / 2), 0.0))
         assert apart(forward(inverse(target)), target) < 1e-6
 
 

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import pytest
 from dh_devices import VirtualDh, close
+from refusals import refused_in_a_line
 
+from drivers import connect
 from drivers.dh import registers as dh
 from drivers.dh.percent import Scale
 from drivers.errors import GripperFault, LinkTimeout, PortError
@@ -14,11 +16,16 @@ from runtime.table import profile_of
 PART_MM = 38.0  # position 400 of the AG-95
 
 
+def ready(seed=1, contact_mm=PART_MM):
+    """A device, and the driver that has initialised it."""
+    device = VirtualDh(contact_mm=contact_mm, seed=seed)
+    return device, device.ready()
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_gripper_whose_state_follows_late_ends_no_move_early(seed):
     """The state of the move before, still shown for some cycles, says that the fingers stand."""
-    device = VirtualDh(contact_mm=PART_MM, seed=seed)
-    gripper = device.ready()
+    _, gripper = ready(seed)
     for width_um, expected_um in ((0, 38_000), (95_000, 95_000), (60_040, 60_040), (0, 38_000)):
         gripper.move(width_um, 135.0, 45.0)
         assert gripper.wait().width_um == pytest.approx(expected_um, abs=48)
@@ -27,8 +34,7 @@ def test_gripper_whose_state_follows_late_ends_no_move_early(seed):
 @pytest.mark.parametrize("width_um", [0, 20_045, 95_000])
 @pytest.mark.parametrize("spike", [0, 500, 1000])
 def test_move_after_a_reading_with_a_wrong_position_ends_where_the_fingers_stop(width_um, spike):
-    device = VirtualDh(contact_mm=PART_MM)
-    gripper = device.ready()
+    device, gripper = ready()
     gripper.move(60_040, 135.0, 45.0)
     gripper.wait()
     right = device.device._position
@@ -43,8 +49,7 @@ def test_move_after_a_reading_with_a_wrong_position_ends_where_the_fingers_stop(
 
 
 def test_gripper_that_drops_the_part_closes_on_and_says_so():
-    device = VirtualDh(contact_mm=PART_MM)
-    gripper = device.ready()
+    device, gripper = ready()
     close(gripper)
     gripper.wait()
     device.device.lose_object(device.clock.now())
@@ -54,8 +59,7 @@ def test_gripper_that_drops_the_part_closes_on_and_says_so():
 
 
 def test_gripper_that_loses_power_while_it_moves_is_a_fault():
-    device = VirtualDh()
-    gripper = device.ready()
+    device, gripper = ready(contact_mm=None)
     close(gripper, 1.4)
     device.device.power_cycle(device.clock.now() + 1.0)
     with pytest.raises(GripperFault, match="not initialised"):
@@ -63,8 +67,7 @@ def test_gripper_that_loses_power_while_it_moves_is_a_fault():
 
 
 def test_gripper_that_is_stopped_stands_and_keeps_what_it_holds():
-    device = VirtualDh(contact_mm=PART_MM)
-    gripper = device.ready()
+    device, gripper = ready()
     close(gripper, 20.0)
     device.clock.sleep(0.5)
     gripper.stop()
@@ -81,8 +84,7 @@ def test_gripper_that_is_stopped_stands_and_keeps_what_it_holds():
 
 
 def test_gripper_stopped_right_after_a_move_does_not_take_the_old_grip_for_a_held_part():
-    device = VirtualDh(contact_mm=PART_MM)
-    gripper = device.ready()
+    device, gripper = ready()
     close(gripper)
     gripper.wait()
     gripper.move(95_000, 1.4, 45.0)
@@ -101,8 +103,7 @@ def test_gripper_that_initialises_cannot_be_stopped():
 
 
 def test_gripper_moves_with_the_settings_that_do_not_exceed_those_asked_for():
-    device = VirtualDh()
-    gripper = device.ready()
+    device, gripper = ready(contact_mm=None)
     for speed, force in ((1.0, 1.0), (50.0, 80.0), (1000.0, 1000.0)):
         gripper.move(50_000, speed, force)
         gripper.wait()
@@ -126,8 +127,7 @@ def test_gripper_moves_with_the_settings_that_do_not_exceed_those_asked_for():
     ],
 )
 def test_line_that_fails_for_good_is_a_timeout_and_for_a_moment_is_nothing(kind, value):
-    device = VirtualDh(contact_mm=PART_MM)
-    gripper = device.ready()
+    device, gripper = ready()
     device.fault(kind, length=2, value=value)
     close(gripper)
     assert gripper.wait().width_um == 38_000
@@ -139,16 +139,14 @@ def test_line_that_fails_for_good_is_a_timeout_and_for_a_moment_is_nothing(kind,
 
 @pytest.mark.parametrize(("kind", "value"), [("noise", 9), ("echo", 0), ("reply_twice", 0)])
 def test_line_with_bytes_too_many_changes_nothing(kind, value):
-    device = VirtualDh(contact_mm=PART_MM)
-    gripper = device.ready()
+    device, gripper = ready()
     device.fault(kind, value=value)
     close(gripper)
     assert gripper.wait().width_um == 38_000
 
 
 def test_device_in_a_state_that_no_dh_gripper_has_is_a_fault():
-    device = VirtualDh()
-    gripper = device.ready()
+    device, gripper = ready(contact_mm=None)
     device.device._initialised = 9
     with pytest.raises(GripperFault, match="check that it is one"):
         gripper.state()
@@ -167,8 +165,5 @@ def test_profile_of_another_make_is_refused():
     ["dh://", "dh:///dev/ttyS0?unit=0", "dh:///dev/ttyS0?baud=9600", "dh://host", "dh:///dev/null"],
 )
 def test_port_that_is_not_understood_is_one_line(port):
-    from drivers import connect
-
-    with pytest.raises(PortError) as raised:
+    with refused_in_a_line(PortError):
         connect.gripper(port)
-    assert "\n" not in str(raised.value)

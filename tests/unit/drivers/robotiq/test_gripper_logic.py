@@ -3,15 +3,14 @@
 import random
 
 import pytest
-from direct_gripper import TRANSACTION_S, DirectLink, active, connect
+from direct_gripper import TRANSACTION_S, active, connect, reset
 
 from drivers.errors import GripperFault, LinkError
 from drivers.robotiq.registers import OUTPUT_FIELDS, unpack
 
 
 def test_activation_resets_first_and_takes_its_time():
-    link = DirectLink()
-    gripper = connect(link)
+    link, gripper = reset()
     gripper.activate()
     assert [unpack(OUTPUT_FIELDS, block)["rACT"] for block in link.writes] == [0, 1]
     assert all(unpack(OUTPUT_FIELDS, block)["rGTO"] == 0 for block in link.writes)
@@ -26,8 +25,7 @@ def test_an_active_gripper_is_left_alone():
 
 
 def test_an_activation_under_way_is_waited_for():
-    link, _ = DirectLink(), None
-    first = connect(link)
+    link, first = reset()
     link.model.write_output(0, bytes((1, 0, 0, 0, 0, 0)), link.clock.time)
     first.activate()
     assert link.writes == []
@@ -35,8 +33,7 @@ def test_an_activation_under_way_is_waited_for():
 
 
 def test_a_latched_fault_stays_until_the_next_activation():
-    link = DirectLink(contact=150)
-    gripper = connect(link)
+    link, gripper = reset(contact=150)
     with pytest.raises(GripperFault, match="0x0D"):
         gripper.activate()
     link.writes.clear()
@@ -61,8 +58,7 @@ def test_an_active_gripper_that_latches_a_fault_is_reset_by_an_activation():
 
 
 def test_a_gripper_that_never_finishes_activation_runs_into_the_deadline():
-    link = DirectLink()
-    gripper = connect(link)
+    link, gripper = reset()
     link.frozen = bytes((0x11, 0, 0, 0, 0, 0))
     with pytest.raises(GripperFault, match="not done activating"):
         gripper.activate()
@@ -108,8 +104,7 @@ def test_stop_by_this_or_another_connection_keeps_the_request_and_the_part():
 
 
 def test_stop_ends_the_sweep_of_an_activation_and_leaves_a_latched_fault_alone():
-    link = DirectLink()
-    gripper = connect(link)
+    link, gripper = reset()
     link.write(bytes((1, 0, 0, 0, 0, 0)))
     link.clock.sleep(1.5)
     gripper.stop()
@@ -164,10 +159,12 @@ def test_a_count_that_never_stands_still_is_no_width():
     link, gripper = active()
     gripper.move(200, 255, 0)
     counts = iter(range(100, 10_000))
-    link.read = lambda: (
-        link.clock.sleep(TRANSACTION_S),
-        bytes((0xB9, 0, 0, 200, next(counts) % 230, 0)),
-    )[1]
+
+    def restless():
+        link.clock.sleep(TRANSACTION_S)
+        return bytes((0xB9, 0, 0, 200, next(counts) % 230, 0))
+
+    link.read = restless
     with pytest.raises(GripperFault, match="does not settle"):
         gripper.wait()
 

@@ -30,6 +30,13 @@ def active(rig):
     return gripper
 
 
+def hold(rig, gripper):
+    """Let the fingers close on a part."""
+    rig.part.width_mm = 41.0
+    gripper.move(0, FAST, WEAK)
+    gripper.wait()
+
+
 def lost(request, reply):
     return []
 
@@ -113,9 +120,7 @@ def test_a_part_is_gripped_held_and_released_before_the_next_move(rig, active):
 
 
 def test_a_stronger_grip_is_a_release_and_another_grip(rig, active):
-    rig.part.width_mm = 41.0
-    active.move(0, FAST, WEAK)
-    active.wait()
+    hold(rig, active)
     active.move(0, FAST, 2 * WEAK)
     settled = active.wait()
     assert (settled.width_um, settled.object) == (41_000, ObjectState.CLOSING)
@@ -124,9 +129,7 @@ def test_a_stronger_grip_is_a_release_and_another_grip(rig, active):
 
 @pytest.mark.parametrize("width_um", [0, 20_000, EGU.stroke_um])
 @pytest.mark.parametrize("spike_mm", [0.0, 120.0])
-def test_move_after_a_reading_with_a_wrong_width_ends_where_the_fingers_stop(
-    rig, active, width_um, spike_mm
-):
+def test_move_after_a_wrong_width_ends_where_the_fingers_stop(rig, active, width_um, spike_mm):
     active.move(60_000, FAST, WEAK)
     active.wait()
     right = rig.model._values
@@ -150,9 +153,7 @@ def test_a_part_in_the_way_of_a_positioning_move_is_a_fault(rig, active):
         active.wait()
 
 
-@pytest.mark.parametrize(
-    ("force_n", "percent"), [(1.0, 50), (325.0, 50), (400.0, 61), (900.0, 100)]
-)
+@pytest.mark.parametrize(("force_n", "percent"), [(1.0, 50), (325.0, 50), (400.0, 61), (9e2, 100)])
 def test_force_is_the_greatest_percentage_that_does_not_exceed_it(rig, active, force_n, percent):
     active.move(0, FAST, force_n)
     assert rig.model.read("plc_sync_output", rig.clock.now())[12:] == percent.to_bytes(4, "little")
@@ -174,9 +175,7 @@ def test_an_egk_grips_as_slowly_as_asked_and_an_egu_as_its_force_has_it():
 
 
 def test_stop_keeps_what_is_held(rig, active):
-    rig.part.width_mm = 41.0
-    active.move(0, FAST, WEAK)
-    active.wait()
+    hold(rig, active)
     active.stop()
     state = active.state()
     assert (state.object, state.width_um) == (ObjectState.CLOSING, 41_000)
@@ -222,9 +221,7 @@ def test_a_reading_that_goes_astray_is_asked_for_again(rig, active, mishap):
 def test_move_is_sent_right_after_the_status_was_read_whatever_goes_astray(rig, active, at, holds):
     """Or after the request was read back, where the answer to its write was lost."""
     if holds:
-        rig.part.width_mm = 41.0
-        active.move(0, FAST, WEAK)
-        active.wait()
+        hold(rig, active)
     looked, since = [], []
     read, write = rig.model.read, rig.model.write
 
@@ -284,9 +281,7 @@ def test_a_write_whose_answer_is_lost_is_no_second_command(rig, active, mishap):
 
 
 def test_the_gripper_is_asked_often_enough_while_nobody_uses_it(rig, active):
-    rig.part.width_mm = 41.0
-    active.move(0, FAST, WEAK)
-    active.wait()
+    hold(rig, active)
     rig.clock.sleep(30 * SILENCE_S)
     state = active.state()
     assert (state.fault, state.object) == (0, ObjectState.CLOSING)

@@ -3,6 +3,7 @@
 import random
 
 import pytest
+from refusals import refused_in_a_line
 
 from drivers.schunk.registers import PARAMETERS, Input
 from drivers.sim.devices.jaws import Surroundings
@@ -73,9 +74,8 @@ def test_schedule_that_is_no_file_is_refused_and_none_is_no_faults(tmp_path):
 def test_what_a_file_may_not_say(tmp_path, text, says):
     path = tmp_path / "faults.toml"
     path.write_text(text)
-    with pytest.raises(InputError, match=says) as raised:
+    with refused_in_a_line(InputError, says):
         parse(str(path))
-    assert "\n" not in str(raised.value)
 
 
 def test_a_fault_holds_from_its_event_for_its_length():
@@ -149,9 +149,10 @@ def test_an_outbox_keeps_the_order_of_arrival():
     box = Outbox(BYTE_S, clock.at, lambda data: arrived.append((clock.now(), data)))
     box.put([Piece(b"late", 1.0), Piece(b"ab"), Piece(b"cd")], 10.0)
     clock.advance(20.0)
+    whole_s = 10.0 + 2 * BYTE_S
     assert arrived == [
-        (10.0 + 2 * BYTE_S, b"ab"),
-        (10.0 + 2 * BYTE_S + 2 * BYTE_S, b"cd"),
+        (whole_s, b"ab"),
+        (whole_s + 2 * BYTE_S, b"cd"),
         (11.0 + 4 * BYTE_S, b"late"),
     ]
 

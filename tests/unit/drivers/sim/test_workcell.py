@@ -128,13 +128,11 @@ def test_a_bump_moves_the_part_before_the_squeeze():
     assert first[2] == second[2]
 
 
-@pytest.mark.parametrize(
-    ("kind", "value", "wider"), [("wrong_part", -3.0, -3.0), ("two_parts", 9.0, 9.0)]
-)
-def test_another_part_is_another_width(kind, value, wider):
+@pytest.mark.parametrize(("kind", "wider_mm"), [("wrong_part", -3.0), ("two_parts", 9.0)])
+def test_another_part_is_another_width(kind, wider_mm):
     sound = Hands().grip().position_counts
-    other = Hands(Fault(kind, 1, value=value)).grip().position_counts
-    assert (sound - other) * 85.0 / 227.0 == pytest.approx(wider, abs=0.4)
+    other = Hands(Fault(kind, 1, value=wider_mm)).grip().position_counts
+    assert (sound - other) * 85.0 / 227.0 == pytest.approx(wider_mm, abs=0.4)
 
 
 def test_where_there_is_no_part_nothing_is_met_and_nothing_crashes():
@@ -183,9 +181,8 @@ def test_an_unplugged_port_may_be_plugged_in_again_but_a_forbidden_one_not():
         hands = Hands(Fault(kind, 1))
         with pytest.raises(LinkError, match="broke"):
             hands.gripper.state()
-        with pytest.raises(PortError, match=says) as raised:
+        with pytest.raises(PortError, match=says):
             hands.cell.gripper()
-        assert raised.value.exit_code == 21
 
 
 def test_a_broken_connection_leaves_a_stale_acknowledgement_for_the_next():

@@ -33,9 +33,8 @@ def group(rng, metric, n):
 
 def located(metric, poses, predictions, inflation=0.0):
     """The slow twin: the most poses within the goal of one of the predictions."""
-    return max(
-        int((metric.between(poses, q) < metric.goal * (1.0 + inflation)).sum()) for q in predictions
-    )
+    goal = metric.goal * (1.0 + inflation)
+    return max(int((metric.between(poses, place) < goal).sum()) for place in predictions)
 
 
 @pytest.mark.parametrize("metric", METRICS, ids=lambda m: f"{m.kind}-{m.order}-{m.rho_mm}")
@@ -49,9 +48,8 @@ def test_it_lies_between_what_predictions_locate_and_what_a_wider_goal_would(met
         assert result <= most <= n
         # The grid's own cells reach as far as its steps: no prediction in it locates more than that many.
         step = 0.5 * (GRID[1] - GRID[0]) * (np.sqrt(2.0) + 1.0)
-        assert most <= max(
-            located(metric, poses, grid, step + INFLATION), np.ceil(LEAST_SHARE * n) - 1
-        )
+        held = located(metric, poses, grid, step + INFLATION)
+        assert most <= max(held, np.ceil(LEAST_SHARE * n) - 1)
 
 
 def test_a_ball_of_poses_just_within_the_goal_is_one_and_just_beyond_is_not():

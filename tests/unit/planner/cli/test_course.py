@@ -16,11 +16,8 @@ def lines_of(capsys, clock, whole, message):
 
 
 def test_search_of_unknown_length_tells_the_time_so_far_and_nothing_else(capsys, clock):
-    lines = [
-        (6.0, "draft", 990, 1000, "2% open"),
-        (12.0, "evaluate", 20, 20),
-        (18.0, "search", 5, 1000),
-    ]
+    lines = [(6.0, "draft", 990, 1000, "2% open"), (12.0, "evaluate", 20, 20)]
+    lines += [(18.0, "search", 5, 1000)]
     assert lines_of(capsys, clock, course.unknown, lines) == [
         "draft, 6 s so far, left: unknown, 2% open",
         "evaluate, 12 s so far, left: unknown",
@@ -31,9 +28,7 @@ def test_search_of_unknown_length_tells_the_time_so_far_and_nothing_else(capsys,
 @pytest.mark.parametrize(
     "whole", [course.counted, course.of_search, course.of_time(30.0), course.unknown]
 )
-def test_share_never_falls_and_no_time_is_left_of_work_that_goes_on_after_its_end(
-    capsys, clock, whole
-):
+def test_share_never_falls_and_nothing_is_left_of_work_that_goes_on(capsys, clock, whole):
     stages = [("draft", k, 10) for k in range(11)] + [("search", k, 10) for k in range(11)]
     entries = [(6.0 * k, *stage) for k, stage in enumerate(stages)]
     lines = lines_of(capsys, clock, whole, entries)
@@ -53,12 +48,8 @@ def test_search_share_begins_once_kernels_are_compiled(capsys, clock):
 
 
 def test_budget_is_counted_down_and_unknown_beyond_its_end(capsys, clock):
-    lines = [
-        (0.0, "kernels", 0, 1),
-        (15.0, "draft", 3, 1000),
-        (45.0, "search", 1, 9),
-        (65.0, "evaluate", 1, 20),
-    ]
+    lines = [(0.0, "kernels", 0, 1), (15.0, "draft", 3, 1000)]
+    lines += [(45.0, "search", 1, 9), (65.0, "evaluate", 1, 20)]
     assert lines_of(capsys, clock, course.of_time(60.0), lines) == [
         "25% done, draft, 15 s so far, left: about 45 s",
         "75% done, search, 45 s so far, left: about 15 s",

@@ -34,12 +34,8 @@ def job_of(outline, symmetry=1, **changes):
 @pytest.mark.parametrize(
     ("outline", "stated", "order"),
     [
-        (box(30, 20), 1, 2),
-        (box(20, 20), 1, 4),
-        (box(20, 20), 2, 4),
-        (ring(6), 1, 6),
-        (ring(6), 3, 6),
-        (ring(9), 3, 9),
+        *((box(30, 20), 1, 2), (box(20, 20), 1, 4), (box(20, 20), 2, 4)),
+        *((ring(6), 1, 6), (ring(6), 3, 6), (ring(9), 3, 9)),
     ],
 )
 def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline, stated, order):

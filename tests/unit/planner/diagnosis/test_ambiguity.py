@@ -33,9 +33,7 @@ def evaluation(table, marked):
     return evaluate(table, marked, ContactWorlds.of_job(marked, 1), 2000, 2)
 
 
-def test_a_symmetric_parts_half_turns_stay_open_and_nothing_separates_them(
-    table, marked, evaluation
-):
+def test_half_turns_of_a_symmetric_part_stay_open_and_nothing_tells(table, marked, evaluation):
     result = ambiguities(table, evaluation, marked)
     assert len(result) == 3
     for row in result:

@@ -16,9 +16,8 @@ def test_shortage_of_a_wide_disc_is_what_reach_and_radius_exceed_the_jaws_by():
     result = shortage(WIDE)
     # At any angle the farthest vertex lies in every direction, and half a millimetre stays free.
     around = reach(JOB.part.outline_mm) + 0.5
-    assert result.missing_mm == pytest.approx(
-        2.0 * (40.0 + around) - JOB.gripper.opening_mm, abs=1.0
-    )
+    wide_mm = 2.0 * (40.0 + around)
+    assert result.missing_mm == pytest.approx(wide_mm - JOB.gripper.opening_mm, abs=1.0)
     assert result.radius_mm == pytest.approx(0.5 * JOB.gripper.opening_mm - around, abs=0.5)
 
 

@@ -10,13 +10,8 @@ from tree_tables import committed
 from planner.export.write import FELT, NOT_FELT, maps_of, runs_of, vectors
 from runtime.table import REJECT, decide
 
-TABLES = {
-    **committed(),
-    "small": small_table(),
-    "every field": every_field_table(),
-    "forty": random_table(5, 40),
-    "wide": wide_table(),
-}
+TABLES = {**committed(), "small": small_table(), "every field": every_field_table()}
+TABLES |= {"forty": random_table(5, 40), "wide": wide_table()}
 
 
 @pytest.mark.parametrize("name", TABLES)

@@ -1,9 +1,11 @@
 """Push logs and tables of pairs: pushes made up to known answers, and every way to spoil a file."""
 
 import math
+import re
 
 import numpy as np
 import pytest
+from refusals import refused_in_a_line
 
 from planner.identification import pushes
 from runtime.shell.errors import InputError
@@ -41,9 +43,8 @@ def made_up_push(
     def block(share: float) -> tuple[np.ndarray, float]:
         turned = share * twist[2]
         a, b = (math.sin(turned), 1 - math.cos(turned)) if turned else (0.0, 0.0)
-        moved = (
-            np.array([[a, -b], [b, a]]) @ twist[:2] / twist[2] if twist[2] else share * twist[:2]
-        )
+        rotation = np.array([[a, -b], [b, a]])
+        moved = rotation @ twist[:2] / twist[2] if twist[2] else share * twist[:2]
         return start + turn(angle) @ moved, angle + turned
 
     heading = angle + math.atan2(*(FACES[face][1] @ turn(slant).T)[::-1])  # the pusher's x axis
@@ -114,19 +115,10 @@ MISTAKES = {
     "empty": ("", "line 0, header: the file ends where number of pushes"),
     "half a push": (changed_line(0, "1.5"), "line 1, header: number of pushes is 1.5"),
     "infinite": (changed_line(5, "1.0 inf 2.0"), "line 6, push 1 of 1: force readings: 'inf'"),
-    "column lost": (
-        changed_line(5, "1.0 2.0"),
-        "line 6, push 1 of 1: force readings: expected 3 numbers, found 2",
-    ),
+    "column lost": (changed_line(5, "1.0 2.0"), "line 6, push 1 of 1: force readings: expected 3"),
     "pose short": (changed_line(1, "1 2 3 1 0 0"), "line 2, push 1 of 1: pose before: expected 7"),
-    "no quaternion": (
-        changed_line(2, "1 2 3 9 0 0 0"),
-        "line 3, push 1 of 1: pose after: qw qx qy qz is not",
-    ),
-    "truncated": (
-        "\n".join(LINES[:-30]),
-        "line 177, push 1 of 1: the file ends where pusher poses",
-    ),
+    "no quaternion": (changed_line(2, "1 2 3 9 0 0 0"), "line 3, push 1 of 1: pose after: qw qx"),
+    "truncated": ("\n".join(LINES[:-30]), "line 177, push 1 of 1: the file ends where pusher"),
     "one push over": (LOG + LOG, "line 208, push 1 of 1: more lines follow"),
     "huge count": (changed_line(3, "1e29"), "number of force readings is 1e+29"),
 }
@@ -134,10 +126,8 @@ MISTAKES = {
 
 @pytest.mark.parametrize(("text", "problem"), MISTAKES.values(), ids=MISTAKES)
 def test_a_spoiled_log_is_refused_with_its_place_in_one_line(text, problem):
-    with pytest.raises(InputError, match=r"^my\.txt: ") as caught:
+    with refused_in_a_line(InputError, rf"^my\.txt: .*{re.escape(problem)}"):
         pushes.parse(text, "my.txt")
-    assert problem in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_every_truncation_of_a_log_is_refused():
@@ -165,9 +155,8 @@ def test_a_table_of_pairs_is_read_whatever_its_column_order(tmp_path):
     assert first.wrenches.tolist() == [[1, 2, 3], [-1, -2, -3]]
     assert first.twists.tolist() == [[4, 5, 6], [-4, -5, -6]]
     assert first.weights.tolist() == [0.5, 2]
-    path.write_text(
-        f"note,{','.join(reversed(HEADER.split(',')))}\nx,6,5,4,3,2,1\n", encoding="utf-8"
-    )
+    backwards = ",".join(reversed(HEADER.split(",")))
+    path.write_text(f"note,{backwards}\nx,6,5,4,3,2,1\n", encoding="utf-8")
     second = pushes.load(path)
     assert second.wrenches.tolist() == [[1, 2, 3]]
     assert second.weights.tolist() == [1]

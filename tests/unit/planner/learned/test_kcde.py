@@ -91,13 +91,8 @@ def test_parts_that_are_not_touched_stay_to_the_last_bit():
     rng = np.random.default_rng(6)
     start = random_poses(rng, 3000, 38.0)
     rolled = part.roll_out(start, part.sample(3000, rng))
-    model = Kcde.fit(
-        Rolled(start, rolled.poses, rolled.width_mm),
-        part.outline,
-        JAWS,
-        part.surface.rho_mm,
-        order=2,
-    )
+    rolled = Rolled(start, rolled.poses, rolled.width_mm)
+    model = Kcde.fit(rolled, part.outline, JAWS, part.surface.rho_mm, order=2)
     poses = random_poses(rng, 3000, 60.0)
     before = poses.copy()
     drawn = model.sample(poses, rng)

@@ -45,9 +45,8 @@ def scenes(seed: int, count: int, radius: float = 30.0):
     """Random parts, two of three concave, at random poses."""
     rng = np.random.default_rng(seed)
     for k in range(count):
-        outline = (
-            random_convex(rng, 6) if k % 3 == 0 else random_star(rng, int(rng.integers(4, 14)))
-        )
+        star = k % 3 > 0
+        outline = random_star(rng, int(rng.integers(4, 14))) if star else random_convex(rng, 6)
         pose = random_poses(rng, 1, radius)[0]
         yield rng, place(outline, pose), pose
 

@@ -67,9 +67,8 @@ def test_a_part_in_a_cage_turns_about_the_pushers_own_centre():
 @pytest.mark.parametrize("angle", [0.3, -0.3])
 def test_fingers_that_stick_take_the_part_where_they_go(angle):
     """A centre far to the side: the wrench that it takes lies well within the friction cones."""
-    pushes = paths(
-        [(-8.0, -10.5), (8.0, -10.5)], centre=(math.copysign(90.0, -angle), 0.0), angle=angle
-    )
+    centre = (math.copysign(90.0, -angle), 0.0)
+    pushes = paths([(-8.0, -10.5), (8.0, -10.5)], centre=centre, angle=angle)
     result = pushed(rectangle(), pushes, 1.0)
     assert result.moved == pytest.approx(commanded(pushes), abs=1e-6)
     assert result.status[0] == STUCK
@@ -166,21 +165,14 @@ def test_fingers_end_a_push_as_their_corners_alone_do():
         [np.full(n, JAWS.length_mm / 2 + 150.0), rng.uniform(-20, 20, n), rng.uniform(-0.2, 0.2, n)]
     )
     drawn = part.sample(n, np.random.default_rng(9))
-    by_hand = part.push_by_hand(
-        poses, np.full(n, opening), np.full(n, way), np.random.default_rng(9)
-    )
+    ways = np.full(n, opening), np.full(n, way)
+    by_hand = part.push_by_hand(poses, *ways, np.random.default_rng(9))
     for k, pose in enumerate(poses):
-        ahead = np.array(
-            [
-                (JAWS.length_mm / 2, side * y)
-                for side in (-1, 1)
-                for y in (15.0, 15.0 + JAWS.thickness_mm)
-            ]
-        )
+        far = (15.0, 15.0 + JAWS.thickness_mm)
+        ahead = np.array([(JAWS.length_mm / 2, side * y) for side in (-1, 1) for y in far])
         back = turned(ahead - pose[:2], -pose[2])
-        result = part.push(
-            paths(back, shift=turned([way, 0.0], -pose[2])), take(drawn, np.array([k]))
-        )
+        push = paths(back, shift=turned([way, 0.0], -pose[2]))
+        result = part.push(push, take(drawn, np.array([k])))
         moved = [*turned(result.moved[0, :2], pose[2]), result.moved[0, 2]]
         assert by_hand[k] == pytest.approx(pose + moved, abs=0.05)
 

@@ -75,9 +75,8 @@ def test_the_certificate_is_the_hessian_and_positive_definite(fitted):
 
 def test_the_quartic_predicts_twists_better_than_the_ellipsoid(load, fitted):
     F = limit_surface.wrenches(*load, RHO, TWISTS)
-    ellipsoid = mean_twist_error(
-        limit_surface.twist(limit_surface.fit_ellipsoid(*load, RHO).A, F), TWISTS
-    )
+    even = limit_surface.fit_ellipsoid(*load, RHO)
+    ellipsoid = mean_twist_error(limit_surface.twist(even.A, F), TWISTS)
     assert mean_twist_error(fitted.twist(F), TWISTS) < 0.5 * ellipsoid
     assert np.abs(fitted.value(F) - 1).max() < 0.2
 
@@ -91,9 +90,8 @@ def test_a_fit_recovers_a_quartic_from_its_own_pairs():
     F /= truth.value(F)[:, None] ** 0.25
     V = truth.gradient(F) * rng.uniform(0.1, 10.0, size=(60, 1))
     result = quartic_fit.fit(F, V, 10.0)
-    assert np.allclose(
-        result.coefficients, truth.coefficients, atol=1e-4 * np.abs(truth.coefficients).max()
-    )
+    near = 1e-4 * np.abs(truth.coefficients).max()
+    assert np.allclose(result.coefficients, truth.coefficients, atol=near)
     assert mean_twist_error(result.twist(F), V) < 1e-3
 
 

@@ -104,9 +104,8 @@ def test_without_friction_long_jaws_end_at_a_local_minimum_of_the_width(seed):
     """Goldberg, Orienting polygonal parts without sensors (1993): the part turns downhill until flush."""
     rng = np.random.default_rng(seed)
     outline = random_convex(rng, int(rng.integers(4, 9)))
-    poses, widths, statuses = squeeze(
-        simulator(outline, LONG_JAWS), random_poses(rng, 10, 10.0), mu=0.0
-    )
+    part, placed = simulator(outline, LONG_JAWS), random_poses(rng, 10, 10.0)
+    poses, widths, statuses = squeeze(part, placed, mu=0.0)
     assert set(statuses) == {"grasped"}
     for pose, final_width in zip(poses, widths, strict=True):
         axis = math.pi / 2 - pose[2]  # the closing axis, seen from the part

@@ -28,15 +28,8 @@ def test_a_part_that_deviates_is_squeezed_as_one_drawn_so():
     ours = part.outline + np.tensordot(deviation, shapes(part.outline), axes=1)
 
     def rolled(outline, bases, off):
-        simulator = Simulator(
-            outline,
-            part.surface,
-            part.jaws,
-            part.friction,
-            part.wishart_dof,
-            shapes=bases,
-            workers=1,
-        )
+        built = part.surface, part.jaws, part.friction, part.wishart_dof
+        simulator = Simulator(outline, *built, shapes=bases, workers=1)
         parameters = simulator.sample(n, np.random.default_rng(2))
         return simulator.roll_out(poses, parameters._replace(deviation=np.tile(off, (n, 1))))
 

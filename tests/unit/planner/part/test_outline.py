@@ -1,10 +1,12 @@
 """The outline against closed forms, its invariants under rigid motion, and what it refuses."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 from problems import diameter, turned
+from refusals import refused_in_a_line
 
 from planner.part import outline
 from planner.part.outline import smallest_rectangle
@@ -15,9 +17,7 @@ TRIANGLE = np.array([[0, 0], [36, 0], [0, 26]], dtype=float)
 RECTANGLE = np.array([[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]])
 
 
-@pytest.mark.parametrize(
-    "drawn", [L_SHAPE, TRIANGLE, RECTANGLE], ids=["L", "triangle", "rectangle"]
-)
+@pytest.mark.parametrize("drawn", [L_SHAPE, TRIANGLE, RECTANGLE], ids=["L", "triangle", "box"])
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (-7.0, 3.0), (5000.0, -4000.0)])
 def test_canonical_is_counter_clockwise_about_the_centroid(drawn, shift):
     for points in (drawn + shift, (drawn + shift)[::-1]):
@@ -25,9 +25,8 @@ def test_canonical_is_counter_clockwise_about_the_centroid(drawn, shift):
         assert outline.area(result.outline_mm) > 0
         assert np.hypot(*outline.centroid(result.outline_mm)) < 1e-11
         assert np.allclose(result.outline_mm[0], points[0] + result.shift_mm, atol=0)
-        assert {tuple(p) for p in result.outline_mm} == {
-            tuple(p) for p in points + result.shift_mm + 0.0
-        }
+        shifted = points + result.shift_mm + 0.0
+        assert {*map(tuple, result.outline_mm)} == {*map(tuple, shifted)}
         assert not result.outline_mm.flags.writeable
 
 
@@ -40,9 +39,8 @@ def test_area_and_centroid_of_an_l_are_those_of_its_two_boxes():
 
 
 def test_radius_of_gyration_matches_closed_forms_and_the_published_value():
-    assert outline.radius_of_gyration(RECTANGLE) == pytest.approx(
-        math.sqrt((30**2 + 21**2) / 12), rel=1e-14
-    )
+    by_hand = math.sqrt((30**2 + 21**2) / 12)
+    assert outline.radius_of_gyration(RECTANGLE) == pytest.approx(by_hand, rel=1e-14)
     # The authors' released mechanics use this rho for the 30 x 21 mm rectangle.
     assert outline.radius_of_gyration(RECTANGLE) == pytest.approx(10.5711873, abs=1e-7)
     angles = np.linspace(0, math.tau, 720, endpoint=False)
@@ -79,10 +77,8 @@ def test_min_width_is_the_least_of_all_widths():
     ],
 )
 def test_refuses_what_is_not_a_simple_polygon(points, words):
-    with pytest.raises(InputError) as caught:
+    with refused_in_a_line(InputError, re.escape(words)):
         outline.canonical(points)
-    assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("degrees", [0, 12, 45, 89, 90, -30])

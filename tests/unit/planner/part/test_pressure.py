@@ -57,7 +57,6 @@ def test_a_part_stands_on_three_corners_that_carry_its_weight(part):
     assert np.min(loads) > -1e-6
     hull = outline.convex_hull(part)
     if len(hull) <= HULL_CORNERS:
-        every = (
-            np.vstack([hull[list(k)].T, np.ones(3)]) for k in combinations(range(len(hull)), 3)
-        )
+        corners = combinations(range(len(hull)), 3)
+        every = (np.vstack([hull[list(three)].T, np.ones(3)]) for three in corners)
         assert len(feet) == sum(np.linalg.solve(each, [0, 0, 1]).min() > -1e-6 for each in every)

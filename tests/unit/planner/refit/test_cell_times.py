@@ -8,12 +8,8 @@ from sample_tables import changed, small_table, with_job
 from planner.refit.cell_times import Timed, learned
 from runtime.table import Schedule, Squeezed, job_of
 
-CELL = {
-    "arm_acceleration_mm_s2": 750.0,
-    "arm_answer_s": 0.021,
-    "jaw_answer_s": 0.11,
-    "poll_s": 0.025,
-}
+CELL = {"arm_acceleration_mm_s2": 750.0, "arm_answer_s": 0.021, "jaw_answer_s": 0.11}
+CELL["poll_s"] = 0.025
 
 
 def test_learned_values_are_those_of_the_cell_that_took_the_seconds() -> None:

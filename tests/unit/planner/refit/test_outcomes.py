@@ -18,9 +18,8 @@ def test_journals_and_simulated_parts_number_alike(job, table):
     audited = np.isin(np.arange(len(table.leaves)), result.leaf[result.leaf >= 0][:2])
     outcomes = Outcomes(table, audited)
     rows = np.flatnonzero((result.leaf >= 0) & audited[result.leaf])
-    off = result.poses[rows] - np.array(
-        [predicted_pose(table.leaves[leaf]) for leaf in result.leaf[rows]]
-    )
+    answers = [predicted_pose(table.leaves[leaf]) for leaf in result.leaf[rows]]
+    off = result.poses[rows] - np.array(answers)
     off[:, 2] = wrap(off[:, 2], 2)
     off[::3, 2] += np.pi
     counts = readings(result, table)

@@ -16,14 +16,8 @@ from planner.work.scheduler import Threads
 from runtime.table import load
 
 TABLE = load(TABLE_PATH).table
-SPACE = Space(
-    (
-        Quantity("encoder_mm", -3.0, 3.0),
-        Quantity("finger_part_min", 0.0, 1.0),
-        Quantity("finger_part_max", 0.0, 1.0),
-    ),
-    surfaces=2,
-)
+FRICTION = (Quantity(f"finger_part_{end}", 0.0, 1.0) for end in ("min", "max"))
+SPACE = Space((Quantity("encoder_mm", -3.0, 3.0), *FRICTION), surfaces=2)
 SIGMA, PARTS = np.array([0.05, 0.04, 0.04]), 100  # what so many parts tell, standard deviation
 LOW, SPAN = SPACE.bounds[0], np.ptp(SPACE.bounds, axis=0)
 SURFACE = (0.45, 0.55)  # share of the parts that read 100 at the last node
@@ -40,19 +34,14 @@ class Plain:
 
     def run(self, point, parts, seed):
         rng = np.random.default_rng(seed)
-        read = (point[:3] - LOW) / SPAN + rng.standard_normal((parts, 3)) * SIGMA * np.sqrt(
-            PARTS
-        ) / SPAN
+        noise = rng.standard_normal((parts, 3)) * SIGMA * np.sqrt(PARTS) / SPAN
+        read = (point[:3] - LOW) / SPAN + noise
         counts = np.clip(np.rint(50.0 + 100.0 * read), 0, 200).astype(np.int64)
         which = np.where(rng.random(parts) < SURFACE[int(point[3])], 100, 101)
         path = np.tile(np.arange(4), (parts, 1))
         nowhere = np.full(parts, -1)
-        return SimpleNamespace(
-            steps=np.column_stack([counts, which]),
-            path=path,
-            leaf=nowhere,
-            poses=np.zeros((parts, 3)),
-        )
+        steps = np.column_stack([counts, which])
+        return SimpleNamespace(steps=steps, path=path, leaf=nowhere, poses=np.zeros((parts, 3)))
 
 
 def drawn(monkeypatch, truth, seed):
@@ -61,9 +50,8 @@ def drawn(monkeypatch, truth, seed):
     counts = readings(run, TABLE)
     monkeypatch.setattr(refit, "DRAWN", 500)
     seen = Seen(counts, PARTS, np.zeros(0, np.int64), np.zeros((0, 3)))
-    result = posterior(
-        Plain(), seen, seed, Threads(1), Effort(cells=50, parts=200, parts_for_each=2.0)
-    )
+    effort = Effort(cells=50, parts=200, parts_for_each=2.0)
+    result = posterior(Plain(), seen, seed, Threads(1), effort)
     return (
         LOW + SPAN * (run.steps[:, :3].mean(axis=0) - 50.0) / 100.0,
         counts[3, TABLE.gripper.steps - 100],

@@ -9,10 +9,8 @@ from planner.report.tree import Layout, Sizes, Spot, tidy
 from runtime.table import Table
 
 SIZES = Sizes(panel=32.0, label=29.0, text=36.0, margin=6.0)
-TABLES = [
-    small_table(),
-    *(random_table(seed, nodes) for seed, nodes in enumerate((1, 2, 5, 15, 40, 120))),
-]
+TABLES = [random_table(seed, nodes) for seed, nodes in enumerate((1, 2, 5, 15, 40, 120))]
+TABLES.append(small_table())
 
 
 @pytest.fixture(params=TABLES, ids=lambda table: f"{len(table.nodes)}-nodes")

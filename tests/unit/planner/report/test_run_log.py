@@ -3,6 +3,7 @@
 import hashlib
 
 import pytest
+from refusals import refused_in_a_line
 from run_logs import chained, header, part
 
 from planner.report import run_log
@@ -66,6 +67,5 @@ DAMAGED = {
 @pytest.mark.parametrize("name", DAMAGED)
 def test_a_damaged_journal_is_refused_in_one_line(tmp_path, name):
     data, sentence = DAMAGED[name]
-    with pytest.raises(InputError, match=sentence) as caught:
+    with refused_in_a_line(InputError, sentence):
         run_log.read(written(tmp_path, data), DIGEST)
-    assert "\n" not in str(caught.value)

@@ -33,9 +33,8 @@ def world(name, wrong=0.0, success=None, broken=None):
     """What came of a world, with so many wrong answers."""
     success = 1.0 - wrong if success is None else success
     figures = {"wrong_rate": wrong, "success_rate": success}
-    result = SimpleNamespace(
-        wrong=np.float64(wrong), success=np.float64(success), summary=lambda: figures
-    )
+    rates = {"wrong": np.float64(wrong), "success": np.float64(success)}
+    result = SimpleNamespace(**rates, summary=lambda: figures)
     return Line(Case(name, broken=broken), result)
 
 

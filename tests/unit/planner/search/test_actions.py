@@ -21,10 +21,8 @@ def test_free_placements_judge_as_the_least_clearance_does(name, least):
     placements = problems.random_poses(rng, 60, 45.0)
     belief = problems.random_poses(rng, 5, 8.0)
     free = free_placements(outline, problems.JAWS, belief, placements, least)
-    slow = [
-        least_clearance(outline, problems.JAWS, belief, placement) >= least
-        for placement in placements
-    ]
+    jaws = problems.JAWS
+    slow = [least_clearance(outline, jaws, belief, each) >= least for each in placements]
     assert free.tolist() == slow
     assert free.any()
     assert not free.all()

@@ -53,9 +53,8 @@ def under(pusher: Pusher, belief: Belief, push: Push, along_mm: float, less_mm: 
     _, length, thickness, share = pusher.jaws
     jaws = Jaws(push.opening_mm + less_mm, length - less_mm, thickness - less_mm, share)
     hand = to_hand(belief.poses, push.start + along_mm * ahead)
-    return int(
-        (classify_contact(pusher.model.simulator.outlines[0], jaws, hand) == STANDS_ON).sum()
-    )
+    outline = pusher.model.simulator.outlines[0]
+    return int((classify_contact(outline, jaws, hand) == STANDS_ON).sum())
 
 
 @pytest.mark.parametrize("of", [lambda belief: belief, read], ids=["before a squeeze", "after one"])

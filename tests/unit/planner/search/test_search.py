@@ -18,13 +18,9 @@ from planner.search.effort import PASSES
 from planner.search.search import LEAST_STRAYS, Search
 from planner.search.tree import Node, breadth_first, leaves
 
-JOB = job_file.load(
-    JOB_PATH,
-    {
-        "actions": {"angles_deg": [0, 50, 100]},
-        "uncertainty": {"orientation": "within", "orientation_halfwidth_deg": 20},
-    },
-)
+WITHIN = {"orientation": "within", "orientation_halfwidth_deg": 20}
+CHANGES = {"actions": {"angles_deg": [0, 50, 100]}, "uncertainty": WITHIN}
+JOB = job_file.load(JOB_PATH, CHANGES)
 ANGLES = np.radians(JOB.actions.angles_deg)
 PLACES = np.array([[-12.0, 0.0, 0.0], [-4.0, 8.0, 0.0], [4.0, -8.0, 0.0], [12.0, 0.0, 0.0]])
 EACH = 100  # particles at each place
@@ -40,9 +36,8 @@ class Toy:
     def squeeze(self, cases, rng):
         squeezed = []
         for belief, grasp in cases:
-            place = np.argmin(
-                np.linalg.norm(belief.poses[:, None, :2] - PLACES[:, :2], axis=2), axis=1
-            )
+            off = belief.poses[:, None, :2] - PLACES[:, :2]
+            place = np.argmin(np.linalg.norm(off, axis=2), axis=1)
             angle = int(np.argmin(np.abs(wrap(ANGLES - grasp[2], 2))))
             squeezed.append(Squeezed(replace(belief, reading=self.counts[angle][place]), 40.0))
         return squeezed
@@ -164,9 +159,8 @@ def test_back_up_real_squeezes_satisfies_the_bellman_equation(tree, problem):
             shares = np.array([child.share for child in action.children])
             left = shares @ [child.value for child in action.children] / shares.sum()
             crashes = action.squeeze.crashes
-            value = (
-                action.squeeze.cost + crashes * problem.stopping.failure + (1.0 - crashes) * left
-            )
+            left = crashes * problem.stopping.failure + (1.0 - crashes) * left
+            value = action.squeeze.cost + left
             assert action.value == pytest.approx(value)
         assert node.value == pytest.approx(min(action.value for action in node.actions))
         assert node.best is node.actions[0]
@@ -232,9 +226,8 @@ def test_absorb_parts_beside_a_leaf_pose_reopens_it(tree):
     leaf, size = ends[number], len(ends[number].belief)
     few = size // 4
     beside = np.tile(leaf.mode.pose + np.array([30.0, 0.0, 0.0]), (few, 1))
-    again = search.absorb(
-        root, {number: Belief.of(beside, np.full(few, leaf.belief.reading[0]))}, {}
-    )
+    more = Belief.of(beside, np.full(few, leaf.belief.reading[0]))
+    again = search.absorb(root, {number: more}, {})
     assert again == pytest.approx(leaf.share)
     assert search.is_open(leaf)
     assert (len(leaf.belief), leaf.fresh) == (size + few, few)
@@ -264,6 +257,5 @@ def test_absorb_strays_far_from_all_branches_are_one_where_there_are_several(tre
     search.absorb(root, {}, {0: read_at(root, far, size)})
     assert len(root.children) == children + (size >= LEAST_STRAYS)
     assert (far in root.squeeze.clusters.low) == (size >= LEAST_STRAYS)
-    assert sum(child.share for child in root.children) == pytest.approx(
-        1.0, abs=size / len(root.belief)
-    )
+    held = sum(child.share for child in root.children)
+    assert held == pytest.approx(1.0, abs=size / len(root.belief))

@@ -24,9 +24,8 @@ def test_an_added_drawing_never_takes_the_place_of_another(folder):
     assert folder.add("plate.csv", b"other") == "plate-2.csv"
     assert folder.add("plate.csv", b"third") == "plate-3.csv"
     assert (folder.path / "plate.csv").read_text().startswith("0,0")
-    assert {path.name for path in folder.path.iterdir()} == {
-        f"plate{n}.csv" for n in ("", "-2", "-3")
-    }
+    names = {path.name for path in folder.path.iterdir()}
+    assert names == {f"plate{number}.csv" for number in ("", "-2", "-3")}
 
 
 def test_links_hidden_files_and_folders_are_not_of_the_project(folder, tmp_path):

@@ -25,21 +25,13 @@ def corner(x_mm, y_mm):
     return {"x_mm": x_mm, "y_mm": y_mm}
 
 
+def squeeze(before, after, **rest):
+    return {"before": before, "after": after, **rest}
+
+
 SQUEEZES = [
-    {
-        "before": pose(1, 2, 170),
-        "after": pose(1, 0, -170),
-        "hand": pose(0, 0, 0),
-        "opening_mm": 85,
-        "width_mm": 21,
-    },
-    {
-        "before": pose(0, 0, 0),
-        "after": pose(0, 1, 0),
-        "hand": pose(5, 6, 90),
-        "opening_mm": 60,
-        "width_mm": 22,
-    },
+    squeeze(pose(1, 2, 170), pose(1, 0, -170), hand=pose(0, 0, 0), opening_mm=85, width_mm=21),
+    squeeze(pose(0, 0, 0), pose(0, 1, 0), hand=pose(5, 6, 90), opening_mm=60, width_mm=22),
 ]
 FILM = {
     "outline": [corner(-15, -10.5), corner(15, -10.5), corner(15, 10.5), corner(-15, 10.5)],
@@ -118,9 +110,8 @@ def test_markup_in_names_is_text(seen):
 
 def page_with(answers):
     """The studio's page in one file; `answers` holds what its server says, by path: null if it is gone."""
-    common, *modules = [
-        (ROOT / name).read_text("utf-8") for name in (*SCRIPTS, f"{FOLDER}/studio.js")
-    ]
+    scripts = (*SCRIPTS, f"{FOLDER}/studio.js")
+    common, *modules = ((ROOT / name).read_text("utf-8") for name in scripts)
     script = re.sub(r"^import .*$|^export ", "", "\n".join(modules), flags=re.MULTILINE)
     script = script.replace("IDLE_MS = 3000", "IDLE_MS = 30")
     given = f"var answers = {json.dumps(answers)};".replace("<", "\\u003c")
@@ -132,9 +123,8 @@ fetch = async (path) => {
 };
 """
     scripts = f"<script>{common}\n{given}\n{stub}</script><script type=module>{script}</script>"
-    page = re.sub(
-        r'<script [^>]*src="[^"]*"></script>|<link rel="stylesheet"[^>]*>', "", answers["page"]
-    )
+    outside = r'<script [^>]*src="[^"]*"></script>|<link rel="stylesheet"[^>]*>'
+    page = re.sub(outside, "", answers["page"])
     return page.replace("</head>", f"{scripts}</head>")
 
 
@@ -165,7 +155,7 @@ def seen_in(studio, tmp_path):
     return play
 
 
-def test_plan_button_while_another_tab_plans_is_disabled_with_the_reason(
+def test_plan_button_while_another_tab_plans_says_why_it_is_disabled(
     studio, read, seen_in, tmp_path
 ):
     log = tmp_path / "plate.plan.jsonl"

@@ -151,9 +151,8 @@ def test_a_tab_closed_before_its_answer_leaves_the_terminal_silent(studio, capsy
     studio.shutdown_request = lambda request: (handled(request), ended.set())
     with socket.create_connection(("127.0.0.1", studio.server_port)) as tab:
         tab.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # resets
-        tab.sendall(
-            f"GET /folder.json HTTP/1.0\r\nHost: 127.0.0.1:{studio.server_port}\r\n\r\n".encode()
-        )
+        host = f"127.0.0.1:{studio.server_port}"
+        tab.sendall(f"GET /folder.json HTTP/1.0\r\nHost: {host}\r\n\r\n".encode())
         assert asked.wait(60)
     gone.set()
     assert ended.wait(60)

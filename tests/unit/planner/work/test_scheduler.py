@@ -63,9 +63,8 @@ def test_work_within_work_ends():
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a system without fork")
 def test_a_forked_process_has_threads_of_its_own():
     assert list(Threads(2).map(squared, range(9))) == [squared(k) for k in range(9)]
-    process = multiprocessing.get_context("fork").Process(
-        target=lambda: [*Threads(2).map(squared, range(9))]
-    )
+    fork = multiprocessing.get_context("fork")
+    process = fork.Process(target=lambda: [*Threads(2).map(squared, range(9))])
     process.start()
     process.join(timeout=60)
     assert process.exitcode == 0

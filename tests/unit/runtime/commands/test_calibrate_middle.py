@@ -3,15 +3,13 @@
 from types import SimpleNamespace
 
 import pytest
-from counting import PROFILE, width_um
+from calibrations import linear
 from fake_scene import setting
 from sample_tables import small_table
 
 from drivers.sim.physics.scene import Block
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.commands import calibrate, calibrate_middle
-from runtime.execution import calibration
-from runtime.execution.calibration import Gauge
 from runtime.table import dump
 
 BLOCK_MM = 30.0
@@ -40,42 +38,32 @@ class Interrupted:
         return call
 
 
+def drivers(cell: VirtualCell, log: list[str], at: int) -> SimpleNamespace:
+    """Those of a cell, interrupted at a call."""
+    return SimpleNamespace(
+        gripper=lambda port, profile: Interrupted(cell.gripper(), log, at),
+        arm=lambda port: Interrupted(cell.arm(), log, at),
+    )
+
+
 @pytest.fixture
 def arguments(tmp_path):
-    tree, widths = tmp_path / "t.msgpack", tmp_path / "g.json"
+    tree, widths = tmp_path / "t.msgpack", linear(tmp_path / "g.json", "S/N-1")
     dump(small_table(), tree)
-    gauges = [
-        Gauge((230 - count) * 85.0 / 227.0, (width_um(count),))
-        for count in (230, 200, 150, 100, 50, 3)
-    ]
-    calibration.save(calibration.fit(gauges, PROFILE, "S/N-1", "2026-01-01T00:00:00Z"), widths)
-    words = [
-        "middle",
-        "--port",
-        str(tmp_path / "gripper"),
-        "--arm",
-        str(tmp_path / "arm"),
-        "--activate",
-    ]
+    words = ["middle", "--port", f"{tmp_path}/gripper", "--arm", f"{tmp_path}/arm", "--activate"]
     words += ["--tree", str(tree), "--calibration", str(widths), "--block", f"{BLOCK_MM:g}"]
     return calibrate.parser().parse_args([*words, "-o", str(tmp_path / "o.json")])
 
 
 @pytest.mark.parametrize("tips", ["straight", "57.15,5"])
-def test_stopped_calibration_never_lifts_the_fixed_block(arguments, tips):
+def test_calibrate_middle_stopped_never_lifts_the_fixed_block(arguments, tips):
     arguments.tips = tips
     gripped = 0
     for number in range(45):  # the first two grips
         cell = VirtualCell(setting()._replace(block=Block(BLOCK_MM)), 5)
         log: list[str] = []
-        devices = SimpleNamespace(
-            gripper=lambda port, profile, *, cell=cell, log=log, at=number: Interrupted(
-                cell.gripper(), log, at
-            ),
-            arm=lambda port, cell=cell, log=log, at=number: Interrupted(cell.arm(), log, at),
-        )
         with pytest.raises(KeyboardInterrupt) as stopped:
-            calibrate_middle.run(arguments, devices, lambda sentence: None)
+            calibrate_middle.run(arguments, drivers(cell, log, number), lambda sentence: None)
         now_s = cell.clock.now()
         holds = cell.works.gripper.opening_mm(now_s) < BLOCK_MM + 15.0
         height_mm = cell.works.arm.pose_at(now_s).z_mm

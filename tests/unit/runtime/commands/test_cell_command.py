@@ -22,11 +22,9 @@ from runtime.shell.errors import UnreachableError
         ("manual", "ur://192.0.2.10:30004"),
     ],
 )
-def test_documented_ur_commands_connect_and_hold_both_devices(gripper, arm):
+def test_connect_of_documented_ur_commands_holds_both_devices(gripper, arm):
     rig = fake_cell([])
-    drivers = SimpleNamespace(
-        gripper=lambda port, profile, **_: rig.gripper, arm=lambda url, **_: rig.arm
-    )
+    drivers = SimpleNamespace(gripper=lambda *_, **__: rig.gripper, arm=lambda *_, **__: rig.arm)
     parsed = arguments.parser().parse_args(["--tree", "t", "--port", gripper, "--arm", arm])
     recipe = SimpleNamespace(loaded=SimpleNamespace(table=small_table()), console=Deaf())
     with ExitStack() as stack:

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 from fake_cell import State, fake_cell
+from programs import started
 from sample_tables import GRIPPER, small_table
 
 from runtime.commands import checks as doctor
@@ -43,7 +44,7 @@ def test_a_port_that_is_missing_names_those_that_are_there(tmp_path):
     assert "ttyS0" not in result.sentence
 
 
-def test_a_port_one_may_not_open_names_the_group(monkeypatch):
+def test_check_port_one_may_not_open_names_the_group(monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     result = only(doctor.check_port("/dev/null"))
     assert "may not open" in result.sentence
@@ -72,11 +73,7 @@ def test_who_holds_a_port_is_named(tmp_path):
 
 @pytest.mark.parametrize(
     ("value", "verdict", "message"),
-    [
-        ("16\n", Verdict.WARNING, "16 ms"),
-        ("1\n", Verdict.GOOD, "1 ms"),
-        ("?", Verdict.GOOD, "no lat"),
-    ],
+    [("16\n", Verdict.WARNING, "16 ms"), ("1\n", Verdict.GOOD, "1 ms"), ("?", Verdict.GOOD, "no")],
 )
 def test_the_latency_timer(tmp_path, value, verdict, message):
     timer = tmp_path / "sys" / "bus" / "usb-serial" / "devices" / "ttyUSB0" / "latency_timer"
@@ -95,16 +92,15 @@ def test_the_latency_timer(tmp_path, value, verdict, message):
         ([(9, 115200)], Verdict.WARNING, "answers now"),
     ],
 )
-def test_a_silent_gripper_is_looked_for(heard, verdict, message):
-    result = only(
-        doctor.check_silence("p", lambda port: (SimpleNamespace(unit=u, baud=b) for u, b in heard))
-    )
+def test_check_silence_looks_for_the_gripper(heard, verdict, message):
+    slaves = [SimpleNamespace(unit=unit, baud=baud) for unit, baud in heard]
+    result = only(doctor.check_silence("p", lambda port: iter(slaves)))
     assert result.verdict is verdict
     assert message in result.sentence
     assert result.remedy
 
 
-def test_the_state_of_a_gripper_is_read_and_judged():
+def test_check_gripper_reads_and_judges_its_state():
     verdict = {State(): "GOOD", State(activated=False): "WARNING", State(fault=0x0E): "BAD"}
     for state, name in verdict.items():
         rig = fake_cell([])
@@ -113,7 +109,7 @@ def test_the_state_of_a_gripper_is_read_and_judged():
         assert {call.name for call in rig.log.calls} == {"state"}
 
 
-def test_a_table_that_does_not_fit_is_reported():
+def test_check_table_that_does_not_fit_is_reported():
     assert verdicts(doctor.check_table(small_table(), CALIBRATION)) == [Verdict.GOOD]
     narrow = Calibration(GRIPPER.profile, ((0, 0), (60_000, 60_000)))
     assert "node 0 opens" in only(doctor.check_table(small_table(), narrow)).sentence
@@ -155,18 +151,11 @@ def test_command_prints_each_finding_and_fails_if_one_is_bad(tmp_path, capsys):
     assert "BAD  The gripper does not answer: silence. -> Check power" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("port", "path"),
-    [
-        ("/dev/ttyUSB7", "/dev/ttyUSB7"),
-        ("dh:///dev/ttyUSB7", "/dev/ttyUSB7"),
-        ("schunk:///dev/ttyUSB7?unit=12", "/dev/ttyUSB7"),
-    ],
-)
-def test_serial_port_of_any_make_is_looked_at_before_it_is_opened(port, path, capsys):
+@pytest.mark.parametrize("make", ["{}", "dh://{}", "schunk://{}?unit=12"])
+def test_serial_port_of_any_make_is_looked_at_before_it_is_opened(make, capsys):
     with pytest.raises(CheckFailedError):
-        ran(f"--port {port}", Drivers(AssertionError("opened")))
-    assert f"BAD  Port {path} does not exist" in capsys.readouterr().out
+        ran(f"--port {make.format('/dev/ttyUSB7')}", Drivers(AssertionError("opened")))
+    assert "BAD  Port /dev/ttyUSB7 does not exist" in capsys.readouterr().out
 
 
 def test_gripper_that_answers_as_another_is_not_called_silent(capsys):
@@ -177,7 +166,7 @@ def test_gripper_that_answers_as_another_is_not_called_silent(capsys):
     assert line in capsys.readouterr().out
 
 
-def test_a_simulated_cells_terminal_is_held_by_the_cell_and_by_nobody_else():
+def test_check_port_of_a_simulated_cell_is_held_by_the_cell_alone():
     """Each end in a process of its own, as with grasp-cell and a terminal program that was left open."""
     maker = "import os; m, s = os.openpty(); print(os.ttyname(s), flush=True); input()"
     holder = (
@@ -197,9 +186,6 @@ def test_a_simulated_cells_terminal_is_held_by_the_cell_and_by_nobody_else():
 
 @contextmanager
 def _started(source: str, *words: str) -> Iterator["subprocess.Popen[str]"]:
-    command = [sys.executable, "-c", source, *words]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
+    with started([sys.executable, "-c", source, *words], stdin=subprocess.PIPE) as process:
         yield process
         process.communicate("\n")

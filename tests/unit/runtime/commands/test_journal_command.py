@@ -4,6 +4,7 @@ import csv
 import json
 
 import pytest
+from programs import called, document
 from written_journals import ENDS, write_run
 
 from runtime.commands.journal import main
@@ -17,30 +18,30 @@ def journal(tmp_path):
     return write_run(write_run(tmp_path / "j.jsonl"))
 
 
-def lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
-    return capsys.readouterr().out.splitlines()
+def lines(*words: object) -> list[str]:
+    """What the command prints; it ends with 0."""
+    ended = called(main, *words)
+    assert ended.code == 0, ended
+    return ended.out.splitlines()
 
 
-def test_verify_counts_and_names_the_damaged_line(journal, capsys):
-    assert main(["verify", str(journal)]) == 0
-    (output,) = lines(capsys)
+def test_verify_counts_and_names_the_damaged_line(journal):
+    (output,) = lines("verify", journal)
     assert "records in 2 runs verify; the last run ended" in output
-    assert main(["verify", str(journal), "--json"]) == 0
-    assert json.loads(lines(capsys)[0])["closed"] is True
+    assert document(main, "verify", journal, "--json")["closed"] is True
     journal.write_bytes(journal.read_bytes().replace(b'"part":1', b'"part":3', 1))
-    assert main(["verify", str(journal)]) == 24
-    assert "line 2: does not have its digest" in capsys.readouterr().err
-    assert main(["verify", "none.jsonl", "--debug"]) == 24
+    damaged = called(main, "verify", journal)
+    assert damaged.code == 24
+    assert "line 2: does not have its digest" in damaged.err
+    assert called(main, "verify", "none.jsonl", "--debug").code == 24
 
 
-def test_replay_derives_every_decision(journal, capsys):
-    assert main(["replay", str(journal)]) == 0
-    assert "12 decisions derived again, all as recorded" in lines(capsys)[0]
-    assert main(["replay", str(journal), "--json"]) == 0
-    assert json.loads(lines(capsys)[0]) == {"decisions": 12, "findings": []}
+def test_replay_derives_every_decision(journal):
+    assert "12 decisions derived again, all as recorded" in lines("replay", journal)[0]
+    assert document(main, "replay", journal, "--json") == {"decisions": 12, "findings": []}
 
 
-def test_a_forged_decision_is_24_though_its_chain_holds(journal, tmp_path, capsys):
+def test_replay_of_a_forged_decision_is_24_though_its_chain_holds(journal, tmp_path):
     forged = tmp_path / "forged.jsonl"
     with Journal(forged, SystemClock().stamp) as writing:
         for entry in records(journal):
@@ -48,43 +49,36 @@ def test_a_forged_decision_is_24_though_its_chain_holds(journal, tmp_path, capsy
             if entry["kind"] == "squeeze" and entry["seq"] == 3:
                 fields["target"] = 1
             writing.record(str(entry["kind"]), fields)
-    assert main(["verify", str(forged)]) == 0
-    capsys.readouterr()
-    assert main(["replay", str(forged)]) == 24
-    seen = capsys.readouterr()
+    lines("verify", forged)
+    seen = called(main, "replay", forged)
+    assert seen.code == 24
     assert seen.out.startswith("record 3: ")
     assert "records claim what their counts do not justify" in seen.err
-    assert main(["replay", str(forged), "--json"]) == 24
-    assert json.loads(lines(capsys)[0])["findings"][0]["seq"] == 3
+    reported = called(main, "replay", forged, "--json")
+    assert (reported.code, json.loads(reported.out)["findings"][0]["seq"]) == (24, 3)
 
 
-def test_show_filters_by_part_node_outcome_and_time(journal, capsys):
-    assert main(["show", str(journal)]) == 0
-    shown = lines(capsys)
+def test_show_filters_by_part_node_outcome_and_time(journal):
+    shown = lines("show", journal)
     assert len(shown) == len(list(records(journal)))
     assert "table_base64" not in "".join(shown)
-    assert main(["show", str(journal), "--part", "2", "--json"]) == 0
-    assert {json.loads(line)["part"] for line in lines(capsys)} == {2}
-    assert main(["show", str(journal), "--node", "1", "--json"]) == 0
-    assert {json.loads(line)["node"] for line in lines(capsys)} == {1}
-    assert main(["show", str(journal), "--outcome", "reject", "--json"]) == 0
-    assert {json.loads(line)["part"] for line in lines(capsys)} == {4}
-    assert main(["show", str(journal), "--since", "9999-01-01"]) == 0
-    assert lines(capsys) == []
+    filters = [("--part", 2, "part", 2), ("--node", 1, "node", 1)]
+    filters += [("--outcome", "reject", "part", 4)]
+    for option, value, field, kept in filters:
+        shown = lines("show", journal, option, value, "--json")
+        assert {json.loads(line)[field] for line in shown} == {kept}
+    assert lines("show", journal, "--since", "9999-01-01") == []
 
 
-def test_show_times_adds_up_the_phases(journal, capsys):
-    assert main(["show", str(journal), "--times", "--takt", "6s", "--json"]) == 0
-    assert json.loads(lines(capsys)[0])["takt_s"] == 6.0
-    assert main(["show", str(journal), "--times"]) == 0
-    assert "8 parts, 12 squeezes" in lines(capsys)[0]
-    assert main(["show", str(journal), "--takt", "6s"]) == 2
+def test_show_times_adds_up_the_phases(journal):
+    assert document(main, "show", journal, "--times", "--takt", "6s", "--json")["takt_s"] == 6.0
+    assert "8 parts, 12 squeezes" in lines("show", journal, "--times")[0]
+    assert called(main, "show", journal, "--takt", "6s").code == 2
 
 
-def test_csv_has_one_row_a_squeeze_with_its_parts_end(journal, tmp_path, capsys):
+def test_export_has_one_row_a_squeeze_with_its_parts_end(journal, tmp_path):
     out = tmp_path / "out.csv"
-    assert main(["export", str(journal), "-o", str(out)]) == 0
-    assert "12 squeezes written" in lines(capsys)[0]
+    assert "12 squeezes written" in lines("export", journal, "-o", out)[0]
     with out.open() as file:
         rows = list(csv.DictReader(file))
     assert [int(row["part"]) for row in rows] == [1, 2, 2, 3, 3, 4] * 2
@@ -97,11 +91,11 @@ def test_csv_has_one_row_a_squeeze_with_its_parts_end(journal, tmp_path, capsys)
         assert float(row["reading_mm"]) == entry["reading_um"] / 1000
 
 
-def test_a_part_that_broke_off_is_exported_without_an_end(journal, tmp_path):
+def test_export_of_a_part_that_broke_off_has_no_end(journal, tmp_path):
     kept = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(b"".join(kept[:4]))
     out = tmp_path / "out.csv"
-    assert main(["export", str(journal), "-o", str(out), "--json"]) == 0
+    lines("export", journal, "-o", out, "--json")
     with out.open() as file:
         (row,) = csv.DictReader(file)
     assert row["outcome"] == ""

@@ -78,12 +78,7 @@ class Running:
     """A run on a cell in memory, in the main thread; the PLC's program is in another one."""
 
     def __init__(
-        self,
-        folder: Path,
-        rig: FakeCell,
-        *trees: Path,
-        count: int | None = None,
-        journal: type[Journal] = Journal,
+        self, folder: Path, rig: FakeCell, *trees: Path, count=None, journal=Journal
     ) -> None:
         self.journal = journal(folder / "j.jsonl", lambda: "")
         self._cell = replace(rig.cell, journal=self.journal)
@@ -136,9 +131,7 @@ def tree(tmp_path):
     return tmp_path / "t.msgpack"
 
 
-def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
-    tmp_path, tree, capsys
-):
+def test_parts_have_the_code_of_their_outcome_and_only_a_located_one_a_pose(tmp_path, tree, capsys):
     results = []
 
     def program(client):

@@ -47,10 +47,8 @@ class Serving:
 
     def lines(self, data: bytes) -> list[str]:
         """All lines that a robot hears which says this and waits for the end."""
-        with (
-            socket.create_connection(self.address, timeout=30) as robot,
-            robot.makefile("r") as lines,
-        ):
+        robot = socket.create_connection(self.address, timeout=30)
+        with robot, robot.makefile("r") as lines:
             robot.sendall(data)
             return [line.rstrip("\n") for line in lines]
 
@@ -59,7 +57,7 @@ class Serving:
         return self.journal.kept
 
 
-def test_a_squeeze_that_takes_too_long_is_given_up():
+def test_serve_gives_up_a_squeeze_that_takes_too_long():
     serving = Serving(FakeJournal(), ShortLived())
     squeeze, late = serving.lines(b"NEXT\n")
     assert (squeeze.split()[0], late) == ("SQUEEZE", refused(31))
@@ -68,7 +66,7 @@ def test_a_squeeze_that_takes_too_long_is_given_up():
     assert outcome["reason"] == "the robot did not answer in time"
 
 
-def test_half_a_line_is_not_waited_for(monkeypatch):
+def test_serve_does_not_wait_for_half_a_line(monkeypatch):
     monkeypatch.setattr(serve, "PATIENCE_S", 0.2)
     serving = Serving(FakeJournal(), ShortLived())
     assert serving.lines(b"NEX") == [refused(14)]
@@ -76,7 +74,7 @@ def test_half_a_line_is_not_waited_for(monkeypatch):
     serving.ended()
 
 
-def test_a_journal_that_cannot_be_written_is_reported_and_ends_the_run():
+def test_serve_reports_a_journal_that_cannot_be_written_and_ends():
     serving = Serving(FakeJournal(1, JournalError(Path("j"), "cannot be written")), SystemClock())
     assert serving.lines(b"NEXT\n") == [refused(41)]
     assert serving.ended() == [("part", {"part": 1})]
@@ -94,6 +92,6 @@ def test_a_journal_that_cannot_be_written_is_reported_and_ends_the_run():
         *((f"--serve tcp://{host}:5020", "add --network") for host in ("0.0.0.0", "192.168.1.2")),
     ],
 )
-def test_options_that_do_not_go_with_it(words, message):
+def test_serve_refuses_options_that_do_not_go_with_it(words, message):
     with pytest.raises(UsageError, match=message):
         options.check_usage(parser().parse_args([*SERVE, *words.split()]))

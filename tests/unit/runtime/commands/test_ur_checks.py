@@ -12,13 +12,12 @@ E_SERIES = {29999, 30002, 30004, 63352}
 
 
 def looked(addresses, ports):
-    return list(
-        check_controllers(iter(addresses), lambda host, port: host == "ur" and port in ports)
-    )
+    listens = lambda host, port: host == "ur" and port in ports  # noqa: E731
+    return list(check_controllers(iter(addresses), listens))
 
 
 @pytest.mark.parametrize("ports", [{30002, 30004, 63352}, E_SERIES])
-def test_a_cell_in_order_has_nothing_to_put_right(ports):
+def test_check_controllers_of_a_cell_in_order_has_nothing_to_put_right(ports):
     result = looked(["urcap://ur", "ur://ur?tool=0,0,150"], ports)
     assert [finding.verdict for finding in result] == [Verdict.GOOD] * 2
 
@@ -35,7 +34,7 @@ def test_a_cell_in_order_has_nothing_to_put_right(ports):
         (["ur://ur"], {30004}, "Port 30002 of ur is closed", "secondary interface"),
     ],
 )
-def test_each_trap_is_named(addresses, ports, sentence, remedy):
+def test_check_controllers_names_each_trap(addresses, ports, sentence, remedy):
     results = [finding for finding in looked(addresses, ports) if finding.verdict is Verdict.BAD]
     assert len(results) >= 1
     assert sentence in results[0].sentence or sentence in results[-1].sentence
@@ -43,16 +42,16 @@ def test_each_trap_is_named(addresses, ports, sentence, remedy):
 
 
 @pytest.mark.parametrize("address", ["ur://ur:99999", "urcap://ur:x", "tcp://ur:99999"])
-def test_address_with_a_port_that_is_none_is_left_to_the_driver(address):
+def test_check_controllers_leaves_a_port_that_is_none_to_the_driver(address):
     assert looked([address], E_SERIES) == []
 
 
-def test_two_urcaps_for_one_gripper_are_a_warning():
+def test_check_controllers_warns_of_two_urcaps_for_one_gripper():
     *_, last = looked(["urcap://ur"], E_SERIES | {54321})
     assert (last.verdict, "two URCaps" in last.sentence) == (Verdict.WARNING, True)
 
 
-def test_a_look_sends_nothing():
+def test_accepts_sends_nothing():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         assert accepts("127.0.0.1", port)

@@ -54,16 +54,15 @@ def auditor(request, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("auditor", ["pass"], indirect=True)
-def test_verdicts_come_back_part_by_part(auditor):
+def test_judge_answers_part_by_part(auditor):
     assert [auditor.judge(part, POSE)["verdict"] for part in (1, 2, 3)] == ["pass", "fail", "pass"]
 
 
-@pytest.mark.parametrize(
-    "auditor",
-    ["nonsense", "no verdict", "endless number", "list", "gone", "endless"],
-    indirect=True,
-)
-def test_whatever_else_it_says_is_unknown(auditor):
+NO_ANSWERS = ["nonsense", "no verdict", "endless number", "list", "gone", "endless"]
+
+
+@pytest.mark.parametrize("auditor", NO_ANSWERS, indirect=True)
+def test_judge_of_whatever_is_no_answer_is_unknown(auditor):
     auditor._answer_s = 1.0
     assert auditor.judge(1, POSE)["verdict"] == "unknown"
 
@@ -74,14 +73,14 @@ def test_judge_keeps_the_plain_fields_of_an_answer(auditor):
 
 
 @pytest.mark.parametrize("auditor", ["gone"], indirect=True)
-def test_one_that_has_ended_is_said_to_have(auditor):
+def test_judge_says_that_the_auditor_has_ended(auditor):
     auditor._process.wait(10.0)
     for part in (1, 2):
         assert "auditor has ended" in str(auditor.judge(part, POSE)["reason"])
 
 
 @pytest.mark.parametrize("auditor", ["late"], indirect=True)
-def test_a_late_answer_is_not_taken_for_the_next_ones(auditor):
+def test_judge_does_not_take_a_late_answer_for_the_next_ones(auditor):
     auditor._answer_s = 0.2
     assert auditor.judge(1, POSE)["verdict"] == "unknown"
     auditor._answer_s = 10.0
@@ -89,25 +88,23 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(auditor):
 
 
 @pytest.mark.parametrize("auditor", ["deaf"], indirect=True)
-def test_a_deaf_one_is_ended_by_a_signal(auditor):
+def test_close_ends_a_deaf_auditor_by_a_signal(auditor):
     auditor.close()
     assert auditor._process.returncode in (-15, -9)
 
 
 @pytest.mark.parametrize("command", ["/no/such/program", "", "'unclosed"])
-def test_a_program_that_cannot_be_started_is_usage(command):
+def test_audit_process_that_cannot_be_started_is_usage(command):
     with pytest.raises(UsageError, match="cannot be started"):
         AuditProcess(command)
 
 
 @pytest.mark.parametrize("auditor", ["of a table"], indirect=True)
-def test_an_auditor_of_another_table_is_refused(auditor):
+def test_check_refuses_an_auditor_of_another_table(auditor):
     auditor._common = {"table_sha256": "ab" * 32}
     auditor.check()
     assert auditor.judge(1, POSE)["verdict"] == "pass"
     assert "reason" not in auditor.judge(1, POSE)  # an escape sequence is no sentence
     auditor._common = {"table_sha256": "cd" * 32}
-    with pytest.raises(
-        UsageError, match=r"judges by another table, with the SHA-256 abab.*same --tree"
-    ):
+    with pytest.raises(UsageError, match=r"judges by another table, .* abab.*same --tree"):
         auditor.check()

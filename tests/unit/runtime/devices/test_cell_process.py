@@ -5,15 +5,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from programs import TABLE
 
 from runtime.devices import cell_process, child
 from runtime.devices.cell_process import CellProcess
 from runtime.shell.errors import UnreachableError
 
-TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 
-
-def refused(monkeypatch: pytest.MonkeyPatch, executable: str) -> str:
+def refusal_of(monkeypatch: pytest.MonkeyPatch, executable: str) -> str:
     """What is told when this is run as if it were Python."""
     started: list[subprocess.Popen[bytes]] = []
 
@@ -24,11 +23,10 @@ def refused(monkeypatch: pytest.MonkeyPatch, executable: str) -> str:
 
     monkeypatch.setattr(subprocess, "Popen", Noted)
     monkeypatch.setattr(sys, "executable", executable)
-    with pytest.raises(UnreachableError) as error:
-        CellProcess(TREE, world="runtime.devices.rehearsal:make", seed=1, time_scale=10.0)
-    assert error.value.exit_code == 21
+    with pytest.raises(UnreachableError) as refused:
+        CellProcess(TABLE, world="runtime.devices.rehearsal:make", seed=1, time_scale=10.0)
     assert all(process.poll() is not None for process in started)
-    return str(error.value)
+    return str(refused.value)
 
 
 def script(folder: Path, text: str) -> str:
@@ -46,17 +44,21 @@ def script(folder: Path, text: str) -> str:
         ("""echo '{"gripper": "/dev/pts/9"}'; exec cat""", "instead of its endpoints"),
     ],
 )
-def test_a_cell_that_ends_at_once_or_tells_something_else(monkeypatch, tmp_path, text, said):
-    assert said in refused(monkeypatch, script(tmp_path, text))
+def test_cell_process_that_ends_at_once_or_tells_something_else_is_reported(
+    monkeypatch, tmp_path, text, said
+):
+    assert said in refusal_of(monkeypatch, script(tmp_path, text))
 
 
-def test_a_program_that_is_not_there(monkeypatch, tmp_path):
-    message = refused(monkeypatch, str(tmp_path / "python"))
+def test_cell_process_of_a_program_that_is_not_there_is_reported(monkeypatch, tmp_path):
+    message = refusal_of(monkeypatch, str(tmp_path / "python"))
     assert message.startswith("grasp-cell cannot be started: No such file or directory")
 
 
-def test_one_that_stays_silent_and_does_not_listen(monkeypatch, tmp_path):
+def test_cell_process_that_stays_silent_is_ended_and_reported(monkeypatch, tmp_path):
     monkeypatch.setattr(cell_process, "START_S", 0.05)
     monkeypatch.setattr(child, "END_S", 0.05)
-    result = refused(monkeypatch, script(tmp_path, "trap '' TERM; while true; do sleep 0.05; done"))
+    result = refusal_of(
+        monkeypatch, script(tmp_path, "trap '' TERM; while true; do sleep 0.05; done")
+    )
     assert "told no endpoints within 0.05 s" in result

@@ -44,7 +44,7 @@ def play(table: Table, world: Rehearsal, random: Random) -> tuple[int, ...]:
     return (*path, target)
 
 
-def test_leaves_are_reached_as_often_as_the_table_says():
+def test_rehearsal_reaches_leaves_as_often_as_the_table_says():
     table, trials = small_table(), 1_000
     world, random = make(table, 3), Random(5)
     seen = Counter(play(table, world, random) for _ in range(trials))
@@ -55,7 +55,7 @@ def test_leaves_are_reached_as_often_as_the_table_says():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_every_width_of_any_table_reads_as_an_outcome(seed):
+def test_rehearsal_of_any_table_has_widths_that_read_as_outcomes(seed):
     table = random_table(seed, 20)
     world, random = make(table, seed), Random(seed)
     for _ in range(60):
@@ -63,6 +63,6 @@ def test_every_width_of_any_table_reads_as_an_outcome(seed):
         assert ~path[-1] < len(table.leaves)
 
 
-def test_a_job_without_a_table_cannot_be_rehearsed():
+def test_rehearsal_of_a_job_without_a_table_is_refused():
     with pytest.raises(UsageError, match="start grasp-cell with --tree"):
         make({"seed": 1}, 0)

@@ -77,9 +77,8 @@ def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_no
     asked = asked_parts(table, RunOptions(Policy.of("resqueeze,restart", "restart")))
     for _ in range(300):
         before = asked.answer("STATUS")
-        reply = asked.answer(
-            " ".join(random.choice(WORDS) for _ in range(random.choice((1, 1, 2, 3, 4))))
-        )
+        words = (random.choice(WORDS) for _ in range(random.choice((1, 1, 2, 3, 4))))
+        reply = asked.answer(" ".join(words))
         assert reply.isascii()
         assert "\n" not in reply
         assert len(reply) < MAX_LINE

@@ -41,42 +41,36 @@ def look(path: Path, policy: str, now: Entry | None = None, table: bytes = TABLE
         return crash.look(journal, {**header(table), **fields}, policy, Deaf(), 300.0)
 
 
-def moment(wall_s: float = 0.0, up_s: float = 0.0, boot: str | None = None) -> dict[str, object]:
+def moment(wall_s: float = 0.0, up_s: float = 0.0) -> dict[str, object]:
     """Now, by clocks that are so many seconds on."""
     uptime = SystemClock().uptime()
     date = datetime.now(UTC) + timedelta(seconds=wall_s)
-    return {
-        "time": date.isoformat(),
-        "boot": boot or uptime["boot"],
-        "up_s": float(uptime["up_s"]) + up_s,
-    }
+    return {**uptime, "time": date.isoformat(), "up_s": float(uptime["up_s"]) + up_s}
 
 
-def test_a_run_that_ended_is_nothing_to_go_on_with(tmp_path):
+def test_look_a_run_that_ended_is_nothing_to_go_on_with(tmp_path):
     assert look(write_run(tmp_path / "j.jsonl"), crash.ABORT) is None
 
 
 @pytest.mark.parametrize(
     ("lines", "part", "steps"), [(1, None, 0), (2, 1, 0), (4, 1, 1), (5, None, 0), (9, 2, 1)]
 )
-def test_where_it_broke_off_is_known(tmp_path, lines, part, steps):
+def test_look_knows_where_the_run_broke_off(tmp_path, lines, part, steps):
     seen = look(broken(tmp_path / "j.jsonl", lines), crash.RESUME)
     assert seen is not None
     assert (seen.part, len(seen.steps)) == (part, steps)
 
 
-def test_giving_up_is_recorded_and_ends_the_run(tmp_path):
+def test_look_giving_up_is_recorded_and_ends_the_run(tmp_path):
     path = broken(tmp_path / "j.jsonl", 4)
-    with pytest.raises(
-        BrokenRunError, match="at part 1, after 1 squeeze; it is given up and nothing was moved"
-    ):
+    with pytest.raises(BrokenRunError, match="at part 1, after 1 squeeze; it is given up"):
         look(path, crash.ABORT)
     assert [entry["kind"] for entry in records(path)][-2:] == ["outcome", "end"]
     assert verify(path).closed
     assert look(path, crash.ABORT) is None
 
 
-def test_starting_over_forgets_the_path_and_not_what_is_held(tmp_path):
+def test_look_starting_over_forgets_the_path_and_not_what_is_held(tmp_path):
     seen = look(broken(tmp_path / "j.jsonl", 4), crash.RESTART)
     assert seen is not None
     assert (seen.steps, seen.traversal.node) == ([], 0)
@@ -94,11 +88,10 @@ def test_starting_over_forgets_the_path_and_not_what_is_held(tmp_path):
         ({"delivery": from_text("50,0,90").record()}, "--deliver"),
     ],
 )
-def test_a_run_is_gone_on_with_as_it_was_begun(tmp_path, changed, what):
+def test_look_a_run_is_gone_on_with_as_it_was_begun(tmp_path, changed, what):
     path = broken(tmp_path / "j.jsonl", 4)
-    with pytest.raises(BrokenRunError, match=f"had another {what}") as refused:
+    with pytest.raises(BrokenRunError, match=f"had another {what}"):
         look(path, crash.RESUME, **changed)
-    assert refused.value.exit_code == 24
     assert not verify(path).closed
 
 
@@ -130,9 +123,8 @@ RECENT = {
 @pytest.mark.parametrize("name", TOO_OLD)
 def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(tmp_path, policy, name):
     path = broken(tmp_path / "j.jsonl", 4)
-    with pytest.raises(BrokenRunError, match=r"s ago; after 300 s|is not clear") as refused:
+    with pytest.raises(BrokenRunError, match=r"s ago; after 300 s|is not clear"):
         look(path, policy, TOO_OLD[name]())
-    assert refused.value.exit_code == 24
     assert not verify(path).closed
 
 
@@ -141,14 +133,14 @@ def test_look_a_part_of_known_recent_age_is_gone_on_with(tmp_path, name):
     assert look(broken(tmp_path / "j.jsonl", 4), crash.RESUME, RECENT[name]()) is not None
 
 
-def test_between_two_parts_there_is_nothing_that_could_be_too_old(tmp_path):
+def test_look_between_two_parts_nothing_can_be_too_old(tmp_path):
     seen = look(broken(tmp_path / "j.jsonl", 5), crash.RESUME, moment(1e6, 1e6))
     assert seen is not None
     assert seen.part is None
 
 
 @pytest.mark.parametrize("policy", [crash.RESUME, crash.ABORT])
-def test_a_run_that_its_own_counts_do_not_justify_is_not_resumed(tmp_path, policy):
+def test_look_a_run_that_its_counts_do_not_justify_is_not_resumed(tmp_path, policy):
     path = tmp_path / "j.jsonl"
     with Journal(path, STAMP) as journal:
         journal.header(TABLE, FIELDS)
@@ -159,7 +151,7 @@ def test_a_run_that_its_own_counts_do_not_justify_is_not_resumed(tmp_path, polic
     assert verify(path).closed == (policy == crash.ABORT)
 
 
-def test_going_on_is_recorded_with_what_was_cut_off(tmp_path):
+def test_begin_records_what_was_cut_off(tmp_path):
     path = broken(tmp_path / "j.jsonl", 4)
     with path.open("ab") as file:
         file.write(b'{"seq":4,"ti')

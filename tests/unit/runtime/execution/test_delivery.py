@@ -4,6 +4,7 @@ import json
 from math import inf, nan, pi
 
 import pytest
+from refusals import refused_in_a_line
 from sample_tables import changed, several_table
 
 from runtime.execution.delivery import Delivery, by_name, from_file, from_job, from_keys, from_text
@@ -19,9 +20,8 @@ PICKS = {"handle": (1.0, 2.0, -pi / 2)}
 
 
 def test_three_numbers_are_a_drop_off():
-    assert from_text("50,-10,90") == Delivery(
-        drop=(50.0, -10.0, pytest.approx(pi / 2)), width_mm=(0.5, inf)
-    )
+    turned = (50.0, -10.0, pytest.approx(pi / 2))
+    assert from_text("50,-10,90") == Delivery(drop=turned, width_mm=(0.5, inf))
 
 
 @pytest.mark.parametrize("header", ["", "[delivery]\n"])
@@ -74,9 +74,8 @@ def test_files_that_cannot_be_read(tmp_path):
     (tmp_path / "other.toml").write_text("delivery = 3")
     (tmp_path / "binary.toml").write_bytes(bytes(range(256)))
     for name in ("bad", "deep", "other", "binary"):
-        with pytest.raises(InputError, match=rf"{name}\.toml") as refused:
+        with refused_in_a_line(InputError, rf"{name}\.toml"):
             from_file(tmp_path / f"{name}.toml", {})
-        assert "\n" not in str(refused.value)
 
 
 def test_a_pick_of_the_part_is_where_it_is_taken():

@@ -30,10 +30,11 @@ def run(rig: FakeCell, table: Table | None = None, seen: list[Step] | None = Non
 
 def motions(rig: FakeCell) -> list[tuple]:
     """Where jaws and arm were sent."""
-    called = [call for call in rig.log.calls if call.name in ("move", "move_linear")]
-    return [
-        ("jaws", call.arguments[0]) if call.name == "move" else call.arguments for call in called
-    ]
+    sent = {
+        "move": lambda call: ("jaws", call.arguments[0]),
+        "move_linear": lambda call: call.arguments,
+    }
+    return [sent[call.name](call) for call in rig.log.calls if call.name in sent]
 
 
 def number_of_calls(table: Table) -> int:
@@ -223,11 +224,8 @@ def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(table, at, 
 @pytest.mark.parametrize(
     ("error", "exit_code"),
     [
-        (LinkError("x"), 21),
-        (GripperFault("x"), 20),
-        (ArmError("x"), 20),
-        (TimeoutError("x"), 21),
-        (OSError("x"), 21),
+        *((kind("x"), 21) for kind in (LinkError, TimeoutError, OSError)),
+        *((kind("x"), 20) for kind in (GripperFault, ArmError)),
     ],
 )
 def test_an_error_brings_its_exit_code_or_the_one_of_its_built_in_parent(error, exit_code):
@@ -267,10 +265,7 @@ def test_a_stale_reading_is_a_fault_and_no_child():
 
 @pytest.mark.parametrize(
     ("table", "stuck_at", "said"),
-    [
-        (small_table(), 5, "remove what blocks them"),
-        (pushing_table(), -20, "look for what is between them"),
-    ],
+    [(small_table(), 5, "remove what blocks"), (pushing_table(), -20, "look for what is between")],
     ids=["opening", "closing to push"],
 )
 def test_jaws_that_do_not_go_where_they_are_sent_are_not_lowered(table, stuck_at, said):

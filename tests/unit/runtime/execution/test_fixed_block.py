@@ -47,20 +47,18 @@ def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
 
 
 @pytest.mark.parametrize(("share", "across_mm"), [(0.5, 0.0), (0.5, 1.5), (0.44, -0.8), (0.6, 2.0)])
-def test_exact_grips_tell_where_the_fingers_meet_and_how_they_share_the_closing(share, across_mm):
+def test_fit_of_exact_grips_tells_where_the_fingers_meet_and_how_they_share_the_closing(
+    share, across_mm
+):
     result = fit(BLOCK_MM, list(halves(share, across_mm)))
     assert result.share == pytest.approx(share, abs=1e-3)
-    assert result.across_mm == pytest.approx(
-        across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM), abs=5e-3
-    )
-    for width_mm in (10.0, 50.0):  # of fingers that share unevenly the middle goes with the width
-        across, _ = result.at(width_mm)
-        assert across == pytest.approx(
-            across_mm + (0.5 - share) * (OPENING_MM - width_mm), abs=0.03
-        )
+    # Of fingers that share unevenly the middle goes with the width.
+    for width_mm, near_mm in ((BLOCK_MM, 5e-3), (10.0, 0.03), (50.0, 0.03)):
+        meet_mm = across_mm + (0.5 - share) * (OPENING_MM - width_mm)
+        assert result.at(width_mm)[0] == pytest.approx(meet_mm, abs=near_mm)
 
 
-def test_errors_cover_what_counts_and_noise_do():
+def test_fit_has_errors_that_cover_what_counts_and_noise_do():
     count_mm, draw, off = 85.0 / 227.0, random.Random(3), []
     for k in range(16):
         read = lambda width: count_mm * round((width + draw.gauss(0.0, 0.15)) / count_mm)  # noqa: E731
@@ -70,7 +68,7 @@ def test_errors_cover_what_counts_and_noise_do():
     assert 0.6 < math.sqrt(sum(z * z for z in off) / len(off)) < 1.5
 
 
-def test_what_is_no_block_held_fast_is_refused():
+def test_fit_refuses_what_is_no_block_held_fast():
     loose = [(0.0, [Grip(off, BLOCK_MM + 0.01 * k) for k, off in enumerate((-5.0, 5.0) * 6)])] * 2
     with pytest.raises(InputError, match="does not give way"):
         fit(BLOCK_MM, loose)
@@ -104,7 +102,7 @@ class Rig:
 
 
 @pytest.mark.parametrize("angle", [0.0, math.pi / 2])
-def test_a_simulated_cell_is_measured_to_what_it_says(angle):
+def test_measure_of_a_simulated_cell_is_what_it_says(angle):
     rig = Rig()
     result = rig.measure((11.0, -5.5, angle))
     assert abs(result.across_mm - 1.5) < 3.0 * result.across_error_mm
@@ -114,7 +112,7 @@ def test_a_simulated_cell_is_measured_to_what_it_says(angle):
     assert rig.hand.where()[2] == pytest.approx(rig.table.limits.retreat_height_um / 1000, abs=0.05)
 
 
-def test_a_block_that_is_elsewhere_another_or_none_is_reported():
+def test_measure_reports_a_block_that_is_elsewhere_another_or_none():
     with pytest.raises(InputError, match=r"about \+[45]\.. mm off"):
         Rig(Block(BLOCK_MM, 0.0, 5.0), 0.0).measure((0.0, 0.0, 0.0))
     with pytest.raises(InputError, match="hold it fast"):
@@ -123,7 +121,7 @@ def test_a_block_that_is_elsewhere_another_or_none_is_reported():
         Rig(Block(BLOCK_MM, 50.0)).measure((0.0, 0.0, 0.0))
 
 
-def test_a_place_that_the_arm_would_leave_its_area_for_is_refused_before_anything_moves():
+def test_check_places_refuses_what_the_arm_would_leave_its_area_for():
     table = small_table()
     check_places(table, 1.0)
     low_um = round(1000 * sent(placement(table.nodes[0].squeeze), 1.0)[1]) + 500
@@ -133,7 +131,7 @@ def test_a_place_that_the_arm_would_leave_its_area_for_is_refused_before_anythin
         check_places(replace(table, limits=tight, nodes=table.nodes[:1]), 1.0)
 
 
-def test_a_robot_that_asks_is_answered_where_its_arm_has_to_go():
+def test_asked_parts_answer_where_the_arm_has_to_go():
     lines = []
     for middle_mm in (0.0, 1.5):
         options = RunOptions(handling=Handling(middle_mm=middle_mm))

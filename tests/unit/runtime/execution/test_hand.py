@@ -24,7 +24,7 @@ def dragging_table(force_mn: int) -> Table:
     return changed(small_table(), {"nodes.0.release": Place(12_000, -7_000), **force})
 
 
-def test_the_motor_current_ends_the_raising():
+def test_hand_raises_the_force_until_the_motors_current():
     for grip_current_ma, raises in [(None, 4), (299, 0), (300, 0), (301, 4)]:
         rig = fake_cell([AT_21])
         handling = Handling(regulated=True, grip_current_ma=grip_current_ma)
@@ -38,13 +38,12 @@ def test_the_motor_current_ends_the_raising():
 
 def known_table() -> Table:
     """The small table of a part 16 mm high, whose second squeeze needs an opening of 50 mm."""
-    table = with_job(
-        small_table(), '{"gripper":{"upper_finger_share":0.5},"part":{"height_mm":16.0}}'
-    )
+    job = '{"gripper":{"upper_finger_share":0.5},"part":{"height_mm":16.0}}'
+    table = with_job(small_table(), job)
     return changed(table, {"nodes.1.contact_um": 42_000, "nodes.1.squeeze.opening_um": 50_000})
 
 
-def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_the_next():
+def test_hand_between_squeezes_rises_to_just_above_the_part_and_opens_for_the_next():
     rig = fake_cell([AT_30, AT_21])
     assert run(rig, RunOptions(), known_table()).leaf == 1
     heights = [call.arguments[2] for call in rig.log.named("move_linear")]
@@ -55,7 +54,7 @@ def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_th
     assert opened[-1] == 85_000  # for the next part
 
 
-def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrower():
+def test_hand_frees_the_jaws_before_it_rises_though_the_next_opening_is_narrower():
     rig = fake_cell([AT_36, AT_21])
     narrow = {"nodes.1.contact_um": None, "nodes.1.squeeze.opening_um": 38_000}
     widths = {"low_um": 35_000, "expected_um": 36_000, "high_um": 37_000}
@@ -63,9 +62,8 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
     table = changed(known_table(), narrow | wide)
     run(rig, RunOptions(), table)
     log = rig.log.calls
-    rise = next(
-        k for k, call in enumerate(log) if call.name == "move_linear" and call.arguments[2] == 20.0
-    )
+    rises = (call.name == "move_linear" and call.arguments[2] == 20.0 for call in log)
+    rise = [*rises].index(True)
     before = [call.arguments[0] for call in log[:rise] if call.name == "move"]
     assert width_um(before[-1]) >= 40_500
     after = [call.arguments[0] for call in log[rise:] if call.name == "move"]
@@ -86,13 +84,11 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
         (1.4, (-math.inf, math.inf), 1.4),
     ],
 )
-def test_hand_turn_of_even_fingers_is_half_a_turn_off_only_near_the_wrists_end(
-    angle_rad, wrist, expected_rad
-):
+def test_hand_of_even_fingers_turns_back_only_near_the_wrists_end(angle_rad, wrist, expected_rad):
     assert _turned_to(angle_rad, wrist, known_table()) == pytest.approx(expected_rad, abs=1e-6)
 
 
-def test_hand_turn_of_uneven_fingers_is_the_angle_itself():
+def test_hand_of_uneven_fingers_turns_to_the_angle_itself():
     uneven = with_job(known_table(), '{"gripper": {"upper_finger_share": 0.6}}')
     for angle_rad, wrist in ((3.0, (-10.0, 10.0)), (1.4, (-8.0, 1.5))):
         assert _turned_to(angle_rad, wrist, uneven) == pytest.approx(angle_rad, abs=1e-6)
@@ -119,7 +115,7 @@ def _turned_to(angle_rad: float, wrist: tuple[float, float], table: Table) -> fl
     return rig.log.named("move_linear")[-1].arguments[3]
 
 
-def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between():
+def test_hand_of_a_gripper_that_takes_no_command_on_the_way_stops_between():
     for streams, waits in ((True, 1), (False, 2)):
         fast = {"nodes.0.contact_um": 33_000, "limits.max_speed_um_s": 150_000}
         table = changed(small_table(), {**fast, "gripper.streams": streams})
@@ -132,7 +128,7 @@ def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_
 # -- drags ----------------------------------------------------------------------------------------
 
 
-def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there():
+def test_hand_drags_what_is_held_to_the_release_point_and_lets_go_there():
     table = changed(small_table(), {"nodes.0.release": Place(12_000, -7_000)})
     rig = fake_cell([AT_21])
     rig.arm.at = (5.0, 5.0, 60.0, 0.1)
@@ -149,7 +145,7 @@ def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there():
 # -- policies -------------------------------------------------------------------------------------
 
 
-def test_unready_grippers_are_not_waited_for_for_ever():
+def test_hand_does_not_wait_for_an_unready_gripper_for_ever():
     rig = fake_cell([])
     rig.gripper.now = State(moving=True)
     hand = Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling())
@@ -158,9 +154,7 @@ def test_unready_grippers_are_not_waited_for_for_ever():
     assert rig.cell.clock.now() >= 8.0
 
 
-@pytest.mark.parametrize(
-    "request_counts", [255, 0], ids=["while the jaws close", "before they open"]
-)
+@pytest.mark.parametrize("request_counts", [255, 0], ids=["closing", "before opening"])
 @pytest.mark.parametrize(
     "by",
     [(0.6, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.02), (0.0, 0.0, 0.0, math.pi)],

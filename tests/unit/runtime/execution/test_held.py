@@ -34,7 +34,7 @@ HOLDING = State(object_flag=2, echo_counts=255, position_counts=AT_30)
         (State(activated=False, object_flag=0), None),
     ],
 )
-def test_what_the_gripper_tells(state, message):
+def test_look_tells_what_the_fingers_may_hold(state, message):
     holds = held.look(state.reading, CALIBRATION)
     assert (holds is None) == (message is None)
     if holds is not None:
@@ -52,7 +52,7 @@ def heights(rig: FakeCell) -> list[float]:
     return [call.arguments[2] for call in rig.log.named("move_linear")]
 
 
-def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_than_they_must():
+def test_put_down_lowers_where_the_arm_stands_before_the_jaws_open():
     rig = holding()
     session.put_down(small_table(), rig.cell, RunOptions())
     assert [call.name for call in rig.log.calls if call.name in ("move_linear", "move")] == [
@@ -65,13 +65,13 @@ def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_th
     assert rig.journal.kept[-1][1]["exit_code"] == 0
 
 
-def test_level_tips_come_down_as_high_as_the_jaws_are_open():
+def test_put_down_with_level_tips_comes_down_as_high_as_the_jaws_are_open():
     rig, arc = holding(), TipArc(level_mm=8.0)
     session.put_down(small_table(), rig.cell, RunOptions(handling=Handling(arc=arc)))
     assert heights(rig)[0] == pytest.approx(10.0 + arc.advance_mm(width_um(AT_30) / 1000), abs=0.01)
 
 
-def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried():
+def test_put_down_outside_the_work_area_is_only_where_parts_are_carried():
     rig = holding()
     rig.arm.at = (80.0, 5.0, 60.0, 0.1)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
@@ -82,7 +82,7 @@ def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried():
     assert rig.arm.at == (80.0, 5.0, 60.0, 0.1)
 
 
-def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded():
+def test_put_down_whatever_goes_wrong_ends_in_the_safe_state_and_is_recorded():
     whole = holding()
     session.put_down(small_table(), whole.cell, RunOptions())
     for number in range(len(whole.log.calls)):
@@ -92,7 +92,6 @@ def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded():
         assert failed.value.__notes__[0].startswith("fingers")
         assert rig.log.named("stop")
         opened = rig.gripper.now.position_counts < HOLDING.position_counts
-        assert opened or max(heights(rig), default=10.0) == 10.0, (
-            "what may be fixed is never lifted"
-        )
+        untouched = max(heights(rig), default=10.0) == 10.0
+        assert opened or untouched, "what may be fixed is never lifted"
         assert rig.journal.kept[-1][1]["exit_code"] == 20

@@ -26,7 +26,7 @@ class Judge:
 
 
 @pytest.mark.parametrize("verdict", ["pass", "fail", "unknown"])
-def test_the_auditor_is_asked_at_leaves_and_never_stops_the_cell(verdict):
+def test_leaf_is_audited_and_never_stops_the_cell(verdict):
     judge, rig = Judge(verdict), fake_cell([AT_21])
     cell = replace(rig.cell, auditor=judge)
     result = Executor(small_table(), cell, Deaf()).run_part(7)
@@ -40,7 +40,7 @@ def test_the_auditor_is_asked_at_leaves_and_never_stops_the_cell(verdict):
 DELIVERY = from_text("40,-20,90")
 
 
-def test_a_localised_part_is_taken_at_its_pose_and_put_down():
+def test_leaf_delivered_is_taken_at_its_pose_and_put_down():
     rig = fake_cell([AT_21, AT_21])
     result = run(rig, RunOptions(delivery=DELIVERY))
     assert (result.outcome, result.delivery, result.exit_code) == (Outcome.LEAF, "done", 0)
@@ -54,16 +54,13 @@ def test_a_localised_part_is_taken_at_its_pose_and_put_down():
     assert rig.arm.radii_mm[-6:] == [80.0, 80.0, 160.0, 160.0, 160.0, 80.0]
 
 
-def test_the_hand_is_placed_so_that_the_part_arrives_at_its_pose():
+def test_leaf_delivered_arrives_at_its_pose():
     delivery = Delivery(drop=(40.0, -20.0, 1.570796), grasp=(3.0, 1.0, 0.25))
     rig = fake_cell([AT_21, AT_21])
     assert run(rig, RunOptions(delivery=delivery)).delivery == "done"
-    taken, put = (
-        call.arguments[:4]
-        for call in (rig.log.named("move_linear")[-6], rig.log.named("move_linear")[-1])
-    )
-    assert taken == pytest.approx((3.0, 1.5, 60.0, 0.25))
-    assert put == pytest.approx((39.0, -17.0, 60.0, 1.820796), abs=1e-4)
+    places = [call.arguments[:4] for call in rig.log.named("move_linear")]
+    assert places[-6] == pytest.approx((3.0, 1.5, 60.0, 0.25))
+    assert places[-1] == pytest.approx((39.0, -17.0, 60.0, 1.820796), abs=1e-4)
 
 
 MISSED = (Outcome.LEAF, 0, "missed", 10)
@@ -74,7 +71,7 @@ def ends(result: PartResult) -> tuple[object, ...]:
 
 
 @pytest.mark.parametrize("reading", [EMPTY, AT_36])
-def test_a_part_that_is_not_there_is_left_and_reported(reading):
+def test_leaf_that_is_not_there_is_left_and_reported(reading):
     rig = fake_cell([AT_21, reading])
     result = run(rig, RunOptions(delivery=replace(DELIVERY, width_mm=(20.0, 22.0))))
     assert ends(result) == MISSED
@@ -83,7 +80,7 @@ def test_a_part_that_is_not_there_is_left_and_reported(reading):
 
 
 @pytest.mark.parametrize("change", [{"object_flag": ARRIVED}, {"position_counts": 180}])
-def test_a_part_that_slips_while_it_is_carried_is_a_fault(change):
+def test_leaf_that_slips_while_it_is_carried_is_a_fault(change):
     rig = fake_cell([AT_21, AT_21])
     lift = rig.arm.move_linear
 
@@ -116,7 +113,7 @@ def beyond_40(start, target) -> str:
     ],
     ids=["area", "wrist", "reach"],
 )
-def test_what_the_arm_cannot_do_is_refused_before_the_part_is_taken(delivery, limits, said):
+def test_leaf_the_arm_cannot_deliver_is_refused_before_it_is_taken(delivery, limits, said):
     rig = fake_cell([AT_21, AT_21])
     for name, limit in limits.items():
         setattr(rig.arm, name, limit)
@@ -126,7 +123,7 @@ def test_what_the_arm_cannot_do_is_refused_before_the_part_is_taken(delivery, li
     assert not rig.gripper.gripping
 
 
-def test_a_drop_off_in_an_area_of_its_own_is_reached():
+def test_leaf_is_delivered_in_an_area_of_its_own():
     delivery = replace(FAR, area_um=Area(-60_000, -60_000, 120_000, 60_000))
     assert run(fake_cell([AT_21, AT_21]), RunOptions(delivery=delivery)).delivery == "done"
 
@@ -153,29 +150,23 @@ def table_of(symmetry: int, share: float | None) -> Table:
         (1, 0.4, (0, 170)),
     ],
 )
-def test_of_drop_offs_that_look_the_same_the_nearest_is_taken(symmetry, share, angles):
-    assert (
-        taken_and_put(fake_cell([AT_21, AT_21]), "40,-20,170", table_of(symmetry, share)) == angles
-    )
+def test_leaf_is_delivered_to_the_nearest_of_drop_offs_that_look_the_same(symmetry, share, angles):
+    rig = fake_cell([AT_21, AT_21])
+    assert taken_and_put(rig, "40,-20,170", table_of(symmetry, share)) == angles
 
 
-def test_the_jaws_are_the_same_half_a_turn_round_where_they_close_alike():
+def test_leaf_is_taken_half_a_turn_round_where_jaws_close_alike():
     rig = fake_cell([AT_21, AT_21])
     rig.arm.turns = (radians(-185), radians(100))
     assert taken_and_put(rig, "40,-20,170", table_of(1, 0.5)) == (-180, -10)
     rig = fake_cell([AT_21, AT_21])
     rig.arm.turns = (radians(-185), radians(100))
-    assert (
-        run(rig, RunOptions(delivery=from_text("40,-20,170")), table_of(1, 0.3)).delivery
-        == "missed"
-    )
+    missed = run(rig, RunOptions(delivery=from_text("40,-20,170")), table_of(1, 0.3))
+    assert missed.delivery == "missed"
 
 
-@pytest.mark.parametrize(
-    # Back, in motions so small that no controller takes the short way.
-    ("most", "angles"),
-    [(inf, [344, 360]), (6.2, [344, 229, 115, 0])],
-)
+# Back, in motions so small that no controller takes the short way.
+@pytest.mark.parametrize(("most", "angles"), [(inf, [344, 360]), (6.2, [344, 229, 115, 0])])
 def test_squeezes_turn_the_nearest_way_within_the_range(most, angles):
     rig = fake_cell([AT_21])
     rig.arm.at, rig.arm.turns = (5.0, 5.0, 30.0, 6.0), (-inf, most)

@@ -43,12 +43,10 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated, arc, sto
         elif call.name == "move" and down and z_mm < 30.0:
             start_mm, count = width_mm, call.arguments[0]
             width_mm = width_um(min(count, stop[0])) / 1000
-            tips += [
-                z_mm - arc.advance_mm(start_mm + (width_mm - start_mm) * k / 20)
-                for k in range(21)
-                if abs(width_mm - 85.0)
-                > 1.0  # the last opening is not followed: the tips draw back
-            ]
+            # The last opening is not followed: the tips draw back.
+            ways = range(21) if abs(width_mm - 85.0) > 1.0 else ()
+            widths = (start_mm + (width_mm - start_mm) * k / 20 for k in ways)
+            tips += [z_mm - arc.advance_mm(width) for width in widths]
         elif call.name == "move":
             width_mm = width_um(max(call.arguments[0], 3)) / 1000
     targets = [call.arguments[:4] for call in rig.log.named("move_linear")]

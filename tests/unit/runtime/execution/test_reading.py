@@ -29,19 +29,19 @@ def settled(count: int = 170, flag: int = 2, current: int = 300, echo: int = 255
 
 
 @pytest.mark.parametrize("echo", [0, 100])
-def test_a_reading_of_another_request_is_stale(echo):
+def test_check_fresh_of_another_request_is_stale(echo):
     asked = f"request for {width_um(echo) / 1000:.2f} mm, asked was 0.00 mm"
     with pytest.raises(GripperStateError, match=asked):
         check_fresh(settled(echo=echo), CLOSED_UM)
 
 
 @pytest.mark.parametrize(("flag", "fresh"), [(0, False), (1, True), (2, True), (3, True)])
-def test_a_motion_is_over_or_it_is_not(flag, fresh):
+def test_check_fresh_of_a_motion_that_goes_on_is_refused(flag, fresh):
     with refusal(GripperStateError, "finished and as going on", unless=fresh):
         check_fresh(settled(flag=flag), CLOSED_UM)
 
 
-def test_for_every_count_and_flag_the_two_agree_or_the_reading_is_refused():
+def test_check_closed_refuses_count_and_flag_that_do_not_agree():
     for count, flag in itertools.product(range(256), (1, 2, 3)):
         believed = flag == 2 or (flag == 3 and width_um(count) <= GRIPPER.empty_um)
         said = "while opening" if flag == 1 else "one of the two is wrong"
@@ -49,7 +49,7 @@ def test_for_every_count_and_flag_the_two_agree_or_the_reading_is_refused():
             check_closed(settled(count, flag), CALIBRATION, BAND)
 
 
-def test_what_is_thinner_than_five_millimetres_may_go_undetected_and_nothing_wider():
+def test_check_closed_allows_what_is_thin_to_go_undetected_and_nothing_wider():
     """2F-85 manual, "object detection": what the flag may miss is told by the width alone."""
     for width, fits in ((5_000, True), (5_001, False)):
         reading = settled(flag=3)._replace(width_um=width)
@@ -73,20 +73,18 @@ def test_what_is_thinner_than_five_millimetres_may_go_undetected_and_nothing_wid
         ((50, 800), 3, 0, True),  # nothing between the fingers draws nothing
     ],
 )
-def test_currents_outside_the_band_are_not_believed(band, flag, current, believed):
+def test_check_closed_does_not_believe_currents_outside_the_band(band, flag, current, believed):
     count = 170 if flag == 2 else 229
     with refusal(GripperStateError, f"draws {current} mA at rest", unless=believed):
         check_closed(settled(count, flag, current), CALIBRATION, band)
 
 
-def test_jaws_that_opened_too_little_are_blocked():
+def test_check_opened_of_jaws_that_opened_too_little_is_refused():
     for request in range(4, 200):
         asked = width_um(request)
         check_opened(settled(request, 3, 0, request), asked, CALIBRATION)
         check_opened(settled(request + 2, 3, 0, request), asked, CALIBRATION)
-    with pytest.raises(
-        GripperStateError, match=r"stopped at 48.30 mm while opening to 49.43 mm; remove"
-    ):
+    with pytest.raises(GripperStateError, match=r"at 48\.30 mm while opening to 49\.43 mm; remove"):
         check_opened(settled(101, 1, 0, 98), width_um(98), CALIBRATION)
     with pytest.raises(GripperStateError, match="stale"):
         check_opened(settled(98, 3, 0, 97), width_um(98), CALIBRATION)
@@ -98,15 +96,15 @@ def test_jaws_that_opened_too_little_are_blocked():
     ("count", "flag", "passed"),
     [(100, 3, True), (102, 3, True), (98, 3, True), (103, 3, None), (80, 2, False), (100, 1, None)],
 )
-def test_an_intermediate_stroke_passed_met_something_or_contradicts_itself(count, flag, passed):
+def test_check_passed_tells_a_stroke_that_passed_met_something_or_contradicts_itself(
+    count, flag, passed
+):
     reading = settled(count, flag, 0, 100)
     if passed is not None:
         assert check_passed(reading, width_um(100), CALIBRATION) is passed
         return
     wide = {100: r"48\.68", 103: r"47\.5[56]"}[count]
-    record = (
-        rf"reports (opening|at target) at {wide} mm while closing to 48\.68 mm; the two do not fit"
-    )
+    record = rf"(opening|at target) at {wide} mm while closing to 48\.68 mm; the two do not fit"
     with pytest.raises(GripperStateError, match=record):
         check_passed(reading, width_um(100), CALIBRATION)
     with pytest.raises(GripperStateError, match="stale"):

@@ -43,7 +43,7 @@ def test_check_target_allows_the_limits_themselves_and_nothing_beyond(pose, mess
         safety.check_target(pose, LIMITS)
 
 
-def test_a_turn_too_many_is_the_same_angle_and_a_hundredth_is_not():
+def test_check_placed_allows_a_turn_too_many_and_no_hundredth():
     arm = fake_cell([]).arm
     arm.at = but(a=0.3 - math.tau)
     safety.check_placed(arm, INSIDE)
@@ -54,9 +54,7 @@ def test_a_turn_too_many_is_the_same_angle_and_a_hundredth_is_not():
 
 @pytest.mark.parametrize("arm_known", [True, False])
 @pytest.mark.parametrize("fail_at", range(-1, 5))
-def test_the_safe_sequence_goes_on_whatever_fails_and_moves_no_arm_it_does_not_know(
-    arm_known, fail_at
-):
+def test_safe_state_is_reached_whatever_fails_and_moves_no_unknown_arm(arm_known, fail_at):
     rig = fake_cell([], Log(fail_at, ConnectionError("gone")))
     notes = reach_safe_state(rig.gripper, rig.arm, LIMITS, arm_known=arm_known)
     assert len(notes) == 2
@@ -81,7 +79,7 @@ def test_the_safe_sequence_goes_on_whatever_fails_and_moves_no_arm_it_does_not_k
         ("hand-e", 20, 186, r"squeezes with 186 N; the gripper does 20..185"),
     ],
 )
-def test_what_a_table_may_ask_for_depends_on_its_gripper(model, speed_mm_s, force_n, message):
+def test_check_table_allows_what_its_gripper_does(model, speed_mm_s, force_n, message):
     table = small_table()
     asked = {"speed_um_s": 1000 * speed_mm_s, "force_mn": 1000 * force_n}
     nodes = tuple(node._replace(squeeze=node.squeeze._replace(**asked)) for node in table.nodes)

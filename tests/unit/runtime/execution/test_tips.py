@@ -15,11 +15,11 @@ PUBLISHED |= {50: -3.39, 60: -5.54, 70: -8.29, 80: -11.75, 85: -13.8}
 
 
 @pytest.mark.parametrize(("width_mm", "height_mm"), PUBLISHED.items())
-def test_heights_are_those_of_the_parallelogram(width_mm, height_mm):
+def test_tip_arc_has_the_heights_of_the_parallelogram(width_mm, height_mm):
     assert ARC.advance_mm(width_mm) - ARC.advance_mm(0.0) == pytest.approx(height_mm, abs=0.006)
 
 
-def test_the_tool_frame_is_where_it_was_taught():
+def test_tip_arc_is_zero_where_the_tool_frame_was_taught():
     assert ARC.advance_mm(85.0) == 0.0
     assert TipArc(taught_mm=50.0).advance_mm(50.0) == 0.0
     assert ARC.advance_mm(10.0) == max(ARC.advance_mm(width / 10) for width in range(851))
@@ -28,7 +28,7 @@ def test_the_tool_frame_is_where_it_was_taught():
 @pytest.mark.parametrize("widest_mm", [85.0, 60.0, 33.0, 12.0, 8.0])
 @pytest.mark.parametrize("least_mm", [0.0, 5.0, 21.0])
 @pytest.mark.parametrize("level_mm", [0.5, 2.0, 8.0])
-def test_within_a_stage_the_tips_are_never_low_and_never_high(widest_mm, least_mm, level_mm):
+def test_tip_arc_stages_keep_the_tips_neither_low_nor_high(widest_mm, least_mm, level_mm):
     arc = TipArc(level_mm=level_mm)
     if least_mm >= widest_mm:
         return
@@ -38,9 +38,10 @@ def test_within_a_stage_the_tips_are_never_low_and_never_high(widest_mm, least_m
     for end_mm in stages:
         assert end_mm < start_mm
         raised_mm = arc.most_mm(end_mm, start_mm)  # where the arm stands during the stage
+        widths = (end_mm + (start_mm - end_mm) * k / 50 for k in range(51))
         heights = [
-            raised_mm - arc.advance_mm(end_mm + (start_mm - end_mm) * k / 50) for k in range(51)
-        ]  # of the tips above where they are to be
+            raised_mm - arc.advance_mm(width) for width in widths
+        ]  # above where they are to be
         assert min(heights) >= -1e-9
         # Below the arc's top the tips draw back by a quarter of a millimetre, in one go.
         assert max(heights) <= max(level_mm, 0.25) + 1e-9
@@ -56,20 +57,18 @@ def test_within_a_stage_the_tips_are_never_low_and_never_high(widest_mm, least_m
         ("hand-e", None, None),
     ],
 )
-def test_the_arc_follows_from_the_model(model, named, arc):
+def test_tip_arc_follows_from_the_model(model, named, arc):
     result = arc_of(model, named)
     assert result == arc if result is None else (result.link_mm, result.offset_mm) == arc
 
 
 @pytest.mark.parametrize("named", [None, "arc"])
-def test_tips_on_an_arc_whose_offset_nobody_knows_are_not_taken_for_straight(named):
+def test_tip_arc_whose_offset_nobody_knows_is_not_taken_for_straight(named):
     with pytest.raises(UsageError, match=r"2f-140 .* measured: write --tips 100,OFFSET"):
         arc_of("robotiq-2f-140", named)
 
 
 def arc_of(model: str, named: str | None) -> TipArc | None:
     table = changed(small_table(), {"gripper.model": model})
-    given = parser().parse_args(
-        ["--tree", "T", "--port", "P", "--deliver", "no", *(["--tips", named] if named else [])]
-    )
-    return run_options(given, table).handling.arc
+    words = ["--tree", "T", "--port", "P", "--deliver", "no", *(["--tips", named] if named else [])]
+    return run_options(parser().parse_args(words), table).handling.arc

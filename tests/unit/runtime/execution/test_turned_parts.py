@@ -130,8 +130,7 @@ def test_history_holds_residual_and_truth_of_a_turned_part_as_its_plan_sees_them
 def test_journal_of_a_turned_part_tells_its_squeezes_in_the_world() -> None:
     rig, result = located(unknown(), 1.3)
     squeezes = [fields for kind, fields in rig.journal.kept if kind == "squeeze"]
-    assert [fields["angle_urad"] for fields in squeezes] == [
-        step.squeeze.angle_urad for step in result.steps
-    ]
+    stated = [fields["angle_urad"] for fields in squeezes]
+    assert stated == [step.squeeze.angle_urad for step in result.steps]
     assert abs(remainder(squeezes[0]["angle_urad"] / 1e6 - 1.3, pi)) < 1e-5
     assert replace(result, turn_urad=0).leaf_of(small_table()) == small_table().leaves[1]

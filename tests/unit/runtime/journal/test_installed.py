@@ -33,9 +33,8 @@ def test_note_adds_a_record_for_each_change_and_only_then(tmp_path):
     assert log_of(journal).read_bytes().startswith(before)
     seen = verify(log_of(journal))
     assert (seen.runs, seen.closed) == (5, True)
-    digests = [
-        entry["table_sha256"] for entry in records(log_of(journal)) if entry["kind"] == "header"
-    ]
+    headers = (entry for entry in records(log_of(journal)) if entry["kind"] == "header")
+    digests = [entry["table_sha256"] for entry in headers]
     assert digests[0] == digests[4] != digests[1] == digests[2]
 
 
@@ -50,8 +49,6 @@ def test_a_log_that_was_changed_is_refused(tmp_path):
 
 def test_a_log_that_another_process_writes_is_refused(tmp_path):
     journal = tmp_path / "j.jsonl"
-    with (
-        Journal(log_of(journal), lambda: "2026-11-27T03:00:00.000Z"),
-        pytest.raises(JournalError, match="another"),
-    ):
+    writing = Journal(log_of(journal), lambda: "2026-11-27T03:00:00.000Z")
+    with writing, pytest.raises(JournalError, match="another"):
         noted(journal)

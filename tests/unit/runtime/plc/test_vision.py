@@ -7,29 +7,16 @@ from vision_chart import LOCATED, explored, line
 
 from runtime.plc.handshake import OPEN, SIGNALS
 from runtime.plc.station import FAULT, Answer
-from runtime.plc.vision import (
-    Job,
-    PackMLState,
-    VisionState,
-    result_of,
-    view,
-)
+from runtime.plc.vision import Job, PackMLState, VisionState, result_of, view
 
 CHART = list(explored())
 JOB = Job(7, "id-7", "m", "two", "e" * 64, "c" * 64)
 # OPC 40100-1, 8.2 and 8.3: the transitions between these states, whatever causes them.
 SPECIFIED = {
-    "PreoperationalToInitialized",
-    "PreoperationalToHalted",
-    "ErrorToPreoperational",
-    "ErrorToHalted",
-    "OperationalToPreoperational",
-    "OperationalToHalted",
-    "OperationalToError",
-    "InitializedToReady",
-    "ReadyToInitialized",
-    "ReadyToSingleExecution",
-    "SingleExecutionToReady",
+    *("PreoperationalToInitialized", "PreoperationalToHalted", "ErrorToPreoperational"),
+    *("OperationalToPreoperational", "OperationalToHalted", "OperationalToError", "ErrorToHalted"),
+    *("InitializedToReady", "ReadyToInitialized"),
+    *("ReadyToSingleExecution", "SingleExecutionToReady"),
 }
 # A result is the master's to release: it may have selected the mode, or taken back the recipe, before.
 OURS = {

@@ -51,9 +51,7 @@ def test_what_breaks_off_leaves_the_old_one_and_no_draft(tmp_path, error):
 
     path = tmp_path / "t.json"
     path.write_text("old")
-    with pytest.raises(
-        type(error), match=r"t.json cannot be written: disk full; free the disk|bug|stop"
-    ):
+    with pytest.raises(type(error), match=r"t.json cannot be written: disk full; free|bug|stop"):
         break_off()
     assert path.read_text() == "old"
 
@@ -95,9 +93,6 @@ def test_what_is_put_in_its_place_meanwhile_is_not_replaced(tmp_path):
 def test_what_cannot_be_written_is_reported_before(tmp_path, name, message):
     (tmp_path / "file").touch()
     (tmp_path / "new").mkdir()
-    with pytest.raises(OutputError, match=message) as refused:
-        usable(
-            tmp_path / name if name else tmp_path, None, tmp_path / "file", tmp_path / "yet to be"
-        )
-    assert refused.value.exit_code == 2
-    assert str(refused.value).endswith("; name another file")
+    others = (None, tmp_path / "file", tmp_path / "yet to be")
+    with pytest.raises(OutputError, match=f"{message}.*; name another file$"):
+        usable(tmp_path / name if name else tmp_path, *others)

@@ -43,9 +43,8 @@ def test_each_signal_is_a_request_that_is_raised_once(number, capfd):
 
 def test_a_request_that_python_drops_is_raised_again(monkeypatch):
     """In a finalizer an exception is printed and forgotten."""
-    monkeypatch.setattr(
-        sys, "unraisablehook", lambda _: None
-    )  # printing may take longer than LOST_S
+    # Printing may take longer than LOST_S.
+    monkeypatch.setattr(sys, "unraisablehook", lambda _: None)
 
     class Finalized:
         def __del__(self):

@@ -18,9 +18,8 @@ from runtime.shell.strict_json import MOST_DIGITS, MOST_LEVELS, parse
     ids=["mixed", "long", "pair", "deep"],
 )
 def test_what_is_sound_is_read_as_ever(value):
-    assert (
-        parse(json.dumps(value)) == parse(json.dumps(value, ensure_ascii=False).encode()) == value
-    )
+    data = json.dumps(value, ensure_ascii=False).encode()
+    assert parse(json.dumps(value)) == parse(data) == value
 
 
 @pytest.mark.parametrize(

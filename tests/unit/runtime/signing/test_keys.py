@@ -60,13 +60,11 @@ def _write(path, data):
     return path
 
 
-@pytest.mark.parametrize(
-    ("key", "words"),
-    [
-        (rsa.generate_private_key(65537, 1024), "an RSA key"),
-        (ec.generate_private_key(ec.SECP256R1()), "key"),
-    ],
-)
+KINDS = [(rsa.generate_private_key(65537, 1024), "an RSA key")]
+KINDS += [(ec.generate_private_key(ec.SECP256R1()), "key")]
+
+
+@pytest.mark.parametrize(("key", "words"), KINDS)
 def test_a_key_of_another_kind_is_refused_by_its_name(tmp_path, key, words):
     private = _write(tmp_path / "k", key.private_bytes(PEM, PKCS8, PLAIN))
     public = _write(tmp_path / "p", key.public_key().public_bytes(PEM, PUBLIC))
@@ -98,9 +96,8 @@ def test_what_is_no_such_key_is_refused_in_a_sentence(tmp_path):
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
 def test_openssl_makes_keys_for_us_and_reads_ours(tmp_path):
     def openssl(*words):
-        return subprocess.run(
-            ["openssl", *words], capture_output=True, timeout=30, check=True
-        ).stdout
+        command = ["openssl", *map(str, words)]
+        return subprocess.run(command, capture_output=True, timeout=30, check=True).stdout
 
     theirs, public = tmp_path / "theirs.pem", tmp_path / "theirs.pub"
     openssl("genpkey", "-algorithm", "ed25519", "-out", str(theirs))

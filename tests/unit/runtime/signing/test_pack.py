@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from packs import FACTS, new_key, pack_of
+from refusals import refused_in_a_line
 from sample_tables import small_table
 
 from runtime.errors import PackError
@@ -29,13 +30,11 @@ def resealed(members, key=SIGNER):
 def spans(data):
     """Where each member's header and content lie, by zipfile."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        return {
-            info.filename: (
-                info.header_offset,
-                info.header_offset + 30 + len(info.filename) + info.file_size,
-            )
-            for info in archive.infolist()
-        }
+        where = {}
+        for info in archive.infolist():
+            content = info.header_offset + 30 + len(info.filename)
+            where[info.filename] = (info.header_offset, content + info.file_size)
+        return where
 
 
 def test_verified_pack_holds_what_was_signed():
@@ -81,9 +80,8 @@ def test_pack_cut_short_or_with_bytes_added_is_refused(data):
 )
 def test_pack_with_a_strange_name_is_refused_on_one_line(name):
     members = verified(PACK).members
-    with pytest.raises(PackError, match="no file of a pack") as refused:
+    with refused_in_a_line(PackError, "no file of a pack"):
         verified(resealed({**members, name: b"x"}), SIGNER.public)
-    assert "\n" not in str(refused.value)
 
 
 def test_pack_with_a_member_twice_is_refused():

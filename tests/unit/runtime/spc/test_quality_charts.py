@@ -39,9 +39,10 @@ def test_binomial_tail_is_scipys(least, trials, share):
     assert binomial_tail(least, trials, share) == pytest.approx(theirs, rel=1e-8, abs=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("statistic", "name"), [(chi_square, "pearson"), (likelihood_ratio, "log-likelihood")]
-)
+STATISTICS = [(chi_square, "pearson"), (likelihood_ratio, "log-likelihood")]
+
+
+@pytest.mark.parametrize(("statistic", "name"), STATISTICS)
 def test_statistics_are_scipys_where_every_cell_is_well_filled(statistic, name):
     counts, shares = [30, 50, 20], [0.2, 0.5, 0.3]
     theirs = stats.power_divergence(counts, 100 * np.array(shares), lambda_=name)
@@ -102,10 +103,8 @@ def test_frequencies_alarm_when_a_branch_is_no_longer_taken():
 
 def test_a_healthy_cell_hardly_raises_an_alarm():
     """About four in 100 000 parts are false, as tests/bench/drift_trials.py measures them."""
-    histories = [
-        history(TABLE, drawn(TABLE, 2000, np.random.default_rng(seed))) for seed in range(2)
-    ]
-    assert sum(len(watch(parts)) for parts in histories) <= 1
+    parts = [drawn(TABLE, 2000, np.random.default_rng(seed)) for seed in range(2)]
+    assert sum(len(watch(history(TABLE, each))) for each in parts) <= 1
 
 
 @pytest.mark.parametrize(

@@ -48,25 +48,22 @@ def test_chart_is_the_sum_over_all_beginnings_of_the_products_since(expected):
     gains = np.array([expected.gains(TABLE, part)[0] for part in parts])
     for part in parts:
         assert chart.add(TABLE, part) is None
-    assert chart.value == pytest.approx(
-        sum(exp(gains[start:].sum()) for start in range(len(parts)))
-    )
+    since = sum(exp(gains[start:].sum()) for start in range(len(parts)))
+    assert chart.value == pytest.approx(since)
 
 
 def test_healthy_parts_to_an_alarm_are_at_least_as_many_as_the_limit_says(expected, monkeypatch):
     monkeypatch.setattr(expectation, "LIMIT", 60.0)
     chart = ShiryaevRoberts(expected)
-    alarms = sum(
-        chart.add(TABLE, part) is not None for part in drawn(TABLE, 2000, np.random.default_rng(4))
-    )
+    parts = drawn(TABLE, 2000, np.random.default_rng(4))
+    alarms = sum(chart.add(TABLE, part) is not None for part in parts)
     assert 0 < alarms <= 2000 / 60.0
 
 
 def test_change_is_flagged_within_fifty_parts_by_its_name(expected):
     rng = np.random.default_rng(5)
-    result = watch(
-        history(TABLE, drawn(TABLE, 300, rng), drawn(TABLE, 50, rng, shares=LESS)), expected
-    )
+    parts = history(TABLE, drawn(TABLE, 300, rng), drawn(TABLE, 50, rng, shares=LESS))
+    result = watch(parts, expected)
     assert all(alarm.place >= 300 for alarm in result)
     assert any(alarm.chart == "readings" and "those of less" in alarm.sentence for alarm in result)
 

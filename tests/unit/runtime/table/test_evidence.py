@@ -29,9 +29,8 @@ def test_where_the_exact_sum_would_be_long_the_interval_speaks():
     for trials, confidence in ((100_000, 0.99), (20_000, 0.9), (10**9, 0.999)):
         for misses in range(1_001, 3_000, 97):
             successes = trials - misses
-            assert refuted(successes, trials, confidence) == (
-                wilson_interval(successes, trials)[1] < confidence
-            )
+            above = wilson_interval(successes, trials)[1]
+            assert refuted(successes, trials, confidence) == (above < confidence)
 
 
 @pytest.mark.parametrize("trials", [50, 300, 200_000])
@@ -40,9 +39,8 @@ def test_of_many_leaves_tested_at_once_few_are_refuted_by_chance(trials):
     for leaves in (1, 30, 400):
         least = next(n for n in range(trials) if refuted(trials - n, trials, 0.99, leaves))
         chance = binom.cdf(trials - least, trials, 0.99)
-        assert leaves * chance < LEVEL * (
-            1.0 if trials < 1000 else 1.5
-        )  # the score test is not exact
+        slack = 1.0 if trials < 1000 else 1.5  # the score test is not exact
+        assert leaves * chance < LEVEL * slack
         assert leaves * binom.cdf(trials - least + 1, trials, 0.99) > LEVEL * 0.9
 
 
@@ -101,12 +99,7 @@ def test_figures_of_an_evaluation_pass():
     for trials in [*range(1, 60), 400]:
         errors = rng.exponential(rng.uniform(200, 2_500), trials)
         hits = int((errors < TABLE.goal.distance_um).sum())
-        median, high = np.quantile(errors, (0.5, 0.95))
-        leaf = TABLE.leaves[1]._replace(
-            success_ppm=round(1e6 * hits / trials),
-            trials=trials,
-            resolved=False,
-            error_median_um=round(median),
-            error_p95_um=round(high),
-        )
+        median, high = map(round, np.quantile(errors, (0.5, 0.95)))
+        figures = {"success_ppm": round(1e6 * hits / trials), "trials": trials, "resolved": False}
+        leaf = TABLE.leaves[1]._replace(**figures, error_median_um=median, error_p95_um=high)
         dumps(changed(TABLE, {"leaves.1": leaf, "predicted.trials": 0}))

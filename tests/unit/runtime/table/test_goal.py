@@ -25,9 +25,9 @@ TOLERANCE = (2.0, 1.0, 0.2)  # mm, mm, rad
 
 
 def leaf_at(poses: np.ndarray) -> Leaf:
-    first, *others = [
-        LeafPose(round(1000 * x), round(1000 * y), round(1e6 * turn)) for x, y, turn in poses
-    ]
+    first, *others = (
+        LeafPose(*row) for row in (poses * [1e3, 1e3, 1e6]).round().astype(int).tolist()
+    )
     exact = Covariance(0, 0, 0, 0, 0, 0)
     place = (first.x_um, first.y_um, first.theta_urad)
     return Leaf(*place, exact, 1_000_000, 1, True, tuple(others))
@@ -43,16 +43,10 @@ def test_the_cell_and_the_planner_agree(kind, order):
     for _ in range(150):
         true = rng.uniform((-3, -2, -math.pi), (3, 2, math.pi))
         near = true + rng.normal(0.0, (1.5, 1.0, 0.15), (2, 3))
-        near[:, 2] = (
-            np.remainder(
-                near[:, 2] + rng.integers(order) * 2 * math.pi / order + math.pi, 2 * math.pi
-            )
-            - math.pi
-        )
+        turns = near[:, 2] + rng.integers(order) * 2 * math.pi / order
+        near[:, 2] = np.remainder(turns + math.pi, 2 * math.pi) - math.pi
         leaf = leaf_at(near if kind == "modes" else near[:1])
-        poses = np.array(
-            [(pose.x_um / 1e3, pose.y_um / 1e3, pose.theta_urad / 1e6) for pose in leaf.poses]
-        )
+        poses = np.array([pose[:3] for pose in leaf.poses]) / [1e3, 1e3, 1e6]
         wanted = bool(metric.reached(poses, true).any())
         assert meets(goal, leaf, tuple(true)) == wanted
         result[int(wanted)] += 1

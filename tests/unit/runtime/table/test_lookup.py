@@ -19,9 +19,8 @@ from runtime.table import (
 )
 
 LINE = Calibration(GRIPPER.profile)
-WORN = Calibration(
-    GRIPPER.profile, tuple((x, max(0, x - 260 - x // 300)) for x in (-9_000, 0, 86_000))
-)
+POINTS = tuple((x, max(0, x - 260 - x // 300)) for x in (-9_000, 0, 86_000))
+WORN = Calibration(GRIPPER.profile, POINTS)
 TABLES = [small_table(), every_field_table(), random_table(1, 60), random_table(2, 120)]
 
 
@@ -40,9 +39,7 @@ def slow_decision(node: Node, width_um: int, object_detected: bool) -> int:
 
 
 def node_of(*intervals: tuple[int, int, int]) -> Node:
-    branches = [
-        Branch(low, expected, high, 0, ~at) for at, (low, expected, high) in enumerate(intervals)
-    ]
+    branches = (Branch(*interval, 0, ~at) for at, interval in enumerate(intervals))
     return Node(small_table().nodes[0].squeeze, tuple(branches))
 
 
@@ -123,9 +120,8 @@ def test_a_grip_is_of_two_millimetres_or_reaches_down_to_no_jaws_that_met_and_ma
 def test_counted_widths_are_robotiqs_line():
     # Robotiq SDK, units.cpp: opening_mm = 85 * (230 - gPO) / 227, clamped; 0.374 mm a count.
     for count in range(256):
-        assert LINE.width_um(GRIPPER.profile.counted_um(count)) == pytest.approx(
-            min(max(85e3 * (230 - count) / 227, 0), 85e3), abs=0.5
-        )
+        width_um = min(max(85e3 * (230 - count) / 227, 0), 85e3)
+        assert LINE.width_um(GRIPPER.profile.counted_um(count)) == pytest.approx(width_um, abs=0.5)
     assert LINE.nearest_um(21_000) == GRIPPER.profile.counted_um(174)
 
 
@@ -134,9 +130,7 @@ FINE = replace(GRIPPER.profile, resolution_um=10.0, counts=None)
 
 @pytest.mark.parametrize("profile", [GRIPPER.profile, FINE], ids=["2F-85", "0.01 mm"])
 @pytest.mark.parametrize("points", [(), WORN.points_um], ids=["nominal", "worn"])
-def test_calibration_of_a_width_finds_the_reading_nearest_to_it_and_the_least_above(
-    profile, points
-):
+def test_calibration_of_a_width_is_the_nearest_reading_and_the_least_above(profile, points):
     calibration = Calibration(profile, points)
     readings = [profile.reading_um(step) for step in range(profile.steps + 1)]
     truly = {reading: calibration.width_um(reading) for reading in readings}
@@ -150,9 +144,10 @@ def test_calibration_of_a_width_finds_the_reading_nearest_to_it_and_the_least_ab
         assert calibration.reads(width, width + 200) == within
 
 
-@pytest.mark.parametrize(
-    "points", [((0, 0),), ((0, 0), (0, 5)), ((0, 5), (10, 4)), ((5, 0), (0, 9))]
-)
+FALLING = [((0, 0),), ((0, 0), (0, 5)), ((0, 5), (10, 4)), ((5, 0), (0, 9))]
+
+
+@pytest.mark.parametrize("points", FALLING)
 def test_calibration_of_points_that_do_not_rise_is_refused(points):
     with pytest.raises(TableError, match="calibration"):
         Calibration(GRIPPER.profile, points)

@@ -21,9 +21,8 @@ def test_trapezoid_covers_the_way_within_speed_and_acceleration(way_mm):
     speed, acceleration = 250.0, 2000.0
     seconds = trapezoid_s(way_mm, speed, acceleration)
     ramp_s = min(speed / acceleration, seconds / 2)
-    assert acceleration * ramp_s * (seconds - ramp_s) == pytest.approx(
-        way_mm
-    )  # area under the profile
+    area_mm = acceleration * ramp_s * (seconds - ramp_s)  # under the profile
+    assert area_mm == pytest.approx(way_mm)
 
 
 def test_move_turning_takes_as_long_as_the_arc_of_the_grippers_reach():
@@ -39,12 +38,8 @@ def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_sav
     turned = cell.squeeze(first._replace(turn_rad=pi / 2))
     assert turned.lower_s == cell.squeeze(again).lower_s
     assert turned.travel_s == pytest.approx(cell.squeeze(again).travel_s)
-    for visit in (
-        first,
-        first._replace(turn_rad=0.1),
-        first._replace(way_mm=2 * NEAR_MM, turn_rad=pi / 2),
-    ):
-        assert cell.squeeze(visit).lower_s > turned.lower_s
+    for change in ({}, {"turn_rad": 0.1}, {"way_mm": 2 * NEAR_MM, "turn_rad": pi / 2}):
+        assert cell.squeeze(first._replace(**change)).lower_s > turned.lower_s
 
 
 @pytest.mark.parametrize(

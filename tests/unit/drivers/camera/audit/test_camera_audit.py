@@ -68,15 +68,11 @@ def strange_tag():
 # -- the verdict ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("off", "verdict"),
-    [
-        ((0.2, 0.1, 0.01), PASS),
-        ((0.0, 0.0, 0.4), FAIL),
-        ((2.0, 3.0, 0.0), FAIL),
-        ((1.0, 1.0, 0.25), FAIL),
-    ],
-)
+JUDGED = {(0.2, 0.1, 0.01): PASS, (0.0, 0.0, 0.4): FAIL}
+JUDGED |= dict.fromkeys([(2.0, 3.0, 0.0), (1.0, 1.0, 0.25)], FAIL)
+
+
+@pytest.mark.parametrize(("off", "verdict"), JUDGED.items())
 def test_part_is_judged_by_where_it_lies(off, verdict):
     answer = audit(shot(), tuple(np.subtract(POSE, off)))
     assert answer.verdict == verdict
@@ -106,10 +102,8 @@ def test_verdict_is_given_only_beyond_the_error(x, y, theta, sigma_mm, sigma_rad
     by_hand = math.hypot(x, y) + 10.0 * min(abs(theta), math.tau - abs(theta))
     assert abs(judged.distance - by_hand) < 1e-9
     assert abs(judged.error - COVERAGE * math.hypot(sigma_mm, 10.0 * sigma_rad)) < 1e-12
-    expected = (
-        PASS if by_hand + judged.error < 3.0 else FAIL if by_hand - judged.error >= 3.0 else UNKNOWN
-    )
-    assert judged.verdict == expected
+    assert (judged.verdict == PASS) == (by_hand + judged.error < 3.0)
+    assert (judged.verdict == FAIL) == (by_hand - judged.error >= 3.0)
 
 
 def test_any_of_the_poses_a_leaf_allows_will_do():
@@ -130,49 +124,33 @@ def test_any_of_the_poses_a_leaf_allows_will_do():
     ],
 )
 def test_other_goals_are_judged_by_their_tolerances(kind, off, verdict):
-    goal = replace(
-        GOAL, kind=kind, tolerance=Tolerance(2_500, 2_500, round(1e6 * math.radians(5.0)))
-    )
+    tolerance = Tolerance(2_500, 2_500, round(1e6 * math.radians(5.0)))
+    goal = replace(GOAL, kind=kind, tolerance=tolerance)
     assert judge(goal, [(0.0, 0.0, 0.0)], off, 0.05, 0.001).verdict == verdict
 
 
 # -- what can be wrong ----------------------------------------------------------------------------
 
+BESIDE = (-60.0, 20.0, 0.0)
 HALF = stain((POSE[0] + 29.5, POSE[1], 0.0), (61.0, 80.0))
 
 
-@pytest.mark.parametrize(
-    ("picture", "sentence"),
-    [
-        pytest.param(lambda: None, "has not sent a picture", id="no camera"),
-        pytest.param(lambda: np.zeros((540, 960), np.uint8), "picture is black", id="black"),
-        pytest.param(lambda: np.full((540, 960), 255, np.uint8), "picture is white", id="white"),
-        pytest.param(lambda: np.full((540, 960), 90, np.uint8), "of one grey", id="grey"),
-        pytest.param(lambda: shot(None), "no tag is seen; tag 7 must be in view", id="no tag"),
-        pytest.param(
-            lambda: with_cards(tag_at((-60.0, 20.0, 0.0), 9)),
-            r"more than one tag .*7, 9",
-            id="two tags",
-        ),
-        pytest.param(
-            lambda: with_cards(tag_at((-60.0, 20.0, 0.0), NUMBER)),
-            "2 times tag 7",
-            id="the same tag twice",
-        ),
-        pytest.param(
-            lambda: with_cards(strange_tag(), part=None), "family 25h9", id="wrong family"
-        ),
-        pytest.param(
-            lambda: with_cards(tag_at(POSE, 9), part=None),
-            "tag 9 is seen, but the part carries",
-            id="wrong id",
-        ),
-        pytest.param(lambda: with_cards(HALF), "tag 7 is partly covered", id="half covered"),
-        pytest.param(
-            lambda: cv2.resize(shot(), (1280, 720)), "1280 x 720, .* for 960 x 540", id="resolution"
-        ),
-    ],
-)
+WRONG = {
+    "no camera": (lambda: None, "has not sent a picture"),
+    "black": (lambda: np.zeros((540, 960), np.uint8), "picture is black"),
+    "white": (lambda: np.full((540, 960), 255, np.uint8), "picture is white"),
+    "grey": (lambda: np.full((540, 960), 90, np.uint8), "of one grey"),
+    "no tag": (lambda: shot(None), "no tag is seen; tag 7 must be in view"),
+    "two tags": (lambda: with_cards(tag_at(BESIDE, 9)), r"more than one tag .*7, 9"),
+    "the same tag twice": (lambda: with_cards(tag_at(BESIDE, NUMBER)), "2 times tag 7"),
+    "wrong family": (lambda: with_cards(strange_tag(), part=None), "family 25h9"),
+    "wrong id": (lambda: with_cards(tag_at(POSE, 9), part=None), "tag 9 is seen, but the part"),
+    "half covered": (lambda: with_cards(HALF), "tag 7 is partly covered"),
+    "resolution": (lambda: cv2.resize(shot(), (1280, 720)), "1280 x 720, .* for 960 x 540"),
+}
+
+
+@pytest.mark.parametrize(("picture", "sentence"), WRONG.values(), ids=WRONG)
 def test_what_is_wrong_gives_unknown_and_says_so(picture, sentence):
     answer = audit(picture())
     assert answer.verdict == UNKNOWN
@@ -190,10 +168,7 @@ def test_camera_that_moved_by_two_millimetres_does_not_judge():
 
 @pytest.mark.parametrize(
     ("references", "message"),
-    [
-        (True, "reference tag 580 is seen beyond the table's horizon"),
-        (False, "tag 7 is seen beyond"),
-    ],
+    [(True, "reference tag 580 is seen beyond the table's"), (False, "tag 7 is seen beyond")],
 )
 def test_tags_that_the_calibration_sees_beyond_the_horizon_do_not_judge(references, message):
     known = true_calibration(BELOW, references=references)
@@ -224,10 +199,8 @@ def test_overlay_is_kept_for_what_did_not_pass(tmp_path):
     assert audit(shot(), pictures=album).picture is None
     failed = audit(shot(), (POSE[0] - 5.0, *POSE[1:]), pictures=album)
     unseen = audit(shot(None), pictures=album)
-    assert [p.name for p in sorted(album.iterdir())] == [
-        "part-0000003-fail.jpg",
-        "part-0000003-unknown.jpg",
-    ]
+    names = {path.name for path in album.iterdir()}
+    assert names == {f"part-0000003-{verdict}.jpg" for verdict in ("fail", "unknown")}
     assert failed.picture == str(album / "part-0000003-fail.jpg")
     drawn = cv2.imread(failed.picture).astype(int)
     assert drawn.shape == (540, 960, 3)
@@ -249,9 +222,8 @@ def test_album_stays_small_and_a_full_disk_does_no_harm(tmp_path, monkeypatch):
 
 
 def test_tags_of_their_own_tell_parts_apart():
-    left, right = (
-        Subject(GOAL, part_tag(number=NUMBER + k), name=name) for k, name in enumerate("lr")
-    )
+    left = Subject(GOAL, part_tag(), name="l")
+    right = Subject(GOAL, part_tag(number=NUMBER + 1), name="r")
 
     def output(lies: int, said: str, *subjects):
         picture = RIG.seen(Look(POSE, hypothesis=lies), np.random.default_rng(1))

@@ -26,8 +26,7 @@ def soon(seconds=20.0):
 class Counter:
     """Pictures whose brightness counts how often one was taken."""
 
-    def __init__(self):
-        self.taken = 0
+    taken = 0
 
     def __call__(self):
         self.taken += 1
@@ -154,9 +153,8 @@ def test_still_camera_that_drips_is_reported_in_time(start):
 
 def test_stream_shows_what_was_taken_after_the_question(stream_url, counter, flowing):
     """Once what FFmpeg had gathered to know the stream is read, whatever else the machine does meanwhile."""
-    source = open_source(stream_url)
-    assert isinstance(source, Stream)
-    try:
+    with contextlib.closing(open_source(stream_url)) as source:
+        assert isinstance(source, Stream)
         source.picture(soon())
         flowing.clear()
         drained = soon()
@@ -166,17 +164,12 @@ def test_stream_shows_what_was_taken_after_the_question(stream_url, counter, flo
         threading.Timer(0.1, flowing.set).start()
         level = int(source.picture(soon())[0, 0])
         assert before - 2 <= level <= counter.taken + 2
-    finally:
-        source.close()
 
 
 def test_stream_that_cannot_be_opened_is_reported_in_time():
-    source = Stream("/dev/null", cv2.CAP_V4L2, (64, 48))
-    try:
-        with pytest.raises(UnreachableError, match="check power and cable"):
-            source.picture(soon(0.2))
-    finally:
-        source.close()
+    stream = contextlib.closing(Stream("/dev/null", cv2.CAP_V4L2, (64, 48)))
+    with stream as source, pytest.raises(UnreachableError, match="check power and cable"):
+        source.picture(soon(0.2))
 
 
 def test_simulated_camera_sees_the_part_where_it_is_now(tmp_path):

@@ -52,9 +52,8 @@ def errors(optics, flaws=None, count=5, speed_mm=(0.0, 0.0)):
         picture = picture_of(optics, pose, flaws=flaws, seed=seed, speed_mm=speed_mm)
         measured = measure.measure(picture, find(picture), calibration, tag)
         off = np.hypot(measured.pose[0] - pose[0], measured.pose[1] - pose[1])
-        results.append(
-            (off, abs(np.degrees(angle_between(measured.pose[2], pose[2]))), measured.sigma_mm)
-        )
+        turn = abs(np.degrees(angle_between(measured.pose[2], pose[2])))
+        results.append((off, turn, measured.sigma_mm))
     return np.array(results).T
 
 

@@ -15,6 +15,11 @@ STRAIGHT = webcam((0.0, 0.0, -300.0), size=SIZE)
 WHITE = np.ones((2, 2), np.uint8)
 
 
+def square(x=0.0):
+    """A white card of 30 mm."""
+    return lying(WHITE, 15.0, (x, 0.0, 0.0), face_down=True, margin_mm=0.0)
+
+
 def taken(cards, flaws=CLEAN):
     return render(STRAIGHT, cards, flaws, np.random.default_rng(0)).astype(float)
 
@@ -30,7 +35,7 @@ def test_corner_rays_come_back_to_their_pixels():
 @pytest.mark.parametrize("shift", [0.0, 0.13, 0.31])
 def test_brightness_of_an_edge_pixel_is_the_share_of_it_that_the_card_covers(shift):
     # The sum over a row counts the card's width in pixels, wherever between two of them it begins.
-    card = lying(WHITE, 15.0, (shift, 0.0, 0.0), face_down=True, margin_mm=0.0)
+    card = square(shift)
     levels = taken([card])
     behind, bright = np.rint(255 * 0.9 * np.array([BEHIND_TONE, 0.88]))
     row = levels[round(STRAIGHT.project(np.zeros((1, 3)))[0, 1])]
@@ -40,16 +45,14 @@ def test_brightness_of_an_edge_pixel_is_the_share_of_it_that_the_card_covers(shi
 
 
 def test_blur_spreads_an_edge_without_moving_light():
-    card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0)
-    sharp, soft = taken([card]), taken([card], replace(CLEAN, blur_px=2.0))
+    sharp, soft = taken([square()]), taken([square()], replace(CLEAN, blur_px=2.0))
     assert abs(sharp.sum() - soft.sum()) < 1e-3 * sharp.sum()
     assert np.abs(np.diff(soft, axis=1)).max() < 0.4 * np.abs(np.diff(sharp, axis=1)).max()
 
 
 def test_motion_smears_along_its_way_only():
     def smeared(axis, speed):
-        card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0)
-        moving = replace(card, speed_mm=np.array([*speed, 0.0]))
+        moving = replace(square(), speed_mm=np.array([*speed, 0.0]))
         return np.abs(np.diff(taken([moving]), axis=axis)).max()
 
     still = smeared(1, (0.0, 0.0))
@@ -58,11 +61,9 @@ def test_motion_smears_along_its_way_only():
 
 
 def test_card_hides_what_was_laid_down_before_it():
-    card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0)
     half = stain((20.0, 0.0, 0.0), (40.0, 80.0))
-    open_, covered = taken([card]), taken([card, half])
-    left, right = (
-        STRAIGHT.project(np.array([[x, 0.0, 0.0]]))[0].round().astype(int) for x in (-8.0, 8.0)
-    )
+    open_, covered = taken([square()]), taken([square(), half])
+    places = np.array([[-8.0, 0.0, 0.0], [8.0, 0.0, 0.0]])
+    left, right = STRAIGHT.project(places).round().astype(int)
     assert covered[left[1], left[0]] == open_[left[1], left[0]]
     assert covered[right[1], right[0]] < 0.5 * open_[right[1], right[0]]

@@ -91,9 +91,7 @@ def test_device_crosses_its_stroke_in_the_time_of_the_data_sheet(ready):
     ("register", "value"),
     [(dh.POSITION, 1001), (dh.FORCE, 19), (dh.SPEED, 0), (dh.GRIP, 1), (0x0102, 5)],
 )
-def test_value_that_a_register_does_not_take_is_refused_and_so_are_its_neighbours(
-    ready, register, value
-):
+def test_value_that_a_register_does_not_take_is_refused(ready, register, value):
     registers = DhRegisters(ready.model, lambda: ready.now)
     writes = ready.model.writes
     assert not registers.write(register, value.to_bytes(2, "big"))

@@ -21,9 +21,8 @@ def client(site):
     """A function that connects to a scene, which repeats what it is asked."""
     port = open_port(answer, site)
     with contextlib.ExitStack() as connections:
-        yield lambda: connections.enter_context(
-            socket.create_connection(("127.0.0.1", port), timeout=5.0)
-        )
+        place = ("127.0.0.1", port)
+        yield lambda: connections.enter_context(socket.create_connection(place, timeout=5.0))
 
 
 def answer(what):

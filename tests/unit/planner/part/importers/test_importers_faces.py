@@ -28,9 +28,8 @@ def test_a_brick_lies_on_its_faces_as_often_as_they_fill_the_view(tmp_path):
     assert sum(face.share for face in faces) == pytest.approx(1.0)
     assert [round(face.imported.height_mm) for face in faces] == [12, 25, 40]
     for face, (a, b, up) in zip(faces, ((40, 25, 12), (40, 12, 25), (25, 12, 40)), strict=True):
-        assert face.share == pytest.approx(
-            2.0 * solid_angle(a, b, 0.5 * up) / (4.0 * math.pi), rel=1e-3
-        )
+        share = 2.0 * solid_angle(a, b, 0.5 * up) / (4.0 * math.pi)
+        assert face.share == pytest.approx(share, rel=1e-3)
         assert len(face.down) == 2
         assert sorted(np.ptp(face.imported.outline_mm, axis=0).round(6)) == [b, a]
 
@@ -62,9 +61,8 @@ def mushroom(cap_mm):
 
 def test_cap_up_and_cap_down_differ_where_the_fingers_meet_other_silhouettes(tmp_path):
     faces = read(tmp_path / "thin.stl", mushroom(4.0))
-    ends = {
-        face.down: face.imported.size_mm.tolist() for face in faces if abs(face.down[0][2]) == 1.0
-    }
+    flat = [face for face in faces if abs(face.down[0][2]) == 1.0]
+    ends = {face.down: face.imported.size_mm.tolist() for face in flat}
     assert ends == {((0.0, 0.0, -1.0),): [40, 20], ((0.0, 0.0, 1.0),): [20, 10]}
 
 

@@ -29,24 +29,24 @@ BULGE = math.tan(math.pi / 8)
 CORNERS = [(0.3, 0, 0), (39.7, 0, BULGE), (40, 0.3, 0), (40, 19.7, BULGE)]
 CORNERS += [(39.7, 20, 0), (0.3, 20, BULGE), (0, 19.7, 0), (0, 0.3, BULGE)]
 GAP = [(0, 0), (5, 0), (5, 4), (0, 4), (0, 0.3)]
+
+
+def bulges(space, at):
+    points = np.add(CORNERS, (*at, 0))
+    space.add_lwpolyline(points, format="xyb", close=True)
+
+
+def strokes(space, at):
+    lines(space, arc(at, 0.7, 0, math.tau, 400)[:-1])
+
+
 SMALL = {  # what is drawn at (x, y), and its area
-    "bulges": (
-        lambda space, at: space.add_lwpolyline(
-            [(at[0] + x, at[1] + y, b) for x, y, b in CORNERS], format="xyb", close=True
-        ),
-        800 - (4 - math.pi) * 0.3**2,
-    ),
+    "bulges": (bulges, 800 - (4 - math.pi) * 0.3**2),
     "disc": (lambda space, at: space.add_circle(at, 0.8), math.pi * 0.8**2),
     "ellipse": (lambda space, at: space.add_ellipse(at, (3, 0), 0.2), math.pi * 3 * 0.6),
     "spline": (lambda space, at: space.add_spline(arc(at, 1.5, 0, math.tau, 32)), math.pi * 1.5**2),
-    "closed by a short stroke": (
-        lambda space, at: space.add_lwpolyline(np.add(GAP, at), close=True),
-        20.0,
-    ),
-    "short strokes": (
-        lambda space, at: lines(space, arc(at, 0.7, 0, math.tau, 400)[:-1]),
-        math.pi * 0.7**2,
-    ),
+    "short last stroke": (lambda space, at: space.add_lwpolyline(np.add(GAP, at), close=True), 20),
+    "short strokes": (strokes, math.pi * 0.7**2),
 }
 
 

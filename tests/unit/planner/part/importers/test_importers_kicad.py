@@ -21,53 +21,28 @@ def footprint(folder, *shapes, head='(footprint "part" (layer "F.Cu")'):
 D_AREA = 400 + 50 * math.pi  # a square of 20 mm and half a disc on one side
 ARC = "(arc (start 20 0) (mid 30 10) (end 20 20))"
 STROKE = "(stroke (width 0.1) (type solid)) (fill none)"
+RECT = "(fp_rect (start -10 -5) (end 10 5)"
+DISCS = "(pts (arc (start -10 0) (mid 0 -10) (end 10 0)) (arc (start 10 0) (mid 0 10) (end -10 0)))"
+CURVE = f"(fp_curve (pts (xy 0 0) (xy 0 20) (xy 30 20) (xy 30 0)) {FAB}"
+OLD = "(fp_arc (start 0 0) (end 0 {}) (angle 180) (layer F.Fab) (width 0.1))"
 BODIES = {  # shapes as KiCad's versions write them, area of the body
     "arc in a polygon": (
-        f'(fp_poly (pts (xy 0 0) (xy 20 0) {ARC} (xy 0 20)) {STROKE} (layer "F.Fab"))',
+        f"(fp_poly (pts (xy 0 0) (xy 20 0) {ARC} (xy 0 20)) {STROKE} {FAB}",
         D_AREA,
     ),
-    "polygon of arcs": (
-        (
-            "(fp_poly (pts (arc (start -10 0) (mid 0 -10) (end 10 0))"
-            ' (arc (start 10 0) (mid 0 10) (end -10 0))) (layer "F.Fab") (width 0.1))'
-        ),
-        100 * math.pi,
-    ),
-    "curve": (
-        (
-            '(fp_curve (pts (xy 0 0) (xy 0 20) (xy 30 20) (xy 30 0)) (layer "F.Fab") (width 0.1))'
-            '(fp_line (start 0 0) (end 30 0) (layer "F.Fab") (width 0.1))'
-        ),
-        360.0,  # 3/5 of 30 x 20, by its Bernstein integral
-    ),
-    "rectangle": (
-        '(fp_rect (start 10 5) (end -10 -5) (layer "F.Fab") (fill no) (uuid "a-1"))',
-        200,
-    ),
-    "rounded rectangle": (
-        '(fp_rect (start -10 -5) (end 10 5) (radius 2) (layer "F.Fab"))',
-        200 - 16 + 4 * math.pi,
-    ),
-    "round ends": (
-        '(fp_rect (start 0 0) (end 30 10) (radius 5) (layer "F.Fab"))',
-        200 + 25 * math.pi,
-    ),
+    "polygon of arcs": (f"(fp_poly {DISCS} {FAB}", 100 * math.pi),
+    # 3/5 of 30 x 20, by its Bernstein integral
+    "curve": (f"{CURVE} (fp_line (start 0 0) (end 30 0) {FAB}", 360.0),
+    "rectangle": (f'(fp_rect (start 10 5) (end -10 -5) (fill no) (uuid "a-1") {FAB}', 200),
+    "rounded rectangle": (f'{RECT} (radius 2) (layer "F.Fab"))', 200 - 16 + 4 * math.pi),
+    "round ends": (f"(fp_rect (start 0 0) (end 30 10) (radius 5) {FAB}", 200 + 25 * math.pi),
     "arc that ends where it begins": (
-        '(fp_arc (start 10 0) (mid -10 0) (end 10 0) (layer "F.Fab"))',
+        f"(fp_arc (start 10 0) (mid -10 0) (end 10 0) {FAB}",
         100 * math.pi,
     ),
-    "name without quotes": (
-        "(fp_rect (start -10 -5) (end 10 5) (layer F.Fab) (width 0.1) (tstamp 5E9A))",
-        200,
-    ),
+    "name without quotes": (f"{RECT} (layer F.Fab) (width 0.1) (tstamp 5E9A))", 200),
     "all sides": ('(fp_circle (center 0 0) (end 6 8) (layers "*.Fab" "F.SilkS"))', 100 * math.pi),
-    "old arcs": (
-        (
-            "(fp_arc (start 0 0) (end 0 -10) (angle 180) (layer F.Fab) (width 0.1))"
-            "(fp_arc (start 0 0) (end 0 10) (angle 180.0) (layer F.Fab) (width 0.1))"
-        ),
-        100 * math.pi,
-    ),
+    "old arcs": (OLD.format(-10) + OLD.format("10.0"), 100 * math.pi),
 }
 OTHERS = (  # what stands around a body
     '(descr "a (body) on \\"F.Fab\\"; [odd") (tags "a b")',

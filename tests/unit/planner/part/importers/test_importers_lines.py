@@ -29,6 +29,10 @@ def all_of(*draws):
     return lambda space, document: [draw(space, document) for draw in draws]
 
 
+def circles(*circles):
+    return lambda space, _: [space.add_circle(*circle) for circle in circles]
+
+
 def rectangle(x0, y0, x1, y1, **how):
     """Draws the edges of a rectangle as lines."""
     return lambda space, _: lines(space, [(x0, y0), (x1, y0), (x1, y1), (x0, y1)], **how)
@@ -42,7 +46,7 @@ DOUBLE = {
     "nearly upon each other": all_of(ALL, lambda space, _: lines(space, NEARLY)),
     "polyline and lines": all_of(ALL, polyline(PLATE, close=True)),
     "crossing": strokes(
-        ((-5, 0), (45, 0)), ((-5, 20), (45, 20)), ((0, -5), (0, 25)), ((40, -5), (40, 25))
+        *(((-5, y), (45, y)) for y in (0, 20)), *(((x, -5), (x, 25)) for x in (0, 40))
     ),
     "lap and a half": polyline([*PLATE, *PLATE[:3]]),
     "spur": polyline([(0, 0), (40, 0), (50, 0), (40, 0), (40, 20), (0, 20)], close=True),
@@ -88,14 +92,11 @@ SEAMS = {
     "diagonal": (all_of(ALL, strokes(((0, 0), (40, 20)))), "from (0, 0) to (40, 20) mm"),
     "arc": (
         all_of(ALL, lambda space, _: space.add_arc((0, 0), 10, 0, 90)),
-        "from (0, 10) to (10, 0) mm",
+        "from (0, 10) to (10, 0)",
     ),
     "split outline": (all_of(rectangle(0, 0, 12, 20), rectangle(12, 0, 40, 20)), ACROSS),
     "grid": (all_of(bends(10, 30), strokes(((0, 8), (40, 8)))), "(layer BEND)"),
-    "through a hole": (
-        all_of(bends(20), lambda space, _: space.add_circle((20, 10), 4)),
-        "(layer BEND)",
-    ),
+    "through a hole": (all_of(bends(20), circles(((20, 10), 4))), "(layer BEND)"),
 }
 
 
@@ -109,7 +110,7 @@ def test_faces_that_share_an_edge_are_one_and_the_edge_is_named(tmp_path, draw, 
 
 CROSSED = {
     "notch across an edge": all_of(ALL, lambda space, _: box(space, (15, 15), (25, 25))),
-    "circle at a corner": all_of(ALL, lambda space, _: space.add_circle((0, 0), 3)),
+    "circle at a corner": all_of(ALL, circles(((0, 0), 3))),
     "plus of two boxes": all_of(rectangle(0, 10, 40, 20), rectangle(15, 0, 25, 30)),
 }
 
@@ -119,16 +120,11 @@ def test_read_closed_contours_that_overlap_is_refused(tmp_path, draw):
     refused(dxf(tmp_path, draw), r"closed contours overlap near \(.*draw the outline as one")
 
 
-def circles(*circles):
-    return lambda space, _: [space.add_circle(*circle) for circle in circles]
-
-
+HOLE = circles(((20, 10), 5))
 INSIDE = {
-    "centre lines": all_of(
-        circles(((20, 10), 5)), strokes(((-3, 10), (43, 10)), ((20, 25), (20, -5)))
-    ),
+    "centre lines": all_of(HOLE, strokes(((-3, 10), (43, 10)), ((20, 25), (20, -5)))),
     "touching holes": circles(((20, 14), 5), ((25, 6), 3)),
-    "lead-in": all_of(circles(((20, 10), 5)), strokes(((25, 10), (40, 10)))),
+    "lead-in": all_of(HOLE, strokes(((25, 10), (40, 10)))),
 }
 
 
@@ -172,10 +168,8 @@ def test_regions_are_those_of_a_slow_twin(seed):
     one, other = (shapely.union_all([shapely.Polygon(ring) for ring in each]) for each in rings)
     assert shapely.symmetric_difference(one, other).area < 1e-3
     for region, following in pairwise(bounded):
-        edge = shapely.intersection(
-            shapely.LinearRing(region.ring), shapely.LinearRing(following.ring)
-        )
-        assert edge.length < 1e-5
+        shared = (shapely.LinearRing(each.ring) for each in (region, following))
+        assert shapely.intersection(*shared).length < 1e-5
 
 
 def test_wide_open_outline_about_a_hole_is_refused(tmp_path):

@@ -14,11 +14,7 @@ CSV = {
     "plain header": ("x,y\n0,0\n30,0\n30,21\n0,21\n", "cm", 10.0),
     "closed": ("0 0\n30 0\n30 21\n0 21\n0 0\n", "mm", 1.0),
     "decimal commas": ("0,0;0,0\n30,0;0\n30;21,0\n0;21\n", "mm", 1.0),
-    "comments and a byte order mark": (
-        "\ufeff# a part\r\n0,0\r\n\r\n30,0\r\n30,21\r\n0,21\r\n",
-        "mm",
-        1.0,
-    ),
+    "comments, a byte order mark": ("\ufeff# a\r\n0,0\r\n\r\n30,0\r\n30,21\r\n0,21\r\n", "mm", 1.0),
 }
 
 

@@ -13,12 +13,8 @@ FILLET_MM2 = PLATE_MM2 - (4 - math.pi)  # one corner of the plate with a fillet 
 
 def filleted(count, radius=2.0):
     """The plate's outline as points, its fillet as `count` chords; and its area."""
-    points = [
-        (0, 0),
-        (40, 0),
-        *arc((40 - radius, 20 - radius), radius, 0, math.pi / 2, count),
-        (0, 20),
-    ]
+    corner = arc((40 - radius, 20 - radius), radius, 0, math.pi / 2, count)
+    points = [(0, 0), (40, 0), *corner, (0, 20)]
     return points, shapely.Polygon(points).area
 
 
@@ -81,10 +77,8 @@ LEFT = ((0, 20), (0, 0))
 GAPS = {
     "at a corner": [BOTTOM, ((40, 0.015), (40, 20)), TOP, LEFT],
     "at each corner": [
-        ((0.01, 0), (39.99, 0)),
-        ((40, 0.01), (40, 19.99)),
-        ((39.99, 20), (0.01, 20)),
-        ((0, 19.99), (0, 0.01)),
+        *(((0.01, y), (39.99, y)) for y in (0, 20)),
+        *(((x, 0.01), (x, 19.99)) for x in (0, 40)),
     ],
     "a corner that overshoots": [((-0.01, 0), (40, 0)), RIGHT, TOP, LEFT],
     "a tee that falls short": [BOTTOM, RIGHT, ((45, 20), (0, 20)), ((0, 20), (0, 0.012))],

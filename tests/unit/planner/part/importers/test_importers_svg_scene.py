@@ -42,12 +42,8 @@ UNSEEN = {
     "descendant": f'<style>g.off > rect {{ opacity: 0 }}</style><g class="a off">{JIG}</g>',
     "important": sheet(".jig { display: none !important }", 'class="jig" style="display:inline"'),
     "specific": sheet("#jig { fill: none } rect.jig { fill: red }"),
-    "rule for screens": sheet(
-        "@media print, only screen {.jig {fill: red}} @media screen {.jig {fill: none}}"
-    ),
-    "sheet for screens": sheet(".jig { fill: none }").replace(
-        "<style>", '<style media="print, Screen">'
-    ),
+    "rule for screens": sheet("@media print {.jig {fill: red}} @media screen {.jig {fill: none}}"),
+    "sheet for screens": sheet(".jig {fill: none}").replace(">", ' media="print, Screen">', 1),
     "words in capitals": sheet(".jig { display: NONE }"),
     "copy of a hidden one": f'<defs><g id="j" display="none">{JIG}</g></defs><use href="#j"/>',
     "beside its viewport": '<svg width="60" height="60"><rect x="61" width="90" height="70"/></svg>',
@@ -69,9 +65,8 @@ SEEN = {
     "a rule that CSS drops": '<style>path:foo{{display:none}} @import "x"; :{{}}</style><path d="{}"/>',
     "a rule for paper": '<style>@media print {{path {{display: none}}}}</style><path d="{}"/>',
     "a sheet of another language": '<style type="text/x">path {{display: none}}</style><path d="{}"/>',
-    "first child of a switch": '<switch><foreignObject requiredExtensions="x"/><g><path d="{}"/></g>'
-    + JIG
-    + "</switch>",
+    "first child of a switch": '<switch><foreignObject requiredExtensions="x"/>'
+    f'<g><path d="{{}}"/></g>{JIG}</switch>',
     "a copy of a definition": '<clipPath><path id="a" d="{}"/></clipPath><use xlink:href="#a"/>',
 }
 
@@ -83,14 +78,8 @@ def test_what_a_viewer_shows_is_the_outline(tmp_path, body):
 
 NOTED = {
     "unseen": (jig('fill="none"'), "not seen .*: 1 of its elements"),
-    "clipped": (
-        '<rect clip-path="url(#c)" width="1" height="1"/>',
-        "clip paths.*: 1 of its elements",
-    ),
-    "cropped": (
-        '<svg width="2" height="2"><rect width="9" height="1"/></svg>',
-        "viewports.*: 1 of",
-    ),
+    "clipped": ('<rect clip-path="url(#c)" width="1" height="1"/>', "clip paths.*: 1 of its elem"),
+    "cropped": ('<svg width="2" height="2"><rect width="9" height="1"/></svg>', "viewports.*: 1"),
     "rules that depend": (
         "<style>@media (width > 9px) {g {fill: red}} @layer a {} svg {g {fill: red}}</style>",
         r"not read.*: @media \(width > 9px\), @layer a, rules in that of svg",
@@ -102,8 +91,8 @@ NOTED = {
     ),
     "text and pictures": ("<text>a</text><text>b</text><image/>", "ignored: 1 image, 2 text"),
     "a copy of nothing": (
-        '<use href="#none"/><use href="o.svg#a"/>',
-        "not in the file: #none, o.svg#a",
+        '<use href="#no"/><use href="o.svg#a"/>',
+        "not in the file: #no, o.svg#a",
     ),
 }
 
@@ -123,10 +112,7 @@ VIEWED = {  # body, area by hand
     "use states the size": (symbol("") + USE, 800),
     "use overrules the symbol": (symbol('width="9" height="9"') + USE, 800),
     "meets the lesser side": (symbol("") + '<use href="#s" width="40" height="60"/>', 800),
-    "stretched": (
-        symbol('preserveAspectRatio="none"') + '<use href="#s" width="40" height="10"/>',
-        400,
-    ),
+    "stretched": (symbol('preserveAspectRatio="none"') + USE.replace("20", "10"), 400),
     "two levels": (
         symbol("", '<use href="#t" width="200" height="100"/>')
         + '<symbol id="t" viewBox="0 0 800 400"><rect width="400" height="400"/></symbol>'
@@ -151,15 +137,13 @@ def test_view_boxes_and_transforms_scale_what_they_hold(tmp_path, body, mm2):
     assert area(read(svg(tmp_path, body))) == pytest.approx(mm2, rel=2e-3)
 
 
+UPRIGHT = '<line x1="4cm" x2="40mm" y2="20mm"/>'
 UNITS = {
     "mm": ('<rect width="40mm" height="20mm"/>', 800),
     "points and picas": ('<rect width="72pt" height="6pc"/>', 25.4**2),
     "transform": ('<rect width="40mm" height="20mm" transform="scale(.5)"/>', 200),
     "ellipse": ('<ellipse rx="20mm" ry="1cm"/>', 200 * math.pi),
-    "lines": (
-        '<g stroke="red"><line x2="4cm"/><line x1="4cm" x2="40mm" y2="20mm"/><line x1="40mm" y1="20mm"/></g>',
-        400,
-    ),
+    "lines": (f'<g stroke="red"><line x2="4cm"/>{UPRIGHT}<line x1="40mm" y1="20mm"/></g>', 400),
 }
 
 
@@ -197,9 +181,7 @@ def test_a_malformed_number_is_refused_with_its_element(tmp_path, body):
     refused(svg(tmp_path, body), r"part\.svg: <\w+>.*correct it in the drawing")
 
 
-@pytest.mark.parametrize(
-    "size", ['width="1.1.1mm" height="80mm" viewBox="0 0 100 80"', 'width="100x"']
-)
+@pytest.mark.parametrize("size", ['width="1.1.1mm" viewBox="0 0 100 80"', 'width="100x"'])
 def test_a_malformed_size_of_the_drawing_is_refused(tmp_path, size):
     path = svg(tmp_path, f'<path d="{L_PATH}"/>', size)
     for units in (None, "mm"):

@@ -6,9 +6,9 @@ import socket
 import threading
 import urllib.error
 import urllib.request
-from collections.abc import Callable
 
 import pytest
+from programs import until
 from sample_tables import small_table
 
 from runtime.monitoring.live import page, server
@@ -40,14 +40,6 @@ def fetched(running: PageServer, path: str) -> bytes:
         return bytes(answer.read())
 
 
-def wait_until(condition: Callable[[], object]) -> bool:
-    for _ in range(400):
-        if condition():
-            return True
-        threading.Event().wait(0.05)
-    return False
-
-
 def test_a_client_of_the_library_reads_every_page(serving):
     assert json.loads(fetched(serving, "/status.json"))["table"] == "small.msgpack"
     assert fetched(serving, "/metrics").startswith(b"# HELP squeezetree_")
@@ -72,11 +64,9 @@ def test_clients_that_misbehave_do_not_end_it(serving, words):
 def test_who_says_or_takes_nothing_is_sent_away(monkeypatch, serving):
     monkeypatch.setattr(server, "PATIENCE_S", 0.2)
     with connected(serving) as silent, connected(serving) as deaf:
-        deaf.sendall(
-            b"GET /large HTTP/1.0\r\n\r\n"
-        )  # more than the kernel keeps for who does not read
+        deaf.sendall(b"GET /large HTTP/1.0\r\n\r\n")  # more than the kernel keeps
         assert silent.recv(1) == b""
-        assert wait_until(lambda: not serving._clients)
+        assert until(lambda: not serving._clients)
     assert fetched(serving, "/status.json")
 
 
@@ -92,7 +82,7 @@ def test_one_client_too_many_ends_the_oldest(serving):
 def test_its_end_ends_all_connections_and_frees_the_port():
     running = PageServer(FREE, {})
     with connected(running) as client:
-        assert wait_until(lambda: running._clients)
+        assert until(lambda: running._clients)
         running.close()
         assert client.recv(1) == b""
     with PageServer(running.address, {}) as again:

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from acceptance_cells import Tried, tried
+from acceptance_cells import FAILED, GOOD, UNSEEN, Tried, tried
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -23,8 +23,7 @@ from runtime.spc.study.acceptance import (
     planned,
 )
 
-GOOD, WRONG = Part(1, outcome="leaf", verdict="pass"), Part(1, outcome="leaf", verdict="fail")
-UNSEEN, REJECT = Part(1, outcome="leaf", verdict="unknown"), Part(1, outcome="reject")
+WRONG, REJECT = FAILED[:2]
 
 
 @settings(max_examples=40)
@@ -63,9 +62,8 @@ def test_evidence_is_a_mixture_of_likelihood_ratios():
 def test_verdict_is_wrong_seldom_though_looked_at_after_each_part(rate):
     # A sample of tests/bench/bench_acceptance.py; at the limit itself either verdict counts as wrong.
     results = [tried(np.random.default_rng([seed, 7]), rate, 0.05, 600) for seed in range(60)]
-    assert sum(cell is Tried.WRONG for cell in results) <= stats.binom.ppf(
-        0.999, len(results), ERROR
-    )
+    most = stats.binom.ppf(0.999, len(results), ERROR)
+    assert sum(cell is Tried.WRONG for cell in results) <= most
     if rate != 0.05:
         assert sum(cell is Tried.RIGHT for cell in results) > 20
 
@@ -82,9 +80,8 @@ def test_what_is_not_known_counts_against_either_verdict():
 
 
 def test_a_reject_is_a_failure_and_a_stopped_part_is_left_out():
-    (*_, last) = followed(
-        [GOOD, REJECT, Part(3, outcome="fault"), Part(4, outcome="stopped"), WRONG], 0.01
-    )
+    fault, stopped = Part(3, outcome="fault"), Part(4, outcome="stopped")
+    (*_, last) = followed([GOOD, REJECT, fault, stopped, WRONG], 0.01)
     assert (last.parts, last.failed, last.unknown) == (4, 3, 0)
 
 
@@ -116,9 +113,8 @@ def test_planned_says_so_where_no_number_would_do(expected):
 
 @given(st.integers(0, 60), st.integers(1, 60), st.floats(0.0, 1.0))
 def test_binomial_at_most_is_scipys(most, trials, share):
-    assert binomial_at_most(most, trials, share) == pytest.approx(
-        stats.binom.cdf(most, trials, share), abs=1e-9
-    )
+    theirs = stats.binom.cdf(most, trials, share)
+    assert binomial_at_most(most, trials, share) == pytest.approx(theirs, abs=1e-9)
 
 
 def test_parts_for_gives_the_readings_with_its_probability():

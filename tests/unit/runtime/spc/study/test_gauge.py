@@ -23,9 +23,7 @@ RANGES = ("ranges", (0.20188, 0.22963, 0.30575, 1.10456), (17.62, 20.04, 26.68, 
     ("method", "sigmas", "percents", "total", "categories", "digits"),
     [(*ANOVA, 1.0853, 4.861, (5e-6, 0.005)), (*RANGES, 1.14610, 5.094, (5e-5, 0.01))],
 )
-def test_crossed_is_aiags_example_to_its_digits(
-    method, sigmas, percents, total, categories, digits
-):
+def test_crossed_is_aiags_example(method, sigmas, percents, total, categories, digits):
     spread = getattr(crossed(AIAG), method)
     ours = [getattr(spread, name) for name in PARTS]
     assert ours == pytest.approx(sigmas, abs=digits[0])
@@ -51,12 +49,9 @@ def test_beta_share_is_scipys(a, b, x):
 
 @given(st.floats(0.0, 50.0), st.integers(1, 60), st.integers(1, 120))
 def test_tails_are_scipys(statistic, above, below):
-    assert f_tail(statistic, above, below) == pytest.approx(
-        stats.f.sf(statistic, above, below), rel=1e-6, abs=1e-12
-    )
-    assert t_tail(statistic, below) == pytest.approx(
-        2 * stats.t.sf(statistic, below), rel=1e-6, abs=1e-12
-    )
+    ours = [f_tail(statistic, above, below), t_tail(statistic, below)]
+    theirs = [stats.f.sf(statistic, above, below), 2 * stats.t.sf(statistic, below)]
+    assert ours == pytest.approx(theirs, rel=1e-6, abs=1e-12)
 
 
 def test_crossed_is_unbiased_in_what_it_was_drawn_from():
@@ -79,26 +74,22 @@ def test_crossed_scales_with_the_unit_and_ignores_an_offset(scale, offset):
     assert ours.percent == pytest.approx(crossed(AIAG).percent, rel=1e-6)
 
 
+PAIR = [1.0, 2.0]
+
+
 @pytest.mark.parametrize(
     "readings",
-    [
-        [],
-        [[[1.0, 2.0]] * 2],
-        [[[1.0, 2.0]], [[1.0, 2.0]]],
-        [[[1.0]] * 2] * 2,
-        [[[1.0, 2.0], [1.0]]] * 2,
-    ],
+    [[], [[PAIR] * 2], [[PAIR], [PAIR]], [[[1.0]] * 2] * 2, [[PAIR, [1.0]]] * 2],
 )
 def test_crossed_refuses_what_is_no_balanced_study(readings):
     with pytest.raises(ValueError, match="crossed study"):
         crossed(readings)
 
 
-@given(
-    st.lists(st.floats(-1.0, 1.0), min_size=25, max_size=60).filter(
-        lambda values: stdev(values) > 1e-3
-    )
-)
+SCATTERED = st.lists(st.floats(-1.0, 1.0), min_size=25, max_size=60)
+
+
+@given(SCATTERED.filter(lambda values: stdev(values) > 1e-3))
 def test_type_one_never_has_cgk_above_cg(deviations):
     study = type_one(deviations, 4.0)
     assert study.cgk <= study.cg

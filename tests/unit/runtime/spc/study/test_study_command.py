@@ -51,9 +51,8 @@ def test_study_of_a_healthy_cell_accepts_it_and_writes_the_sheet(healthy, tmp_pa
     residuals = np.array([part.residual for part in healthy if part.residual])
     assert rows["table"]["x_mm"]["bias"] == pytest.approx(-residuals[:, 0].mean())
     tolerance = 2 * TABLE.goal.distance_um / 1000
-    assert rows["table"]["y_mm"]["cg"] == pytest.approx(
-        0.2 * tolerance / (6 * residuals[:, 1].std(ddof=1))
-    )
+    sigma = residuals[:, 1].std(ddof=1)
+    assert rows["table"]["y_mm"]["cg"] == pytest.approx(0.2 * tolerance / (6 * sigma))
     few = [row for row in rows["leaves"] if row["readings"] < 25]
     assert few
     assert all(row["x_mm"]["capable"] is None for row in few)
@@ -68,9 +67,7 @@ def test_study_of_a_healthy_cell_accepts_it_and_writes_the_sheet(healthy, tmp_pa
     assert "http" not in text.replace("http-equiv", "")
 
 
-def test_study_of_a_cell_that_hardly_scatters_writes_no_digits_without_meaning(
-    healthy, tmp_path, capsys
-):
+def test_study_of_a_cell_that_hardly_scatters_has_no_senseless_digits(healthy, tmp_path, capsys):
     still = [
         replace(part, residual=(1e-9 * number, 0.0, 0.0)) if part.residual else part
         for number, part in enumerate(healthy)
@@ -82,9 +79,7 @@ def test_study_of_a_cell_that_hardly_scatters_writes_no_digits_without_meaning(
 
 
 @pytest.mark.parametrize(("rate", "count", "code"), [(0.2, 200, 11), (0.01, 60, 12)])
-def test_study_of_a_bad_cell_refuses_it_and_of_few_parts_asks_for_more(
-    tmp_path, capsys, rate, count, code
-):
+def test_study_refuses_a_bad_cell_and_asks_for_more_parts(tmp_path, capsys, rate, count, code):
     parts = drawn(TABLE, count, np.random.default_rng(2), fail_rate=rate)
     assert main(write(tmp_path / "j.jsonl", parts)) == code
     said = capsys.readouterr().out.splitlines()[0]
@@ -125,19 +120,12 @@ def crossed_journals(folder, audited=True):
     widths = rng.uniform(29_000, 32_000, 10)
     paths = []
     for cell in range(3):
-        parts = [
-            Part(
-                10 * trial + k,
-                (Squeezed(0, 0, round(widths[k] + rng.normal(200.0 * cell, 300.0))),),
-                "reject",
-            )
-            for trial in range(3)
-            for k in range(10)
-        ]
         seen = {"verdict": "pass", "residual": (0.1, 0.1, 0.0)} if audited else {}
-        located = [
-            replace(part, outcome="leaf", leaf=k % 3, **seen) for k, part in enumerate(parts)
-        ]
+        located = []
+        for number in range(30):
+            width = round(widths[number % 10] + rng.normal(200.0 * cell, 300.0))
+            squeezes = (Squeezed(0, 0, width),)
+            located.append(Part(number, squeezes, "leaf", leaf=number % 3, **seen))
         paths.append(write(folder / f"cell{cell}{'' if audited else '-bare'}.jsonl", located))
     return paths
 
@@ -165,12 +153,8 @@ def test_study_crossed_takes_journals_for_appraisers(tmp_path, capsys):
 
 
 def measured(path, change=lambda rows: rows):
-    rows = [
-        [f"P{part}", "ABC"[who], value]
-        for part, row in enumerate(AIAG)
-        for who, cell in enumerate(row)
-        for value in cell
-    ]
+    readings = np.ndenumerate(np.array(AIAG))
+    rows = [[f"P{part}", "ABC"[who], float(value)] for (part, who, _), value in readings]
     with path.open("w", newline="") as file:
         csv.writer(file).writerows([["part", "appraiser", "value"], *change(rows)])
     return path
@@ -185,9 +169,8 @@ def test_study_of_measurements_is_aiags_example(tmp_path, capsys):
     assert result["average_and_range"]["gauge_percent"] == pytest.approx(26.68, abs=0.005)
     assert main("--measurements", measured(tmp_path / "m.csv")) == 0
     assert "%GRR 27.86 (may do), ndc 4" in capsys.readouterr().out
-    shuffled = measured(
-        tmp_path / "s.csv", lambda rows: [rows[k] for k in np.random.default_rng(1).permutation(90)]
-    )
+    order = np.random.default_rng(1).permutation(90)
+    shuffled = measured(tmp_path / "s.csv", lambda rows: [rows[k] for k in order])
     assert main("--measurements", shuffled, "--json") == 0
     shuffled_percent = output(capsys)["crossed"]["value"]["anova"]["gauge_percent"]
     assert shuffled_percent == pytest.approx(result["anova"]["gauge_percent"])
