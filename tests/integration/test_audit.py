@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from audit_loops import agreement, loop, mixed
-from cameras import DATE, camera, keep_standard, part_tag, rig, true_calibration
+from cameras import camera, keep_standard, part_tag, rig, true_calibration
 from programs import ROOT, TABLE, ended, started
 
 from drivers.camera.audit import service

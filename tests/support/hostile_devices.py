@@ -41,7 +41,6 @@ from drivers import connect
 from drivers.abb import rws
 from drivers.clock import LINK_TIMEOUT_S
 from drivers.links import DRAIN_S, READ_TRIES
-from drivers.sim.camera.rig import standard_rig
 from drivers.sim.physics import scene_protocol
 from drivers.ur.rtde import ANSWER_S
 from runtime.devices import audit

@@ -29,8 +29,8 @@ def answer(count=3, status=STATUS):
     return frame(f"09 03 {2 * count:02X} {block.hex()}")
 
 
-def over(line):
-    """The link over a line, and what it reports."""
+def link(*script, report=None):
+    line = Line(*script)
     lines = []
     channel = ModbusLink(line, Pace(line.clock), lambda kind, fields: lines.append((kind, fields)))
     return channel, line, lines
@@ -77,7 +77,9 @@ def test_a_silence_is_reported_and_a_read_is_tried_three_times():
     with pytest.raises(LinkTimeout, match="did not answer within"):
         channel.read()
     assert len(line.sent) == 3
-    assert names(incidents) == [*["no answer", "read repeated"] * 2, "no answer"]
+    assert [fields["incident"] for _, fields in incidents] == [
+        *("no answer", "read repeated", "no answer", "read repeated", "no answer")
+    ]
     assert line.clock.now() < 3 * (LINK_TIMEOUT_S + 0.05)
 
 
@@ -112,7 +114,7 @@ def test_a_reading_that_waited_while_the_process_was_stopped_is_asked_for_again(
         line, Pace(line.clock), lambda kind, fields: lines.append(fields["incident"])
     )
     assert channel.read() == STATUS
-    assert (len(line.sent), names(lines)) == (stops + 1, stops * ["read repeated"])
+    assert (len(line.sent), lines) == (stops + 1, stops * ["read repeated"])
 
 
 def test_a_process_that_is_stopped_again_and_again_says_so_and_not_that_the_gripper_was_silent():
@@ -175,8 +177,9 @@ def test_an_exception_answer_is_a_refusal_and_no_silence():
 
 
 def test_an_interrupted_transaction_is_not_answered_to_the_next():
-    stale = answer(3, bytes.fromhex("F900 0000 0300"))
-    channel, line, _ = link([(0.004, stale)], [(0.004, answer())])
+    channel, line, _ = link(
+        [(0.004, answer(3, bytes.fromhex("F900 0000 0300")))], [(0.004, answer())]
+    )
     receive = line.receive
 
     def interrupt(seconds):
@@ -261,11 +264,19 @@ def test_read_refused_for_a_moment_is_repeated(code):
 @pytest.mark.parametrize(
     ("code", "kind", "message"),
     [
-        (2, LinkError, r"no such register \(exception 2\); check that it is a Robotiq 2F"),
+        (
+            2,
+            LinkError,
+            r"no such register \(exception 2\); check that it is a Robotiq 2F gripper, and unit",
+        ),
         (5, LinkTimeout, r"takes longer \(exception 5\)"),
         (6, LinkTimeout, r"busy \(exception 6\); stop other programs"),
         (10, LinkError, r"the gateway has no way to that unit \(exception 10\)"),
-        (11, LinkTimeout, r"behind the gateway is silent \(exception 11\); check its power"),
+        (
+            11,
+            LinkTimeout,
+            r"the gripper behind the gateway is silent \(exception 11\); check its power",
+        ),
         (99, LinkError, r"unknown reason \(exception 99\)"),
     ],
 )
@@ -276,14 +287,24 @@ def test_refusals_of_a_gateway_are_distinguished(code, kind, message):
     assert type(raised.value) is kind
 
 
-SETTINGS = ["unit=256", "unit=x", "unit=", "uint=9", "unit=9&unit=9"]
-SETTINGS += ["function=6", "output=65536", "baud=1"]
-
-
-@pytest.mark.parametrize("query", SETTINGS)
+@pytest.mark.parametrize(
+    "query",
+    [
+        "unit=256",
+        "unit=x",
+        "unit=",
+        "uint=9",
+        "unit=9&unit=9",
+        "function=6",
+        "output=65536",
+        "baud=1",
+    ],
+)
 def test_setting_of_a_port_that_is_not_understood_is_refused(query):
     key = query.partition("=")[0]
-    with pytest.raises(PortError, match=rf"{key}=.* is not understood; there are unit \(0 to"):
+    with pytest.raises(
+        PortError, match=rf"{key}=.* is not understood; there are unit \(0 to 255\)"
+    ):
         connect.gripper(f"tcp://127.0.0.1:1?{query}")
 
 

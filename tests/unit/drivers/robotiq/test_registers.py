@@ -1,5 +1,7 @@
 """The register map: fields do not overlap, and decode the frames printed in the manuals."""
 
+import itertools
+
 import pytest
 
 from drivers.robotiq.registers import (
@@ -27,11 +29,12 @@ def test_no_two_fields_share_a_bit(fields):
 
 @pytest.mark.parametrize("fields", [OUTPUT_FIELDS, INPUT_FIELDS])
 def test_every_value_of_every_field_comes_back_and_touches_no_other(fields):
-    for field in fields:
-        for value in range(1 << field.width):
-            seen = unpack(fields, pack(fields, {field.name: value}))
-            assert seen.pop(field.name) == value
-            assert set(seen.values()) == {0}
+    for field, value in itertools.chain.from_iterable(
+        ((field, value) for value in range(1 << field.width)) for field in fields
+    ):
+        seen = unpack(fields, pack(fields, {field.name: value}))
+        assert seen.pop(field.name) == value
+        assert set(seen.values()) == {0}
 
 
 def test_a_value_that_does_not_fit_is_refused():
@@ -56,7 +59,7 @@ def test_statuses_of_the_manual():
     assert decode(bytes.fromhex("310000000000")).activated
     assert decode(bytes.fromhex("3100E9000000")).fault == 9  # not the controller's
     assert decode(bytes.fromhex("31000000000A")).current_ma == 100
-    assert tuple(map(registers.speed_mm_s_of, (0, 255))) == (20.0, 150.0)
+    assert (speed_mm_s_of(0), speed_mm_s_of(255)) == (20.0, 150.0)
     assert is_major(0x03)
     seen = decode(bytes.fromhex("B90000FFBD00"))
     assert seen.activated

@@ -34,18 +34,17 @@ def test_turned_plan_turned_back_is_the_plan(table: Table, turn_urad: int) -> No
     assert [node.branches for node in back.nodes] == [node.branches for node in table.nodes]
 
 
-def distance(node: Node, leaf: Leaf) -> float:
-    """From the hand at a node to a leaf's pose, um."""
-    return hypot(node.squeeze.x_um - leaf.x_um, node.squeeze.y_um - leaf.y_um)
-
-
 @pytest.mark.parametrize("turn_urad", TURNS_URAD)
 def test_turned_plan_keeps_distances_between_hand_and_part(turn_urad: int) -> None:
     table = every_field_table()
     result = turned(table, turn_urad)
     for node, before in zip(result.nodes, table.nodes, strict=True):
         for leaf, leaf_before in zip(result.leaves, table.leaves, strict=True):
-            assert distance(node, leaf) == pytest.approx(distance(before, leaf_before), abs=2)
+            apart, apart_before = (
+                hypot(one.squeeze.x_um - end.x_um, one.squeeze.y_um - end.y_um)
+                for one, end in ((node, leaf), (before, leaf_before))
+            )
+            assert apart == pytest.approx(apart_before, abs=2)
             off = leaf.theta_urad - node.squeeze.angle_urad
             off -= leaf_before.theta_urad - before.squeeze.angle_urad
             assert 1e6 * 2 * pi * round(off / (2e6 * pi)) == pytest.approx(off, abs=2)
@@ -69,14 +68,18 @@ TIGHT = {"limits.work_area_um": Area(-60_000, -2_100, 60_000, 60_000)}
         (small_table(), UNKNOWN, 58.0),
     ],
 )
-def test_plan_is_not_turned_where_the_world_is_not_the_same_from_every_side(table, job, middle_mm):
+def test_plan_is_not_turned_where_the_world_is_not_the_same_from_every_side(
+    table: Table, job: dict | None, middle_mm: float
+) -> None:
     assert may_turn(small_table(), UNKNOWN)
     assert not may_turn(table, job, middle_mm)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.6])
 @pytest.mark.parametrize("angle_rad", [-2.0, 0.7, 4.0])
-def test_hand_need_not_turn_to_the_first_squeeze_of_a_turned_plan(share, angle_rad):
+def test_hand_need_not_turn_to_the_first_squeeze_of_a_turned_plan(
+    share: float, angle_rad: float
+) -> None:
     job = {"gripper": {"upper_finger_share": share}}
     parts = [
         Schedule.of(small_table(), each).part([Squeezed(0, 21.0, 0)], (0.0, 0.0, angle_rad))
