@@ -37,7 +37,9 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     result: Calls = []
 
     entry = SimpleNamespace(load=lambda: lambda: result.append(sys.argv) or 7)
-    installed = SimpleNamespace(entry_points=SimpleNamespace(select=lambda **_: [entry]))
+    installed = SimpleNamespace(
+        entry_points=SimpleNamespace(select=lambda **_: dict.fromkeys(COMMANDS, entry))
+    )
     monkeypatch.setattr(squeezetree.metadata, "distribution", lambda _: installed)
     monkeypatch.setattr(sys, "argv", ["squeezetree"])
     return result
