@@ -120,7 +120,7 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
             "upper": Track(times, [f"{0.5 * w:.2f}" for w in widths]),
             "lower": Track(times, [f"{-0.5 * w:.2f}" for w in widths]),
             "seen": _seen(begun, begun + ARRIVE_S, opens_s, opens_s + OPEN_S, total_s),
-            "told": _seen(shut_s, shut_s + 0.2, total_s - 0.3, total_s, total_s),
+            "shown": _seen(shut_s, shut_s + 0.2, total_s - 0.3, total_s, total_s),
             "angle": math.degrees(squeeze.hand[2]),
             "width": squeeze.reading_um / 1e3,
             "belief": _belief(beliefs.visits[squeeze.node].before),

@@ -169,7 +169,7 @@ class _Asked:
         table, options = recipe.loaded.table, recipe.options
         lines = list(dry_run.tell(table, devices.gripper, devices.arm, options))
         if self.arguments.json:
-            say(json.dumps({"told": lines}))
+            say(json.dumps({"sentences": lines}))
         else:
             for sentence in lines:
                 recipe.console.note(sentence)

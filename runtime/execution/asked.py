@@ -231,7 +231,7 @@ class AskedParts:
         self._check_possible(approach, reading)
         self._console.phase(part.number, Phase.READ, approach.index)
         release = program.released(part.requests, approach, reading)
-        stated = {"object_flag": int(reading.object), "told": " ".join(reply)}
+        stated = {"object_flag": int(reading.object), "reply": " ".join(reply)}
         fields = {**release.step.fields(), **stated}
         self._journal.record("squeeze", {"part": part.number, **fields})
         part.request, part.steps, part.node = release, release.steps, release.after.node

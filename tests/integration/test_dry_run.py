@@ -60,7 +60,7 @@ def test_as_json_check_and_dry_run_are_one_document_each(tree: Path) -> None:
 
     with TappedGripper() as gripper, TappedArm() as arm:
         checked = document("--port", gripper.path, "--check")
-        record = document("--port", gripper.path, "--arm", arm.url, "--dry-run")["told"]
+        record = document("--port", gripper.path, "--arm", arm.url, "--dry-run")["sentences"]
     assert set(gripper.functions) <= READS
     assert checked == {"nodes": 2, "gripper": {"reading_mm": 85.0, "width_mm": 85.0}}
     assert sum(sentence.startswith("node ") for sentence in record) == 2
