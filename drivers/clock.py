@@ -64,7 +64,10 @@ class Pace:
         self.clock.idle(seconds / self.time_scale, until)
 
     def polls(self, deadline: float, seconds: float = POLL_S) -> Iterator[None]:
-        """Yields before each poll of a busy device, until one is late; pauses between two, device seconds."""
+        """Yields before each poll of a busy device; the first poll after the deadline is the last one.
+
+        Between two polls it pauses for `seconds` of device time.
+        """
         late = False
         while not late:
             late = self.now() > deadline

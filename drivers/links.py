@@ -57,15 +57,19 @@ class StreamLink(ReportingLink):
         self._lost = self._lost or "it was closed"
 
     def _drain(self, quiet_s: float = 0.0) -> None:
-        """Drops pending data, which answers no further request, until `quiet_s` of silence, or `DRAIN_S`."""
+        """Discards pending data, so that no late answer is taken for that of the next request.
+
+        Ends after a silence of `quiet_s`, or after `DRAIN_S` at most.
+        """
         until = self._pace.now() + DRAIN_S
         while self._stream.receive(quiet_s) and self._pace.now() < until:
             pass
 
     def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
-        """Yields received data until a deadline, and after it, in case this process was stopped.
+        """Yields data as it is received until the deadline of the transaction.
 
-        The deadline is that of a transaction, `LINK_TIMEOUT_S`, plus `seconds` of device time.
+        The deadline is `LINK_TIMEOUT_S` plus `seconds` of device time from now. A few reads after it find
+        data that arrived in time while this process was stopped.
         """
         deadline = self._pace.now() + LINK_TIMEOUT_S + seconds / self._pace.time_scale
         for left in self._pace.looks(deadline):

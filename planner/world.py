@@ -96,12 +96,12 @@ class ContactWorld:
         return np.array([0.0, self._stated["across_mm"][0], 0.0])
 
     def _felt(self, pose_hand: Pose) -> Array:
-        """A pose in the hand frame as a row (1, 3) about the place where the fingers meet."""
+        """Converts a pose in the hand frame to a row (1, 3) relative to the point where the fingers meet."""
         return arguments.row(pose_hand, "pose_hand", 3)[None] - self._off
 
     @property
     def _unusual(self) -> tuple[Traits, ...]:
-        """The stated traits, unless they are as planned: a derived world may not support traits."""
+        """The stated traits, or () where they are nominal, since a derived world may not support traits."""
         return () if ordinary(self._stated).all() else (self._stated,)
 
     def squeeze_many(self, poses_hand: Array, traits: Traits | None = None) -> RollOut:
@@ -162,9 +162,10 @@ def world_of(job: Job, seed: int, make: Callable[[Job, int], World]) -> World:
 
 
 def by_world(world: World, traits: Traits) -> Iterator[tuple[World, IntArray, Traits]]:
-    """Yields each world that parts are in, their rows, and their traits there: the only part of its world.
+    """Yields each world in which there are parts, with the rows and the traits of its parts.
 
-    A world that is not `Assorted` serves all hypotheses.
+    Each world of an `Assorted` has a single hypothesis, which is 0 in the yielded traits. A world that is not
+    `Assorted` serves all hypotheses.
 
     Raises:
         ValueError: a part's hypothesis has no world.

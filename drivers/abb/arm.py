@@ -1,7 +1,7 @@
-"""Driver of an ABB arm behind an open_abb server: straight moves with deadlines, none after a silence.
+"""Driver of an ABB arm behind an open_abb server: straight moves, each with a deadline.
 
-The server has no stop command and answers nothing while the arm moves; a motion fault shows as silence. So a
-silence makes the arm's state unknown, and `Arm` refuses everything from then on.
+The server has no stop command and answers nothing while the arm moves; a motion fault shows as silence. After
+an answer that is overdue, the state of the arm is unknown, and `Arm` refuses every further request.
 """
 
 import contextlib

@@ -51,7 +51,7 @@ class Reply(NamedTuple):
 
     @property
     def ended(self) -> bool:
-        """Whether the reply is complete: its last number has all its decimals, or there is none."""
+        """Whether the reply is complete: it has no fields, or its last number has all its decimals."""
         if not self.fields:
             return True
         return len(self.fields[-1].partition(".")[2]) == REPLY_DECIMALS.get(self.code)

@@ -39,7 +39,9 @@ HINT = "check the address, and that Robot Web Services are reachable from this n
 
 
 class Arm(UprightArm):
-    """An arm on an open session, which it owns; `connect` opens one. Once closed, its program waits.
+    """An arm on an open session, which it owns and closes; `connect` opens such a session.
+
+    After `close`, the RAPID program on the controller keeps waiting for requests.
 
     Raises:
         ArmError: the other side does not answer as an OmniCore controller with the module.

@@ -206,7 +206,7 @@ class UprightArm(ABC):
 
     @contextlib.contextmanager
     def _stopped_on_error(self, stop: Callable[[], None]) -> Iterator[None]:
-        """Context of a motion, which any error stops, also Ctrl-C; the arm's state is then unknown."""
+        """Context manager of a motion: any error, also Ctrl-C, stops it; the arm's state is then unknown."""
         try:
             yield
         except BaseException as error:

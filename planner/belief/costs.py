@@ -118,7 +118,13 @@ class Costs:
         return seconds / self.typical_s, hand
 
     def _squeeze_s(self, way: tuple[float, float], jaws: Closing, **more: Any) -> float:
-        """Seconds of a squeeze after a way of the hand, as from `_way`; `more` are fields of `Visit`."""
+        """Seconds of a squeeze, including the travel of the hand to it.
+
+        Args:
+            way: distance [mm] and turn [rad] of the hand, as from `_way`.
+            jaws: how the jaws close.
+            more: further fields of `Visit`.
+        """
         visit = Visit(
             way_mm=way[0],
             turn_rad=way[1],
@@ -130,7 +136,7 @@ class Costs:
         return self.timing.squeeze(visit).total_s
 
     def _way(self, hand: Hand | None, placement: Array) -> tuple[float, float]:
-        """Distance [mm] and turn [rad] of the hand to a placement; 0 from above it."""
+        """Distance [mm] and turn [rad] from the hand to a placement; both are 0 if `hand` is None."""
         if hand is None:
             return 0.0, 0.0
         x, y, turn = (placement - hand.placement).tolist()

@@ -58,7 +58,7 @@ def pushed_of(job: Job, n: int, rng: Generator) -> Traits:
 
 
 def hypotheses_of(job: Job, n: int, rng: Generator) -> Traits:
-    """Traits (n,) of parts as planned, with the hypothesis of each drawn by its share."""
+    """Returns nominal latent parameters (n,) of parts; the hypothesis of each is drawn by its share."""
     traits = as_planned(n)
     if job.hypothesis:
         traits["hypothesis"] = rng.choice(len(job.shares), n, p=job.shares)

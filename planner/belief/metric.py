@@ -188,17 +188,20 @@ def off(columns: Array, i: int, centre: Array, weights: Array) -> tuple[float, f
 def within(
     columns: Array, low: int, high: int, centre: Array, weights: Array, inside: BoolArray
 ) -> int:
-    """Marks which states from `low` up to `high` are within the goal of `centre`; returns how many.
+    """Marks the states with indices `low` to `high` - 1 that are within the goal of `centre`; counts them.
 
-    The states stand in columns (3 or 4, n), so that the loop is vectorised for poses of one part.
+    The states are columns of a (3 or 4, n) array, so that the loop is vectorised for poses of one part.
 
     Args:
         columns: x, y [mm], theta [rad] and maybe the hypothesis of n states.
-        low: the first state.
-        high: one past the last state.
-        centre: (3 or 4,) taken under the symmetry of each state.
-        weights: (h, 6) of the metric.
-        inside: (n,) receives the marks.
+        low: index of the first state.
+        high: one past the index of the last state.
+        centre: (3 or 4,) the central state; turns are taken modulo the symmetry of each state's part.
+        weights: (h, 6) weights of the metric, one row for each hypothesis.
+        inside: (n,) output; the entries from `low` to `high` - 1 are written.
+
+    Returns:
+        The number of marked states.
     """
     count = 0
     if columns.shape[0] > 3 or weights[0, 0] == 0.0:

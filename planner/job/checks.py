@@ -186,7 +186,7 @@ def _of_doubt(doubt: Values) -> Conflicts:
 
 
 def _of_heights(height_mm: float | None, cell: Values) -> Conflicts:
-    """Conflicts of tips that do not meet the part where they squeeze, or clear it where they travel."""
+    """Yields conflicts of heights: the tips miss the part at a squeeze, or do not clear it on the way."""
     squeeze_mm, retreat_mm = cell["squeeze_height_mm"], cell["retreat_height_mm"]
     regrasp_mm = cell["regrasp_height_mm"]
     least_mm = max(squeeze_mm, height_mm or 0.0)
@@ -234,9 +234,9 @@ def _of_pushes(method: str, proposals: str) -> Conflicts:
 
 
 def _of_delivery(values: Values) -> Conflicts:
-    """Conflicts of the width, the grasp and the area of [delivery], and of a hand outside it at the drop.
+    """Yields conflicts of [delivery]: width, grasp or area is unusable, or the drop has the hand outside.
 
-    The hand has to be inside for one of the turns that the part's symmetry allows.
+    The hand has to be inside the area for at least one of the turns that the part's symmetry allows.
     """
     delivery, part, opening = values["delivery"], values["part"], values["gripper"]["opening_mm"]
     width = delivery["width_mm"]

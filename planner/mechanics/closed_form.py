@@ -101,9 +101,19 @@ def _both_slide(
 def _one_sticks(
     i: Contact, j: Contact, o: int, mu_i: float, mu_j: float, sj: float, G: Array
 ) -> bool:
-    """Tries the mode in which contact i sticks while j slides with sense sj; returns as `_both_slide`.
+    """Tries the mode in which contact i sticks while contact j slides with sense sj.
 
-    `o` is 0 where i comes first in G, else 2.
+    Args:
+        i: the sticking contact.
+        j: the sliding contact.
+        o: row of contact i's normal in G: 0 if i is its first contact, else 2.
+        mu_i: friction coefficient of contact i.
+        mu_j: friction coefficient of contact j.
+        sj: sense of the slip at contact j, 1 or -1.
+        G: (4, 4) W^T A W, as written by `_gram`.
+
+    Returns:
+        Whether the mode is consistent; if so, the forces are stored in the contacts.
     """
     v = 2 - o
     a00, a01, a02 = G[o, o], G[o, o + 1], G[o, v] + sj * mu_j * G[o, v + 1]

@@ -121,7 +121,10 @@ def lifted(S: Array) -> Array:
 
 
 def _centred(Q: Array) -> Array:
-    """The certificate of largest determinant for the quartic of Q (9, 9), by Newton steps on -log det."""
+    """Returns the convexity certificate of largest determinant for the quartic that Q (9, 9) certifies.
+
+    Newton's method minimises -log det over all certificates of the quartic, starting at Q.
+    """
     for _ in range(100):
         factor = np.linalg.inv(np.linalg.cholesky(Q))
         white = factor @ gauge() @ factor.T  # (9, 9, 9)

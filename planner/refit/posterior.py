@@ -118,10 +118,17 @@ def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray
 def _drawn(
     space: Space, log: Callable[[Array], Array], tried: Array, n: int, rng: np.random.Generator
 ) -> Array:
-    """Draws (n, d + 1) from the prior times a likelihood, by chains that start at the best cells tried.
+    """Draws n points (n, d + 1) from the prior times a likelihood, by Markov chains.
 
-    A step goes along the difference of two random chains (differential evolution, ter Braak 2006). `log` is
-    the logarithm of the likelihood.
+    Each point stands for a cell. The chains start at the likeliest of the points `tried`. A step goes along
+    the difference of two random chains (differential evolution, ter Braak 2006).
+
+    Args:
+        space: the prior.
+        log: logarithm of the likelihood at points.
+        tried: points that were simulated before.
+        n: number of points.
+        rng: source of randomness.
     """
     level = log(tried)
     weights = softmax(_power(level, EFFECTIVE) * level)

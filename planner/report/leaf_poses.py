@@ -33,9 +33,9 @@ class Mean(NamedTuple):
 
 
 def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
-    """For each leaf of a table, the mean over the parts that are within the goal of its first pose.
+    """Mean pose of each leaf's parts, over those parts that lie within the goal of the leaf's first pose.
 
-    It is None for unresolved leaves, and for less than `LEAST_PARTS` parts.
+    None for an unresolved leaf, and for a leaf with fewer than `LEAST_PARTS` such parts.
     """
     metric = metric_of_table(table)
     audit = metric._replace(kind="pose", distance_mm=metric.distance_mm or 1.0, identify=False)

@@ -208,15 +208,15 @@ class Ranking:
 
 @kernel
 def judged(states: Array, reading: IntArray, costs: Costs) -> Array:
-    """Partitions the readings of options and sums the expected squeezes left after each.
+    """Partitions the readings of each option into branches; returns the leaf heuristic expected after it.
 
     Args:
-        states: (k, n, m) of the particles after each option.
+        states: (k, n, m) particles after each of k options.
         reading: (k, n) readings.
-        costs: of branches and leaves.
+        costs: costs of branches and leaves.
 
     Returns:
-        (k,) the leaf heuristic expected after each option.
+        (k,) the expected number of squeezes that are still needed after each option.
     """
     left, n = np.zeros(reading.shape[0]), reading.shape[1]
     for option in range(reading.shape[0]):

@@ -139,7 +139,7 @@ class Search:
         return bool(finished) or not node.actions
 
     def reopen(self, root: Node) -> None:
-        """Reopens leaves below the goal at which no squeeze gained anything: another stage tries harder."""
+        """Reopens leaves that miss the goal and at which no squeeze helped: the next stage tries harder."""
         for leaf in leaves(root):
             if leaf.actions is not None and not self.problem.stopping.reached(leaf.mode.ratio):
                 leaf.actions, leaf.previous = None, None

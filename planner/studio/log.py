@@ -77,7 +77,7 @@ def _with(log: Log, record: dict[str, Any], squeezes: list[dict[str, Any]]) -> L
 
 
 def _answer(record: dict[str, Any]) -> dict[str, Any]:
-    """The answer as texts for a page: a grade, sentences, and three numbers if there is a plan."""
+    """Converts a verdict record to texts for the page: grade, sentences and, with a plan, three figures."""
     answer: dict[str, Any] = {
         "grade": str(record["verdict"]),
         "answer": str(record["answer"]),

@@ -113,11 +113,14 @@ class PlcRun:
         self._stopped = False  # whether a stop request ended a part
 
     def run(self, cell: Cell) -> int:
-        """Serves until the parts are done, one ends the run or a stop request comes; returns the exit code.
+        """Serves the PLC until all parts are done, an outcome ends the run or a stop request comes.
 
         Args:
-            cell: devices and records; the journal must already have the header of the first table, whose
-                parts a scene brings.
+            cell: devices and records; the journal must already have the header of the first table. The scene
+                of a simulated cell has parts of the first table only.
+
+        Returns:
+            The exit code.
 
         Raises:
             Exception: any error that is not the outcome of a part; the PLC receives its exit code first.

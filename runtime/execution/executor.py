@@ -286,9 +286,9 @@ class Executor:
         return self._ended(replace(result, exit_code=exit_code_of(error)), notes)
 
     def _ended(self, result: PartResult, notes: Sequence[str]) -> PartResult:
-        """Journals and returns the result of a fault, a stop or an abort, with the notes in `safe_state`.
+        """Journals and returns the result of a fault, a stop or an abort; `notes` become its `safe_state`.
 
-        If the journal cannot be written, the returned result says so there.
+        If the journal cannot be written, `safe_state` of the returned result says so.
         """
         result = replace(result, leaf=self._found, safe_state=tuple(notes))
         try:

@@ -25,7 +25,7 @@ Arguments = tuple[ua.Argument, ...]
 
 
 def argument(name: str, kind: ua.VariantType, *, many: bool = False) -> ua.Argument:
-    """An argument of a method, in or out; `many` for an array."""
+    """Describes an input or output argument of a method; with `many` it is an array."""
     rank, dimensions = (1, [0]) if many else (-1, [])
     return ua.Argument(name, ua.NodeId(kind.value), rank, dimensions)
 
@@ -105,7 +105,7 @@ class AddressSpace:
             await state_number.write_value(number, ua.VariantType.UInt32)
 
     async def _at(self, path: str, kind: ua.NodeId | None = None) -> Node:
-        """The object at a path, the system's own for ""; added if missing, with a type."""
+        """Returns the object at a path ("": the vision system); creates it, of type `kind`, if missing."""
         if path not in self._nodes:
             parent = await self._at(_above(path)) if path else self._server.nodes.objects
             every = kind is STATE_MACHINE  # its LastTransition is optional

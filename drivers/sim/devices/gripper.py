@@ -73,9 +73,9 @@ class GripperModel(Fingers):
     # -- the two register blocks ------------------------------------------------------------------
 
     def read_input(self, now_s: float) -> bytes:
-        """The 16 input bytes, as the last refresh before `now_s` left them (echoes are immediate).
+        """Returns the 16 input bytes as of the last refresh before `now_s`; echoes of requests are immediate.
 
-        Reading them is one more request, which counts as an event.
+        Each call counts as one request, hence as one event of the fault schedule.
         """
         self.next_request(now_s)
         self._refresh(now_s)

@@ -114,7 +114,7 @@ class Fingers(ABC):
 
     @abstractmethod
     def _begin(self) -> None:
-        """Sets up what a make adds, before it is powered."""
+        """Initialises the attributes of a make's model, before the simulated device is powered."""
 
     def _met_at(self, width_mm: float) -> float:
         """The position at which an object of this width stops the fingers."""

@@ -66,7 +66,7 @@ def crc16(data: bytes) -> bytes:
 
 
 def frame_length(head: bytes | bytearray) -> int:
-    """Length of the RTU request that starts with `head`; 0 if it is not known yet, or never."""
+    """Length of the RTU request that starts with `head`; 0 if `head` is too short or its function unknown."""
     if len(head) < 2:
         return 0
     if head[1] in {1, 2, 3, 4, 5, 6}:

@@ -59,7 +59,7 @@ class Slave:
 
     @property
     def patience_s(self) -> float | None:
-        """Silence of the line that drops an incomplete frame, wall seconds; None: nothing is dropped."""
+        """Silence on the line after which an incomplete frame is dropped, wall seconds; None: none is."""
         return self.gap_s if self._buffer else None
 
     def reply(self, frame: bytes) -> bytes | None:

@@ -83,7 +83,7 @@ def read_contours(path: Path, options: Options) -> list[Contour]:
 
 @contextmanager
 def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
-    """Reads the shapes of a file, for the body of a `with` statement; see `_reading`."""
+    """Context manager that reads and yields the shapes of a file, with the time limit of `_reading`."""
     if not 1e-4 <= options.tolerance_mm <= 1.0:
         raise UsageError(f"--tolerance {options.tolerance_mm:g} is not between 0.0001 and 1 mm")
     if options.scale is not None and (options.units or not 1e-6 <= options.scale <= 1e6):
@@ -99,7 +99,10 @@ def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
 
 @contextmanager
 def _reading(path: Path) -> Iterator[list[str]]:
-    """Limits the time of reading a file; its errors get the name of the file, and the notes in the list."""
+    """Context manager that limits the time of reading a file, and yields a list for notes on the file.
+
+    An `InputError` or `UsageError` in its body is raised again with the file's name and with the notes.
+    """
     notes: list[str] = []
     try:
         with time_limit():

@@ -197,6 +197,6 @@ def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> i
 
 
 def along(each: Sequence[shapely.Geometry] | Array, lines: shapely.STRtree) -> set[int]:
-    """The indices of the lines of a tree on which the middle of one of the lines `each` lies."""
+    """Returns the indices of those lines of a tree on which the midpoint of any of the lines `each` lies."""
     middles = shapely.line_interpolate_point(each, 0.5, normalized=True)
     return set(lines.query(middles, "dwithin", distance=BESIDE_MM)[1].tolist())
