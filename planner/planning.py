@@ -151,11 +151,8 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
         over = partial(limit.over, limit.budget_s * (REPAIRS if number else 1.0 - CURSORY))
         feasible = whole  # a whole pass before shows that repairs can end
         whole = search.grow(new, over, partial(course.in_pass, number))
-        if (
-            root is None
-            or whole
-            or _better(search, new, root, repairs=feasible and not limit.asked)
-        ):
+        repairs = feasible and not limit.asked
+        if root is None or whole or _better(search, new, root, repairs=repairs):
             root = new
         if not root.actions:
             raise NoPlanError(f"{job.name}: {no_first_squeeze(job)}")
