@@ -41,8 +41,9 @@ LEAST_TRIALS = 1000  # parts of an evaluation when a budget has no time for more
 EVALUATING = 0.1  # most of the remaining budget that the first trials may take, and the evaluation
 SQUEEZES = 3.0  # least mean assumed for a finished plan; the first pass may give up after fewer
 CURSORY = 0.2  # share of a budget for the first pass, which may leave some parts without a plan
-REPAIRS = 0.2  # of a budget, for leaves that the last pass left open or that trials refute
+REPAIRS = 0.15  # of a budget, for leaves that the last pass left open or that trials refute
 REPAIRABLE = 0.3  # share of the parts in open leaves below which repairs finish a tree
+TRACTABLE = 0.1  # such a share after the pass before, above which a search is too long for that
 # For progress: share of the work after the passes, and of this the share left after each round of trials.
 AFTER_PASSES, AFTER_ROUND = 0.35, 0.7
 
@@ -149,10 +150,8 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
             break
         new = search.begin(stage, root)
         over = partial(limit.over, limit.budget_s * (REPAIRS if number else 1.0 - CURSORY))
-        feasible = whole  # a whole pass before shows that repairs can end
         whole = search.grow(new, over, partial(course.in_pass, number))
-        repairs = feasible and not limit.asked
-        if root is None or whole or _better(search, new, root, repairs=repairs):
+        if root is None or whole or _better(search, new, root, repairs=not limit.asked):
             root = new
         if not root.actions:
             raise NoPlanError(f"{job.name}: {no_first_squeeze(job)}")
@@ -185,9 +184,10 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
 def _better(search: Search, new: Node, root: Node, *, repairs: bool) -> bool:
     """Whether the tree of a pass that was cut short is better than the tree `root` of the pass before.
 
-    Unless `repairs` follow, the new tree first loses its unfinished actions.
+    Unless `repairs` follow that can finish it, the new tree first loses its unfinished actions.
     """
-    if repairs and not search.stage.explores and search.missing(new) < REPAIRABLE:
+    feasible = search.missing(root) < TRACTABLE and search.missing(new) < REPAIRABLE
+    if repairs and feasible and not search.stage.explores:
         return new.value < root.value
     return search.close(new) or search.missing(new) < search.missing(root)
 
