@@ -233,8 +233,20 @@ class Delivery:
     area_mm: Annotated[Array | None, Numbers(PLACE, least=4, most=4, default=None)]
 
 
-_RECORDS: tuple[type[Any], ...] = (Part, Pressure, Friction, Gripper, Release, Doubt, Uncertainty)
-_RECORDS += (Actions, Goal, Search, Cell, Delivery)
+_RECORDS: tuple[type[Any], ...] = (
+    Part,
+    Pressure,
+    Friction,
+    Gripper,
+    Release,
+    Doubt,
+    Uncertainty,
+    Actions,
+    Goal,
+    Search,
+    Cell,
+    Delivery,
+)
 SECTIONS: Mapping[str, type[Any]] = {record.__name__.lower(): record for record in _RECORDS}
 """The records of a job, in its order, by the names of its sections."""
 
