@@ -125,7 +125,8 @@ def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Re
     if arguments.draws is not None:
         # A separate stream: the lines are the same with and without --draws.
         rng = _rng(arguments, job, arguments.draws)
-        draws = pushes.Draws(arguments.draws, arguments.start_mm)
+        start_mm = pushes.START_MM if arguments.start_mm is None else arguments.start_mm
+        draws = pushes.Draws(arguments.draws, start_mm)
         drawn = pushes.drawn(simulator, job, ways, tip_mm, draws, rng)
         further |= columns.named(pushes.BOUNDS, drawn.bounds)
         given_up += drawn.given_up
@@ -173,8 +174,9 @@ def parser() -> Parser:
     draws = "so many draws of the mechanics and of what the job doubts"
     text = f"add the 5th and 95th percentile of each push's displacement over {draws}"
     add("--draws", type=positive_int, metavar="N", help=text)
-    text = "of the place where a pusher starts in --draws (default: %(default)s, as recorded)"
-    add("--start-mm", type=float, default=pushes.START_MM, metavar="MM", help=text)
+    usual = f"default: {pushes.START_MM}, as recorded"
+    text = f"standard deviation of x and of y at which a pusher starts, for --draws ({usual})"
+    add("--start-mm", type=float, metavar="MM", help=text)
     add("--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu")
     add("--mu", type=float, help="friction between finger and part, with --nominal")
     add("--seed", type=natural, help="of the scatter (default: the job's)")
@@ -247,6 +249,8 @@ def _mistakes(arguments: argparse.Namespace, pictures: dict[str, Path]) -> Itera
         yield f"--{next(iter(pictures))} draws squeezes; leave it out with --push"
     if arguments.nominal and arguments.draws is not None:
         yield "--draws draws the mechanics and --nominal does not; leave one of them out"
+    if arguments.start_mm is not None and arguments.draws is None:
+        yield "--start-mm goes with --draws"
     for option in ("tip_radius_mm", "draws"):
         if arguments.poses and getattr(arguments, option) is not None:
             yield f"--{option.replace('_', '-')} goes with --push"

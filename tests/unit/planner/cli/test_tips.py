@@ -86,6 +86,7 @@ def test_start_of_a_push_scatters_as_the_option_says(tmp_path):
         ("--tip-radius-mm", "-1"),
         ("--tip-radius-mm", "nan"),
         ("--tip-radius-mm", "2000"),
+        (*RADIUS, "--start-mm", "1"),
         (*RADIUS, "--start-mm", "11"),
         (*RADIUS, "--draws", "0"),
         (*RADIUS, "--draws", "9"),
@@ -93,7 +94,7 @@ def test_start_of_a_push_scatters_as_the_option_says(tmp_path):
     ],
 )
 def test_options_that_do_not_fit_are_refused(tmp_path, options):
-    """Draws do not go with --nominal."""
+    """Draws do not go with --nominal, nor the scatter of a start without draws."""
     code, rows, _, err = run(tmp_path, f"{TIPS}\n-9,2,3,1\n", *NOMINAL, *options)
     assert code == 2
     assert rows == []
