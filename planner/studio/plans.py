@@ -18,7 +18,7 @@ from planner.studio.steps import PYTHON, written_for
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import read_regular
 
-MOST_LOG_BYTES = 4 << 20
+MOST_LOG_BYTES = 64 << 20
 LOG = written_for("")["log"]  # suffix
 OPTIONS = (
     *("units", "scale", "contour", "gripper", "fingers", "radius", "turn", "distance"),

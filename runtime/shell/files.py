@@ -176,12 +176,12 @@ def same(one: Path, other: Path) -> bool:
 
 
 def read_regular(path: Path, most_bytes: int) -> tuple[bytes, int]:
-    """Returns the bytes of a regular file, `most_bytes` at most, and its `st_mode`.
+    """Returns the bytes of a regular file and its `st_mode`.
 
     Never blocks on a pipe without a writer.
 
     Raises:
-        OSError: the file cannot be read, or is not regular.
+        OSError: the file cannot be read, is not regular, or is larger than `most_bytes`.
     """
     file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     try:
@@ -189,7 +189,10 @@ def read_regular(path: Path, most_bytes: int) -> tuple[bytes, int]:
         if reason := oddity(mode):
             raise OSError(errno.EINVAL, reason, str(path))
         with open(file, "rb", closefd=False) as opened:
-            return opened.read(most_bytes), mode
+            data = opened.read(most_bytes + 1)
+        if len(data) > most_bytes:
+            raise OSError(errno.EFBIG, f"it is larger than {most_bytes >> 10} KiB", str(path))
+        return data, mode
     finally:
         os.close(file)
 

@@ -81,13 +81,9 @@ def read(path: Path) -> bytes:
     """Reads a pack's file.
 
     Raises:
-        InputError: it cannot be read.
-        PackError: it is too large for a pack.
+        InputError: it cannot be read, or is too large for a pack.
     """
-    data, _ = read_input(path, MOST_BYTES + 1, f"pack {path}")
-    if len(data) > MOST_BYTES:
-        raise PackError(f"is larger than {MOST_BYTES >> 20} MiB, which no pack is")
-    return data
+    return read_input(path, MOST_BYTES, f"pack {path}")[0]
 
 
 def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:

@@ -98,12 +98,12 @@ class Lines:
         return bool(self._read) or bool(select.select([self._descriptor], [], [], 0.0)[0])
 
     def next(self) -> bytes | None:
-        """Waits for the next line; None at the end of the pipe, or where a line is too long."""
+        """Waits for the next line, cut after `MAX_LINE_BYTES`; None at the end of the pipe."""
         while b"\n" not in self._read:
             piece = os.read(self._descriptor, 4096)
-            if not piece or len(self._read) > MAX_LINE_BYTES:
+            if not piece:
                 return None
-            self._read += piece
+            self._read = self._read[:MAX_LINE_BYTES] + piece
         line, _, self._read = self._read.partition(b"\n")
         return line
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from runtime.shell import files
-from runtime.shell.files import OutputError, usable, writing
+from runtime.shell.files import OutputError, read_regular, usable, writing
 
 
 @pytest.mark.parametrize("mode", [None, 0o600, 0o640, 0o666, 0o444 | 0o200])
@@ -54,6 +54,22 @@ def test_what_breaks_off_leaves_the_old_one_and_no_draft(tmp_path, error):
     with pytest.raises(type(error), match=r"t.json cannot be written: disk full; free|bug|stop"):
         break_off()
     assert path.read_text() == "old"
+
+
+@pytest.mark.parametrize("size", [0, 1023, 1024])
+def test_read_regular_file_within_the_limit_is_whole(tmp_path, size):
+    path = tmp_path / "data"
+    path.write_bytes(bytes(size))
+    data, mode = read_regular(path, 1024)
+    assert data == bytes(size)
+    assert mode == path.stat().st_mode
+
+
+def test_read_regular_file_beyond_the_limit_is_refused_not_cut(tmp_path):
+    path = tmp_path / "data"
+    path.write_bytes(bytes(1025))
+    with pytest.raises(OSError, match="larger than 1 KiB"):
+        read_regular(path, 1024)
 
 
 def test_a_planted_link_in_the_drafts_place_is_not_followed(tmp_path, monkeypatch):
