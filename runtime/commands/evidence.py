@@ -92,7 +92,7 @@ def _pack(arguments: argparse.Namespace) -> int:
     if output.exists():
         raise OutputError(f"{output} is there, and a pack is never overwritten; name another file")
     table, path = load(arguments.tree), arguments.calibration
-    measured = None if path is None else calibration.bytes_of(path)
+    measured = None if path is None else calibration.load(path).data
     key = _signing_key(arguments.key)
     signer, created = arguments.signer or _person(), SystemClock().stamp()
     facts = {"signer": signer, "created": created, "versions": _versions()}

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from math import inf
 
 from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA, given
-from runtime.execution import calibration, delivery, middle
+from runtime.execution import delivery, middle
+from runtime.execution.calibration import GripperCalibration
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 from runtime.execution.reading import CURRENT_MA
@@ -109,14 +110,15 @@ def _check_views(arguments: argparse.Namespace) -> None:
     server.parse(arguments.http)
 
 
-def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
-    """Options of the run besides its table.
+def run_options(
+    arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None
+) -> RunOptions:
+    """Options of the run besides its table and the calibration of its gripper, `measured`.
 
     Raises:
-        InputError: the calibration file, a delivery's file or the job's delivery is refused.
+        InputError: a delivery's file or the job's delivery is refused.
         UsageError: a policy, an arc or a delivery is not understood.
     """
-    measured = None if arguments.calibration is None else calibration.load(arguments.calibration)
     handling = Handling(
         calibration=None if measured is None else measured.of(table.gripper.profile),
         arc=None if arguments.serve is not None else arc_of(arguments, table, measured),
@@ -163,7 +165,7 @@ def _is_manual(arguments: argparse.Namespace) -> bool:
 
 
 def arc_of(
-    arguments: argparse.Namespace, table: Table, measured: calibration.GripperCalibration | None
+    arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None
 ) -> TipArc | None:
     """The arc of the finger tips: as `--tips` states, else as measured, else that of the gripper's model.
 

@@ -12,6 +12,7 @@ from runtime import VERSION
 from runtime.commands.arguments import SIMULATED
 from runtime.commands.options import run_options
 from runtime.execution import calibration, carry
+from runtime.execution.calibration import CalibrationFile
 from runtime.execution.events import Console
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import check_arc
@@ -40,11 +41,12 @@ def prepare(arguments: argparse.Namespace, tree: Path) -> Recipe:
     Raises:
         ExpectedError: it is missing or damaged, or does not fit; each class has its `exit_code`.
     """
-    loaded = load(tree)
-    table, software = loaded.table, _installed(arguments, tree, loaded)
+    loaded, path = load(tree), arguments.calibration
+    table, measured = loaded.table, None if path is None else calibration.load(path)
+    software = _installed(arguments, tree, loaded, measured)
     if arguments.serve is None:  # a robot that uses --serve may have any gripper
         check_table(table)
-    options = run_options(arguments, table)
+    options = run_options(arguments, table, measured and measured.calibration)
     console: Console = Objects(table, arguments.journal) if arguments.json else Lines(table)
     console.note(_headline(tree, table))
     _check_fit(table, options)
@@ -93,29 +95,30 @@ def _header(arguments: argparse.Namespace, tree: Path, options: RunOptions) -> d
     }
 
 
-def _installed(arguments: argparse.Namespace, tree: Path, loaded: TableFile) -> dict[str, object]:
+def _installed(
+    arguments: argparse.Namespace, tree: Path, loaded: TableFile, measured: CalibrationFile | None
+) -> dict[str, object]:
     """Entry of a run in the log of installed software: files, versions, and the signature that covers them.
 
     Raises:
-        InputError: the calibration's file is refused, or the key of `--require-signed` cannot be used.
+        InputError: the key of `--require-signed` cannot be used.
         PackError: no pack signed by that key vouches for table and calibration.
         UsageError: the extra for signatures is missing.
     """
-    path = arguments.calibration
-    measured = None if path is None else calibration.bytes_of(path)
+    path, data = arguments.calibration, measured and measured.data
     signer: dict[str, object] = {"signer": None, "fingerprint": None, "pack_sha256": None}
     if arguments.require_signed is not None:
         from runtime.signing import keys, pack  # with a library that no other run has to load
 
         trusted = keys.load_public(arguments.require_signed)
-        fields = pack.covering(tree, loaded.data, measured, trusted).fields()
+        fields = pack.covering(tree, loaded.data, data, trusted).fields()
         signer = {name: fields[name] for name in signer}
     return {
         "table": str(tree),
         "compiled_by": loaded.table.tool,
         "job_sha256": loaded.table.job_digest.hex(),
         "calibration": None if path is None else str(path),
-        "calibration_sha256": None if measured is None else hashlib.sha256(measured).hexdigest(),
+        "calibration_sha256": None if data is None else hashlib.sha256(data).hexdigest(),
         "squeezetree": VERSION,
         "python": sys.version.split()[0],
         **signer,

@@ -15,7 +15,7 @@ from runtime.execution.reading import CLOSED_UM, check_fresh
 from runtime.execution.safety import stroke
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError
-from runtime.shell.files import read_input, writing
+from runtime.shell.files import writing
 from runtime.table import PROFILES, Calibration
 
 FORMAT = 2
@@ -160,8 +160,15 @@ def save(calibration: GripperCalibration, path: Path) -> None:
         draft.write_text(text, encoding="ascii")
 
 
-def load(path: Path) -> GripperCalibration:
-    """Reads a calibration from a file, and checks it.
+class CalibrationFile(NamedTuple):
+    """A calibration and its file's bytes, which a signature covers."""
+
+    calibration: GripperCalibration
+    data: bytes
+
+
+def load(path: Path) -> CalibrationFile:
+    """Reads a calibration from a file, once, and checks it.
 
     Raises:
         InputError: it cannot be read, was changed by hand, or is not monotone.
@@ -171,21 +178,12 @@ def load(path: Path) -> GripperCalibration:
         remedy = "make it again with grasp-calibrate width"
         return InputError(f"calibration {path}: {problem}; {remedy}")
 
-    record = strict_json.load(path, refused)
+    data = strict_json.data_of(path, refused)
+    record = strict_json.value_of(data, refused)
     try:
-        return _parsed(record)
+        return CalibrationFile(_parsed(record), data)
     except (LookupError, TypeError, ValueError, InputError) as error:
         raise refused(str(error)) from error
-
-
-def bytes_of(path: Path) -> bytes:
-    """The bytes of a file that `load` accepts.
-
-    Raises:
-        InputError: see `load`.
-    """
-    load(path)
-    return read_input(path, strict_json.MOST_BYTES, f"calibration {path}")[0]
 
 
 def _parsed(record: object) -> GripperCalibration:

@@ -49,15 +49,25 @@ def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST
         Exception: from `refused`, where the file cannot be read, is too large, is not such JSON, or holds
             unprintable text.
     """
+    return value_of(data_of(path, refused, most_bytes), refused)
+
+
+def data_of(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST_BYTES) -> bytes:
+    """Reads the bytes of a JSON file, which `value_of` parses; arguments and errors as of `load`."""
     try:
         with path.open("rb") as file:
-            text = file.read(most_bytes + 1)
+            data = file.read(most_bytes + 1)
     except OSError as error:
         raise refused(f"cannot be read: {error.strerror}") from error
-    if len(text) > most_bytes:
+    if len(data) > most_bytes:
         raise refused(f"is larger than {most_bytes >> 20} MiB")
+    return data
+
+
+def value_of(data: bytes, refused: Callable[[str], Exception]) -> Any:
+    """Parses the bytes of a JSON file; errors as of `load`."""
     try:
-        value = parse(text)
+        value = parse(data)
     except ValueError as error:
         raise refused(f"is {error}") from error
     if (strange := unprintable(value)) is not None:

@@ -66,8 +66,8 @@ def run_parts(tree, handling, delivery=None):
 
 def handling_of(tree, path):
     words = f"--tree {tree} --port x --arm y --tips straight --calibration {path}"
-    given = arguments.parser().parse_args(words.split())
-    return options.run_options(given, load(tree).table).handling
+    given, measured = arguments.parser().parse_args(words.split()), calibration.load(path)
+    return options.run_options(given, load(tree).table, measured.calibration).handling
 
 
 def test_the_command_measures_what_is_off_and_says_what_is_left_to_doubt(measured):
@@ -77,7 +77,7 @@ def test_the_command_measures_what_is_off_and_says_what_is_left_to_doubt(measure
     low, high = record["doubt"]["middle_mm"]
     assert low < 0.0 < high < 0.4
     assert record["doubt"]["finger_share"][0] < 0.0 < record["doubt"]["finger_share"][1]
-    assert calibration.load(result).middle.across_mm == record["across_mm"]
+    assert calibration.load(result).calibration.middle.across_mm == record["across_mm"]
 
 
 def test_fingers_that_meet_elsewhere_are_wrong_where_a_camera_looks_and_right_once_they_are_measured(

@@ -71,4 +71,4 @@ def test_tip_arc_whose_offset_nobody_knows_is_not_taken_for_straight(named):
 def arc_of(model: str, named: str | None) -> TipArc | None:
     table = changed(small_table(), {"gripper.model": model})
     words = ["--tree", "T", "--port", "P", "--deliver", "no", *(["--tips", named] if named else [])]
-    return run_options(parser().parse_args(words), table).handling.arc
+    return run_options(parser().parse_args(words), table, None).handling.arc
