@@ -195,8 +195,9 @@ class ManualGripper:
 
         Raises:
             GripperFault: no move was requested.
-            LinkError: the person did not answer, or standard input has ended.
+            LinkError: the gripper was closed, the person did not answer, or standard input has ended.
         """
+        self.state()
         if self._asked is None:
             raise GripperFault("no move to wait for; call move() first")
         asked, self._asked = self._asked, None

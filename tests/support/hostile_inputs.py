@@ -37,7 +37,8 @@ from run_logs import chained
 from sample_tables import small_table, with_job
 from written_journals import write_run
 
-from runtime.table import dumps, load
+from runtime.spc.expectation import KIND, VERSION
+from runtime.table import dumps, load, loads
 from runtime.table.codec import encode
 
 LONGEST_S = 120.0  # generous: the machine may have other work
@@ -171,7 +172,8 @@ def readings(whole: bytes) -> bytes:
     """What `plan-expect` might write of a table's file."""
     seen = [{"132": 20}, {"150": 9}]
     worlds = [{"name": name, "readings": seen} for name in ("as planned", "less")]
-    record = {"kind": "expected readings", "version": 1, "worlds": worlds}
+    record = {"kind": KIND, "version": VERSION, "worlds": worlds}
+    record["bins"] = loads(whole).gripper.bins
     return json.dumps({**record, "table_sha256": hashlib.sha256(whole).hexdigest()}).encode()
 
 
