@@ -119,7 +119,8 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
 
     Args:
         document: stays as it is.
-        changes: maps a top-level key to its new value, and a section to its new values by key.
+        changes: maps a top-level key to its new value, and a section to its new values by key. They also
+            apply to entries, such as `[[hypothesis]]`, that state the section themselves.
         where: place that errors name.
 
     Raises:
@@ -134,20 +135,30 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
             check_names([name], (*FIELDS, *TOP_LEVEL) if is_section else TOP_LEVEL, "")
         except InputError as error:
             raise error.at(where) from None
-        if is_section and hypotheses.KEY in result and name in hypotheses.SECTIONS:
-            if name == "part":
-                problem = "is not one for all; change each [[hypothesis]]"
-                raise InputError(problem, where=where, section="part")
-            result[hypotheses.KEY] = [
-                {**entry, name: _with_values(entry.get(name, {}), name, values)}
-                for entry in result[hypotheses.KEY]
-            ]
+        if is_section and name == "part" and hypotheses.KEY in result:
+            problem = "is not one for all; change each [[hypothesis]]"
+            raise InputError(problem, where=where, section="part")
+        if is_section and name != "part":
+            for key in {hypotheses.KEY, hypotheses.FOREIGN} & result.keys():
+                result[key] = _entries_with(result[key], name, values)
         table = result.get(name, {})
         if is_section and not isinstance(table, dict):
             problem = f"{name} is no section of {where}, but one value"
             raise UsageError(f"{problem}; write it as {name}=value")
         result[name] = _with_values(table, name, values) if is_section else values
     return result
+
+
+def _entries_with(entries: Any, section: str, values: Mapping[str, Any]) -> Any:
+    """Returns a list of entries in which those that state a section have these values in it."""
+    if not isinstance(entries, list):
+        return entries  # refused later
+    return [
+        {**entry, section: _with_values(entry[section], section, values)}
+        if isinstance(entry, dict) and isinstance(entry.get(section), dict)
+        else entry
+        for entry in entries
+    ]
 
 
 def _with_values(table: dict[str, Any], section: str, values: Mapping[str, Any]) -> dict[str, Any]:
