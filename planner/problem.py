@@ -19,12 +19,17 @@ from planner.job.model import Job
 from planner.mechanics.mixture import Mixture
 
 STEP_MM = 0.8
-"""Closing step of the squeezes of the tree, twice that of the trials.
+"""Closing step of squeezes in planning: those of the tree, and those of trials between searches.
+
+It is twice the step of the evaluation of the finished table.
 
 All but one in 1000 squeezes end within 0.3 mm and 1 degree of where steps of 0.05 mm do.
 """
 AHEAD_STEP_MM = 1.6
-"""Closing step of squeezes that only rank grasp poses: all but two in 1000 end within the same distance."""
+"""Closing step of squeezes that only rank grasp poses.
+
+All but two in 1000 of them end within 0.3 mm and 1 degree of where steps of 0.05 mm do.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -96,7 +96,7 @@ def _single(arguments: argparse.Namespace) -> int:
     bounded = math.isfinite(arguments.budget)
     whole = course.of_time(arguments.budget) if bounded else course.of_search
     for result in alike(job):
-        if not result.hopeless:  # a hopeless one is refused
+        if not result.hopeless:  # `compile_job` refuses the job if all its parts are hopeless
             tell(NAME, f"warning: {result.line()}")
     limit, notes = Limit(arguments.budget), list[str]()
     with shell.scheduler(arguments) as scheduler, shell.progress(arguments.json, whole) as report:
@@ -107,7 +107,7 @@ def _single(arguments: argparse.Namespace) -> int:
         bound = advice = None
         with shell.spared("bound", notes, arguments.debug):
             bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
-        # What a longer search might contradict is not advised.
+        # A longer search might contradict advice on a plan that was cut short.
         if not (arguments.no_advice or plan.cut):
             with shell.spared("advice", notes, arguments.debug):
                 advice = counsel(plan.table, plan.evaluation, job, scheduler, report)

@@ -1,4 +1,4 @@
-"""plan-evaluate: a table against a world, over many fresh trials."""
+"""plan-evaluate: runs a table on many simulated parts in a world, and counts how they end."""
 
 import argparse
 import math
@@ -220,7 +220,7 @@ def _name_of_world(arguments: argparse.Namespace) -> str:
 
 
 def _spread(value: str) -> float:
-    """Parses a number that is not negative, a standard deviation, for argparse."""
+    """Parses a standard deviation, a number that is not negative, for argparse."""
     spread = number(value)
     if spread < 0.0:
         raise argparse.ArgumentTypeError(f"{value} is negative")
@@ -282,7 +282,7 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
 
 
 def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
-    """Lines with the number of parts that ended at one leaf, but lay at the pose of another or of none."""
+    """Lines that count, for each leaf, parts that ended there but lay at another leaf's pose or at none."""
     lines: list[str] = []
     for row in confused[:MOST_ROWS]:
         truth = "where no leaf is" if row.truth == leaves.NO_LEAF else f"at leaf {row.truth}"
@@ -309,7 +309,7 @@ SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds
 
 
 def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None) -> str:
-    """One world as a row of `SWEEP_HEAD`'s columns; a takt adds the share of parts done within it."""
+    """One world as a row under `SWEEP_HEAD`; with a takt, it also states how many parts are done in time."""
     figures = evaluation.summary(takt_s)
     shares, takt = shares_of(figures), "" if takt_s is None else f"; {takt_text(figures)}"
     return (

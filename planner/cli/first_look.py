@@ -38,7 +38,9 @@ from runtime.table import dump
 ANSWER_S = 60.0  # from the start to the last line, including the compilation of kernels
 LEAST_ANSWER_S = 12.0  # least time for the answer after the kernels are compiled
 PICTURE_S = 3.0
-LEAST_DRAWN = 300  # least number of parts in the picture, if squeezing them takes long
+LEAST_DRAWN = (
+    300  # parts in the picture that are squeezed even if this takes longer than `PICTURE_S`
+)
 DRAWN_SQUEEZES = range(1, 4)  # lengths of the path in the picture
 WORTH_TELLING = 0.005  # share of unfinished parts from which the answer mentions them
 LEAST_DONE = 0.9  # least share located among the finished parts for the answer "cut"
@@ -207,9 +209,10 @@ def _answered(
 
 
 def _short(grade: Grade, success: float, open_share: float) -> str:
-    """The grade of a plan; "cut" or "unknown" in place of "poor" if the unfinished search explains it.
+    """Returns the grade of a plan, or "cut" or "unknown" if the grade is poor since the search is unfinished.
 
-    `open_share` is the share of parts for which the search is unfinished.
+    `open_share` is the share of parts for which the search is unfinished. It explains a poor grade if it is
+    above `MOST_OPEN` ("unknown"), or if `LEAST_DONE` of all other parts are located ("cut").
     """
     if grade != "poor" or not open_share:
         return grade
@@ -219,12 +222,12 @@ def _short(grade: Grade, success: float, open_share: float) -> str:
 
 
 def _files(arguments: argparse.Namespace, text: str) -> Files:
-    """Chooses the files to write: the job file is the one asked for, or has the first free name.
+    """Chooses the files to write: the job file that `--output` names, or the first numbered one that is free.
 
-    A name is free, too, if its file already has the text `text`.
+    A file that already has the text `text` counts as free.
 
     Raises:
-        UsageError: the job file asked for exists and has another text.
+        UsageError: the file that `--output` names exists and has another text.
         OutputError: a file cannot be written.
     """
     stem, number = arguments.drawing.stem, 1

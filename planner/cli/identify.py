@@ -23,7 +23,7 @@ from runtime.shell.errors import InputError
 from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
-MOST_SPLITS = 10  # most splits that --motions is judged by
+MOST_SPLITS = 10  # most random splits that judge a fit to --motions
 KINDS: tuple[Kind, ...] = ("ellipsoid", "quartic")
 FORMATS = files("planner").joinpath("templates/push_formats.txt").read_text("utf-8")
 

@@ -51,20 +51,22 @@ def refuse(problems: Iterator[str]) -> None:
 
 
 def check_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
-    """Checks the path that an option names.
+    """Checks the suffix of the path that an option names.
 
     Raises:
-        UsageError: it has none of the suffixes.
+        UsageError: the path ends in none of `suffixes`.
     """
     if path.suffix.lower() not in suffixes:
         raise UsageError(f"{option} {path} must end in {', '.join(suffixes)}")
 
 
 def checked_output(path: Path, what: str, suffix: str) -> Path:
-    """Checks and returns the path of an output; no suffix or an unknown one is allowed, too.
+    """Checks and returns the path of an output, which should end in `suffix`.
+
+    A path without a suffix, or with a suffix that is not in `FORMATS`, is allowed, too.
 
     Raises:
-        UsageError: the suffix belongs to another kind.
+        UsageError: the suffix is that of another format.
     """
     if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
         name = path.with_suffix(suffix)
@@ -95,7 +97,7 @@ def drawing_of(arguments: argparse.Namespace) -> Options:
 
 
 def add_table(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments for a table and, if need be, its job; `loaded` reads both."""
+    """Adds the arguments for a table and, if it was stripped of its job, for the job; `loaded` reads both."""
     parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
 
@@ -169,7 +171,7 @@ def add_distance(group: argparse._ArgumentGroup) -> None:
 
 
 def add_takt(parser: argparse.ArgumentParser) -> None:
-    """Adds the option that states a takt."""
+    """Adds the option --takt: the time [s] within which a part should be done."""
     text = "also state how many parts are done within this time"
     parser.add_argument("--takt", type=command.seconds, metavar="6s", help=text)
 
@@ -209,7 +211,7 @@ def answer(as_json: bool, figures: Mapping[str, Any], *lines: str) -> None:
 
 
 def printer(as_json: bool) -> Callable[..., None]:
-    """`print` for people; where the answer is JSON, a function that prints nothing."""
+    """Returns `print` for an answer to people; for a JSON answer, a function that prints nothing."""
     return (lambda *_lines, **_options: None) if as_json else print
 
 

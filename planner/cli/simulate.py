@@ -25,7 +25,10 @@ from runtime.shell.files import usable, words_of
 NAME = "plan-simulate"
 RADIANS, DEGREES = "theta_rad", "theta_deg"
 INPUTS = ("x_mm", "y_mm", RADIANS)
-PICTURES = {"figure": shell.PICTURES, "html": (".html",)}  # suffixes of each
+PICTURES = {
+    "figure": shell.PICTURES,
+    "html": (".html",),
+}  # options that draw, and suffixes of their files
 IN_DEGREES = ("x_mm", "y_mm", DEGREES)  # columns of poses with angles in degrees
 # Final pose and width, then the angles again, in degrees.
 RESULTS = (*(f"final_{name}" for name in INPUTS), "width_mm", "theta_deg", "final_theta_deg")
@@ -79,7 +82,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
 
 
 def _rng(arguments: argparse.Namespace, job: Job, *stream: int) -> np.random.Generator:
-    """A random generator of the option --seed, else of the job's seed; each `stream` is independent."""
+    """Returns a random generator from --seed or else the job's seed; each `stream` has its own numbers."""
     seed = job.seed if arguments.seed is None else arguments.seed
     return np.random.default_rng([seed, *stream] if stream else seed)
 

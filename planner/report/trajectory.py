@@ -20,7 +20,7 @@ MOST_PANELS = 12
 COLUMNS = 4
 COLUMNS_IF_TALL = 6
 TALL = 1.4  # height over width above which a panel is tall
-BETWEEN = 4  # intermediate states drawn of one squeeze
+BETWEEN = 4  # states of a squeeze drawn between the first contact and the end
 MARK_MM = 1.5  # distance between the marks of a trace
 WIDTH_IN = 2.1  # width of one panel
 APPROACH_FRAMES = 14
@@ -36,7 +36,7 @@ class Squeezed(NamedTuple):
 
 def along(states: Array, widths_mm: Array) -> Array:
     """Interpolates the recorded states (k, 4) of a squeeze at given widths (n,); returns states (n, 4)."""
-    latest = states[::-1]  # of states of the same width, the last counts
+    latest = states[::-1]  # of several states with the same width, the last one counts
     rising, rows = np.unique(latest[:, 3], return_index=True)
     columns = [np.interp(widths_mm, rising, latest[rows, j]) for j in range(3)]
     return np.stack([*columns, np.asarray(widths_mm, dtype=np.float64)], axis=-1)

@@ -140,16 +140,16 @@ class Panel(NamedTuple):
 
 
 class Line(NamedTuple):
-    """One branch: `key` is its target panel; `x`, `y` are the place of the text `interval` [px]."""
+    """One branch, as a line between two panels."""
 
-    key: str
-    path: str
-    width: float
-    x: float
-    y: float
-    interval: str
-    share: str
-    share_y: float
+    key: str  # of the panel it leads to
+    path: str  # SVG path of the line
+    width: float  # of the line [px]
+    x: float  # place of both texts [px]
+    y: float  # place of the text `interval` [px]
+    interval: str  # text: the widths of the branch
+    share: str  # text: the share of all parts that take the branch
+    share_y: float  # place of the text `share` [px]
 
 
 class Drawing(NamedTuple):
@@ -283,7 +283,14 @@ def names_parts(table: Table) -> bool:
 
 
 def leaf_label(index: int, leaf: Leaf, name: str | None = None, posed: bool = True) -> str:
-    """A leaf in words, with the name that it gives, if any; without a pose where the goal has none."""
+    """A leaf in words.
+
+    Args:
+        index: number of the leaf.
+        leaf: the leaf.
+        name: name of the part that the leaf states; None if it states none.
+        posed: whether the goal asks for a pose, so that the text states the leaf's pose.
+    """
     if not leaf.resolved:
         return f"Leaf {index}: unresolved, {leaf.trials} trials ended here"
     x, y, turn = predicted_pose(leaf)
