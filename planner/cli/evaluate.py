@@ -51,7 +51,7 @@ def parser() -> Parser:
     shell.add_seed(built, "of the trials")
     text = "how many of the worst errors to show (default: %(default)s)"
     built.add_argument("--worst", type=natural, default=3, metavar="N", help=text)
-    text = "also foreign parts: each part a tenth smaller and larger, a disc, a rectangle"
+    text = "also squeeze foreign parts: each part a tenth smaller and larger, a disc, a rectangle"
     built.add_argument("--foreign-parts", action="store_true", help=text)
     shell.add_scheduler(built)
     _add_rare(built.add_argument_group("wrong answers in parts per million"))
@@ -77,7 +77,7 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
     add("--world-copies", action="store_true", help=text)
     text = "override a value of the job in the world, such as pressure.kind=uniform; repeatable"
     add("--world-set", action="append", default=[], metavar="SECTION.KEY=VALUE", help=text)
-    text = "evaluate in a standard set of worlds, one line each; takes no other change"
+    text = "evaluate in a standard set of worlds, one line each; without other changes of the world"
     add("--sweep", action="store_true", help=text)
     add("--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width")
     text = "standard deviation of the hand's x and y, drawn for every squeeze"
@@ -177,7 +177,7 @@ def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
     if arguments.foreign_parts and (arguments.ppm or arguments.sweep):
         yield "--foreign-parts come into one world; leave out --ppm and --sweep"
     if arguments.resume is not None and not arguments.ppm:
-        yield "--resume is of --ppm; add it"
+        yield "--resume continues a study of --ppm; add --ppm"
     if arguments.takt is not None and arguments.ppm:
         yield "--ppm counts wrong answers and times nothing; leave out --takt"
     if arguments.sweep and (arguments.world_set or _disturbance(arguments) != Disturbance()):

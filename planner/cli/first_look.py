@@ -60,10 +60,10 @@ def parser() -> Parser:
         f"{first_plan.NAME} part.dxf --units mm",
         f"{first_plan.NAME} part.svg --units mm --gripper hand-e --radius 5 -o first/part.toml",
     )
-    built.add_argument("drawing", type=Path, help=f"of the part: {', '.join(SUFFIXES)}")
+    built.add_argument("drawing", type=Path, help=f"drawing of the part: {', '.join(SUFFIXES)}")
     text = (
-        "the job file; table and picture go beside it (default: named after the drawing, and "
-        "numbered where another job has the name, in this folder)"
+        "the job file; table and picture go beside it (default: in this folder, named after the "
+        "drawing, with a number if another job has the name)"
     )
     shell.add_output(built, "JOB.toml", text, required=False)
     shell.add_drawing(built.add_argument_group("the drawing"))
@@ -71,18 +71,18 @@ def parser() -> Parser:
     add = stated.add_argument
     text = "the part's centre lies in a disc of this radius"
     add("--radius", type=number, metavar="MM", help=text)
-    text = f"it is turned by at most this (default: {first_plan.TURN_DEG:g})"
+    text = f"the part is turned by at most this, either way (default: {first_plan.TURN_DEG:g})"
     add("--turn", type=number, metavar="DEG", help=text)
     text = (
-        f"which one (default: the first that opens wide enough); {ALL}: compare them in one table, each "
-        "planned for --budget (default: half a minute), and write nothing"
+        f"model of the gripper (default: the first that opens wide enough); {ALL}: compare all in one table, "
+        "each planned for --budget (default: half a minute), and write nothing"
     )
     add("--gripper", choices=[*GRIPPERS, ALL], help=text)
-    add("--fingers", choices=FINGERS, help="finger pads (default: rubber)")
+    add("--fingers", choices=FINGERS, help="material of the finger pads (default: rubber)")
     shell.add_distance(stated)
     text = "height of the part (default: that of a solid; unknown for an outline)"
     add("--thickness", type=positive, metavar="MM", help=text)
-    text = "for the answer, once kernels are loaded (default: a minute)"
+    text = "time for the answer, once kernels are loaded (default: a minute)"
     add("--budget", type=seconds_text, metavar="30s", help=text)
     text = "print progress as JSON, one object a line, on standard error"
     built.add_argument("--follow", action="store_true", help=text)

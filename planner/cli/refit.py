@@ -52,7 +52,7 @@ def parser() -> Parser:
     audits = "measured poses as grasp-audit report --export writes them, one file for each journal"
     add("--audit", default=[], metavar="A.csv", help=audits, **several)
     shell.add_output(command, "JOB2.toml", "the job file to write")
-    shell.add_seed(command, "of what is simulated")
+    shell.add_seed(command, "of the simulation")
     text = "cells to simulate in each round: more take longer, with finer results (default: %(default)s)"
     add("--cells", type=positive_int, default=Effort().cells, help=text)
     shell.add_scheduler(command)

@@ -30,7 +30,7 @@ progress = course.shown
 WIDTH = 98  # columns of --help
 PICTURES = (".png", ".svg", ".pdf")  # suffixes of pictures that matplotlib writes
 FORMATS = (*PICTURES, ".csv", ".dxf", ".html", ".json", ".msgpack", ".stl", ".toml")
-STOPPING = "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once"
+STOPPING = "stopping: the best tree so far is evaluated and kept; Ctrl-C again ends at once"
 EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.NO_PLAN, ExitCode.UNREACHABLE)
 
 
@@ -154,7 +154,7 @@ def add_output(
 
 def add_seed(parser: argparse.ArgumentParser, what: str) -> None:
     """Adds the option for the seed of a command's random draws, 0 by default."""
-    text = f"{what} (default: %(default)s)"
+    text = f"seed {what} (default: %(default)s)"
     parser.add_argument("--seed", type=command.natural, default=0, help=text)
 
 
@@ -165,8 +165,8 @@ def add_trials(parser: argparse.ArgumentParser, default: int, what: str) -> None
 
 
 def add_distance(group: argparse._ArgumentGroup) -> None:
-    """Adds the option `--distance`, which states how precisely the part of a new job must be located."""
-    text = "how well the part must be located (default: %(default)s)"
+    """Adds the option --distance, the goal of a new job: the greatest error of a located part."""
+    text = "greatest error of a part that counts as located (default: %(default)s)"
     group.add_argument("--distance", type=command.number, default=3.0, metavar="MM", help=text)
 
 

@@ -147,7 +147,7 @@ def of_parts(job: Any, names: list[str]) -> Conflicts:
     if job.goal.kind == "identity" and job.goal.identify is False:
         yield "goal", "identify", 'is false, but kind = "identity" asks for nothing else; drop it'
     if job.search.method != "closed-loop":
-        yield "search", "method", 'of the paper plans for one part; leave it at "closed-loop"'
+        yield "search", "method", 'is one that plans for one part; leave it at "closed-loop"'
     if job.delivery is not None:
         yield "delivery", "drop", "is of one part; leave the section out for several hypotheses"
 

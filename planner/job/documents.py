@@ -136,7 +136,7 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
             raise error.at(where) from None
         if is_section and hypotheses.KEY in result and name in hypotheses.SECTIONS:
             if name == "part":
-                problem = "is not one for all; change each [[hypothesis]]"
+                problem = "is stated by each [[hypothesis]]; change it in these"
                 raise InputError(problem, where=where, section="part")
             result[hypotheses.KEY] = [
                 {**entry, name: _with_values(entry.get(name, {}), name, values)}
