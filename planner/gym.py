@@ -174,9 +174,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
             return
         try:
             self._belief = self.model.updated(self._belief, action, count, self._filter)
-        except (
-            ValueError
-        ):  # no state explains the reading: from now on, the picture shows no belief
+        except ValueError:  # no state explains the reading: no belief is drawn from now on
             self._belief = self._belief[:0]
 
     def _info(self) -> Info:

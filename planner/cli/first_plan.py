@@ -20,15 +20,11 @@ from planner.work.progress import Report
 
 NAME = "plan-try"
 REST_S, REST = 15.0, 0.3  # time kept for what follows the plan: at most, and as a share of all time
-SLOW_S = (
-    120.0  # budget of the second search, where the first one was cut short before it had a plan
-)
+SLOW_S = 120.0  # budget of the second search, if the first one was cut short without a plan
 QUICK = {"particles": 8000}  # overrides of [search]: a rough tree in the time available
 TRIALS = 5000  # parts, so that shares are whole hundredths of a percent
 LEAST_ROOM_MM = 4.0  # least gap between open fingers and the part at any angle, to choose a gripper
-TURN_DEG = (
-    20.0  # default, either way: as parts come from a chute; planning for any angle takes too long
-)
+TURN_DEG = 20.0  # default, either way, as from a chute; planning for any angle takes too long
 LARGEST = 1  # number of the largest outer contour, which is the default
 UNITS_ASSUMED = "one unit of the drawing is 1 mm, for it does not say (--units)"
 

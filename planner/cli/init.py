@@ -40,8 +40,7 @@ def parser() -> Parser:
     answers = built.add_argument_group("the answers")
     add = answers.add_argument
     add("--name", help="name of the part")
-    text = "the part's centre lies in a disc of this radius"
-    add("--radius", type=number, metavar="MM", help=text)
+    add("--radius", type=number, metavar="MM", help="its centre lies in a disc of this radius")
     text = "the part is turned by at most this, either way (default: any angle)"
     add("--turn", type=number, metavar="DEG", help=text)
     text = "height of the part, from the table to its top (default: that of an STL solid)"

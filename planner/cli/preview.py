@@ -24,9 +24,7 @@ from planner.report.canvas import points
 from runtime.shell.command import sentence_of
 from runtime.shell.errors import ExpectedError, UsageError
 
-FINENESS = (
-    1e-3  # tolerance to which a contour is simplified for the page, as a share of its larger extent
-)
+FINENESS = 1e-3  # tolerance of the contours on the page, as a share of their larger extent
 
 
 def preview(words: Sequence[str]) -> dict[str, Any]:

@@ -25,10 +25,8 @@ from runtime.shell.files import usable, words_of
 NAME = "plan-simulate"
 RADIANS, DEGREES = "theta_rad", "theta_deg"
 INPUTS = ("x_mm", "y_mm", RADIANS)
-PICTURES = {
-    "figure": shell.PICTURES,
-    "html": (".html",),
-}  # options that draw, and suffixes of their files
+# Options that draw, and the suffixes of their files.
+PICTURES = {"figure": shell.PICTURES, "html": (".html",)}
 IN_DEGREES = ("x_mm", "y_mm", DEGREES)  # columns of poses with angles in degrees
 # Final pose and width, then the angles again, in degrees.
 RESULTS = (*(f"final_{name}" for name in INPUTS), "width_mm", "theta_deg", "final_theta_deg")

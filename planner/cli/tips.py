@@ -23,9 +23,8 @@ NAMES = ("tip_x_mm", "tip_y_mm", "way_x_mm", "way_y_mm")
 MOVED = ("moved_x_mm", "moved_y_mm", "turned_deg")
 OVERLAP = "overlap_mm"
 STATUS_NAMES = (*PUSH_NAMES, "untouched")
-ANY_OPENING = {
-    "gripper": {"opening_mm": 1000.0}
-}  # A part that is pushed may be wider than the jaws open
+# A part that is only pushed may be wider than the jaws open.
+ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}
 UNTOUCHED = len(PUSH_NAMES)
 MOST_MM = 1e4  # largest magnitude of an entry
 CLEAR_MM = 1e-3  # overlap that is tolerated

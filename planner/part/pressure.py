@@ -21,9 +21,7 @@ CELLS = 400
 """Least number of pieces of a boundary or an area: the friction integral is exact to 0.1 % or better."""
 HULL_CORNERS = 24
 """Most corners of a hull at which feet are tried; every few vertices of a dense curve suffice."""
-ON_EDGE = (
-    1e-9  # a centre this far outside an edge, as a share of the triangle's area, lies on the edge
-)
+ON_EDGE = 1e-9  # a centre this far outside, as a share of the triangle's area, is on the edge
 
 
 @dataclass(frozen=True, slots=True, eq=False)

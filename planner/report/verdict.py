@@ -14,9 +14,7 @@ from planner.report.run_log import RunLog
 from planner.report.tree import names_parts
 from runtime.table import Node, Table
 
-GOOD_WRONG = (
-    0.005  # share of confident wrong answers from which a broken assumption lowers the grade
-)
+GOOD_WRONG = 0.005  # share of wrong answers from which a broken assumption lowers the grade
 POOR_SUCCESS = 0.9  # share of located parts below which a plan is poor
 MOST_CONDITIONS = 3  # most assumptions in a sentence
 

@@ -11,9 +11,7 @@ from planner.part.importers.pieces import Options, Pieces, need_units, sorted_ou
 from planner.part.tips import tips_height_mm
 from runtime.shell.errors import InputError, UsageError
 
-FARTHEST_MM = (
-    1e5  # largest coordinate; beyond it, the single precision of STL files is coarser than 0.01 mm
-)
+FARTHEST_MM = 1e5  # largest coordinate; STL files, in single precision, resolve 0.01 mm there
 WIDER_MM = 0.1  # difference between heights or faces that is worth a note
 CRACK_MM = 1e-3  # Largest gap between triangles due to rounded vertices
 GRID_MM = 1e-4  # grid on which polygons are united
