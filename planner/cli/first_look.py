@@ -20,7 +20,7 @@ from planner.job.drafts import FINGERS, GRIPPERS, draft
 from planner.job.model import Job
 from planner.part.importers.file import SUFFIXES
 from planner.part.outline import smallest_rectangle
-from planner.report import canvas, paper_figures
+from planner.report import canvas, look, paper_figures
 from planner.report.answer import QUESTION, Answer
 from planner.report.replay import replay
 from planner.report.verdict import Grade, verdict, weakest
@@ -38,10 +38,7 @@ from runtime.table import dump
 ANSWER_S = 60.0  # from the start to the last line, including the compilation of kernels
 LEAST_ANSWER_S = 12.0  # least time for the answer after the kernels are compiled
 PICTURE_S = 3.0
-LEAST_DRAWN = (
-    300  # parts in the picture that are squeezed even if this takes longer than `PICTURE_S`
-)
-DRAWN_SQUEEZES = range(1, 4)  # lengths of the path in the picture
+LEAST_DRAWN = 300  # least number of parts in the picture, even if it takes longer than `PICTURE_S`
 WORTH_TELLING = 0.005  # share of unfinished parts from which the answer mentions them
 LEAST_DONE = 0.9  # least share located among the finished parts for the answer "cut"
 MOST_OPEN = 0.5  # share of unfinished parts above which the answer is "unknown"
@@ -153,7 +150,7 @@ def _try(arguments: argparse.Namespace) -> None:
     with spared("picture"):
         drawn = min(first_plan.TRIALS, max(LEAST_DRAWN, int(PICTURE_S / part_s)))
         beliefs = replay(plan.table, job, drawn, plan.seed)
-        shown = plan.table, job, beliefs, DRAWN_SQUEEZES, imported.holes_mm
+        shown = plan.table, job, beliefs, look.SQUEEZES, imported.holes_mm
         canvas.save(files.picture, lambda: paper_figures.sequence(*shown))
         picture = files.picture
     seconds = time.monotonic() - started

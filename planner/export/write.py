@@ -147,7 +147,7 @@ def write(file: tables.TableFile, form: str, path: Path, prefix: str = PREFIX) -
     return {place.name: place.stat().st_size for place in written}
 
 
-def _text(name: str, file: tables.TableFile, prefix: str = PREFIX) -> str:
+def _text(name: str, file: tables.TableFile, prefix: str) -> str:
     if name == "squeezetree_table.json":
         return json.dumps(_document(file), indent=1) + "\n"
     return _templates().get_template(name).render(_values(file), prefix=prefix)

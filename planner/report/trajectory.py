@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from planner.arrays import Array
 from planner.mechanics.clearance import Jaws
+from planner.part.outline import reach
 from planner.report import canvas
 from runtime.pages.frame import page
 from runtime.shell.files import write
@@ -80,10 +81,9 @@ def figure(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> Figure:
 
 def extent(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> tuple[float, float]:
     """Half width and half height that contain all squeezes, with a margin [mm]."""
-    reach = float(np.max(np.hypot(*outline.T)))
     centres = np.concatenate([np.abs(trace.states[:, :2]) for trace in traces])
-    x = max(0.5 * jaws.length_mm, float(centres[:, 0].max()) + reach)
-    y = max(0.5 * jaws.opening_mm + jaws.thickness_mm, float(centres[:, 1].max()) + reach)
+    x = max(0.5 * jaws.length_mm, float(centres[:, 0].max()) + reach(outline))
+    y = max(0.5 * jaws.opening_mm + jaws.thickness_mm, float(centres[:, 1].max()) + reach(outline))
     return x + 3.0, y + 3.0
 
 

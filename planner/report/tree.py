@@ -16,6 +16,7 @@ from planner.belief.particles import subsample
 from planner.evaluation.trials import placement_of
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
+from planner.part.outline import reach
 from planner.report import canvas
 from planner.report.canvas import template
 from planner.report.replay import Replay
@@ -200,10 +201,9 @@ class _Tree:
         # Half the side of a square in the world that contains nearly all beliefs and closed fingers
         # [mm].
         spread = float(np.quantile(np.hypot(*beliefs.visits[0].before[:, :2].T), 0.9))
-        parts = (float(np.max(np.hypot(*alone.part.outline_mm.T))) for alone in job.alone)
-        reach = spread + max(parts)
+        farthest = spread + max(reach(alone.part.outline_mm) for alone in job.alone)
         fingers = (float(np.abs(self._fingers(target)).max()) for target in self.parent)
-        self.reach = 1.03 * max(reach, *fingers)
+        self.reach = 1.03 * max(farthest, *fingers)
 
     def node(self, index: int) -> Panel:
         node, arrivals = self.table.nodes[index], self.beliefs.arrivals[index]

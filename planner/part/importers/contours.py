@@ -80,7 +80,7 @@ def contours(pieces: Pieces, join_mm: float) -> tuple[list[Contour], list[str]]:
 
 
 def choose(
-    candidates: list[Contour], number: int | None, lost: Sequence[Lost] = ()
+    candidates: list[Contour], number: int | None, lost: Sequence[Lost]
 ) -> tuple[Contour, list[str]]:
     """Returns the contour `number`, from 1, or the only outer one for None; and notes on the choice.
 
