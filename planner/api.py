@@ -88,7 +88,7 @@ class Table:
     def lookup(self, nodes: IntArray, widths_mm: Array) -> Next:
         """Looks up to which nodes or leaves widths (n,) [mm] lead that are read at nodes (n,).
 
-        A branch counts whichever value of the object flag it is for.
+        The object flag is not given: a width leads to a branch if it does so at either value of the flag.
 
         Raises:
             ValueError: a node is unknown, a width is out of range, or the arrays differ in length.
@@ -119,9 +119,9 @@ def evaluate(
     Args:
         table: the table.
         job: the true parts and gripper; None: the job of the table.
-        world: squeezes the parts; None: contact mechanics that are drawn afresh for each squeeze.
+        world: squeezes the parts; None: a contact world, which draws the mechanics of each squeeze.
         trials: number of parts.
-        seed: of all random numbers, except those of a `world` that is passed in.
+        seed: seed of all random numbers, except those of a `world` that is passed in.
         workers: number of threads; None: one for each core. The result does not depend on it.
         report: progress callback; an exception that it raises ends the evaluation.
 
@@ -130,6 +130,7 @@ def evaluate(
 
     Raises:
         ValueError: trials, seed or workers are out of range.
+        InputError: no job is passed, and the table was stripped of its job.
     """
     arguments.count(trials, "trials")
     arguments.count(seed, "seed", 0, 2**63 - 1)
@@ -142,7 +143,14 @@ def evaluate(
 def squeeze(
     job: Job, belief: Belief, placement: Array, rng: np.random.Generator, workers: int | None = None
 ) -> Outcomes:
-    """Squeezes a belief at a placement (3,) of the hand, and partitions the result by the widths read.
+    """Squeezes the particles of a belief, and partitions them by the widths read.
+
+    Args:
+        job: states gripper, friction and goal.
+        belief: the particles before the squeeze.
+        placement: pose (3,) of the hand in the world [mm, mm, rad].
+        rng: draws the mechanics and the noise of the encoder.
+        workers: number of threads; None: one for each core.
 
     Returns:
         The `beliefs` of the k clusters of widths and their `probability` (k,), in the order of rising width.

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.arrays import Array, IntArray
 
-FARTHEST = 1e6  # of a coordinate [mm] or an angle [rad], in magnitude
+FARTHEST = 1e6  # largest magnitude of a coordinate [mm] or an angle [rad]
 LONGEST_MM = 1e4  # longest way of a push
 MOST_TURN = 2.0 * np.pi + 1e-9  # largest turn of a pusher [rad]
-MOST = 10**9  # of anything counted
+MOST = 10**9  # largest number that counts something
 
 
 def rows(
@@ -49,7 +49,7 @@ def number(value: float, name: str, least: float, most: float) -> float:
     """Checks that a value is one finite number from `least` to `most`.
 
     Raises:
-        ValueError: the value is not.
+        ValueError: the value is not one number, not finite or out of range.
     """
     array = _array(value, name)
     if array.shape != ():
@@ -78,7 +78,7 @@ def count(value: int, name: str, least: int = 1, most: int = MOST) -> int:
     """Checks that a value is a whole number from `least` to `most`.
 
     Raises:
-        ValueError: the value is not.
+        ValueError: the value is not a whole number, or out of range.
     """
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not (whole and least <= value <= most):

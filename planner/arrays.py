@@ -13,7 +13,7 @@ Record = TypeVar("Record", bound=tuple[Any, ...])
 
 
 def take(record: Record, rows: IntArray | BoolArray | slice) -> Record:
-    """Selects rows of all arrays of a named tuple, which may also hold such named tuples and None."""
+    """Returns a named tuple with the given rows of its arrays, also in nested tuples; None stays None."""
     chosen: list[Any] = []
     for values in record:
         if isinstance(values, tuple):

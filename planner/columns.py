@@ -19,10 +19,15 @@ from runtime.shell.files import writing
 def read(
     path: Path, names: Sequence[str], defaults: Mapping[str, float] | None = None
 ) -> dict[str, Array]:
-    """Reads the columns `names` and, with default values where they are missing, those of `defaults`.
+    """Reads columns of numbers from a CSV file.
+
+    Args:
+        path: the file.
+        names: the columns that the file must have.
+        defaults: the columns that the file may lack, with the value of all their rows in this case.
 
     Returns:
-        Columns (n,) by their names, in this order.
+        The columns (n,) by name: those of `names`, then those of `defaults`.
 
     Raises:
         KeyNameError: a column of `names` is missing.
@@ -55,7 +60,7 @@ Table: TypeAlias = dict[str, Array | list[str]]
 
 
 def named(names: Sequence[str], rows: Array) -> Table:
-    """The columns of rows (n, k) by their names."""
+    """Returns the k columns of rows (n, k) by their names."""
     return dict(zip(names, rows.T, strict=True))
 
 

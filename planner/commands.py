@@ -1,6 +1,6 @@
 """Entry points of the planner's commands; without the planner extra they state what to install.
 
-They report a missing input file before they load the planner, which takes seconds.
+An entry point reports a missing input file before it loads the planner, since loading takes seconds.
 """
 
 import sys

@@ -11,8 +11,8 @@ episode also ends if an open finger comes down on the part, and it is truncated 
 
 With actions "set", an action is an index: first of the job's placements of the hand, then of candidate poses
 to declare (`Pomdp.actions`). With "box", an action is four numbers from -1 to 1: x, y and theta of a pose,
-and its use: to squeeze there if negative, else to declare it. x and y span the reach of the part before the
-first squeeze, theta spans a full turn (`Episodes.chosen`).
+and its use: to squeeze there if negative, else to declare it. x and y span the region that the part may cover
+before the first squeeze, within the work area; theta spans a full turn (`Episodes.chosen`).
 
 With `render_mode="rgb_array"`, `render()` draws the part, the fingers, and the belief that a particle filter
 of `RENDERED` states infers from the readings.
@@ -52,7 +52,7 @@ Source = Job | str | None  # a job, a job file, or None for the rectangle
 
 
 def problem_of(job: Source, workers: int = 1) -> Pomdp:
-    """The problem of a job or of a job file; None: of the rectangle."""
+    """Builds the POMDP of a job or a job file; None stands for the rectangle of the paper's Table I."""
     if job is None:
         job = parse(RECTANGLE, "the rectangle")
     return Pomdp.of_job(job if isinstance(job, Job) else load(job), workers)
@@ -97,10 +97,11 @@ class Episodes:
     def step(
         self, rows: BoolArray, actions: Actions, rng: Generator
     ) -> tuple[IntArray, Array, BoolArray, BoolArray]:
-        """Acts in the episodes of `rows` (n,); the others stay as they are, with open jaws.
+        """Acts in the episodes of the mask `rows` (n,); the others stay as they are.
 
         Returns:
-            Observations, rewards, whether an episode has ended, and whether it is truncated; each (n,).
+            Observations, rewards, whether an episode has ended, and whether it is truncated; each (n,). In
+            the other episodes they are 0 (open jaws), 0, False and False.
         """
         n = len(rows)
         counts, rewards = np.full(n, 0, np.int64), np.zeros(n)
@@ -115,7 +116,7 @@ class Episodes:
 
 
 def _box(job: Job) -> Array:
-    """Bounds (2, 4) of actions: the reach of the part before the first squeeze, any angle, either use."""
+    """Least and greatest action (2, 4): the region that the part may cover, any angle, either use."""
     span = job.uncertainty.radius_mm + reach(job.part.outline_mm)
     low, high = np.clip(job.cell.work_area_mm, -span, span)
     return np.array([[*low, -np.pi, SQUEEZE], [*high, np.pi, DECLARE]])
@@ -173,7 +174,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
             return
         try:
             self._belief = self.model.updated(self._belief, action, count, self._filter)
-        except ValueError:  # none of the states explains the reading: no belief to draw
+        except ValueError:  # no state explains the reading: no belief is drawn from now on
             self._belief = self._belief[:0]
 
     def _info(self) -> Info:

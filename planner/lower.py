@@ -79,10 +79,11 @@ def _push(push: Push, job: Job) -> tables.Push:
 
 
 def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
-    """The least and greatest reading of each branch: those of its cluster, and a margin on either side.
+    """Returns the least and the greatest reading of each branch: its cluster, with a margin on either side.
 
-    A margin is at most half of the gap to the next cluster. A thin part may read like an empty hand: its
-    branch extends to the last reading before that of closed jaws, and the object flag distinguishes the two.
+    A margin is at most half of the gap to the next cluster. A thin part may read like an empty hand; the
+    object flag distinguishes them. So the branch of a thin part extends to the last reading before that of
+    closed jaws.
     """
     resolution = resolution_of(encoder)
     free, margin = resolution.free, resolution.margin
@@ -97,7 +98,7 @@ def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
 
 
 def interval_um(low: int, high: int, encoder: Encoder) -> tuple[int, int]:
-    """The least and greatest width [um] of the interval of readings from `low` to `high`."""
+    """Returns the least and the greatest width [um] whose reading is from `low` to `high`, without noise."""
     least = max(0.0, float(encoder.width_mm(np.asarray(high + 0.5))))
     greatest = min(encoder.opening_mm, float(encoder.width_mm(np.asarray(low - 0.5))))
     return round(1e3 * least), round(1e3 * greatest)
@@ -131,7 +132,10 @@ def pose_of(pose: Array) -> tuple[int, int, int]:
 
 
 def covariance_of(belief: Belief, leaf: tables.Leaf, job: Job) -> tables.Covariance:
-    """Second moments about a leaf's pose of those parts that are of the leaf's hypothesis; 0 without any."""
+    """Returns the second moments of the parts of the leaf's hypothesis about its pose; 0 without such parts.
+
+    Lengths are in 0.1 mm, angles in 10 mrad.
+    """
     named = belief.traits["hypothesis"] == leaf.hypothesis
     offset = belief.poses[named] - tables.predicted_pose(leaf)
     offset[:, 2] = wrap(offset[:, 2], job.alone[leaf.hypothesis].part.symmetry)
@@ -144,7 +148,7 @@ def _goal(job: Job) -> tables.GoalSpec:
     metric = metric_of(job)
     scaled = zip((1e3, 1e3, 1e6), metric.tolerance, strict=True)
     stated = tables.Tolerance(*(round(scale * value) for scale, value in scaled))
-    # Tolerances that the kind of goal ignores are zero.
+    # A table states 0 for a tolerance that its kind of goal does not use.
     tolerance = {
         "tolerances": stated,
         "orientation": stated._replace(x_um=0, y_um=0),

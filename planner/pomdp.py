@@ -32,7 +32,7 @@ from planner.search.actions import actions_of
 
 SQUEEZE, DECLARE = 0.0, 1.0  # use of an action's pose; from 0.5 on it is declared
 MOST_CANDIDATES = 64  # most poses that `Pomdp.actions` declares
-# Number of parts from which candidate poses follow, and of random squeezes of each.
+# Candidate poses are those of so many simulated parts after so many random squeezes of each.
 TRIED, SQUEEZED = 4000, 3
 SEED_CANDIDATES = 0x43414E44
 
@@ -59,13 +59,13 @@ class Pomdp:
     simulator: Simulator
     encoder: Encoder
     metric: Metric  # of the goal
-    success: float  # reward of a right answer, in squeezes
+    success: float  # reward for declaring a pose within the goal; a squeeze costs 1
     placements: int  # number of `actions` that squeeze; they come first
     actions: Array  # (k, 4) the job's placements of the hand, then declarations of candidate poses
 
     @classmethod
     def of_job(cls, job: Job, workers: int = 1) -> Self:
-        """Builds the problem of a job; to find candidate poses takes some tenths of a second.
+        """Builds the problem of a job; simulates parts to find candidate poses, in some tenths of a second.
 
         Raises:
             ValueError: the job has several hypotheses.
@@ -92,7 +92,12 @@ class Pomdp:
         return np.column_stack([initial(self.job, n, rng), np.full(n, self.encoder.opening_mm)])
 
     def sample(self, s: Array, a: Array, rng: Generator) -> Sampled:
-        """Draws the results of one action (4,) in all states (n, 4), or of actions (n, 4), one in each.
+        """Draws the result of an action in each of n states.
+
+        Args:
+            s: the states (n, 4).
+            a: one action (4,) for all states, or actions (n, 4), one for each state.
+            rng: draws mechanics and noise.
 
         Raises:
             ValueError: the shapes do not fit, or a number is not finite.

@@ -4,7 +4,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 
 def environment(package: str, *, markup: bool) -> Environment:
-    """The templates of a package: `markup` escapes values, other text keeps its last newline."""
+    """Returns the environment that loads the templates of a package.
+
+    Args:
+        package: name of the package.
+        markup: whether the templates are HTML or SVG, so that values are escaped. Other templates keep their
+            last newline.
+    """
     return Environment(
         loader=PackageLoader(package),
         autoescape=markup,

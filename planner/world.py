@@ -29,10 +29,11 @@ SEED_COPY = 0x434F5059
 class World(Protocol):
     """Interface of worlds: `squeeze(pose_hand) -> (final_pose_hand, width_mm, status)`.
 
-    Optional methods are `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)`. Parts with
-    traits need `squeeze_many(poses, traits (n,))`. Tables that push need `push(pose_hand, opening_mm,
-    way_mm) -> final_pose_hand` or `push_many(poses, opening_mm (n,), way_mm (n,), traits (n,))`. In a push
-    the hand goes along its x axis; both poses are in the frame that the hand has at the start.
+    Optional methods are `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)`. A world needs
+    `squeeze_many(poses, traits (n,))` to squeeze parts whose latent parameters (traits) are not nominal. For
+    tables that push it needs `push(pose_hand, opening_mm, way_mm) -> final_pose_hand` or
+    `push_many(poses, opening_mm (n,), way_mm (n,), traits (n,))`. In a push the hand goes along its x axis;
+    both poses are in the frame that the hand has at the start.
     """
 
     def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:
@@ -101,7 +102,7 @@ class ContactWorld:
 
     @property
     def _unusual(self) -> tuple[Traits, ...]:
-        """The stated traits, or () where they are nominal, since a derived world may not support traits."""
+        """The stated traits; () if they are nominal, since a derived world may not accept traits."""
         return () if ordinary(self._stated).all() else (self._stated,)
 
     def squeeze_many(self, poses_hand: Array, traits: Traits | None = None) -> RollOut:
@@ -136,7 +137,11 @@ class ContactWorld:
         return self._simulator.push_by_hand(poses_hand, opening_mm, way_mm, self._rng, traits)
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
-        """Whether fingers that come down open to `opening_mm` would stand on a part at a pose."""
+        """Whether fingers that come down open to `opening_mm` would stand on a part at a pose.
+
+        Raises:
+            ValueError: the pose is not three finite numbers, or the opening is out of range.
+        """
         simulator = self._simulator
         opening_mm = arguments.number(opening_mm, "opening_mm", 0.0, simulator.jaws.opening_mm)
         x, y, theta = arguments.row(pose_hand, "pose_hand", 3).tolist()
@@ -186,7 +191,7 @@ def is_contact(world: World) -> bool:
 
 
 def stands_on(outline: Array, jaws: Jaws, pose_hand: Pose, opening_mm: float) -> bool:
-    """Whether fingers that come down open to `opening_mm` would stand on a part at a pose in the hand."""
+    """Whether fingers that come down open to `opening_mm` would stand on a part at a pose (hand frame)."""
     jaws, poses = jaws._replace(opening_mm=opening_mm), np.array([pose_hand], np.float64)
     return least_clearance(outline, jaws, poses, np.zeros(3), margin_mm=0.0) < 0.0
 

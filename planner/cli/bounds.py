@@ -12,7 +12,7 @@ from runtime.table import Table
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options --bound and --bound-dense; `bound_of` reads them."""
     text = (
-        "prove a lower bound on the squeezes of any plan that is as good, on a sample of so many parts "
+        "prove a lower bound on the squeezes of any plan that is as good, from a sample of PARTS parts "
         f"(default: {PARTS}); takes seconds to minutes; more parts tighten the bound"
     )
     parser.add_argument("--bound", nargs="?", const=PARTS, type=_parts, metavar="PARTS", help=text)

@@ -45,18 +45,18 @@ def parser() -> Parser:
     shell.add_output(built, "TREE.msgpack", "the table; with --vary a folder", required=False)
     text = "one table for each value in place of the job's; given twice, for each combination"
     add("--vary", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE", help=text)
-    add("--seed", type=natural, help="instead of the job's seed")
+    add("--seed", type=natural, help="seed in place of the job's")
     shell.add_trials(built, EVALUATION_TRIALS, "parts squeezed to evaluate the table")
     text = (
-        "end after so long, evaluation included, with the best tree so far, as Ctrl-C does at once (default: "
-        "search until done)"
+        "end after this time, evaluation included, with the best tree so far; Ctrl-C does so at once "
+        "(default: search until done)"
     )
     add("--budget", type=seconds_text, default=math.inf, metavar="60s", help=text)
     bounds.add_options(built)
     add("--strip", action="store_true", help="leave the job out of the table")
-    text = "do not look for what limits the plan, which takes seconds"
+    text = "skip the search for what limits the plan, which takes seconds"
     add("--no-advice", action="store_true", help=text)
-    text = "no table, but Goldberg's plan without sensors, and what it achieves"
+    text = "write no table; print Goldberg's plan without sensors, and what it achieves"
     add("--baseline", choices=["sensorless"], help=text)
     shell.add_takt(built)
     shell.add_scheduler(built)
@@ -76,13 +76,13 @@ def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
         if arguments.output or arguments.vary:
             yield "--baseline writes no table; leave out -o and --vary"
         if bounded:
-            yield "--bound: proves something of a table; leave it out with --baseline"
+            yield "--bound: is for a table, and --baseline writes none; leave one of them out"
         if arguments.takt is not None:
             yield "--takt: is for the parts of a table; leave it out with --baseline"
     elif not arguments.output:
         yield "-o/--output is missing; name the table to write"
     if arguments.vary and bounded:
-        yield "--bound: proves something of one plan; leave it out with --vary"
+        yield "--bound: is for a single plan; leave it out with --vary"
 
 
 def _single(arguments: argparse.Namespace) -> int:
@@ -96,7 +96,7 @@ def _single(arguments: argparse.Namespace) -> int:
     bounded = math.isfinite(arguments.budget)
     whole = course.of_time(arguments.budget) if bounded else course.of_search
     for result in alike(job):
-        if not result.hopeless:  # a hopeless one is refused
+        if not result.hopeless:  # `compile_job` refuses the job if all its parts are hopeless
             tell(NAME, f"warning: {result.line()}")
     limit, notes = Limit(arguments.budget), list[str]()
     with shell.scheduler(arguments) as scheduler, shell.progress(arguments.json, whole) as report:
@@ -107,7 +107,7 @@ def _single(arguments: argparse.Namespace) -> int:
         bound = advice = None
         with shell.spared("bound", notes, arguments.debug):
             bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
-        # What a longer search might contradict is not advised.
+        # A longer search might contradict advice on a plan that was cut short.
         if not (arguments.no_advice or plan.cut):
             with shell.spared("advice", notes, arguments.debug):
                 advice = counsel(plan.table, plan.evaluation, job, scheduler, report)

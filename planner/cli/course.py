@@ -17,9 +17,9 @@ OBJECTS_S = 0.3  # seconds between two JSON objects of progress
 LINES_S = 5.0  # seconds between two lines of progress where no terminal shows a bar
 
 Whole = Callable[[float, int, int], float | None]
-"""Returns the share of a command's whole work that is done, 0 to 1, or None if unknown.
+"""A function of (seconds so far, done amount, total amount of the current stage).
 
-Arguments: the seconds so far, and the done and the total amount of the current stage.
+It returns the share of a command's whole work that is done, 0 to 1, or None if the share is unknown.
 """
 
 
@@ -34,7 +34,7 @@ def of_search(_seconds: float, done: int, total: int) -> float | None:
 
 
 def counted(_seconds: float, done: int, total: int) -> float | None:
-    """The share done of work in one stage, or in many stages with one count."""
+    """The share of work that is done, if the work is one stage, or if all its stages share one count."""
     return done / total if total else None
 
 
@@ -50,12 +50,12 @@ def shown(
     """Shows progress on standard error; yields `report(stage, done, total, detail)`.
 
     A terminal shows one bar for the whole work, which never goes back. Elsewhere a line is printed every
-    `LINES_S` seconds, so that shorter work prints nothing. Both show the time left, if known.
+    `LINES_S` seconds, so that shorter work prints nothing. Both state the time left, or that it is unknown.
 
     Args:
-        quiet: show nothing.
-        whole: the share of the work that is done.
-        clock: returns seconds.
+        quiet: whether to show nothing.
+        whole: returns the share of the work that is done.
+        clock: returns the time in seconds.
     """
     console = Console(stderr=True)
     if quiet:
@@ -80,8 +80,8 @@ class _Course:
     def __init__(self, whole: Whole, clock: Callable[[], float]) -> None:
         self.share = 0.0  # of the whole work, never less than before
         self._whole, self._clock, self._begun = whole, clock, clock()
-        self._first: tuple[float, float] | None = None  # time and value of the first share
-        self.known = False  # whether the share is current
+        self._first: tuple[float, float] | None = None  # seconds and value of the first known share
+        self.known = False  # whether the latest report had a known share, less than 1
 
     def heard(self, done: int, total: int) -> None:
         """Updates the share of the whole work from the state of the current stage."""
@@ -97,7 +97,7 @@ class _Course:
         return self._clock() - self._begun
 
     def left(self) -> str:
-        """Text for the time left, at the rate since a share was first known."""
+        """Text for the time left, from the rate of progress since the share was first known."""
         if self.known and self._first and self._first[1] < self.share < 1.0:
             since, share = self._first
             left_s = (self.seconds - since) * (1.0 - self.share) / (self.share - share)
@@ -116,10 +116,13 @@ def objects(whole: Whole) -> Report:
 def _spaced(
     course: _Course, pause_s: float, last_s: float, line: Callable[[_Course, str, str], str]
 ) -> Report:
-    """A report that writes lines to standard error, at least `pause_s` apart.
+    """Returns a report that writes lines to standard error, at least `pause_s` apart.
 
-    The first line is written `pause_s` after `last_s`, in seconds since the beginning. `line` formats the
-    course, a stage and its detail.
+    Args:
+        course: tracks the progress.
+        pause_s: least time between two lines.
+        last_s: time since the beginning at which a line counts as written; the first follows `pause_s` later.
+        line: formats the course, a stage and its detail.
     """
 
     def report(name: str, done: int, total: int, detail: str = "", /) -> None:

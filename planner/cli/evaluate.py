@@ -1,4 +1,4 @@
-"""plan-evaluate: a table against a world, over many fresh trials."""
+"""plan-evaluate: runs a table on many simulated parts in a world, and counts how they end."""
 
 import argparse
 import math
@@ -51,7 +51,7 @@ def parser() -> Parser:
     shell.add_seed(built, "of the trials")
     text = "how many of the worst errors to show (default: %(default)s)"
     built.add_argument("--worst", type=natural, default=3, metavar="N", help=text)
-    text = "also foreign parts: each part a tenth smaller and larger, a disc, a rectangle"
+    text = "also squeeze foreign parts: each part a tenth smaller and larger, a disc, a rectangle"
     built.add_argument("--foreign-parts", action="store_true", help=text)
     shell.add_scheduler(built)
     _add_rare(built.add_argument_group("wrong answers in parts per million"))
@@ -77,7 +77,7 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
     add("--world-copies", action="store_true", help=text)
     text = "override a value of the job in the world, such as pressure.kind=uniform; repeatable"
     add("--world-set", action="append", default=[], metavar="SECTION.KEY=VALUE", help=text)
-    text = "evaluate in a standard set of worlds, one line each; takes no other change"
+    text = "evaluate in a standard set of worlds, one line each; without other changes of the world"
     add("--sweep", action="store_true", help=text)
     add("--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width")
     text = "standard deviation of the hand's x and y, drawn for every squeeze"
@@ -177,7 +177,7 @@ def _mistakes(arguments: argparse.Namespace) -> Iterator[str]:
     if arguments.foreign_parts and (arguments.ppm or arguments.sweep):
         yield "--foreign-parts come into one world; leave out --ppm and --sweep"
     if arguments.resume is not None and not arguments.ppm:
-        yield "--resume is of --ppm; add it"
+        yield "--resume continues a study of --ppm; add --ppm"
     if arguments.takt is not None and arguments.ppm:
         yield "--ppm counts wrong answers and times nothing; leave out --takt"
     if arguments.sweep and (arguments.world_set or _disturbance(arguments) != Disturbance()):
@@ -220,7 +220,7 @@ def _name_of_world(arguments: argparse.Namespace) -> str:
 
 
 def _spread(value: str) -> float:
-    """Parses a number that is not negative, a standard deviation, for argparse."""
+    """Parses a standard deviation, a number that is not negative, for argparse."""
     spread = number(value)
     if spread < 0.0:
         raise argparse.ArgumentTypeError(f"{value} is negative")
@@ -282,7 +282,7 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
 
 
 def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
-    """Lines with the number of parts that ended at one leaf, but lay at the pose of another or of none."""
+    """Lines that count, for each leaf, parts that ended there but lay at another leaf's pose or at none."""
     lines: list[str] = []
     for row in confused[:MOST_ROWS]:
         truth = "where no leaf is" if row.truth == leaves.NO_LEAF else f"at leaf {row.truth}"
@@ -309,7 +309,7 @@ SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds
 
 
 def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None) -> str:
-    """One world as a row of `SWEEP_HEAD`'s columns; a takt adds the share of parts done within it."""
+    """One world as a row under `SWEEP_HEAD`; with a takt, it also states how many parts are done in time."""
     figures = evaluation.summary(takt_s)
     shares, takt = shares_of(figures), "" if takt_s is None else f"; {takt_text(figures)}"
     return (

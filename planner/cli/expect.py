@@ -23,7 +23,7 @@ def parser() -> Parser:
     )
     shell.add_table(command)
     shell.add_output(command, "EXPECTED.json", "the file to write")
-    shell.add_trials(command, DEFAULT_TRIALS, "in each world")
+    shell.add_trials(command, DEFAULT_TRIALS, "parts squeezed in each world")
     shell.add_seed(command, "of the trials")
     shell.add_scheduler(command)
     return command

@@ -24,7 +24,7 @@ def parser() -> Parser:
     built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     built.add_argument("--to", choices=tuple(FORMS), required=True, help="the form of the table")
     shell.add_output(built, "DIR", "folder for the files, new or empty")
-    text = "prefix of all files and of all names that the C or structured text defines"
+    text = "prefix of the file's name and of all names that the C or structured text defines"
     text = f"{text} (default: {PREFIX}); two tables in one program need two"
     built.add_argument("--prefix", metavar="NAME", help=text)
     return built

@@ -20,7 +20,7 @@ from planner.job.drafts import FINGERS, GRIPPERS, draft
 from planner.job.model import Job
 from planner.part.importers.file import SUFFIXES
 from planner.part.outline import smallest_rectangle
-from planner.report import canvas, paper_figures
+from planner.report import canvas, look, paper_figures
 from planner.report.answer import QUESTION, Answer
 from planner.report.replay import replay
 from planner.report.verdict import Grade, verdict, weakest
@@ -38,8 +38,7 @@ from runtime.table import dump
 ANSWER_S = 60.0  # from the start to the last line, including the compilation of kernels
 LEAST_ANSWER_S = 12.0  # least time for the answer after the kernels are compiled
 PICTURE_S = 3.0
-LEAST_DRAWN = 300  # least number of parts in the picture, if squeezing them takes long
-DRAWN_SQUEEZES = range(1, 4)  # lengths of the path in the picture
+LEAST_DRAWN = 300  # least number of parts in the picture, even if it takes longer than `PICTURE_S`
 WORTH_TELLING = 0.005  # share of unfinished parts from which the answer mentions them
 LEAST_DONE = 0.9  # least share located among the finished parts for the answer "cut"
 MOST_OPEN = 0.5  # share of unfinished parts above which the answer is "unknown"
@@ -58,10 +57,10 @@ def parser() -> Parser:
         f"{first_plan.NAME} part.dxf --units mm",
         f"{first_plan.NAME} part.svg --units mm --gripper hand-e --radius 5 -o first/part.toml",
     )
-    built.add_argument("drawing", type=Path, help=f"of the part: {', '.join(SUFFIXES)}")
+    built.add_argument("drawing", type=Path, help=f"drawing of the part: {', '.join(SUFFIXES)}")
     text = (
-        "the job file; table and picture go beside it (default: named after the drawing, and "
-        "numbered where another job has the name, in this folder)"
+        "the job file; table and picture go beside it (default: in this folder, named after the "
+        "drawing, with a number if another job has the name)"
     )
     shell.add_output(built, "JOB.toml", text, required=False)
     shell.add_drawing(built.add_argument_group("the drawing"))
@@ -69,18 +68,18 @@ def parser() -> Parser:
     add = stated.add_argument
     text = "the part's centre lies in a disc of this radius"
     add("--radius", type=number, metavar="MM", help=text)
-    text = f"it is turned by at most this (default: {first_plan.TURN_DEG:g})"
+    text = f"the part is turned by at most this, either way (default: {first_plan.TURN_DEG:g})"
     add("--turn", type=number, metavar="DEG", help=text)
     text = (
-        f"which one (default: the first that opens wide enough); {ALL}: compare them in one table, each "
-        "planned for --budget (default: half a minute), and write nothing"
+        f"model of the gripper (default: the first that opens wide enough); {ALL}: compare all in one table, "
+        "each planned for --budget (default: half a minute), and write nothing"
     )
     add("--gripper", choices=[*GRIPPERS, ALL], help=text)
-    add("--fingers", choices=FINGERS, help="finger pads (default: rubber)")
+    add("--fingers", choices=FINGERS, help="material of the finger pads (default: rubber)")
     shell.add_distance(stated)
     text = "height of the part (default: that of a solid; unknown for an outline)"
     add("--thickness", type=positive, metavar="MM", help=text)
-    text = "for the answer, once kernels are loaded (default: a minute)"
+    text = "time for the answer, once kernels are loaded (default: a minute)"
     add("--budget", type=seconds_text, metavar="30s", help=text)
     text = "print progress as JSON, one object a line, on standard error"
     built.add_argument("--follow", action="store_true", help=text)
@@ -151,7 +150,7 @@ def _try(arguments: argparse.Namespace) -> None:
     with spared("picture"):
         drawn = min(first_plan.TRIALS, max(LEAST_DRAWN, int(PICTURE_S / part_s)))
         beliefs = replay(plan.table, job, drawn, plan.seed)
-        shown = plan.table, job, beliefs, DRAWN_SQUEEZES, imported.holes_mm
+        shown = plan.table, job, beliefs, look.SQUEEZES, imported.holes_mm
         canvas.save(files.picture, lambda: paper_figures.sequence(*shown))
         picture = files.picture
     seconds = time.monotonic() - started
@@ -207,9 +206,10 @@ def _answered(
 
 
 def _short(grade: Grade, success: float, open_share: float) -> str:
-    """The grade of a plan; "cut" or "unknown" in place of "poor" if the unfinished search explains it.
+    """Returns the grade of a plan, or "cut" or "unknown" if the grade is poor since the search is unfinished.
 
-    `open_share` is the share of parts for which the search is unfinished.
+    `open_share` is the share of parts for which the search is unfinished. It explains a poor grade if it is
+    above `MOST_OPEN` ("unknown"), or if `LEAST_DONE` of all other parts are located ("cut").
     """
     if grade != "poor" or not open_share:
         return grade
@@ -219,12 +219,12 @@ def _short(grade: Grade, success: float, open_share: float) -> str:
 
 
 def _files(arguments: argparse.Namespace, text: str) -> Files:
-    """Chooses the files to write: the job file is the one asked for, or has the first free name.
+    """Chooses the files to write: the job file that `--output` names, or the first numbered one that is free.
 
-    A name is free, too, if its file already has the text `text`.
+    A file that already has the text `text` counts as free.
 
     Raises:
-        UsageError: the job file asked for exists and has another text.
+        UsageError: the file that `--output` names exists and has another text.
         OutputError: a file cannot be written.
     """
     stem, number = arguments.drawing.stem, 1

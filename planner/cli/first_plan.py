@@ -19,13 +19,13 @@ from planner.work.limit import Limit
 from planner.work.progress import Report
 
 NAME = "plan-try"
-REST_S, REST = 15.0, 0.3  # time kept for what follows the plan: at most, and as a share
-SLOW_S = 120.0  # budget of the second search, if the first was too slow
+REST_S, REST = 15.0, 0.3  # time kept for what follows the plan: at most, and as a share of all time
+SLOW_S = 120.0  # budget of the second search, if the first one was cut short without a plan
 QUICK = {"particles": 8000}  # overrides of [search]: a rough tree in the time available
 TRIALS = 5000  # parts, so that shares are whole hundredths of a percent
 LEAST_ROOM_MM = 4.0  # least gap between open fingers and the part at any angle, to choose a gripper
-TURN_DEG = 20.0  # either way: as parts come from a chute; any angle takes too long
-LARGEST = 1  # number of the contour that is used
+TURN_DEG = 20.0  # default, either way, as from a chute; planning for any angle takes too long
+LARGEST = 1  # number of the largest outer contour, which is the default
 UNITS_ASSUMED = "one unit of the drawing is 1 mm, for it does not say (--units)"
 
 Read = TypeVar("Read")
@@ -60,7 +60,11 @@ def imported_of(arguments: Namespace) -> tuple[Imported, list[str]]:
 def in_mm(
     read: Callable[[Path, Options], Read], path: Path, options: Options
 ) -> tuple[Read, list[str]]:
-    """Reads a drawing, in mm if it states no unit; also returns that assumption, if made, as a note."""
+    """Reads a drawing by `read`, in mm if it states no unit.
+
+    Returns:
+        The result of `read`, and notes: the assumption of mm if it was made, else none.
+    """
     try:
         return read(path, options), []
     except UnitsMissingError:
@@ -116,9 +120,13 @@ def check_thickness(imported: Imported) -> None:
 
 
 def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
-    """Plans within the time until an answer [s], less a reserve for what follows the plan.
+    """Plans a job with few particles in a limited time.
 
-    If that time yields no plan and `patient` is set, plans once more, within `SLOW_S`.
+    Args:
+        job: the job.
+        answer_s: time until the answer; a part of it is kept for what follows the plan.
+        patient: whether to search once more, for `SLOW_S`, if the time is over before there is a plan.
+        report: progress.
 
     Raises:
         NoPlanError: the time does not suffice, or no plan exists.

@@ -18,7 +18,7 @@ HEAD = f"{'gripper':16} {'step':>8}  located  squeezes  seconds  error (95 %)"
 
 
 def compare(arguments: argparse.Namespace) -> None:
-    """Plans the same job for each gripper, and prints a line for each."""
+    """Plans the same job for each gripper that opens wide enough, and prints a line for every gripper."""
     if arguments.output is not None:
         raise UsageError(f"--gripper {ALL} writes no job; leave out --output")
     imported, notes = first_plan.imported_of(arguments)

@@ -23,7 +23,7 @@ from runtime.shell.errors import InputError
 from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
-MOST_SPLITS = 10  # most splits that --motions is judged by
+MOST_SPLITS = 10  # most random splits that judge a fit to --motions
 KINDS: tuple[Kind, ...] = ("ellipsoid", "quartic")
 FORMATS = files("planner").joinpath("templates/push_formats.txt").read_text("utf-8")
 
@@ -140,21 +140,21 @@ def parser() -> Parser:
     text = f"tables of directions in place of logs: {','.join(pushes.DIRECTIONS)}"
     add("--pairs", type=Path, nargs="+", default=[], metavar="PAIRS.csv", help=text)
     named = (
-        f"{','.join((*tips.NAMES, *tips.MOVED))}, as plan-simulate --push --tip-radius-mm has them"
+        f"{','.join((*tips.NAMES, *tips.MOVED))}, as plan-simulate --push --tip-radius-mm writes"
     )
-    text = f"without forces: pushes by a round tip, {named}; gives the tip's friction, too"
+    text = f"pushes by a round tip, measured without forces: {named}; gives the tip's friction, too"
     add("--motions", type=Path, metavar="PUSHES.csv", help=text)
-    add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
-    add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")
+    add("--job", type=Path, metavar="JOB.toml", help="job file of the part of --motions")
+    add("--tip-radius-mm", type=positive, metavar="MM", help="radius of the tip of --motions")
     shell.add_output(built, "SURFACE.toml", "the limit surface", required=False)
     add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
     text = "kind of limit surface; both: the better predictor is written (default: %(default)s)"
     add("--kind", choices=(*KINDS, "both"), default="both", help=text)
     text = "length that torques are divided by (default: %(default)g)"
     add("--rho-mm", type=positive, default=75.0, help=text)
-    text = "friction of part and table (default: estimated from the pushes)"
+    text = "force of friction between part and table in N (default: estimated from the pushes)"
     add("--friction-n", type=positive, help=text)
-    text = "random splits to judge by (default: %(default)s)"
+    text = "number of random splits by which a fit is judged (default: %(default)s)"
     add("--splits", type=positive_int, default=50, help=text)
     text = "share of the pushes that a split fits to (default: %(default)g)"
     add("--train-share", type=_share, default=0.5, help=text)

@@ -33,20 +33,20 @@ def parser() -> Parser:
     )
     built.add_argument("outline", type=Path, help=f"the drawing: {', '.join(SUFFIXES)}")
     shell.add_output(built, "JOB.toml", "the job file")
-    built.add_argument("--force", action="store_true", help="overwrite it if it is there")
+    built.add_argument("--force", action="store_true", help="overwrite the job file if it exists")
     shell.add_drawing(built.add_argument_group("the drawing"))
-    text = "of an STL solid, that may lie on any of its stable faces: each becomes one of several parts"
+    text = "for an STL solid that may lie on any of its stable faces: each face becomes one of several parts"
     built.add_argument("--faces", action="store_true", help=text)
     answers = built.add_argument_group("the answers")
     add = answers.add_argument
-    add("--name", help="of the part")
+    add("--name", help="name of the part")
     add("--radius", type=number, metavar="MM", help="its centre lies in a disc of this radius")
-    text = "it is turned by at most this (default: any angle)"
+    text = "the part is turned by at most this, either way (default: any angle)"
     add("--turn", type=number, metavar="DEG", help=text)
-    text = "of the part, from the table to its top (default: the height of an STL solid)"
+    text = "height of the part, from the table to its top (default: that of an STL solid)"
     add("--thickness", type=number, metavar="MM", help=text)
-    add("--gripper", choices=GRIPPERS, help="which one")
-    add("--fingers", choices=FINGERS, help="finger pads")
+    add("--gripper", choices=GRIPPERS, help="model of the gripper")
+    add("--fingers", choices=FINGERS, help="material of the finger pads")
     shell.add_distance(answers)
     return built
 
@@ -97,7 +97,7 @@ def _drawing(arguments: argparse.Namespace) -> Options:
 def _faces(arguments: argparse.Namespace) -> list[Face]:
     for name in ("contour", "thickness"):
         if getattr(arguments, name) is not None:
-            raise UsageError(f"--faces takes all that from the solid; leave out --{name}")
+            raise UsageError(f"--faces measures the solid itself; leave out --{name}")
     return read_faces(arguments.outline, shell.drawing_of(arguments), tips_height_mm)
 
 

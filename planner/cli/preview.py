@@ -1,7 +1,8 @@
 """Preview of `squeezetree try`: contours, outline, jaws and defaults of a drawing before planning.
 
-As a program it answers lines: a JSON list of arguments in, a JSON object out. The studio runs it as a
-separate process, so that a drawing that takes all memory or time ends this process, not the page.
+As a program it reads a JSON list of arguments from each line of its input, and prints a JSON object for it.
+The studio runs it as a separate process: a drawing that takes all memory or time ends this process, and the
+page stays.
 """
 
 import contextlib
@@ -23,7 +24,7 @@ from planner.report.canvas import points
 from runtime.shell.command import sentence_of
 from runtime.shell.errors import ExpectedError, UsageError
 
-FINENESS = 1e-3  # of the part's size: detail that a drawn contour may leave out
+FINENESS = 1e-3  # tolerance of the contours on the page, as a share of their larger extent
 
 
 def preview(words: Sequence[str]) -> dict[str, Any]:

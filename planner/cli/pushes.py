@@ -40,7 +40,7 @@ class Draws(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Ranges of the displacements of n pushes, each simulated with many draws of the mechanics."""
+    """Ranges of the displacements of n pushes; each push was simulated with many draws of the mechanics."""
 
     bounds: Array  # (n, 6) low and high of x, y [mm] and the angle [degrees]
     given_up: int  # number of pushes cut short, over all draws
@@ -103,10 +103,10 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
 
 
 def exact(job: Job) -> Job:
-    """The job with a quartic limit surface if its pressure is on the rim or uniform; else unchanged.
+    """Replaces the fitted ellipsoid of a pressure on the rim or over the area by the fitted quartic.
 
     The quartic predicts pushes better than the ellipsoid, but takes ten times as long: too long for plans,
-    not for a list of pushes.
+    not for a list of pushes. A job with another pressure or limit surface is returned unchanged.
     """
     pressure = job.pressure
     spread = pressure.kind in ("boundary", "uniform") and pressure.limit_surface == "ellipsoid"

@@ -52,7 +52,7 @@ def parser() -> Parser:
     audits = "measured poses as grasp-audit report --export writes them, one file for each journal"
     add("--audit", default=[], metavar="A.csv", help=audits, **several)
     shell.add_output(command, "JOB2.toml", "the job file to write")
-    shell.add_seed(command, "of what is simulated")
+    shell.add_seed(command, "of the simulation")
     text = "cells to simulate in each round: more take longer, with finer results (default: %(default)s)"
     add("--cells", type=positive_int, default=Effort().cells, help=text)
     shell.add_scheduler(command)
@@ -111,7 +111,7 @@ def _refit(arguments: argparse.Namespace) -> None:
 
 
 def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[PartLog]]:
-    """The table of the journals and all their parts, with their audits.
+    """Reads the table of the journals, and the parts of all journals with their audits.
 
     Raises:
         InputError: a journal or an audit cannot be used.
@@ -135,7 +135,7 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
 
 
 def _measured(path: Path, parts: Sequence[PartLog]) -> None:
-    """Sets the residuals of `parts`, measured less predicted poses, from a CSV file of audited parts."""
+    """Sets the residual of each audited part, its measured less its predicted pose, from a CSV file."""
     rows = list(csv.DictReader(documents.read(path).splitlines()))
     try:
         for row in rows:
@@ -160,8 +160,8 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
         squeezed += bool(part.squeezes)
         target: int | None = 0
         for node, width_um, target in part.squeezes:
-            # A calibrated gripper's widths are compared with the nominal ones of the simulated
-            # gripper.
+            # The journal's gripper may be calibrated; the simulated one, to which widths are compared, is
+            # nominal.
             counts[node, gripper.bin_of(width_um)] += 1
             if target is None or target < 0:
                 break
@@ -186,7 +186,7 @@ def timed(parts: Sequence[PartLog]) -> list[Timed]:
 def _preview(
     cells: Cells, posterior: Posterior, seed: int, scheduler: Scheduler
 ) -> tuple[float, float]:
-    """Mean shares of wrong and of rejected parts, simulated in cells drawn from the posterior."""
+    """Returns the shares of wrong and of rejected parts in simulated cells, drawn from the posterior."""
     number, parts = PREVIEW
     jobs = [(cells, point, parts, seed + k) for k, point in enumerate(posterior.cells[:number])]
     tried = list(scheduler.map(_run, jobs))

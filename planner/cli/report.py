@@ -30,11 +30,11 @@ def parser() -> Parser:
     shell.add_output(built, "PAGE.html", "the page")
     text = "lay the runs of this journal over the tree"
     add("--journal", type=Path, metavar="J.jsonl", help=text)
-    text = "set the plan beside another table; with --journal, its runs beside another journal"
+    text = "compare the plan with another table or, with --journal, its runs with those of another journal"
     add("--compare", type=Path, metavar="FILE", help=text)
     text = "a short version for a customer: two printed sheets"
     add("--sheet", action="store_true", help=text)
-    text = f"judge the table in this world too, by {dossier.OTHER_TRIALS} parts: one more row"
+    text = f"also evaluate the table in this world, with {dossier.OTHER_TRIALS} parts: one more row"
     add("--world", metavar="MODULE:FACTORY", help=text)
     shell.add_takt(built)
     bounds.add_options(built)

@@ -30,7 +30,7 @@ progress = course.shown
 WIDTH = 98  # columns of --help
 PICTURES = (".png", ".svg", ".pdf")  # suffixes of pictures that matplotlib writes
 FORMATS = (*PICTURES, ".csv", ".dxf", ".html", ".json", ".msgpack", ".stl", ".toml")
-STOPPING = "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once"
+STOPPING = "stopping: the best tree so far is evaluated and kept; Ctrl-C again ends at once"
 EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.NO_PLAN, ExitCode.UNREACHABLE)
 
 
@@ -51,20 +51,22 @@ def refuse(problems: Iterator[str]) -> None:
 
 
 def check_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
-    """Checks the path that an option names.
+    """Checks the suffix of the path that an option names.
 
     Raises:
-        UsageError: it has none of the suffixes.
+        UsageError: the path ends in none of `suffixes`.
     """
     if path.suffix.lower() not in suffixes:
         raise UsageError(f"{option} {path} must end in {', '.join(suffixes)}")
 
 
 def checked_output(path: Path, what: str, suffix: str) -> Path:
-    """Checks and returns the path of an output; no suffix or an unknown one is allowed, too.
+    """Checks and returns the path of an output, which should end in `suffix`.
+
+    A path without a suffix, or with a suffix that is not in `FORMATS`, is allowed, too.
 
     Raises:
-        UsageError: the suffix belongs to another kind.
+        UsageError: the suffix is that of another format.
     """
     if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
         name = path.with_suffix(suffix)
@@ -95,7 +97,7 @@ def drawing_of(arguments: argparse.Namespace) -> Options:
 
 
 def add_table(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments for a table and, if need be, its job; `loaded` reads both."""
+    """Adds the arguments for a table and, if it was stripped of its job, for the job; `loaded` reads both."""
     parser.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     parser.add_argument("--job", type=Path, help="the job file, for a table compiled with --strip")
 
@@ -152,7 +154,7 @@ def add_output(
 
 def add_seed(parser: argparse.ArgumentParser, what: str) -> None:
     """Adds the option for the seed of a command's random draws, 0 by default."""
-    text = f"{what} (default: %(default)s)"
+    text = f"seed {what} (default: %(default)s)"
     parser.add_argument("--seed", type=command.natural, default=0, help=text)
 
 
@@ -163,13 +165,13 @@ def add_trials(parser: argparse.ArgumentParser, default: int, what: str) -> None
 
 
 def add_distance(group: argparse._ArgumentGroup) -> None:
-    """Adds the option `--distance`, which states how precisely the part of a new job must be located."""
-    text = "how well the part must be located (default: %(default)s)"
+    """Adds the option --distance, the goal of a new job: the greatest error of a located part."""
+    text = "greatest error of a part that counts as located (default: %(default)s)"
     group.add_argument("--distance", type=command.number, default=3.0, metavar="MM", help=text)
 
 
 def add_takt(parser: argparse.ArgumentParser) -> None:
-    """Adds the option that states a takt."""
+    """Adds the option --takt: the time [s] within which a part should be done."""
     text = "also state how many parts are done within this time"
     parser.add_argument("--takt", type=command.seconds, metavar="6s", help=text)
 
@@ -209,7 +211,7 @@ def answer(as_json: bool, figures: Mapping[str, Any], *lines: str) -> None:
 
 
 def printer(as_json: bool) -> Callable[..., None]:
-    """`print` for people; where the answer is JSON, a function that prints nothing."""
+    """Returns `print` for an answer to people; for a JSON answer, a function that prints nothing."""
     return (lambda *_lines, **_options: None) if as_json else print
 
 

@@ -25,7 +25,8 @@ from runtime.shell.files import usable, words_of
 NAME = "plan-simulate"
 RADIANS, DEGREES = "theta_rad", "theta_deg"
 INPUTS = ("x_mm", "y_mm", RADIANS)
-PICTURES = {"figure": shell.PICTURES, "html": (".html",)}  # suffixes of each
+# Options that draw, and the suffixes of their files.
+PICTURES = {"figure": shell.PICTURES, "html": (".html",)}
 IN_DEGREES = ("x_mm", "y_mm", DEGREES)  # columns of poses with angles in degrees
 # Final pose and width, then the angles again, in degrees.
 RESULTS = (*(f"final_{name}" for name in INPUTS), "width_mm", "theta_deg", "final_theta_deg")
@@ -79,7 +80,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
 
 
 def _rng(arguments: argparse.Namespace, job: Job, *stream: int) -> np.random.Generator:
-    """A random generator of the option --seed, else of the job's seed; each `stream` is independent."""
+    """Returns a random generator from --seed or else the job's seed; each `stream` has its own numbers."""
     seed = job.seed if arguments.seed is None else arguments.seed
     return np.random.default_rng([seed, *stream] if stream else seed)
 
@@ -142,10 +143,10 @@ def parser() -> Parser:
     built = shell.parser(
         NAME,
         "Squeeze a part once from each of many poses. Poses are the part's in the hand frame: hand at the "
-        "origin, jaws fully open, closing along y. Where the open fingers would stand on the part, it is "
-        "reported as jammed at full opening, unmoved. Or push it once along each of many paths: two fingers "
+        "origin, jaws fully open, closing along y. A part on which the open fingers would stand is reported "
+        "as jammed at full opening, unmoved. Or push the part once along each of many paths: two fingers "
         "touch an edge and turn about a centre, given in the frame of the job's outline_mm; a part that ends "
-        "within 10 mm and 5 degrees of where they took it is stuck, one that they left is lost.",
+        "within 10 mm and 5 degrees of where the fingers carry it is stuck, one that they left is lost.",
         f"{NAME} trees/rectangle/job.toml --poses in.csv -o out.csv --nominal --mu 0.5",
         f"{NAME} job.toml --poses in.csv -o out.csv --figure squeezes.svg --html squeezes.html",
         f"{NAME} job.toml --push in.csv -o out.csv --nominal --mu 0.5 --fingers-mm 50",
@@ -154,11 +155,11 @@ def parser() -> Parser:
     add = built.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job file")
     listed = built.add_mutually_exclusive_group(required=True)
-    text = f"squeeze; with a header: {','.join(INPUTS)}, or {DEGREES} in place of {RADIANS}"
+    text = f"poses to squeeze at; header: {','.join(INPUTS)}, or {DEGREES} in place of {RADIANS}"
     listed.add_argument("--poses", type=Path, metavar="IN.csv", help=text)
     text = (
-        f"push; with a header: {','.join((*pushes.PLACES, pushes.FINGERS))}, and where the centre moves, "
-        f"too, {','.join(pushes.SHIFTS)}"
+        f"pushes; header: {','.join((*pushes.PLACES, pushes.FINGERS))}, and if the centre of rotation moves, "
+        f"{','.join(pushes.SHIFTS)}"
     )
     listed.add_argument("--push", type=Path, metavar="IN.csv", help=text)
     without = f"for pushes without a column {pushes.FINGERS}"
@@ -166,20 +167,20 @@ def parser() -> Parser:
     add("--fingers-mm", type=float, metavar="MM", help=text)
     shell.add_output(built, "OUT.csv", "the results; - for standard output")
     text = (
-        f"push with a round tip of this radius; with a header: {','.join(tips.NAMES)}, the tip's centre at "
+        f"push with a round tip of this radius; header: {','.join(tips.NAMES)}, the tip's centre at "
         "the start and its whole way; a tip that overlaps the part starts at the nearest place beside it. "
         "With --fingers-mm: two such tips, on the columns of two fingers"
     )
     add("--tip-radius-mm", type=positive, metavar="MM", help=text)
-    draws = "so many draws of the mechanics and of what the job doubts"
+    draws = "N draws of the mechanics and of what the job doubts"
     text = f"add the 5th and 95th percentile of each push's displacement over {draws}"
     add("--draws", type=positive_int, metavar="N", help=text)
-    usual = f"default: {pushes.START_MM}, as recorded"
+    usual = f"default: {pushes.START_MM}, as in recorded pushes"
     text = f"standard deviation of x and of y at which a pusher starts, for --draws ({usual})"
     add("--start-mm", type=float, metavar="MM", help=text)
-    add("--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu")
+    add("--nominal", action="store_true", help="nominal limit surface without scatter; needs --mu")
     add("--mu", type=float, help="friction between finger and part, with --nominal")
-    add("--seed", type=natural, help="of the scatter (default: the job's)")
+    add("--seed", type=natural, help="seed of the scatter (default: the job's)")
     text = "step of a finger that closes or pushes (default: %(default)s)"
     add("--step-mm", type=float, default=DEFAULT_STEP_MM, help=text)
     add("--workers", type=positive_int, help="threads (default: cores)")

@@ -56,7 +56,7 @@ class Settings(NamedTuple):
 class Order(NamedTuple):
     """One job of a sweep."""
 
-    overrides: Overrides  # the overrides: names and texts of values
+    overrides: Overrides  # names of keys, each with the text of its value
     text: str  # canonical text of the job; "" if it was refused
     refusal: dict[str, Any] | None = None  # the error, as `_failure` returns it
 
@@ -74,9 +74,9 @@ class Outcome(NamedTuple):
 
 
 def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list[Order]:
-    """A job for every combination of the swept values; the last name's value changes fastest.
+    """Returns an order for every combination of the swept values; the value of the last name changes fastest.
 
-    `sweeps` are texts "section.key=value,value"; the common overrides are applied first.
+    `sweeps` are texts "section.key=value,value"; the overrides `common` of all jobs are applied before.
 
     Raises:
         UsageError: a text cannot be read, a name is swept twice, or there are too many combinations.
@@ -121,7 +121,7 @@ def outcomes(
 
 
 def _of_job(number: int, jobs: int, report: Report) -> Report:
-    """A report for one of several jobs, which passes its stages on as progress of all jobs."""
+    """Returns the report for one of several jobs: it passes on each stage of the job as progress of all."""
 
     def report_stage(stage: str, _done: int, _total: int, detail: str = "", /) -> None:
         report(f"job {number} of {jobs}: {stage}", number - 1, jobs, detail)
@@ -130,7 +130,7 @@ def _of_job(number: int, jobs: int, report: Report) -> Report:
 
 
 def compiled(settings: Settings, order: Order, report: Report | None = None) -> Outcome:
-    """Compiles one job of a sweep, in any process; an error is returned as its outcome."""
+    """Compiles one job of a sweep, on this machine or on a cluster; an error is returned as its outcome."""
     if order.refusal is not None:
         return Outcome(None, order.refusal)
     started = time.perf_counter()

@@ -23,7 +23,8 @@ NAMES = ("tip_x_mm", "tip_y_mm", "way_x_mm", "way_y_mm")
 MOVED = ("moved_x_mm", "moved_y_mm", "turned_deg")
 OVERLAP = "overlap_mm"
 STATUS_NAMES = (*PUSH_NAMES, "untouched")
-ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pass between the jaws
+# A part that is only pushed may be wider than the jaws open.
+ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}
 UNTOUCHED = len(PUSH_NAMES)
 MOST_MM = 1e4  # largest magnitude of an entry
 CLEAR_MM = 1e-3  # overlap that is tolerated
@@ -32,7 +33,7 @@ ARCS = 256  # Segments of a quarter circle of the outline offset by the radius
 
 
 class Beside(NamedTuple):
-    """Paths of pushes whose tips start clear of the part, and how far each overlapped before."""
+    """Paths of pushes whose tips start clear of the part, and the overlap of each start as it was stated."""
 
     paths: Paths
     overlap_mm: Array  # (n,) overlap of the deepest tip as stated; 0 where clear

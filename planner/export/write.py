@@ -52,14 +52,14 @@ def runs_of(decided: tables.DecisionMap) -> list[Run]:
 
 
 def holds(node: tables.Node, branch: int) -> bool:
-    """Whether the jaws hold the part after a branch; False for REJECT, after which this is unknown."""
+    """Whether the jaws hold the part after a branch; False for REJECT, where it is unknown what they hold."""
     return branch != REJECT and node.branches[branch].expected_um >= HELD_UM
 
 
 def vectors(table: tables.Table) -> Iterator[tuple[int, ...]]:
-    """Yields test vectors, with the columns `VECTOR`: what follows a width at each node and object flag.
+    """Yields test vectors, rows of the columns `VECTOR`: what follows a width at a node, for an object flag.
 
-    The widths are both ends and the middle of each segment of the step functions.
+    The widths are those that `_compared` lists for the segments of the node's decision map.
     """
     for index, (node, decided) in enumerate(zip(table.nodes, maps_of(table), strict=True)):
         for flag, segments in ((FELT, decided.felt), (NOT_FELT, decided.unfelt)):
@@ -70,7 +70,7 @@ def vectors(table: tables.Table) -> Iterator[tuple[int, ...]]:
 
 
 def _compared(segments: tables.Segments, opening_um: int) -> list[int]:
-    """Widths at which a step function is tested [um]: both ends and the middle of each segment."""
+    """Widths at which segments are tested [um]: both ends and the middle of each, -1, and the opening."""
     widths = {-1, opening_um}
     for low, high in pairwise((*segments.starts_um, max(opening_um, segments.starts_um[-1]) + 1)):
         widths |= {low, (low + high - 1) // 2, high - 1}
@@ -111,10 +111,10 @@ def write(file: tables.TableFile, form: str, path: Path, prefix: str = PREFIX) -
         file: the table.
         form: one of `FORMS`.
         path: the folder.
-        prefix: prefix of each file that a program includes, and of all names that it defines.
+        prefix: prefix of the names of all files except `VECTORS`, and of all names that a program defines.
 
     Returns:
-        The bytes of each file, by name.
+        The size of each file [bytes], by name.
 
     Raises:
         OutputError: the folder holds files or cannot be written; no file of the export remains.
@@ -147,7 +147,7 @@ def write(file: tables.TableFile, form: str, path: Path, prefix: str = PREFIX) -
     return {place.name: place.stat().st_size for place in written}
 
 
-def _text(name: str, file: tables.TableFile, prefix: str = PREFIX) -> str:
+def _text(name: str, file: tables.TableFile, prefix: str) -> str:
     if name == "squeezetree_table.json":
         return json.dumps(_document(file), indent=1) + "\n"
     return _templates().get_template(name).render(_values(file), prefix=prefix)

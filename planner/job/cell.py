@@ -7,7 +7,7 @@ from runtime.table import Area, GripperSpec, Limits, Timing
 
 
 def limits_of(job: Job, depth: int) -> Limits:
-    """Returns the limits that the table of a job states: depth, force, speeds, work area and heights."""
+    """Returns the limits that the table of a job states; its longest path has `depth` squeezes."""
     cell = job.cell
     (x_min, y_min), (x_max, y_max) = cell.work_area_mm
     return Limits(
@@ -31,7 +31,7 @@ def gripper_of(job: Job) -> GripperSpec:
 
 
 def timing_of(job: Job) -> Timing:
-    """The model of time for the cell of a job.
+    """Returns the model of the time that motions take in the cell of a job.
 
     Raises:
         TableError: the gripper is unknown, or the cell's figures are impossible.

@@ -18,7 +18,7 @@ from runtime.table import PROFILES, TableError, doubt_um, profile_of
 
 Values = dict[str, Any]
 Conflicts: TypeAlias = Iterator[tuple[str, str, str]]
-"""Section and key of a value that conflicts with another, and what to do."""
+"""For each conflict: section and key of the value at fault, and the problem with what to do."""
 
 LEAST_DOF = 3  # Least degrees of freedom of a random ellipsoid, whose matrix is 3 x 3
 ON_PART_MM = 1e-3  # Tolerated distance of a support point outside the outline, for rounded drawings
@@ -31,7 +31,7 @@ def place_outline(points: Array, drawn: bool) -> outline.Canonical:
     An outline that is not `drawn`, but in the canonical form, is only checked: its shift is 0.
 
     Raises:
-        InputError: the outline is not a simple polygon, or is neither drawn nor centred counter-clockwise.
+        InputError: the outline is not a simple polygon; or it is not `drawn`, and clockwise or off centre.
     """
     try:
         if drawn:
@@ -107,7 +107,7 @@ def refuse(conflicts: Conflicts) -> None:
 
 
 def conflicts(values: Values) -> Conflicts:
-    """The conflicts of values that are valid alone.
+    """Yields the conflicts between the values of a job; each value is valid alone.
 
     Raises:
         FitError: the part is wider than the jaws open, at any angle.
@@ -136,7 +136,7 @@ def conflicts(values: Values) -> Conflicts:
 
 
 def of_parts(job: Any, names: list[str]) -> Conflicts:
-    """The conflicts of a job with the number or the names of the parts that may lie on the table."""
+    """Yields the conflicts between a job and the parts that may lie on the table, given by their names."""
     if len(names) == 1:
         if job.goal.kind == "identity":
             problem = 'is "identity", but only one part may lie there'
@@ -147,7 +147,7 @@ def of_parts(job: Any, names: list[str]) -> Conflicts:
     if job.goal.kind == "identity" and job.goal.identify is False:
         yield "goal", "identify", 'is false, but kind = "identity" asks for nothing else; drop it'
     if job.search.method != "closed-loop":
-        yield "search", "method", 'of the paper plans for one part; leave it at "closed-loop"'
+        yield "search", "method", 'is one that plans for one part; leave it at "closed-loop"'
     if job.delivery is not None:
         yield "delivery", "drop", "is of one part; leave the section out for several hypotheses"
 
@@ -186,7 +186,7 @@ def _of_doubt(doubt: Values) -> Conflicts:
 
 
 def _of_heights(height_mm: float | None, cell: Values) -> Conflicts:
-    """Yields conflicts of heights: the tips miss the part at a squeeze, or do not clear it on the way."""
+    """Yields conflicts of heights: the tips miss the part in a squeeze, or meet it while the arm travels."""
     squeeze_mm, retreat_mm = cell["squeeze_height_mm"], cell["retreat_height_mm"]
     regrasp_mm = cell["regrasp_height_mm"]
     least_mm = max(squeeze_mm, height_mm or 0.0)
@@ -234,9 +234,9 @@ def _of_pushes(method: str, proposals: str) -> Conflicts:
 
 
 def _of_delivery(values: Values) -> Conflicts:
-    """Yields conflicts of [delivery]: width, grasp or area is unusable, or the drop has the hand outside.
+    """Yields conflicts of [delivery]: a bad width, grasp or area, or a drop with the hand outside the area.
 
-    The hand has to be inside the area for at least one of the turns that the part's symmetry allows.
+    At the drop, the part may be turned by its symmetry; the hand has to be inside for at least one such turn.
     """
     delivery, part, opening = values["delivery"], values["part"], values["gripper"]["opening_mm"]
     width = delivery["width_mm"]

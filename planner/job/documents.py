@@ -80,7 +80,7 @@ def from_json(text: str, where: str) -> dict[str, Any]:
 
 
 def checked(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Checks each key of a parsed job file alone; `checks.conflicts` compares them with each other.
+    """Checks each key of a parsed job file alone; `checks.conflicts` checks the values against each other.
 
     Returns:
         The values, with defaults, by section name and key. Section "" is the top level. A section of
@@ -124,9 +124,9 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
         where: place that errors name.
 
     Raises:
-        UsageError: a key of the top level is taken for a section.
+        UsageError: `changes` treat a key of the top level as a section.
         KeyNameError: the section or the top-level key is unknown.
-        InputError: the change is of [part], but each hypothesis has a part.
+        InputError: a change concerns [part], but each hypothesis has its own part.
     """
     result = dict(document)
     for name, values in changes.items():
@@ -136,7 +136,7 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
         except InputError as error:
             raise error.at(where) from None
         if is_section and name == "part" and hypotheses.KEY in result:
-            problem = "is not one for all; change each [[hypothesis]]"
+            problem = "is stated by each [[hypothesis]]; change it in these"
             raise InputError(problem, where=where, section="part")
         if is_section and name != "part":
             for key in {hypotheses.KEY, hypotheses.FOREIGN} & result.keys():

@@ -20,7 +20,7 @@ from runtime.shell.plain_text import cleaned
 from runtime.table import selectable
 
 GRIPPERS = selectable()  # profiles by model
-MIDDLE_SHARE = 1 / 60  # distance from the hand's middle where the fingers may meet, per stroke
+MIDDLE_SHARE = 1 / 60  # largest distance from the hand's middle to where fingers meet, per stroke
 
 
 class Fingers(NamedTuple):
@@ -54,9 +54,9 @@ class Answers(NamedTuple):
     turn_deg: float | None  # the part is turned by at most this, either way; None: by any angle
     gripper: str  # one of `GRIPPERS`
     fingers: str  # one of `FINGERS`
-    distance_mm: float = 3.0  # of the goal, `schema.Goal`
+    distance_mm: float = 3.0  # the goal's, see `schema.Goal`
     height_mm: float | None = None  # the part's thickness; None: unknown
-    tips_mm: float | None = None  # of the finger tips above the table; None: the default height
+    tips_mm: float | None = None  # height of the finger tips above the table; None: the default
 
 
 def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Face] = ()) -> str:

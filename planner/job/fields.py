@@ -101,7 +101,10 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Numbers:
-    """A list of `least` to `most` entries: numbers in the range of `item`, or rows of `columns` of them."""
+    """A list of `least` to `most` entries.
+
+    An entry is a number in the range of `item`; if `columns` is not 0, it is a row of so many such numbers.
+    """
 
     item: Number
     columns: int = 0
@@ -111,7 +114,7 @@ class Numbers:
     plain: bool = False  # whether it is read as a tuple, instead of an array
 
     def read(self, value: Any) -> Array | tuple[Any, ...]:
-        """Returns a valid list as a read-only array, (K,) or (K, columns), or as a tuple."""
+        """Returns the list as a read-only array, (K,) or (K, columns), or as a tuple, if it is valid."""
         if not isinstance(value, list | tuple):
             raise InputError(f"must be a list {self._shape()}, not {shown(value)}")
         if not self.least <= len(value) <= self.most:

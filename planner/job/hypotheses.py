@@ -148,9 +148,9 @@ def _entry(key: str, where: str, entry: Any, common: Mapping[str, Any]) -> Entry
 
 
 def named(document: Mapping[str, Any], key: str, number: int, error: InputError) -> InputError:
-    """Adds the number of the list entry to an error about one of the entry's own sections.
+    """Returns an error about an entry of the list `key` with the entry's number, from 1, in its place.
 
-    An error about a section that entries share stays the same, except that a `FitError` names the entry.
+    An error about a section that the entries share keeps its place; only a `FitError` names the entry there.
     """
     if key not in document:
         return error

@@ -59,14 +59,13 @@ class Job:
     search: schema.Search
     cell: schema.Cell
     delivery: schema.Delivery | None = None
-    # The hypotheses, where there are several; part, pressure and friction are then those of the
-    # first.
+    # The hypotheses; None if there is only one. Part, pressure and friction above are those of the first.
     hypothesis: tuple[Hypothesis, ...] | None = None
     foreign: tuple[ForeignPart, ...] | None = None
 
     @property
     def alone(self) -> tuple[Job, ...]:
-        """For each hypothesis a job in which it is the only one."""
+        """For each hypothesis a job in which it is the only one; for a job of one part, the job itself."""
         return self._each(self.hypothesis) or (self,)
 
     @property
@@ -83,7 +82,7 @@ class Job:
 
     @property
     def shares(self) -> tuple[float, ...]:
-        """Fractions of the parts that are of each hypothesis, in the order of `alone`; their sum is 1."""
+        """The share of each hypothesis among all parts, in the order of `alone`; the sum is 1."""
         return tuple(h.share for h in self.hypothesis) if self.hypothesis else (1.0,)
 
     @property
@@ -236,7 +235,7 @@ def _jobs(
 
 
 def _on_faces(document: dict[str, Any], folder: Path | None) -> list[Job]:
-    """Returns the job of one part, and that of its other face if it may lie on either and they differ."""
+    """Returns the job of one part; and that of its other face, if the part may lie on it and it differs."""
     part = document.get("part")
     faces = part.get("faces") if isinstance(part, dict) else None
     job = _of_one(document, folder)
@@ -272,7 +271,7 @@ def _of_one(document: dict[str, Any], folder: Path | None) -> Job:
 
 
 def _document(job: Job) -> dict[str, Any]:
-    """Converts a job to JSON types; if it has several hypotheses, their list replaces the sections of one."""
+    """Converts a job to JSON types; with several hypotheses, it has no sections of its own for the part."""
     document: dict[str, Any] = _plain(asdict(job))
     if job.foreign:
         document[hypotheses.FOREIGN] = document.pop("foreign")

@@ -14,7 +14,7 @@ _WORD = re.compile(r"[A-Za-z][\w.-]*")
 def changes_of(overrides: Iterable[str]) -> dict[str, Any]:
     """Parses texts "section.key=value" or "seed=value" to changes in the form of `Job.replaced`.
 
-    The last value of a key counts.
+    If a key is given several times, its last value counts.
 
     Raises:
         UsageError: a text states no value, or is not of this form.

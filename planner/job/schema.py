@@ -16,7 +16,7 @@ MOST_FRICTION = 2.0
 # Tables hold integers in um, urad, um/s and mN; the least goal, speed or force is at least ten units.
 LEAST_MM, LEAST_DEG, LEAST_RATE = 0.01, 0.001, 0.1
 LEAST_STEP_MM = 0.001  # of a reading, which a table states in um
-MOST_OFF_MM = 20.0  # constant error of a width
+MOST_OFF_MM = 20.0  # largest constant error of a width
 MM = 1_000.0  # larger than any part, gripper or height of such a cell
 
 
@@ -96,27 +96,26 @@ def _pair(low: float, high: float, default: float = 0.0) -> Numbers:
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """Constant errors that a cell may have, as intervals about the values in the rest of the job.
+    """Constant errors that a cell may have, relative to the values in the rest of the job.
 
-    With probability `chance` one of the errors is off: anywhere in its interval, but more often near the
+    With probability `chance` one error, chosen at random, is drawn from its interval, more often near the
     ends. All others are at the middle of their intervals.
     """
 
     chance: Annotated[float, Number(0, 1, default=0.8)]  # that something is off
     # Error of the upper finger's share of the closing, beyond `upper_finger_share`.
     finger_share: Annotated[Interval, _pair(-1, 1)]
-    # Error of the place where the fingers meet on the part's narrowest side, from the hand's
-    # middle.
+    # Distance of the place where the fingers meet, on the part's narrowest side, from the hand's middle.
     middle_mm: Annotated[Interval, _pair(-20, 20)]
-    # Constant error of widths; by default three steps of a reading, or three of its standard
-    # deviations where those are larger.
+    # Constant error of widths. In a job that states other doubts, the default bound is three steps of a
+    # reading or three standard deviations of it, whichever is larger.
     encoder_mm: Annotated[Interval, _pair(-MOST_OFF_MM, MOST_OFF_MM)]
     # Error of widths in proportion to them.
     encoder_gain: Annotated[Interval, _pair(-0.2, 0.2)]
     # "any": parts may press with their rim, their area, its middle or three feet, whatever [pressure] says.
     pressure: Annotated[str, Text(("stated", "any"), default="stated")]
-    # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0:
-    # no doubt.
+    # Least degrees of freedom of the limit surface's scatter; the greatest are `wishart_dof` of [pressure].
+    # 0: no doubt.
     least_dof: Annotated[int, Integer(0, 1_000_000, default=0)]
 
 
@@ -205,12 +204,12 @@ class Cell:
         tuple[tuple[float, float], tuple[float, float]],
         Numbers(PLACE, columns=2, least=2, most=2, default=[[-150] * 2, [150] * 2], plain=True),
     ]
-    # Tips between squeezes.
+    # Height of the tips above the table while the arm travels.
     retreat_height_mm: Annotated[float, Number(0, MM, above=True, default=60.0)]
     squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # tips while squeezing
     arm_speed_mm_s: Annotated[float, Number(LEAST_RATE, 10_000, default=250.0)]
     max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # of closing
-    # None: the value of `runtime.table.timing.DEFAULTS`, here and below; the job's text does not state it.
+    # None, here and below: the value of `runtime.table.timing.DEFAULTS`, which the job's text leaves out.
     arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)]
     # Tips between two squeezes of one part; None: just above the part.
     regrasp_height_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]
@@ -221,7 +220,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Delivery:
-    """Delivery of a localised part; `runtime.execution.delivery` reads it from the table's job."""
+    """Where to deliver a located part; `runtime.execution.delivery` reads this from the table's job."""
 
     # (3,) target of the part's frame in the world: x, y [mm] and angle [deg].
     drop: Annotated[Array, Numbers(PLACE, least=3, most=3)]

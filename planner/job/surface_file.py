@@ -1,11 +1,11 @@
-"""Limit surfaces as files: what `plan-identify` writes and a job names in place of a pressure.
+"""Files of limit surfaces: `plan-identify` writes them, and a job names one in place of a pressure.
 
     format = 1
     kind = "ellipsoid"          # or "quartic"
     rho_mm = 75.0
     ellipsoid = [[...], ...]    # or quartic = [15 numbers] and certificate = [9 rows of 9]
 
-    [identification]            # its origin, for people; not read back
+    [identification]            # how it was identified, for people; not read back
 
 A job of `kind = "identified"` names the file by `surface_file`, or contains the same keys, as the canonical
 form of a job always does.

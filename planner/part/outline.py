@@ -52,7 +52,7 @@ def canonical(points: ArrayLike) -> Canonical:
 
 
 def checked(points: ArrayLike) -> Outline:
-    """Checks an outline (N, 2) [mm] that should be canonical, and returns it read-only, with equal numbers.
+    """Checks that an outline (N, 2) [mm] is canonical, and returns it read-only, with the same numbers.
 
     Raises:
         InputError: see `canonical`; or the outline is clockwise or off centre.

@@ -21,7 +21,7 @@ CELLS = 400
 """Least number of pieces of a boundary or an area: the friction integral is exact to 0.1 % or better."""
 HULL_CORNERS = 24
 """Most corners of a hull at which feet are tried; every few vertices of a dense curve suffice."""
-ON_EDGE = 1e-9  # tolerated distance of the part's centre outside a triangle, as a share of its area
+ON_EDGE = 1e-9  # a centre this far outside, as a share of the triangle's area, is on the edge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +34,7 @@ class Pressure:
 
     kind: Kind
     wishart_dof: int  # degrees of freedom n_df of the random ellipsoids (paper, IV, footnote 1)
-    # Fitted to the pressure: "ellipsoid", "quartic", or "any": the ellipsoid, or in doubt the quartic.
+    # Form fitted to the pressure: "ellipsoid", "quartic", or "any" (ellipsoid, with the quartic as a doubt).
     limit_surface: str | None = None
     points_mm: Array | None = None  # (M, 2) supports in the part's frame, for "points"
     weights: Array | None = None  # (M,) share of the load on each support, of sum 1, for "points"
@@ -69,9 +69,9 @@ def even(points: Array) -> Support:
 
 
 def stances(outline: Outline) -> Array:
-    """Sets of three corners (k, 3, 2) of an outline's hull that the part stands on without tipping.
+    """Returns sets of three corners (k, 3, 2) of an outline's hull on which the part stands without tipping.
 
-    The part's centre, the origin, lies between them or on an edge.
+    The part's centre, the origin, lies in the triangle of the three corners or on its edge.
     """
     hull = convex_hull(outline)
     corners = hull[:: -(-len(hull) // HULL_CORNERS)]  # counter-clockwise, and so are the triangles

@@ -11,7 +11,7 @@ from shapely import LinearRing
 from planner.part.outline import Outline, simplified
 
 TURNS = 8  # largest n of the turns by k / n of a circle that `nearest_turn` tries
-TOLERANCE_MM = 0.05  # Largest distance of boundaries that count as the same: far less than a count
+TOLERANCE_MM = 0.05  # Largest distance of boundaries that count as the same
 FEW = 400  # most vertices of outlines whose distance is measured; the cost is quadratic
 MOST_ORDER = 1000  # highest order that a table can state
 SOME = 16  # number of vertices, spread from the least to the greatest radius, that are tried first
@@ -27,7 +27,7 @@ class Turn(NamedTuple):
 def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
     """The rotational order of an outline: the largest n for which `has_order` holds.
 
-    At most `MOST_ORDER` and at most the number of vertices are tried.
+    Orders above `MOST_ORDER` or above the number of vertices are not tried.
     """
     boundary = _boundary(outline)
     orders = range(min(len(outline), MOST_ORDER), 0, -1)
@@ -47,7 +47,8 @@ def has_order(outline: Outline, n: int) -> bool:
 def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_MM) -> bool:
     """Whether some turn takes a centred outline (M, 2) onto another (N, 2), to within a tolerance.
 
-    Such a turn takes the vertex farthest from the centre to one that is as far, so only these are tried.
+    Such a turn takes the vertex farthest from the centre to a vertex that is as far, so only such turns are
+    tried.
     """
     boundary, far = _boundary(other), np.hypot(*other.T)
     x, y = outline[np.argmax(np.hypot(*outline.T))]
@@ -57,7 +58,7 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
 
 
 def nearest_turn(outline: Outline, symmetry: int) -> Turn:
-    """Returns the turn, of those that are no symmetry, after which an outline differs least from itself.
+    """Returns the turn after which an outline differs least from itself, other than those of its symmetry.
 
     Tries turns by k / n of a circle, n up to `TURNS`; `symmetry` is the outline's rotational order.
     """

@@ -13,8 +13,9 @@ from planner.report.tree import Line, Panel, drawing, key_of, names_parts, perce
 from runtime.pages.charts import Band, histogram
 from runtime.table import PPM, REJECT, Branch, Leaf, Node, Table, wilson_interval
 
-MOST_SHOWN = 24  # unfolded panels
+MOST_SHOWN = 24  # most panels that a page shows at first
 MARGIN_MM = 3.0  # beside the branches of a node's chart
+# Subtrees that fewer parts reach are folded away: the first of these shares at which `MOST_SHOWN` suffices.
 LEAST_SHARES = (0.0, 0.001, 0.005, 0.01, 0.03, 0.1, 0.3)
 
 
@@ -24,7 +25,7 @@ class Way(NamedTuple):
     key: str  # of the panel it leads to
     low_mm: float
     high_mm: float
-    planned: float  # share of the parts at the node
+    planned: float  # share of the parts at the node that the table expects to take it
     parts: int  # parts that took it: in the cell if its journal is shown, else in the replay
 
 
@@ -34,8 +35,8 @@ class Place(NamedTuple):
     panel: Panel
     line: Line | None  # branch that leads to it; None for the root
     came: str  # how many of the journal's parts came here; "" without a journal
-    parent: str | None
-    facts: dict[str, str]
+    parent: str | None  # key of the panel above; None for the root
+    facts: dict[str, str]  # texts about the node or leaf, by their headings
     chart: str  # HTML: chart of the readings at a node
     ways: list[Way]
     heavy: "list[Place]"  # subtrees that are shown
@@ -54,7 +55,7 @@ class Tree(NamedTuple):
     root: Place
     places: list[Place]  # nodes, then leaves
     reach: float  # half the side of a panel [mm]
-    levels: int  # of panels shown beside each other
+    levels: int  # depth of the tree that is shown, in panels
 
 
 def tree_of(table: Table, job: Job, beliefs: Replay, log: RunLog | None) -> Tree:
@@ -181,7 +182,7 @@ class _Places:
 
 
 def span_of(ways: list[Way]) -> tuple[float, float]:
-    """Least and greatest width of a node's chart, which covers its outcomes `ways` with a margin [mm]."""
+    """Least and greatest width of a node's chart [mm]: those of its branches `ways`, with a margin."""
     low, high = min(way.low_mm for way in ways), max(way.high_mm for way in ways)
     return max(low - MARGIN_MM, 0.0), high + MARGIN_MM
 

@@ -31,8 +31,8 @@ PALE = "#d9d9d9"
 TEMPLATES = Path(__file__).parent / "templates"
 DPI = 200
 OUTLINES = 60  # most outlines of one belief on a page
-DARKNESS = 0.7  # of a place that all outlines of a belief cover
-# Metadata to omit from a file, by suffix: dates and versions, which differ between runs.
+DARKNESS = 0.7  # darkness (0 to 1) of a place that all outlines of a belief cover
+# Metadata that a file leaves out, by suffix: dates and versions, which would differ from run to run.
 UNSIGNED = {
     ".png": {"Software": None},
     ".svg": {"Creator": None, "Date": None},
@@ -114,7 +114,7 @@ def placed(points: Array, pose: Array) -> Array:
 
 
 def finger_boxes(jaws: Jaws, width_mm: float) -> Array:
-    """The upper and the lower finger (2, 4, 2) in the hand frame, closed to a width [mm]."""
+    """The corners (2, 4, 2) of the upper and the lower finger in the hand frame, closed to a width [mm]."""
     opening, length, thickness, share = jaws
     top = 0.5 * opening - share * (opening - width_mm)
     x = 0.5 * length * np.array([-1.0, 1.0, 1.0, -1.0])

@@ -44,14 +44,14 @@ GRADES = {"good": "Good:", "fair": "With a weakness:", "poor": "Not good enough:
 
 
 class Source(NamedTuple):
-    """Input of a page: the table's file name and bytes, its journal, bound and takt, if any."""
+    """Further input of a page, besides the table and its job."""
 
-    name: str
-    data: bytes
-    log: RunLog | None = None
-    bound: Certificate | None = None
-    takt_s: float | None = None
-    compared: Comparison | None = None
+    name: str  # of the table's file
+    data: bytes  # content of the table's file
+    log: RunLog | None = None  # a journal of the table
+    bound: Certificate | None = None  # lower bound on squeezes
+    takt_s: float | None = None  # time within which a part should be done
+    compared: Comparison | None = None  # with another plan, or with another run
 
 
 class Reject(NamedTuple):
@@ -80,7 +80,8 @@ def page(
         table: the table.
         job: the job of the table.
         source: further input.
-        trials: number of replayed parts, whose poses are drawn as beliefs; other worlds get no more parts.
+        trials: number of replayed parts, whose poses are drawn as beliefs; at most as many parts are squeezed
+            in each other world.
         seed: seed of the replay, of the foreign parts and of the second world.
         world: "module:factory" of a second world in which the table is evaluated, if any.
         sheet: whether the page is a short version for a customer, on two sheets of paper.
@@ -155,7 +156,7 @@ def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:
 
 
 def _row(name: str, figures: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """A row of the page's table: a world's name, and its figures with shares in percent as texts added."""
+    """A row of the page's table: the name of a world and its figures; `shares` has the shares as texts."""
     return name, {**figures, "shares": _shown(figures)}
 
 
@@ -164,7 +165,7 @@ def _shown(figures: dict[str, Any]) -> dict[str, str]:
 
 
 def _width_chart(job: Job) -> str:
-    """Chart of the width function of an outline, with its minima."""
+    """HTML: chart of the width of a part's outline against the angle, and the angles of its minima."""
     angles = range(181)
     widths = [outlines.width(job.part.outline_mm, float(np.radians(angle))) for angle in angles]
     closed = widths[:-1]  # 180 degrees is 0 degrees again

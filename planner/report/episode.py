@@ -19,14 +19,17 @@ MARGIN_MM = 3.0
 
 
 def pixels(model: Pomdp, state: Array, belief: Array, action: Array | None) -> NDArray[np.uint8]:
-    """Draws one moment of an episode, (`SIDE_PX`, `SIDE_PX`, 3).
+    """Draws one moment of an episode.
 
     Args:
-        model: The problem.
-        state: State (4,) of the part, which is filled.
-        belief: States (n, 4) that the readings so far allow, in blue, the darker the likelier.
-        action: The last action (4,), in red: fingers that have closed, or the pose that was declared;
+        model: the problem.
+        state: the state (4,) of the part, drawn as a filled outline.
+        belief: states (n, 4) that the readings so far allow, in blue, the darker the likelier.
+        action: the last action (4,), in red: fingers that have closed, or the pose that was declared;
             None: the jaws are open at the origin.
+
+    Returns:
+        The picture (`SIDE_PX`, `SIDE_PX`, 3), RGB.
     """
     outline, jaws = model.simulator.outline, model.simulator.jaws
     span = model.job.uncertainty.radius_mm + reach(outline)

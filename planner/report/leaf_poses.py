@@ -28,14 +28,14 @@ class Mean(NamedTuple):
 
     @property
     def deliberate(self) -> bool:
-        """Whether the mean is more than `WORTH_TELLING_MM` from the leaf's pose, which is then on purpose."""
+        """Whether the leaf's pose differs from the mean on purpose: by more than `WORTH_TELLING_MM`."""
         return self.apart_mm > WORTH_TELLING_MM
 
 
 def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
-    """Mean pose of each leaf's parts, over those parts that lie within the goal of the leaf's first pose.
+    """Returns for each leaf the mean pose of its parts that lie within the goal of its first pose.
 
-    None for an unresolved leaf, and for a leaf with fewer than `LEAST_PARTS` such parts.
+    It is None for an unresolved leaf, and for a leaf with fewer than `LEAST_PARTS` such parts.
     """
     metric = metric_of_table(table)
     audit = metric._replace(kind="pose", distance_mm=metric.distance_mm or 1.0, identify=False)
@@ -46,7 +46,7 @@ def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
         pose = np.array(predicted_pose(leaf))
         off = evaluation.poses[here] - pose
         off[:, 2] = wrap(off[:, 2], order)
-        # Parts at another pose of the leaf lie around that one.
+        # Parts at an alternative pose of the leaf do not count for the mean at the first pose.
         state = np.array([*pose, leaf.hypothesis])
         numbers = np.full(len(off), leaf.hypothesis)
         near = audit.reached(np.column_stack([evaluation.poses[here], numbers]), state)

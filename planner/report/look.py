@@ -14,15 +14,15 @@ from planner.report import canvas
 from planner.report.replay import Replay
 from runtime.table import Table
 
-SQUEEZES = range(1, 4)  # most of them beside each other on a page
+SQUEEZES = range(1, 4)  # lengths of the path for which the scenes fit beside each other
 
 
 class Scene(NamedTuple):
     """The belief before the first squeeze, or after one of the squeezes, and one part at that time."""
 
     number: int  # of the squeeze; 0 before the first one
-    belief: Array  # (m, 3 or 4) states of the parts, as `with_hypothesis`
-    share: float  # of all parts
+    belief: Array  # (m, 3 or 4) states of the parts, as `with_hypothesis` returns them
+    share: float  # share of all parts that are in the belief
     angle_deg: float  # of the hand that has squeezed
     width_mm: float  # expected reading
     closed: Array  # (0 or 2, 4, 2) fingers, closed to the expected width [mm]
@@ -67,7 +67,7 @@ def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> 
 def scenes(table: Table, job: Job, beliefs: Replay, squeezes: Collection[int]) -> list[Scene]:
     """Scenes on the likeliest path: one before the first squeeze, and one after each squeeze."""
     whole = likeliest_path(table, beliefs, squeezes)
-    # The path ends before a squeeze at which no part takes its branch, such as where all are rejected.
+    # The path is cut off before a squeeze at which no replayed part takes its branch.
     path = list(takewhile(lambda at: np.any(beliefs.visits[at.node].branch == at.branch), whole))
     parts = _one_part(beliefs, path)
     everything, first = beliefs.arrivals[0], parts[0] if parts else 0
@@ -93,7 +93,7 @@ def scenes(table: Table, job: Job, beliefs: Replay, squeezes: Collection[int]) -
 
 
 def _one_part(beliefs: Replay, path: list[Step]) -> list[int]:
-    """Chooses a part that takes the whole path; returns its index among the parts at each node of it."""
+    """Chooses a part that takes the whole path; returns its index among the parts at each of the nodes."""
     part, numbers = 0, list[int]()
     for step in reversed(path):
         part = int(np.flatnonzero(beliefs.visits[step.node].branch == step.branch)[part])

@@ -12,6 +12,7 @@ from planner.belief.particles import subsample
 from planner.job.model import Job
 from planner.mechanics.clearance import Jaws
 from planner.paper.subspaces import Subspaces
+from planner.part.outline import reach
 from planner.report import canvas
 from planner.report.look import scenes
 from planner.report.replay import Replay
@@ -38,9 +39,9 @@ def sequence(
     the outline's frame.
     """
     outline, moments = job.part.outline_mm, scenes(table, job, beliefs, squeezes)
-    reach = float(np.max(np.hypot(*outline.T)))
     spread = max(float(np.quantile(np.hypot(*each.belief[:, :2].T), 0.98)) for each in moments)
-    half = 1.05 * max(spread + reach, *(float(np.abs(each.closed).max()) for each in moments[1:]))
+    far = spread + reach(outline)
+    half = 1.05 * max(far, *(float(np.abs(each.closed).max()) for each in moments[1:]))
     turn = job.uncertainty.orientation_halfwidth_deg
     angle = "at any angle" if turn >= 180.0 else f"within {turn:g} degrees"
     columns = len(moments)
@@ -85,7 +86,7 @@ def subspaces(
     columns = min(COLUMNS, len(solved))
     rows = ceil(len(solved) / columns)
     opening, length, thickness, _ = jaws
-    half = max(0.5 * opening + thickness, 0.5 * length + 2.0 * float(np.max(np.hypot(*outline.T))))
+    half = max(0.5 * opening + thickness, 0.5 * length + 2.0 * reach(outline))
     width_in = WIDTH_IN * columns / COLUMNS
     result = canvas.blank(width_in, rows * ((width_in - 0.9) / columns + 0.35) + 0.4)
     panels = canvas.panels(result, rows, columns, len(solved))

@@ -23,7 +23,7 @@ class Replay(NamedTuple):
     """The squeezes of all parts at each node, and their states at each node and leaf."""
 
     visits: tuple[Step, ...]  # one for each node of the table
-    # For each node, the states of the parts on arrival, after its pushes, as `with_hypothesis`.
+    # For each node, the states of its parts before its squeeze and after its pushes, see `with_hypothesis`.
     arrivals: tuple[Array, ...]
     leaves: tuple[Array, ...]  # for each leaf, the states of the parts that ended there
 

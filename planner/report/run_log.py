@@ -1,6 +1,6 @@
 """The journal of a run, read for pictures: the width of each squeeze, and each part's outcome.
 
-A journal consists of JSON lines. Each line has the SHA-256 of itself, without that field, and the SHA-256 of
+A journal consists of JSON lines. Each line has a SHA-256 of its other fields, among which is the SHA-256 of
 the line before. This chain is checked through all files of a journal that was sealed in segments.
 `grasp-journal replay` checks that every decision follows from its widths.
 """
@@ -25,7 +25,7 @@ class Squeezed(NamedTuple):
 
     node: int
     width_um: int  # where the fingers came to rest
-    target: int | None  # of the reading: a node, or ~leaf; None where it is rejected
+    target: int | None  # where the reading leads: a node, or ~leaf; None if it was rejected
 
 
 @dataclass(slots=True)
@@ -56,7 +56,7 @@ class RunLog(NamedTuple):
     runs: int  # number of runs of this table
     others: int  # runs of other tables in the same file, which are ignored
     first: str  # date of the first record
-    last: str  # and of the last
+    last: str  # date of the last record
 
     def branch_counts(self) -> Counter[tuple[int, int | None]]:
         """Number of squeezes for each pair of node and target; the target is None for rejected readings."""
@@ -72,7 +72,7 @@ class RunLog(NamedTuple):
         return Counter(part.outcome for part in self.parts)
 
     def times(self, takt_s: float | None = None) -> dict[str, float]:
-        """Number of timed parts, and figures of their seconds by `takt_figures`; empty if none is timed."""
+        """Number of timed parts, and figures of their times by `takt_figures`; empty if none was timed."""
         seconds = Counter(part.seconds for part in self.parts if part.seconds is not None)
         return {"parts": seconds.total(), **takt_figures(seconds, takt_s)} if seconds else {}
 
@@ -81,7 +81,7 @@ def read(path: Path, table_sha256: str) -> RunLog:
     """Reads a journal; runs of other tables than the one of this digest (hexadecimal) are ignored.
 
     Raises:
-        InputError: it cannot be read, does not verify, or has no run of this table.
+        InputError: the journal cannot be read, does not verify, or has no run of this table.
     """
     parts: list[PartLog] = []
     runs, others, ours = 0, 0, False

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from planner.arrays import Array
 from planner.mechanics.clearance import Jaws
+from planner.part.outline import reach
 from planner.report import canvas
 from runtime.pages.frame import page
 from runtime.shell.files import write
@@ -20,7 +21,7 @@ MOST_PANELS = 12
 COLUMNS = 4
 COLUMNS_IF_TALL = 6
 TALL = 1.4  # height over width above which a panel is tall
-BETWEEN = 4  # intermediate states drawn of one squeeze
+BETWEEN = 4  # states of a squeeze drawn between the first contact and the end
 MARK_MM = 1.5  # distance between the marks of a trace
 WIDTH_IN = 2.1  # width of one panel
 APPROACH_FRAMES = 14
@@ -36,7 +37,7 @@ class Squeezed(NamedTuple):
 
 def along(states: Array, widths_mm: Array) -> Array:
     """Interpolates the recorded states (k, 4) of a squeeze at given widths (n,); returns states (n, 4)."""
-    latest = states[::-1]  # of states of the same width, the last counts
+    latest = states[::-1]  # of several states with the same width, the last one counts
     rising, rows = np.unique(latest[:, 3], return_index=True)
     columns = [np.interp(widths_mm, rising, latest[rows, j]) for j in range(3)]
     return np.stack([*columns, np.asarray(widths_mm, dtype=np.float64)], axis=-1)
@@ -80,10 +81,9 @@ def figure(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> Figure:
 
 def extent(outline: Array, jaws: Jaws, traces: Sequence[Squeezed]) -> tuple[float, float]:
     """Half width and half height that contain all squeezes, with a margin [mm]."""
-    reach = float(np.max(np.hypot(*outline.T)))
     centres = np.concatenate([np.abs(trace.states[:, :2]) for trace in traces])
-    x = max(0.5 * jaws.length_mm, float(centres[:, 0].max()) + reach)
-    y = max(0.5 * jaws.opening_mm + jaws.thickness_mm, float(centres[:, 1].max()) + reach)
+    x = max(0.5 * jaws.length_mm, float(centres[:, 0].max()) + reach(outline))
+    y = max(0.5 * jaws.opening_mm + jaws.thickness_mm, float(centres[:, 1].max()) + reach(outline))
     return x + 3.0, y + 3.0
 
 

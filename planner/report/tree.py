@@ -16,6 +16,7 @@ from planner.belief.particles import subsample
 from planner.evaluation.trials import placement_of
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
+from planner.part.outline import reach
 from planner.report import canvas
 from planner.report.canvas import template
 from planner.report.replay import Replay
@@ -140,16 +141,16 @@ class Panel(NamedTuple):
 
 
 class Line(NamedTuple):
-    """One branch: `key` is its target panel; `x`, `y` are the place of the text `interval` [px]."""
+    """One branch, as a line between two panels."""
 
-    key: str
-    path: str
-    width: float
-    x: float
-    y: float
-    interval: str
-    share: str
-    share_y: float
+    key: str  # of the panel it leads to
+    path: str  # SVG path of the line
+    width: float  # of the line [px]
+    x: float  # place of both texts [px]
+    y: float  # place of the text `interval` [px]
+    interval: str  # text: the widths of the branch
+    share: str  # text: the share of all parts that take the branch
+    share_y: float  # place of the text `share` [px]
 
 
 class Drawing(NamedTuple):
@@ -200,10 +201,9 @@ class _Tree:
         # Half the side of a square in the world that contains nearly all beliefs and closed fingers
         # [mm].
         spread = float(np.quantile(np.hypot(*beliefs.visits[0].before[:, :2].T), 0.9))
-        parts = (float(np.max(np.hypot(*alone.part.outline_mm.T))) for alone in job.alone)
-        reach = spread + max(parts)
+        farthest = spread + max(reach(alone.part.outline_mm) for alone in job.alone)
         fingers = (float(np.abs(self._fingers(target)).max()) for target in self.parent)
-        self.reach = 1.03 * max(reach, *fingers)
+        self.reach = 1.03 * max(farthest, *fingers)
 
     def node(self, index: int) -> Panel:
         node, arrivals = self.table.nodes[index], self.beliefs.arrivals[index]
@@ -283,7 +283,14 @@ def names_parts(table: Table) -> bool:
 
 
 def leaf_label(index: int, leaf: Leaf, name: str | None = None, posed: bool = True) -> str:
-    """A leaf in words, with the name that it gives, if any; without a pose where the goal has none."""
+    """A leaf in words.
+
+    Args:
+        index: number of the leaf.
+        leaf: the leaf.
+        name: name of the part that the leaf states; None if it states none.
+        posed: whether the goal asks for a pose, so that the text states the leaf's pose.
+    """
     if not leaf.resolved:
         return f"Leaf {index}: unresolved, {leaf.trials} trials ended here"
     x, y, turn = predicted_pose(leaf)

@@ -14,8 +14,8 @@ from planner.report.run_log import RunLog
 from planner.report.tree import names_parts
 from runtime.table import Node, Table
 
-GOOD_WRONG = 0.005  # share of confident wrong answers that makes an assumption worth a warning
-POOR_SUCCESS = 0.9
+GOOD_WRONG = 0.005  # share of wrong answers from which a broken assumption lowers the grade
+POOR_SUCCESS = 0.9  # share of located parts below which a plan is poor
 MOST_CONDITIONS = 3  # most assumptions in a sentence
 
 
@@ -43,7 +43,7 @@ class Verdict(NamedTuple):
     sentence: str
     error: str  # expected error, as a clause
     conditions: list[str]  # assumptions that keep wrong answers few, the most harmful first
-    warnings: list[str]  # reasons why the answer means less than it says
+    warnings: list[str]  # reasons to trust the figures less
 
 
 def weakest(lines: Sequence[Line]) -> Weakest | None:
@@ -63,8 +63,8 @@ def verdict(job: Job, figures: dict[str, Any], lines: Sequence[Line] = ()) -> Ve
 
     Args:
         job: the job of the table.
-        figures: as `Evaluation.summary` returns them; of several parts, also those of `Identities`.
-        lines: evaluations in worlds, the planned one first; empty if none was tried.
+        figures: as `Evaluation.summary` returns them; for several parts, also those of `Identities`.
+        lines: evaluations in several worlds, the planned one first; empty if no other was tried.
     """
     success, wrong, worst = figures["success_rate"], figures["wrong_rate"], weakest(lines)
     grade: Grade = "good"
@@ -85,9 +85,10 @@ def _harm(line: Line) -> tuple[float, float]:
 
 
 def _conditions(lines: Sequence[Line]) -> list[str]:
-    """Texts of the assumptions whose violation gives too many wrong answers, the most harmful first.
+    """Texts of the assumptions that must hold, since too many answers are wrong otherwise.
 
-    Of several bounds on the same side of a quantity, only the strictest is stated.
+    The most harmful assumption comes first. Of several bounds on the same side of a quantity, only the
+    strictest is stated.
     """
     failing = [line for line in lines[1:] if float(line.evaluation.wrong.mean()) >= GOOD_WRONG]
     strictest: dict[tuple[str, str], Condition] = {}
@@ -118,7 +119,7 @@ def listed(conditions: Sequence[str]) -> str:
 
 
 def _located(job: Job, figures: dict[str, Any]) -> str:
-    """States what is located, and how often; for several parts, also how often the name is right."""
+    """A clause: what is located, and how often; for several parts, also how often the name is right."""
     share = f"in {in_percent(shares_of(figures).located)} of trials"
     if not job.hypothesis:
         return f"finds a {described(job)} lying {belief(job)} {aim(job)} {share}"
@@ -179,7 +180,7 @@ def percent(share: float) -> str:
 
 
 FAR_MM = 2.0  # distance from every planned width that means another part or pose, not noise
-USUAL = 0.9  # share of located parts below which a cell needs attention
+USUAL = 0.9  # share of located parts below which the grade of a cell is poor
 
 
 class CellResult(NamedTuple):

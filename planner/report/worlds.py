@@ -1,6 +1,6 @@
 """Figures of a table in its planned world, and in worlds that break one assumption each.
 
-All commands use these figures, so that they are the same everywhere.
+All commands that judge a table take their figures from here, so that these agree.
 """
 
 import time
@@ -22,7 +22,7 @@ TIMED_TRIALS = 200  # parts squeezed to estimate the duration of a world
 
 
 def evaluation_of(table: Table, job: Job, trials: int) -> Evaluation:
-    """Repeats the evaluation that gave a table its figures; with `trials` parts where it has none."""
+    """Repeats the evaluation whose figures a table stores; evaluates `trials` parts if it stores none."""
     seed = job.seed + SEED_FIGURES
     worlds = ContactWorlds.of_job(job, seed)
     return evaluate(table, job, worlds, table.predicted.trials or trials, seed)
@@ -37,10 +37,22 @@ def tried(
     report: Report = silent,
     limit: Limit | None = None,
 ) -> list[Line]:
-    """The evaluation `planned` in the table's own world, followed by evaluations in further worlds.
+    """Evaluates a table in further worlds.
 
-    Each of these breaks one assumption of plans, or sets one uncertain quantity of the job to an end of its
-    interval. Once `limit` is over, no further world is tried. `planned` is as from `evaluation_of`.
+    Each further world breaks one assumption of plans, or sets one uncertain quantity of the job to an end of
+    its interval.
+
+    Args:
+        table: the table.
+        job: its job.
+        planned: the evaluation in the planned world, from `evaluation_of`.
+        trials: number of parts in each further world.
+        scheduler: runs the trials; None: threads on all cores.
+        report: progress.
+        limit: once it is over, no further world is tried.
+
+    Returns:
+        A line for the planned world, then one for each further world.
     """
     seed, (stated, *others) = job.seed + SEED_FIGURES, _cases(job)
     lines = [Line(stated, planned)]
@@ -59,10 +71,10 @@ def seconds_a_part(table: Table, job: Job, scheduler: Scheduler) -> float:
 
 
 def affordable(job: Job, seconds: float, part_s: float) -> int:
-    """Trials in each world so that `tried` ends within a time: at most `TRIALS`, at least `LEAST_TRIALS`.
+    """Number of trials in each world with which `tried` ends in time, from `LEAST_TRIALS` to `TRIALS`.
 
     Args:
-        job: determines the worlds.
+        job: the job; the worlds follow from it.
         seconds: the time for all worlds.
         part_s: seconds for one part, from `seconds_a_part`.
     """

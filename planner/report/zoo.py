@@ -22,8 +22,8 @@ from planner.work.limit import Limit
 from runtime.pages import frame
 from runtime.shell.errors import InputError, UnreachableError
 
-LOCATED = 0.99  # least share of parts located for an outline to count
-LEAST_MM = 1.0  # least radius
+LOCATED = 0.99  # least share of parts located for an outline to count as located
+LEAST_MM = 1.0  # least radius of the uncertainty; an outline that allows less is too large
 LONGEST_NAME = 80  # of a part in a job
 ERROR = "error of the program"
 RATES = ("success_rate", "wrong_rate", "reject_rate", "unresolved_rate")
@@ -34,7 +34,7 @@ Figures = dict[str, Any]
 class Item(NamedTuple):
     """An outline to plan, with the rest of its job; pickles, so that another machine can plan it."""
 
-    name: str  # key
+    name: str  # key of the outline, unique
     outline_mm: list[list[float]]  # (N, 2)
     base: str  # canonical text of the job with gripper, friction and goal
     budget_s: float  # of planning, processor time

@@ -71,7 +71,7 @@ class Answers:
         return Answer(text.encode(), "text/html; charset=utf-8", PAGE)
 
     def static(self, name: str) -> Answer:
-        """A stylesheet or script of the studio, or `elements.js`, which other pages use, too."""
+        """A stylesheet or script of the studio, or `elements.js`, which the reports use, too."""
         kind = f"{KINDS[Path(name).suffix]}; charset=utf-8"
         if name == "elements.js":
             return Answer(asset(name).encode(), kind, PAGE)

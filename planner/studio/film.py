@@ -1,4 +1,4 @@
-"""Film of simulated parts between the fingers, for a page that animates one of them.
+"""Films of simulated parts between the fingers; a page animates the film of one part.
 
 `squeezetree run --world planner.studio.film:make` runs parts as usual, and prints each squeeze as JSON.
 """
@@ -16,7 +16,7 @@ from runtime.table import Table, job_of
 
 
 class Filmed(ContactWorld):
-    """The contact world of a job, which prints each squeeze: poses in the hand frame, width."""
+    """The contact world of a job; it prints the width of each squeeze, and both poses in the hand frame."""
 
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
         """Squeezes as the contact world, and prints the squeeze."""

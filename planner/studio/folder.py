@@ -26,7 +26,7 @@ class Folder:
         self.path = path.resolve()
 
     def files(self) -> list[File]:
-        """The regular files of the folder, by name: no links, hidden files, or names that are not text."""
+        """The regular files of the folder by name, without links and names that `checked` refuses."""
         result = []
         with os.scandir(self.path) as entries:
             for entry in entries:
@@ -80,7 +80,8 @@ def checked(name: str) -> str:
     """Checks and returns the name of a file in a folder.
 
     Raises:
-        UsageError: it is empty, hidden, too long, no text, or has a slash or a control character in it.
+        UsageError: the name is empty, too long or no text, begins with a dot, or has a slash, a backslash or
+            a character in it that cannot be printed.
     """
     printable = isinstance(name, str) and all(ch.isprintable() for ch in name)
     if not printable or "/" in name or "\\" in name or not name or name.startswith("."):

@@ -11,7 +11,7 @@ MOST_LINES = 40
 
 
 class Log(NamedTuple):
-    """State of a plan as its log tells it, for a page to show."""
+    """State of a plan, read from its log, for a page to show."""
 
     drawing: str
     commands: list[str]

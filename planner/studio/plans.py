@@ -31,7 +31,7 @@ class Plan(NamedTuple):
 
     name: str
     running: bool
-    trying: bool  # whether other goals are being tried, after the plan is done
+    trying: bool  # whether other discs and goals are being tried, after the plan is done
     log: Log
     files: dict[str, str]  # files written so far, by kind
 
@@ -44,7 +44,7 @@ class Plans:
         self._lock = threading.Lock()
 
     def arguments(self, drawing: str, settings: Mapping[str, Any]) -> list[str]:
-        """Converts a page's settings to options of `squeezetree try`; empty ones keep its defaults.
+        """Converts a page's settings to options of `squeezetree try`; an empty setting gives no option.
 
         Raises:
             UsageError: the name of the drawing is not allowed, or a setting is unknown or not a text.

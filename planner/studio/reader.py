@@ -11,7 +11,7 @@ from typing import Any
 
 from runtime.shell.errors import InputError
 
-PATIENCE_S = 120.0  # the reader ends by itself after 30 s, unless a library prevents it
+PATIENCE_S = 120.0  # the process itself gives a drawing up after 30 s, unless a library prevents it
 READER = [sys.executable, "-P", "-m", "planner.cli.preview"]
 
 

@@ -41,7 +41,7 @@ def written_for(name: str) -> dict[str, str]:
 
 
 def commands_of(name: str, drawing: str, arguments: Sequence[str]) -> list[list[str]]:
-    """The commands of a plan as words after `squeezetree`: plan, report, run of simulated parts."""
+    """The commands of a plan, each as its words after `squeezetree`: try, report, run of simulated parts."""
     files = {what: beginning(file) for what, file in written_for(name).items()}
     simulated = ["--port", "sim", "--time-scale", "max", "--count", str(PARTS)]
     return [

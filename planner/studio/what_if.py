@@ -6,19 +6,19 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-FACTORS = (1.25, 1.6, 2.0, 2.5, 3.2)  # by which a radius is multiplied, or a distance divided
+FACTORS = (1.25, 1.6, 2.0, 2.5, 3.2)  # a radius is multiplied by each, a distance divided by each
 EFFORT = ("--budget", "20s", "--trials", "3000")
 
 
 class Trial(NamedTuple):
-    """A key of the job, and the values to try in turn until the plan for one of them fails."""
+    """A key of the job, and its values to try in turn, until the plan for one locates too few parts."""
 
     key: str
-    values: list[float]
-    confidence: float  # share of the parts that the job requires
+    values: list[float]  # ever harder ones
+    confidence: float  # share of the parts that the job requires to be located
 
     def command(self, value: float, job: str, folder: str) -> list[str]:
-        """The command, without `squeezetree`, that plans with a value and writes the table to a folder."""
+        """The words after `squeezetree` of the command that plans with a value, and writes into a folder."""
         return ["plan", job, "-o", folder, "--vary", f"{self.key}={value:g}", *EFFORT]
 
     def result(self, value: float, summary: Path) -> dict[str, Any]:

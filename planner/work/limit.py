@@ -35,14 +35,14 @@ class Limit:
         return math.isfinite(self.budget_s)
 
     def start(self) -> None:
-        """Restarts counting: earlier work is not charged to the budget."""
+        """Starts the budget anew, so that earlier work does not count."""
         self._start = self._clock()
 
     def ask(self) -> bool:
         """Requests an early end.
 
         Returns:
-            Whether this is accepted: there is a result to keep, and it is the first request.
+            Whether the request is accepted: there is a result to keep, and no request was accepted before.
         """
         heard = self.standing and not self.asked
         self.asked = self.asked or heard

@@ -23,7 +23,7 @@ WORKER = "squeezetree worker"  # prefix of names of threads whose work is not di
 
 
 def pool_of(workers: int) -> ThreadPoolExecutor:
-    """A pool of threads; `Threads.map` called on one of them runs serially, so that it cannot deadlock."""
+    """Returns a pool of threads; `Threads.map` runs serially on these threads, so that it cannot deadlock."""
     return ThreadPoolExecutor(workers, WORKER)
 
 

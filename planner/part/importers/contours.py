@@ -16,7 +16,7 @@ from runtime.shell.errors import InputError, UsageError
 
 LISTED = 12  # most contours that a message describes
 MOST = 2000  # Most contours of one drawing
-NEARLY = 0.1  # largest gap of an outline that is meant to be closed, as a share of its size
+NEARLY = 0.1  # largest gap of an outline that counts as nearly closed, as a share of its size
 LARGER_MM = 0.1  # distance that an unread shape must extend beyond a contour to surround it
 
 # ISO 216, A0 to A5
@@ -80,7 +80,7 @@ def contours(pieces: Pieces, join_mm: float) -> tuple[list[Contour], list[str]]:
 
 
 def choose(
-    candidates: list[Contour], number: int | None, lost: Sequence[Lost] = ()
+    candidates: list[Contour], number: int | None, lost: Sequence[Lost]
 ) -> tuple[Contour, list[str]]:
     """Returns the contour `number`, from 1, or the only outer one for None; and notes on the choice.
 

@@ -63,9 +63,13 @@ class View(NamedTuple):
 
 
 def view(document: Drawing, scale: float, tolerance_mm: float, only: str | None) -> View:
-    """The curves of the model space that are visible and plotted, or that lie on the layer `only`.
+    """Returns the curves of the model space that are visible and plotted, and what else it shows.
 
-    `scale` is the size of a unit in mm, `tolerance_mm` the largest distance of a chord from its curve.
+    Args:
+        document: the drawing.
+        scale: size of a unit [mm].
+        tolerance_mm: largest distance of a chord from its curve.
+        only: the one layer to read, even if that layer is hidden or not plotted; None: all layers.
 
     Raises:
         InputError: a shape cannot be drawn.
@@ -101,7 +105,7 @@ def _flattened(record: PathRecord, scale: float, tolerance_mm: float) -> Array:
 
 
 class _Viewer(Frontend):
-    """Draws the visible shapes by ezdxf, and records the other entities by kind or as lost."""
+    """Draws the visible shapes by ezdxf; counts the other entities by kind, or records them as lost."""
 
     def __init__(self, document: Drawing, scale: float, tolerance: float, only: str | None) -> None:
         context = RenderContext(document)

@@ -34,7 +34,7 @@ class Imported(NamedTuple):
     size_mm: Array  # (2,) extent of the contour in x and y, as drawn
     notes: tuple[str, ...]  # notes on the drawing, one sentence each
     height_mm: float | None = None  # height of the solid; None for an outline
-    holes_mm: tuple[Array, ...] = ()  # its inner contours, each (n, 2), in the outline's frame
+    holes_mm: tuple[Array, ...] = ()  # contours inside the outline, each (n, 2), in its frame
     origin_mm: tuple[float, float] = (0.0, 0.0)  # the drawing's datum in the outline's frame
     origin_name: str = DATUM  # name of the datum's point
 
@@ -59,9 +59,8 @@ def read_outline(path: Path, options: Options) -> Imported:
     Raises:
         UsageError: neither file nor options state the unit or the contour; the height is outside the solid;
             the suffix is unknown, or trimesh is not installed.
-        InputError: the file is missing, too large, or of another format than its suffix.
-        InputError: it holds no closed contour, one that crosses itself, or too many shapes.
-        InputError: a line of a CSV file is not two numbers.
+        InputError: the file is missing, too large, or of another format than its suffix; it holds no closed
+            contour, one that crosses itself, or too many shapes; or a line of a CSV file is not two numbers.
     """
     with _pieces(path, options) as pieces:
         candidates, notes = contours.contours(pieces, options.tolerance_mm)
@@ -118,8 +117,9 @@ def _reading(path: Path) -> Iterator[list[str]]:
 def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) -> list[Face]:
     """Reads the outlines of a solid as it lies on each of its stable faces, the commonest face first.
 
-    The finger tips have one height above the table on all faces: that of the options, or else `tips_mm` of
-    the least height of the solid on any face. Faces whose outlines look alike are merged.
+    The finger tips have the same height above the table for all faces: that of the options, or else
+    `tips_mm(h)`, where h is the solid's height on the face on which it is lowest. Faces whose outlines look
+    alike are merged.
 
     Raises:
         UsageError: the file is no solid.
@@ -164,7 +164,7 @@ def _lying(face: mesh.Lying, height_mm: float, tolerance_mm: float) -> Imported:
 
 
 def _alike(one: Imported, other: Imported) -> bool:
-    """Whether a solid on two of its faces has nearly the same height and outline."""
+    """Whether a solid has nearly the same height and outline when it lies on one face or on another."""
     assert one.height_mm is not None
     assert other.height_mm is not None
     return abs(one.height_mm - other.height_mm) < mesh.WIDER_MM and symmetry.congruent(

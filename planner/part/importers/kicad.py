@@ -72,8 +72,8 @@ def read(data: bytes, options: pieces.Options) -> pieces.Pieces:
     The file's unit is the millimetre, unless the options state another.
 
     Raises:
-        InputError: the file is not a footprint, or one of its shapes is damaged.
-        InputError: the footprint holds too many shapes, or none on the layer of the body.
+        InputError: the file is not a footprint, one of its shapes is damaged, or it holds too many shapes or
+            none on the layer of the body.
     """
     shapes = _shapes(data.decode("utf-8-sig", errors="replace"))
     if len(shapes) > pieces.MAX_SHAPES:
@@ -214,7 +214,7 @@ def _arc(centre: Array, start: Array, turn: float, tolerance: float) -> Array:
 
 
 def _through(start: Array, middle: Array, end: Array, tolerance: float) -> Array:
-    """The arc through three points: a circle if the ends coincide, a line if all three lie on one."""
+    """The arc through three points: a circle if the ends coincide, a line if the points lie on one."""
     if np.array_equal(start, end):
         return _arc(0.5 * (start + middle), start, math.tau, tolerance)
     one, other = (complex(*(point - start)) for point in (middle, end))

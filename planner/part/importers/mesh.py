@@ -11,7 +11,7 @@ from planner.part.importers.pieces import Options, Pieces, need_units, sorted_ou
 from planner.part.tips import tips_height_mm
 from runtime.shell.errors import InputError, UsageError
 
-FARTHEST_MM = 1e5  # coordinate from which on single precision, that of STL files, is only 0.01 mm
+FARTHEST_MM = 1e5  # largest coordinate; STL files, in single precision, resolve 0.01 mm there
 WIDER_MM = 0.1  # difference between heights or faces that is worth a note
 CRACK_MM = 1e-3  # Largest gap between triangles due to rounded vertices
 GRID_MM = 1e-4  # grid on which polygons are united
@@ -28,7 +28,7 @@ class Lying(NamedTuple):
 
 
 def read(data: bytes, options: Options) -> Pieces:
-    """The silhouette of a solid above the finger tips; see `silhouette`."""
+    """Reads an STL file; returns the outline that `silhouette` describes."""
     return silhouette(_solid(data, options), options.height_mm)
 
 

@@ -184,10 +184,12 @@ def _shared_edges(polygons: Array) -> tuple[Array, IntArray]:
 
 
 def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> int | None:
-    """Finds a line that bounds a region and continues beyond it, like an extension line.
+    """Finds a line that bounds a region and continues beyond it, like the extension line of a dimension.
+
+    The piece beyond the region is one of the `loose` lines.
 
     Returns:
-        The index of the line in the tree `lines`, or None. The part beyond is one of the `loose` lines.
+        The index of the line in the tree `lines`, or None if there is no such line.
     """
     if not loose:
         return None
@@ -197,6 +199,6 @@ def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> i
 
 
 def along(each: Sequence[shapely.Geometry] | Array, lines: shapely.STRtree) -> set[int]:
-    """Returns the indices of those lines of a tree on which the midpoint of any of the lines `each` lies."""
+    """Returns the indices of the lines of a tree that pass through the midpoint of any line of `each`."""
     middles = shapely.line_interpolate_point(each, 0.5, normalized=True)
     return set(lines.query(middles, "dwithin", distance=BESIDE_MM)[1].tolist())

@@ -78,7 +78,7 @@ def too_much(what: str) -> InputError:
 def flattened(
     curve: Callable[[Array], Array], tolerance: float, low: float = 0.0, high: float = 1.0
 ) -> Array:
-    """Returns points (n, 2) of a curve, both ends included, whose chords lie within a tolerance of the curve.
+    """Returns points (n, 2) of a curve, both ends included; the chords between them lie within a tolerance.
 
     `curve` takes (n,) parameters from `low` to `high` and returns (n, 2) points in its own unit.
     """
@@ -135,7 +135,7 @@ def place(point: Array) -> str:
 
 
 def counted(kinds: Counter[str]) -> str:
-    """Lists the number of shapes of each kind as text."""
+    """The number of shapes of each kind, as text for people."""
     return ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
 
 

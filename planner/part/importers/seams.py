@@ -60,7 +60,7 @@ def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: fl
 
 
 def _named(points: Array, drawn: Drawn) -> str:
-    """Describes a line (n, 2) for people: its course and its layers."""
+    """Describes a line (n, 2) for people: its two ends and its layers."""
     ends = " to ".join(place(end + drawn.origin) for end in sorted(points[[0, -1]].tolist()))
     near = noding.along([shapely.LineString(points)], drawn.tree)
     layers = {drawn.layers[k] for k in near} - {""}

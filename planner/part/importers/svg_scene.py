@@ -19,7 +19,7 @@ from planner.part.importers.svg_values import Values, Viewport
 from runtime.shell.errors import InputError
 
 MAX_DEPTH = 100
-WIDE_MM = 1.0  # a wider stroke is noted: half its width is more than a count of most encoders
+WIDE_MM = 1.0  # a wider stroke is noted: half its width is more than a step of most encoders
 XLINK = "{http://www.w3.org/1999/xlink}href"
 SIZES = ("width", "height")
 GROUPS = frozenset({"svg", "g", "a", "switch", "use"})
@@ -67,8 +67,7 @@ class Scene:
         """The visible shapes, in drawing order.
 
         Raises:
-            InputError: an attribute is malformed.
-            InputError: there are too many elements, or an element contains itself.
+            InputError: an attribute is malformed, there are too many elements, or an element contains itself.
         """
         return self._draw(self._root, Frame(np.eye(3), INHERITED, self._viewport), None)
 

@@ -34,8 +34,7 @@ def polylines(kind: str, values: Values, tolerance: float) -> list[Array]:
     """A shape as polylines, each (n, 2), in its own user units, with chords within a tolerance.
 
     Raises:
-        InputError: an attribute is malformed.
-        InputError: a coordinate is not finite or absurdly large.
+        InputError: an attribute is malformed, or a coordinate is not finite or absurdly large.
     """
     if kind == "line":
         ends = [[values.at("x1"), values.at("y1")], [values.at("x2"), values.at("y2")]]

@@ -97,7 +97,7 @@ class Values(NamedTuple):
         else:
             whole = math.hypot(width, height) / math.sqrt(2.0)
         if whole is None:
-            raise self.error(name, "is a share of a size that nobody states")
+            raise self.error(name, "is a share of a size that the file does not state")
         return 0.01 * stated.value * whole
 
     def size(self, name: str) -> float:
@@ -147,7 +147,7 @@ class Values(NamedTuple):
     def fitted(self, box: list[float], size: Viewport) -> Array:
         """The transform (3, 3) that fits a view box into a viewport at the element's x and y."""
         if size.width is None or size.height is None:
-            raise self.error("viewBox", "is drawn at a size that nobody states")
+            raise self.error("viewBox", "is drawn at a size that the file does not state")
         aspect = ASPECT.fullmatch(self.style.get("preserveAspectRatio", ""))
         how = f"{aspect[1]} {aspect[2] or 'meet'}" if aspect else None
         place = self.at("x"), self.at("y"), size.width, size.height

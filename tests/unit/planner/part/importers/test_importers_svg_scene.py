@@ -190,4 +190,4 @@ def test_a_malformed_size_of_the_drawing_is_refused(tmp_path, size):
 
 def test_a_share_of_an_unknown_size_is_refused(tmp_path):
     path = svg(tmp_path, '<rect width="50%" height="20"/>', "")
-    refused(path, "size that nobody states", units="mm")
+    refused(path, "size that the file does not state", units="mm")
