@@ -3,9 +3,9 @@
     P(qf | qi) = sum_j w_j K_h2(qf, qf_j),   w_j ~ K_h1(qi, qi_j)        (eqs 6-8)
 
 over roll-outs j, with poses in the hand frame, normalised to [x, y, rho theta], the angle wrapped under the
-part's rotational order. A draw picks a roll-out by its weight, among those of the nearest 400
-whose weight exceeds e^-20 of the largest. Beyond the paper, only parts that are touched are moved
-(`planner.mechanics.clearance`).
+part's rotational order. A draw picks a roll-out at random by its weight, among those of the 400 nearest
+roll-outs whose weight exceeds e^-20 times the largest weight. Unlike in the paper, only parts that the
+fingers touch are moved (`planner.mechanics.clearance`).
 """
 
 import math
@@ -21,7 +21,11 @@ from planner.learned.rollouts import RollOuts
 from planner.mechanics.clearance import STANDS_ON, TOUCHES, Jaws, classify_contact
 from planner.work.scheduler import Threads
 
-SPREAD = 40.0  # squared bandwidths; weights below e^(-SPREAD / 2) of the largest are ignored
+SPREAD = 40.0
+"""Excess of a squared distance over the least, in squared bandwidths, above which a roll-out is ignored.
+
+Its weight is then less than e^(-SPREAD / 2) times the largest.
+"""
 BANDWIDTH_MM = 0.5  # h1 and h2
 NEIGHBOURS = 400  # number of nearest roll-outs considered
 LOOK = 0.8  # Guess of the distance to the nearest roll-out, in spacings; it affects speed only
@@ -32,8 +36,9 @@ class Sampled(NamedTuple):
     """Draws from the estimate, one for each queried pose."""
 
     poses: Array  # (n, 3) in the hand frame [mm, mm, rad]
-    width_mm: Array  # (n,) where the fingers stopped; 0: missed the part, full: came down on it
-    source: IntArray  # (n,) the roll-out drawn; -1 where fingers miss the part or come down on it
+    # (n,) opening at which the fingers stop; 0 if they miss the part, full if a finger comes down on it
+    width_mm: Array
+    source: IntArray  # (n,) the roll-out drawn; -1 if the fingers miss the part or come down on it
 
 
 class Kcde(NamedTuple):
@@ -49,9 +54,10 @@ class Kcde(NamedTuple):
 
     @classmethod
     def fit(cls, rolled: RollOuts, outline: Array, jaws: Jaws, rho_mm: float, order: int) -> Self:
-        """Fits the density to those of n roll-outs whose fingers touch the part.
+        """Fits the density to the roll-outs in which the fingers touch the part.
 
-        The part has an outline (N, 2) [mm] of rotational order `order`; a radian counts as `rho_mm`.
+        The part has an outline (N, 2) [mm] of rotational order `order`; a radian counts as `rho_mm`
+        millimetres.
 
         Raises:
             ValueError: no roll-out touches the part.
@@ -67,7 +73,7 @@ class Kcde(NamedTuple):
         return cls(grid, initial[row], end[row], used[row], outline, jaws, rho_mm)
 
     def sample(self, poses: Array, rng: np.random.Generator, workers: int = 1) -> Sampled:
-        """Draws final poses of parts at poses (n, 3) in the hand frame, jaws open [mm, mm, rad].
+        """Draws final poses of parts that lie at poses (n, 3) in the hand frame before a squeeze.
 
         The result does not depend on the number of workers (threads).
         """
@@ -122,9 +128,10 @@ def _draw(
     out: Array,
     source: IntArray,
 ) -> None:
-    """Draws one roll-out for each of `poses` (n, 3), with an initial search radius of `look` [mm].
+    """Draws a final pose and width for each of `poses` (n, 3), with an initial search radius of `look` [mm].
 
-    `out` (n, 4) and `source` (n,) are modified in place.
+    They are written into `out` (n, 4), and the indices of the roll-outs into `source` (n,). The draws use
+    `chance` (n,), uniform in [0, 1), and `noise` (n, 3), standard normal.
     """
     grid, initial, rho = model.grid, model.initial, model.rho_mm
     q, turn, spread = np.empty(3), grid.period / rho, SPREAD * BANDWIDTH_MM * BANDWIDTH_MM

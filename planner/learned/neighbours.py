@@ -1,7 +1,7 @@
 """Neighbour search among training points by the cells of a grid.
 
 Poses are normalised, [x, y, rho theta] in mm (paper V.A), the angle's coordinate wrapped under the part's
-rotational order. Cells are stored with the angle fastest, so that a search scans a few rows.
+rotational order. The cells along the angle are stored next to each other, so that a search scans few rows.
 """
 
 from typing import NamedTuple
@@ -11,16 +11,18 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import kernel
 
-POINTS_PER_CELL = 2.0
-LARGEST_GRID = 4_000_000  # Most cells; sparse data gets larger ones
+POINTS_PER_CELL = 2.0  # Mean number of points
+LARGEST_GRID = 4_000_000  # Largest number of cells; more points get fuller cells
 
 
 class Grid(NamedTuple):
     """Training points, sorted into the cells of a grid."""
 
-    points: Array  # (N, 3) normalised, by cell, the last coordinate in [0, period) [mm]
-    row: IntArray  # (N,) original row of each
-    first: IntArray  # (cells + 1,) the first point of each cell
+    points: (
+        Array  # (N, 3) normalised, in the order of the cells, last coordinate in [0, period) [mm]
+    )
+    row: IntArray  # (N,) original row of each point
+    first: IntArray  # (cells + 1,) index of the first point of each cell, then N
     corner: Array  # (2,) least x and y of the grid [mm]
     size: Array  # (3,) sides of a cell [mm]
     shape: IntArray  # (3,) number of cells along each axis
@@ -58,6 +60,7 @@ def wrap_up(coordinate: Array, period: float) -> Array:
 
 @kernel
 def _gap(coordinate: float, low: float, size: float) -> float:
+    """Distance of a coordinate from the interval [low, low + size]; 0 within the interval."""
     return max(low - coordinate, coordinate - low - size, 0.0)
 
 
@@ -72,7 +75,13 @@ def _scan(
     squares: Array,
     count: int,
 ) -> int:
-    """Adds the points start to stop - 1 that lie within sqrt(square) of q; returns the new count."""
+    """Adds to `place` those points from start to stop - 1 that lie within sqrt(square) [mm] of q (3,).
+
+    `squares` receives their squared distances. Before the call both have `count` entries.
+
+    Returns:
+        The new count.
+    """
     points, period = grid.points, grid.period
     for k in range(start, stop):
         dx, dy, dz = points[k, 0] - q[0], points[k, 1] - q[1], abs(points[k, 2] - q[2])

@@ -1,10 +1,9 @@
 """Roll-outs: training squeezes for the learned model of the paper (paper V, VII).
 
-They start from a disc of part centres about the hand, at any angle, each with its own limit surface and
-friction. The disc consists of rings of equal density, rolled out in blocks of `BLOCK` starts. A block depends
-only on the simulator and on its place among the blocks, which seed its random stream: a larger region or more
-roll-outs add blocks.
-Uncertainty, actions, goal and seed of a job have no effect.
+The centre of the part starts in a disc about the hand, at any angle of the part. Each roll-out has its own
+limit surface and friction. The disc consists of rings of equal density, rolled out in blocks of `BLOCK`
+starts. A block depends only on the simulator, its ring and its number in the ring, which seed its random
+stream: a larger region or more roll-outs add blocks. Actions, goal and seed of a job have no effect.
 """
 
 import hashlib
@@ -25,7 +24,7 @@ from planner.part.outline import reach
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Threads
 
-COLLIDES = -1
+COLLIDES = -1  # Status of a roll-out in which an open finger would come down on the part
 PAPER_COUNT = 9_000  # Number of roll-outs in the paper (VII)
 BLOCK = 1024  # Starts of a block: a few hundredths of a second
 FORMAT = b"roll-outs 1"
@@ -45,8 +44,8 @@ class RollOuts(NamedTuple):
 class Block(NamedTuple):
     """A block of the starts in one ring.
 
-    It begins at start number `BLOCK * number` of the ring, and has at most `BLOCK` and at most `starts`
-    starts.
+    It begins at start number `BLOCK * number` of the ring, and has `BLOCK` or `starts` starts, whichever is
+    less.
     """
 
     ring: int
@@ -59,12 +58,12 @@ def roll_outs(
 ) -> RollOuts:
     """Rolls out training squeezes over a disc of part centres about the hand, at any angle.
 
-    The result depends on the simulator, the radius and the count only. Starts beyond the fingers' reach are
-    left out, since nothing happens there; how many of the last ring lie in the disc is random. Progress
-    counts blocks.
+    The result depends on the simulator, the radius and the count only. It may have fewer or more than `count`
+    roll-outs: starts beyond the fingers' reach are left out, since nothing happens there, and how many starts
+    of the last ring lie in the disc is random. Progress counts blocks.
 
     Raises:
-        ValueError: radius or count are not above 0.
+        ValueError: radius or count is not above 0, or the radius is infinite.
     """
     if not (0.0 < radius_mm < math.inf and count > 0):
         raise ValueError(f"radius_mm = {radius_mm} and count = {count} must be above 0")
@@ -86,7 +85,7 @@ def roll_outs(
 
 
 def roll_block(simulator: Simulator, block: Block) -> RollOuts:
-    """Rolls out the starts of one block within the fingers' reach."""
+    """Rolls out those starts of one block that lie within the fingers' reach."""
     rng = np.random.default_rng(int.from_bytes(_seed(content_of(simulator), block)))
     drawn = starts(block.ring, BLOCK, rng)
     reached = np.flatnonzero(within_reach(simulator.outline, simulator.jaws, drawn))
@@ -113,11 +112,16 @@ def content_of(simulator: Simulator) -> bytes:
 
 
 def _seed(content: bytes, block: Block) -> bytes:
+    """Seed of the random stream of a block."""
     return hashlib.sha256(content + b"%d %d" % (block.ring, block.number)).digest()
 
 
 def region_radius(job: Job) -> float:
-    """Radius of the disc of a job's roll-outs: one ring up to the fingers' reach [mm]."""
+    """Radius of the disc in which the roll-outs of a job start [mm].
+
+    It is `FACTOR` times the radius of the job's uncertainty, but at least one ring, and at most as far as the
+    fingers reach.
+    """
     limit = farthest(job.part.outline_mm, jaws_of(job.gripper))
     return max(RING_MM, min(FACTOR * job.uncertainty.radius_mm, limit))
 
@@ -129,9 +133,9 @@ def farthest(outline: Array, jaws: Jaws) -> float:
 
 
 def within_reach(outline: Array, jaws: Jaws, poses: Array) -> BoolArray:
-    """Mask (n,) of `poses` (n, 3) at which the circle about a part (N, 2) meets the box of the fingers.
+    """Mask (n,) of `poses` (n, 3) at which the part's circumscribed circle meets the box of the fingers.
 
-    Elsewhere a squeeze leaves the part exactly where it is.
+    At other poses a squeeze leaves the part exactly where it is.
     """
     half_x, half_y = _swept(jaws)
     dx = np.maximum(np.abs(poses[:, 0]) - half_x, 0.0)
@@ -140,9 +144,9 @@ def within_reach(outline: Array, jaws: Jaws, poses: Array) -> BoolArray:
 
 
 def ring_counts(radius_mm: float, count: int) -> list[int]:
-    """Numbers of starts in each ring, from the innermost on, for `count` of them in the disc.
+    """Numbers of starts in each ring, from the innermost on, so that about `count` starts lie in the disc.
 
-    The last ring is filled as a whole, whether or not the disc ends within it.
+    The last ring is filled as a whole, even if the disc ends within it.
     """
     density = count / (math.pi * radius_mm**2)
     rings = math.ceil(radius_mm / RING_MM)
@@ -150,7 +154,7 @@ def ring_counts(radius_mm: float, count: int) -> list[int]:
 
 
 def starts(ring: int, n: int, rng: np.random.Generator) -> Array:
-    """Draws (n, 3) poses: centres uniform in a ring, angles uniform [mm, mm, rad]."""
+    """Draws poses (n, 3) with centres uniform in ring number `ring` and uniform angles [mm, mm, rad]."""
     radius = RING_MM * np.sqrt(rng.uniform(ring**2, (ring + 1) ** 2, n))
     bearing = rng.uniform(-math.pi, math.pi, n)
     angle = rng.uniform(-math.pi, math.pi, n)
@@ -158,5 +162,5 @@ def starts(ring: int, n: int, rng: np.random.Generator) -> Array:
 
 
 def _swept(jaws: Jaws) -> tuple[float, float]:
-    """Half the extents of the box that contains the fingers during all of a squeeze [mm]."""
+    """Half the extents in x and y of the box that contains the fingers during a whole squeeze [mm]."""
     return 0.5 * jaws.length_mm, 0.5 * jaws.opening_mm + jaws.thickness_mm

@@ -35,17 +35,18 @@ BOUNDARY = np.dtype(
     ],
     align=True,
 )
-"""A moving boundary: fingers, or the points of a pusher, and the frame that they stand in.
+"""A moving boundary: the fingers, or the points of a pusher, and the motion of their frame.
 
-fingers: their number; 0 where points push. facing: -1 where the second finger looks up at the first, 1
-where it looks down beside it. apart: x of their middles is -apart and apart [mm]. h, thickness: half a
-finger's length, and its thickness [mm]. points, pusher: number and coordinates of the points [mm]. radius:
-of the round tips about them [mm]. mu_top: friction at fingers that look down and at points; mu_bottom: at a
-finger that looks up. top_share, bottom_share: how far fingers that look down, and up, come for each
-millimetre of a step. x, y, turn, centre: for each millimetre the frame turns by `turn` [rad] about the centre
-[mm], which moves straight by x and y [mm]. step: the nominal one [mm].
+fingers: number of fingers; 0 where points push. facing: -1 if the second finger looks up at the first, 1 if
+both look down, side by side. apart: the middles of the two fingers lie at x = -apart and x = apart [mm]. h:
+half the length of a finger [mm]. thickness: of a finger [mm]. points: number of points. pusher: coordinates
+of the points [mm]. radius: of the round tips about the points; 0 for bare points [mm]. mu_top: friction
+coefficient of the points, and of fingers that look down; mu_bottom: of a finger that looks up. top_share:
+distance that a finger which looks down moves for each millimetre of a step; bottom_share: the same for a
+finger that looks up. x, y, turn, centre: for each millimetre of a step, the frame turns by `turn` [rad] about
+`centre` [mm], and `centre` moves straight by (x, y) [mm]. step: nominal length of a step [mm].
 
-One record is passed as one pointer (decision 0005).
+A record is passed to kernels as one pointer (decision 0005).
 """
 Boundary: TypeAlias = Any
 
@@ -67,7 +68,7 @@ def drive_of(boundary: Boundary, size: float, done: float, q: Array) -> Drive:
     Args:
         boundary: the fingers or the pusher.
         size: length of the step [mm].
-        done: way of the boundary before the step [mm].
+        done: distance that the boundary has moved before the step [mm].
         q: (3,) pose of the part in the boundary's frame.
     """
     turn = size * boundary.turn
@@ -81,7 +82,7 @@ def drive_of(boundary: Boundary, size: float, done: float, q: Array) -> Drive:
 
 @inlined_kernel
 def hand_of(boundary: Boundary, faces: Array) -> Hand:
-    """The fingers with inner faces at y = `faces` (2,) [mm]."""
+    """The fingers of a boundary, with their inner faces at y = `faces` (2,) [mm]."""
     h, thickness, apart = boundary.h, boundary.thickness, boundary.apart
     first = Finger(1, -apart, faces[0], h, thickness)
     return Hand(first, Finger(boundary.facing, apart, faces[1], h, thickness), boundary.fingers)
@@ -89,9 +90,9 @@ def hand_of(boundary: Boundary, faces: Array) -> Hand:
 
 @inlined_kernel
 def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None:
-    """Computes each contact's moments (the Jacobian of eq. 2) and the boundary's displacement there.
+    """Computes for each contact the moments (the Jacobian of eq. 2) and the boundary's displacement.
 
-    The results are written into `contacts`.
+    The results are the fields n2, t2, un and ut of the first `count` records of `contacts`.
     """
     for k in range(count):
         contact = contacts[k]
@@ -104,9 +105,9 @@ def directions(contacts: Contacts, count: int, rho: float, drive: Drive) -> None
 
 @inlined_kernel
 def subtract_carriage(contacts: Contacts, count: int, rho: float, drive: Drive, V: Array) -> None:
-    """Converts displacements from the table's frame to the boundary's, in place.
+    """Converts the displacements of part and boundary from the table's frame to the boundary's, in place.
 
-    These are the displacement V of the part, and that of the boundary at each contact.
+    V (3,) is the displacement of the part; un and ut of each contact are the displacement of the boundary.
     """
     turn = rho * drive.turn
     V[0], V[1], V[2] = V[0] - drive.x, V[1] - drive.y, V[2] - turn
@@ -126,11 +127,12 @@ def turn(
     drive: Drive,
     radius: float,
 ) -> None:
-    """Updates the contacts' places and normals for a part that moves from pose q to `half`, gaps unchanged.
+    """Updates place and normal of each contact while the part moves from pose q to pose `half`.
 
-    The midpoint rule uses this. The part turns on the way by an angle whose cosine and sine are `turned`, and
-    the fingers close by half of `drive`. The normal of an edge turns with the part. The normal at a vertex is
-    that of the finger; at a round tip (of `radius`) it points from the tip's centre to the vertex.
+    The midpoint rule uses this. The gaps stay as they are. The part turns by an angle whose cosine and sine
+    are `turned`, and the fingers close by half of `drive`. The normal of an edge turns with the part. The
+    normal at a vertex is that of the finger; at a round tip (of `radius`) it points from the centre of the
+    tip to the vertex.
     """
     c, s = turned
     for k in range(count):

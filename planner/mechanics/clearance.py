@@ -110,10 +110,10 @@ def stand(points: Array, top: float, bottom: float, h: float, thickness: float) 
 def free_closing(
     points: Array, top: float, bottom: float, h: float, top_share: float, bottom_share: float
 ) -> float:
-    """Distance that the fingers close before either touches the part [mm]; infinite where neither does.
+    """Mean distance that the two fingers move before either touches the part [mm]; infinite if neither does.
 
     Args:
-        points: (2, N) outline of the part in the hand frame.
+        points: (2, N) outline of the part in the hand frame [mm].
         top: y of the upper finger's inner face [mm].
         bottom: y of the lower finger's inner face [mm].
         h: half the length of a finger [mm].
@@ -130,7 +130,10 @@ def free_closing(
 
 @inner_kernel
 def _room(points: Array, opening: float, h: float, thickness: float) -> float:
-    """Least distance along y between the open fingers and the part [mm]; -1 where a finger stands on it."""
+    """Least distance along y between the open fingers and the part [mm]; -1 if a finger stands on the part.
+
+    The distance counts as half the opening at most.
+    """
     top = 0.5 * opening
     if stand(points, top, -top, h, thickness):
         return -1.0
@@ -140,6 +143,7 @@ def _room(points: Array, opening: float, h: float, thickness: float) -> float:
 
 @kernel
 def _classify(outline: Array, poses: Array, jaws: Jaws, verdict: IntArray) -> None:
+    """`classify_contact` for an outline (2, N); writes the results into `verdict` (n,)."""
     points = np.empty(outline.shape)
     h, top, upper = 0.5 * jaws.length_mm, 0.5 * jaws.opening_mm, jaws.upper_share
     for k in range(poses.shape[0]):
@@ -166,7 +170,7 @@ def classify_contact(outline: Array, jaws: Jaws, poses: Array) -> IntArray:
 
 @kernel
 def _least_room(outline: Array, poses: Array, opening: float, h: float, thickness: float) -> float:
-    """Least `_room` of any of the poses [mm]; -1 in collision."""
+    """Least `_room` of a part at any of `poses` (n, 3) in the hand frame [mm]; -1 in collision."""
     points = np.empty(outline.shape)
     least = 0.5 * opening
     for k in range(poses.shape[0]):
@@ -187,7 +191,10 @@ def _free(
     spared: int,
     free: BoolArray,
 ) -> None:
-    """Writes into `free` (k,) which placements keep `least` [mm] from the part at all but `spared` poses."""
+    """Writes into `free` (k,) which placements clear the part by `least` [mm].
+
+    A placement may violate this at `spared` poses of the belief at most.
+    """
     h, points, pose = 0.5 * jaws.length_mm + SIDE_MARGIN_MM, np.empty(outline.shape), np.empty(3)
     reach = np.sqrt((outline[0] ** 2 + outline[1] ** 2).max())
     for a in range(placements.shape[0]):
@@ -215,8 +222,8 @@ def least_clearance(
 ) -> float:
     """Least distance along the closing direction between open fingers and the part, over a belief [mm].
 
-    The part has an outline (N, 2) and believed poses (n, 3) in the world; the hand is placed at (3,). The
-    fingers count as `margin_mm` longer at both ends.
+    The part has an outline (N, 2) [mm] and believed poses (n, 3) in the world; the pose of the hand in the
+    world is `placement` (3,). The fingers count as `margin_mm` longer at both ends.
 
     Returns:
         The distance, at most half the opening; -1 where a finger would stand on the part.
@@ -230,7 +237,10 @@ def least_clearance(
 def _least_free(
     outline: Array, poses: Array, opening: float, h: float, top_share: float, low_share: float
 ) -> float:
-    """Least `free_closing` of any of the poses [mm]; half the opening where the fingers meet first."""
+    """Least `free_closing` of a part at any of `poses` (n, 3) in the hand frame [mm].
+
+    If the fingers meet first, the result is half the opening.
+    """
     points, top = np.empty(outline.shape), 0.5 * opening
     least = top
     for k in range(poses.shape[0]):
@@ -242,11 +252,11 @@ def _least_free(
 def first_contact_mm(
     outline: Array, jaws: Jaws, poses: Array, placement: Array, shares: tuple[float, float]
 ) -> float:
-    """Greatest width at which closing jaws may first touch the part, over a belief's poses [mm]; 0: never.
+    """Greatest width at which closing jaws may touch the part first, over a belief [mm]; 0 if they never do.
 
-    The part has an outline (N, 2) and believed poses (n, 3) in the world; the hand is placed at (3,). The
-    fingers count as `SIDE_MARGIN_MM` longer at both ends. The upper finger makes a share of the closing that
-    lies within the bounds `shares`.
+    The part has an outline (N, 2) [mm] and believed poses (n, 3) in the world; the pose of the hand in the
+    world is `placement` (3,). The fingers count as `SIDE_MARGIN_MM` longer at both ends. `shares` are the
+    bounds of the share of the closing that the upper finger makes.
     """
     hand, (least, most) = np.ascontiguousarray(to_hand(poses, placement)), shares
     h = 0.5 * jaws.length_mm + SIDE_MARGIN_MM
@@ -266,9 +276,9 @@ def free_placements(
 ) -> BoolArray:
     """Mask (k,) of placements at which open fingers clear the part by at least `least_mm`.
 
-    Placements (k, 3) and believed poses (n, 3) are in the world. At most a share `share` of the poses may lie
-    nearer. With a share of 0 the mask equals `least_clearance(...) >= least_mm` (which is at most half the
-    opening), but is found faster.
+    Placements (k, 3) and believed poses (n, 3) are in the world. The clearance may be smaller at a share
+    `share` of the poses. If `share` is 0 and `least_mm` at most half the opening, the mask equals
+    `least_clearance(...) >= least_mm`, but takes less time.
     """
     free = np.empty(len(placements), np.bool_)
     belief, placements = np.ascontiguousarray(belief), np.ascontiguousarray(placements)

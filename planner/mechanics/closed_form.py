@@ -2,9 +2,10 @@
 
 A contact in a mode has wrench directions d (unknown magnitudes) and as many conditions c on the motion:
 slide s = +-1: d = N + s mu T, c = N; stick: d = N and T, c = N and T. With G = [N T]^T A [N T] every mode
-is a linear system of order one to three, a solution of eqs 3-5 where its forces and slips have the right
-signs. Two contacts that both stick have one condition too many; neighbouring modes cover them. Where
-three slide, their normals determine the motion, the motion determines the senses, and these the forces.
+is a linear system of order one to three, whose solution solves eqs 3-5 if its forces and slips have the right
+signs. Two contacts that both stick have one condition too many; neighbouring modes cover them. Where three
+contacts slide, their normals determine the motion, the motion determines the senses of the slips, and the
+senses determine the forces.
 """
 
 import numpy as np
@@ -16,7 +17,10 @@ from planner.mechanics.lcp import RAY, SOLVED
 
 SLIP_TOLERANCE_MM = 1e-10
 LARGEST_FORCE = 1e3
-"""Force, where 1 moves the part by about 1 mm, above which three contacts nearly hold it: Lemke decides."""
+"""Force above which three contacts nearly hold the part, so that Lemke's method decides.
+
+A force of 1 moves the part by about 1 mm.
+"""
 
 
 @inlined_kernel
@@ -74,10 +78,10 @@ def _gram(A: Array, i: Contact, j: Contact, G: Array) -> None:
 def _both_slide(
     i: Contact, j: Contact, mu_i: float, mu_j: float, si: float, sj: float, G: Array
 ) -> bool:
-    """Tries the mode in which contacts i and j slide with the senses si and sj.
+    """Tries the mode in which contacts i and j slide with the senses si and sj, 1 or -1.
 
     Returns:
-        Whether the mode is consistent; the contacts have received their forces then.
+        Whether the mode is consistent; if so, the forces are stored in the contacts.
     """
     a, b = G[0, 0] + si * mu_i * G[0, 1], G[0, 2] + sj * mu_j * G[0, 3]
     c, d = G[2, 0] + si * mu_i * G[2, 1], G[2, 2] + sj * mu_j * G[2, 3]
@@ -139,9 +143,9 @@ def _one_sticks(
 
 @inlined_kernel
 def two_contacts(A: Array, i: Contact, j: Contact, mu_i: float, mu_j: float, G: Array) -> int:
-    """Solves eqs 1-5 for contacts i and j, both pressed; see `one_contact`. G is a (4, 4) workspace.
+    """Solves eqs 1-5 for contacts i and j, if both press; see `one_contact`. G is a (4, 4) workspace.
 
-    Returns `SOLVED`, or `RAY` where no mode in which both press is consistent.
+    Returns `SOLVED`, or `RAY` where no mode in which both contacts press is consistent.
     """
     _gram(A, i, j, G)
     for si in (1.0, -1.0):
@@ -156,7 +160,7 @@ def two_contacts(A: Array, i: Contact, j: Contact, mu_i: float, mu_j: float, G: 
 
 @inner_kernel
 def _linear(G: Array, b0: float, b1: float, b2: float) -> tuple[float, float, float]:
-    """Solves G x = b for the leading (3, 3) of G by cofactors; infinite where it is singular."""
+    """Solves G x = b for the leading (3, 3) of G by cofactors; returns x, infinite if G is singular."""
     c0 = G[1, 1] * G[2, 2] - G[1, 2] * G[2, 1]
     c1 = G[1, 2] * G[2, 0] - G[1, 0] * G[2, 2]
     c2 = G[1, 0] * G[2, 1] - G[1, 1] * G[2, 0]
@@ -176,7 +180,7 @@ def _linear(G: Array, b0: float, b1: float, b2: float) -> tuple[float, float, fl
 def three_contacts(
     A: Array, contacts: Contacts, active: IntArray, mu_top: float, mu_bottom: float, G: Array
 ) -> int:
-    """Solves eqs 1-5 for the three active contacts, all pressed and sliding; G is a (4, 4) workspace.
+    """Solves eqs 1-5 for the three active contacts, if all press and slide; G is a (4, 4) workspace.
 
     Returns `SOLVED`, or `RAY` where this mode is inconsistent. `RAY` also results where the mode is nearly
     singular: the normals are dependent, a slip is too small to have a sign, or a force is very large.
@@ -210,7 +214,7 @@ def three_contacts(
 
 @inlined_kernel
 def motion(A: Array, contacts: Contacts, active: IntArray, m: int, V: Array) -> None:
-    """V = A F for the forces of the m active contacts (eqs 1, 2); `V` (3,) is modified in place."""
+    """Writes V = A F for the forces of the m active contacts (eqs 1, 2) into `V` (3,)."""
     F0, F1, F2 = 0.0, 0.0, 0.0
     for a in range(m):
         contact = contacts[active[a]]

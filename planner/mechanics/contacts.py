@@ -14,7 +14,7 @@ vertices (TIP).
 A pair counts only where its normal lies in the normal cones of both features; nearly parallel pairs are the
 exception, since they hold a flush edge that is longer than the finger.
 
-Outlines stand in columns (2, N), so that loops over vertices are vectorised.
+Outlines are stored as columns (2, N), so that loops over vertices are vectorised.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -42,17 +42,20 @@ CONTACT = np.dtype(
 
 x, y: place relative to the part's origin [mm]. nx, ny: unit normal into the part. gap [mm]. low, high: the
 slips along the tangent (-ny, nx) after which the pair of features ends [mm]. n2, t2: moments of normal and
-tangent over rho. un, ut: displacement of the finger along normal and tangent [mm]. fn, ft: forces. finger: 1
-looks down, -1 up. kind: `FACE` to `TIP`. side: end of the finger by the sign of x, 0 for `FACE`; of a pusher,
-the number of the tip. vertex: of the part; where an edge touches, its first vertex; for `TIP`, the vertex
+tangent over rho. un, ut: displacement of the finger along normal and tangent [mm]. fn, ft: force along normal
+and tangent. finger: 1 for a finger that looks down, and for a pusher; -1 for a finger that looks up. kind:
+`FACE` to `TIP`. side: end of the finger, by the sign of x, 0 for `FACE`; of a pusher, the number of the tip.
+vertex: the vertex of the part that touches; where an edge touches, its first vertex; for `TIP`, the vertex
 before the one that touches.
 """
 Contact: TypeAlias = Any  # a record of `CONTACT`
-Contacts: TypeAlias = Any  # (n,) of them
-NEARLY_PARALLEL = 0.08  # Sine of the angle of an edge that counts as parallel to a finger's face
+Contacts: TypeAlias = Any  # (n,) records of `CONTACT`
+NEARLY_PARALLEL = (
+    0.08  # Sine of the angle up to which an edge counts as parallel to a finger's face
+)
 LEAST_ARM_MM = 0.5
 """Distance of a finger's corner from the vertex of a flush edge below which only the vertex counts."""
-EDGE_SLACK_MM = 1e-9
+EDGE_SLACK_MM = 1e-9  # Distance past its end at which an edge still counts as touched, for rounding
 OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the part
 VERTEX_MM = 2e-4  # A point this near a vertex touches both edges; steps pass an end by less
 DRIFT_MM = 0.02  # A pusher's point inside two edges by less than this touches both
@@ -88,7 +91,7 @@ class _Pair(NamedTuple):
 
 
 class _Geometry(NamedTuple):
-    """Fields of a `CONTACT` record for its gap, place and normal, but with x and y in the hand frame."""
+    """Fields of a `CONTACT` record for gap, place, normal and slips, but with x and y in the hand frame."""
 
     gap: float
     x: float
@@ -104,7 +107,7 @@ class Hand(NamedTuple):
 
     first: Finger  # looks down
     second: Finger
-    fingers: int
+    fingers: int  # 2: both may touch; 1: only the first
 
 
 @inlined_kernel
@@ -123,9 +126,10 @@ def place_turned(outline: Array, q: Array, c: float, s: float, points: Array) ->
 
 @inlined_kernel
 def _slot(contacts: Contacts, count: int, gap: float) -> int:
-    """Row for a new contact with this gap: the next free row if there is one.
+    """Returns the row for a new contact with this gap: the next free row if there is one.
 
-    Else the row of the contact with the widest gap, if that is wider than `gap`; else -1.
+    If there is none, the new contact replaces the contact with the widest gap. But if no contact has a gap
+    wider than `gap`, the result is -1.
     """
     if count < MAX_CONTACTS:
         return count
@@ -138,6 +142,7 @@ def _slot(contacts: Contacts, count: int, gap: float) -> int:
 
 @inlined_kernel
 def _write(contact: Contact, pair: _Pair, geometry: _Geometry) -> None:
+    """Writes into a contact which features touch, and where."""
     contact.finger, contact.kind = pair.finger, pair.kind
     contact.side, contact.vertex = pair.side, pair.vertex
     contact.x, contact.y, contact.gap = geometry.x, geometry.y, geometry.gap
@@ -147,7 +152,7 @@ def _write(contact: Contact, pair: _Pair, geometry: _Geometry) -> None:
 
 @inlined_kernel
 def _slack_mm(points: Array, i: int) -> float:
-    """How far beyond its end at vertex i an edge still counts as touched [mm]; farther in a notch."""
+    """Distance past its end at vertex i up to which an edge counts as touched [mm]; larger in a notch."""
     n = points.shape[1]
     b, j = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
     ax, ay = points[0, i] - points[0, b], points[1, i] - points[1, b]
@@ -159,9 +164,9 @@ def _slack_mm(points: Array, i: int) -> float:
 def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> bool:
     """Whether the point (px, py) touches a neighbour of edge i-j before it can touch edge i-j.
 
-    A point is outside two edges that meet at a convex vertex when it is outside either, so only the edge with
-    the wider gap can be touched; `gap` is that of edge i-j. A point inside both is an overlap, which is not
-    hidden.
+    At a convex vertex, a point that is outside one of the two edges is outside the part, so it can touch only
+    the edge to which its gap is wider. `gap` is the gap to edge i-j. A point inside both edges overlaps the
+    part; it is not hidden.
     """
     n = points.shape[1]
     b = i - 1 if i > 0 else n - 1
@@ -216,8 +221,8 @@ def _add_corners(
 ) -> int:
     """Adds contacts of the edge from vertex i to the next with the corners of a finger.
 
-    The corners are the two inner (CORNER) or the two outer (OUTER) ones, which face the other way. Of an edge
-    that is nearly parallel to the inner face, the vertices on the face are added, too.
+    The corners are the two inner ones (CORNER) or the two outer ones (OUTER), which face the other way. If
+    the edge is nearly parallel to the inner face, contacts of its vertices with the face are added, too.
 
     Returns:
         The new number of contacts.
@@ -323,11 +328,11 @@ def _add_pairs(
 def find(
     contacts: Contacts, points: Array, out: IntArray, q: Array, hand: Hand, margin: float
 ) -> int:
-    """Finds all pairs of features within `margin` [mm] of touching; returns their number.
+    """Finds all contacts whose gaps are at most `margin` [mm]; returns their number.
 
-    On the inner face only vertices at local minima of the gap count, and the nearer neighbour of each.
-    `contacts` and `out` (N,), see `mark`, are modified in place. `points` (2, N) is the outline in the hand
-    frame, counter-clockwise [mm], of the part at pose q (3,).
+    On the inner face only vertices at local minima of the gap count, and the nearer neighbour of each. The
+    contacts are written into `contacts`, and the outcodes of `mark` into `out` (N,). `points` (2, N) is the
+    outline in the hand frame, counter-clockwise [mm], of the part at pose q (3,).
     """
     n, count = points.shape[1], 0
     mark(points, out, hand, margin)
@@ -345,12 +350,12 @@ def find(
 
 @inner_kernel
 def find_points(contacts: Contacts, points: Array, q: Array, pusher: Tips, margin: float) -> int:
-    """Finds all contacts of a pusher's tips within `margin` [mm] of touching; returns their number.
+    """Finds all contacts of a pusher's tips whose gaps are at most `margin` [mm]; returns their number.
 
     A tip may touch an edge that it lies beside, unless a neighbouring edge lies between, and a convex vertex
-    in whose normal cone it lies. In a notch it may touch both edges, even where it overlaps them. A round
-    tip touches when its centre is one radius away. `contacts` is modified in place. `points` (2, N) is
-    the outline, counter-clockwise [mm], of the part at pose q (3,).
+    in whose normal cone it lies. In a notch it may touch both edges, even where it overlaps them. A round tip
+    touches when its centre is one radius away. The contacts are written into `contacts`. `points` (2, N) is
+    the outline in the pusher's frame, counter-clockwise [mm], of the part at pose q (3,).
     """
     n, radius = points.shape[1], pusher.radius
     count = 0

@@ -3,7 +3,7 @@
 Find z with  w = M z + q,  w >= 0,  z >= 0,  z . w = 0   (Cottle, Pang & Stone 1992, section 4.4).
 
 The contact matrices are copositive, so a ray means that no solution exists: the part is held (paper, IV).
-Ties in the ratio test are broken lexicographically: flush grasps, which are degenerate, do not cycle.
+Ties in the ratio test are broken lexicographically, so that flush grasps, which are degenerate, do not cycle.
 """
 
 from planner.arrays import Array, IntArray
@@ -71,15 +71,15 @@ def _pivot(tableau: Array, n: int, row: int, column: int) -> None:
 
 @inner_kernel
 def lemke(M: Array, q: Array, n: int, tableau: Array, basis: IntArray, z: Array) -> int:
-    """Solves w = M z + q, w >= 0, z >= 0, z . w = 0: `SOLVED`, `RAY` (no solution) or `PIVOT_LIMIT`.
+    """Solves w = M z + q, w >= 0, z >= 0, z . w = 0; returns `SOLVED`, `RAY` (no solution) or `PIVOT_LIMIT`.
 
     Args:
-        M: shape (>= n, >= n), copositive; the leading block is read.
-        q: shape (>= n,).
+        M: shape (>= n, >= n), copositive; the leading (n, n) block is read.
+        q: shape (>= n,); the first n entries are read.
         n: order of the problem.
         tableau: workspace (>= n, >= 2 n + 2). Columns: w (n), z (n), the artificial z0, the right-hand side.
         basis: integer workspace (>= n,): the variable basic in each row.
-        z: shape (>= n,), receives the solution, or zeros without one.
+        z: shape (>= n,), receives the solution, or zeros if there is none.
     """
     start = 0
     for i in range(n):

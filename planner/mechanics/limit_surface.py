@@ -24,7 +24,7 @@ STILL = 1e-12
 """Speed, as a fraction of the twist, below which a support point is at rest and has no friction."""
 
 MIN_EIGENVALUE = 1e-3
-"""Floor of a fitted A's eigenvalues: semi-axes of 30, longer than any pressure under the outline gives."""
+"""Least eigenvalue of a fitted A: semi-axes of about 30, longer than any pressure under the outline gives."""
 
 DIGITS = 10
 """Decimals of an ellipsoid fitted to a pressure: further digits of LAPACK depend on the processor."""
@@ -50,12 +50,19 @@ def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
 
 
 def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, Array, Array]:
-    """Samples pairs of wrench and twist (K, 3) about the centre of pressure; also returns a shift S (3, 3).
+    """Samples pairs of wrench and twist about the centre of pressure.
 
-    S maps a wrench about the origin to the same wrench about the centre. A surface H(F) that is fitted to the
-    pairs is H(S F) about the origin. So the result does not depend on where the frame lies, and a force
-    through the centre of pressure turns the part as little as it should. The pressure has support points
-    (M, 2) in the part's frame [mm] and weights (M,) of sum 1.
+    A surface that is fitted to these pairs does not depend on where the part's frame lies, and under it a
+    force through the centre of pressure turns the part as little as it should.
+
+    Args:
+        points: (M, 2) support points of the pressure, in the part's frame [mm].
+        weights: (M,) shares of the support points, of sum 1.
+        rho_mm: the length that normalises wrenches and twists.
+
+    Returns:
+        Wrenches (K, 3), twists (K, 3), and a matrix S (3, 3) that maps a wrench about the origin to the same
+        wrench about the centre: a surface H(F) about the centre is H(S F) about the origin.
     """
     centre = np.array([math.fsum(weights * column) for column in points.T])
     twists = twist_directions()
@@ -86,8 +93,9 @@ def wrenches(points: Array, weights: Array, rho_mm: float, twists: Array) -> Arr
 def twist_directions(count: int = DIRECTIONS) -> Array:
     """Unit twists (K, 3) spread evenly over the sphere, the same at every call.
 
-    A quarter of `count` Fibonacci points, each with all signs of its y and z (an opposite twist has the
-    opposite wrench and adds nothing). So a part that is its own mirror image gets a symmetric ellipsoid.
+    They are `count` / 4 Fibonacci points, each with both signs of y and both of z, so that a part that is its
+    own mirror image gets a symmetric ellipsoid. The other sign of x would add nothing, since an opposite
+    twist has the opposite wrench.
     """
     index = np.arange(max(count // 4, 1)) + 0.5
     z = 1.0 - 2.0 * index / len(index)
@@ -125,10 +133,11 @@ def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
 
 
 def wishart(mean: Array, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
-    """Draws (n, D, D) Wishart matrices with `dof` >= D, one or (n,), and a positive definite mean (D, D).
+    """Draws n Wishart matrices (n, D, D) with a positive definite mean (D, D).
 
-    Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition,
-    without LAPACK and BLAS: one seed gives the same draws on every processor.
+    The degrees of freedom `dof`, one number or (n,), are at least D. They determine the scatter:
+    Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). The matrices are drawn by Bartlett's
+    decomposition, without LAPACK and BLAS: one seed gives the same draws on every processor.
     """
     size = len(mean)
     drawn = np.empty((n, size, size))
@@ -177,6 +186,7 @@ def twist(A: Array, F: Array) -> Array:
 
 
 def _frozen(A: Array) -> Array:
+    """The symmetric part of a matrix, read-only."""
     symmetric = 0.5 * (A + A.T)
     symmetric.setflags(write=False)
     return symmetric

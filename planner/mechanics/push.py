@@ -28,16 +28,16 @@ STUCK, SLID, LOST = 0, 1, 2
 PUSH_NAMES = ("stuck", "slid", "lost")
 APART_MM = 0.05  # Gap at the end of a push above which the pusher has left the part
 MAX_STEPS = 20_000
-FINISHED = 1e-12  # Tolerated remainder of a completed way, as a share of it
+FINISHED = 1e-12  # Share of the way that may remain when a push counts as complete
 
 
 class Paths(NamedTuple):
     """Paths of n pushers of points: each turns about a centre, which moves along a straight line."""
 
-    points: Array  # (n, K, 2) at the start [mm]
-    centres: Array  # (n, 2) of the rotation, at the start [mm]
-    angles: Array  # (n,) of the rotation [rad]
-    shifts: Array  # (n, 2) translation [mm]
+    points: Array  # (n, K, 2) points of the pushers at the start [mm]
+    centres: Array  # (n, 2) centres of the rotations, at the start [mm]
+    angles: Array  # (n,) angles of the rotations [rad]
+    shifts: Array  # (n, 2) translations of the centres [mm]
 
 
 class Pushers(NamedTuple):
@@ -71,7 +71,7 @@ def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
     """Pushers of at most `MAX_POINTS` points, or of round tips about the points.
 
     Raises:
-        ValueError: there are more points.
+        ValueError: a pusher has more points.
     """
     if paths.points.shape[1] > MAX_POINTS:
         raise ValueError(f"a pusher of {paths.points.shape[1]} points; give {MAX_POINTS} at most")
@@ -85,7 +85,8 @@ def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
 def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm: float) -> Pushers:
     """Pushers that are the ends of the two fingers of a hand, side by side along x.
 
-    Fingers that touch one another (`opening_mm` (n,) is 0) count as one.
+    Each moves along -y by its `way_mm` (n,). Two fingers that touch each other, because their `opening_mm`
+    (n,) is 0, count as one. `length_mm` and `thickness_mm` are those of a finger.
     """
     n, closed = len(opening_mm), opening_mm <= 0.0
     shifts = np.column_stack([np.zeros(n), -way_mm])

@@ -114,7 +114,7 @@ def _factor(surface: QuarticSurface) -> Array:
 
 
 def lifted(S: Array) -> Array:
-    """Matrices (n, 6, 6) by which S (n, 3, 3) maps the six products of two coordinates (`PAIRS`)."""
+    """Matrices (n, 6, 6) by which the six products of two coordinates (`PAIRS`) change under S (n, 3, 3)."""
     (i, j), (k, m) = PAIRS.T[:, :, None], PAIRS.T[:, None, :]
     other = np.where(k == m, 0.0, 1.0)
     return np.asarray(S[:, i, k] * S[:, j, m] + other * S[:, i, m] * S[:, j, k])

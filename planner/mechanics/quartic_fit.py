@@ -104,6 +104,7 @@ class _Program(NamedTuple):
 
 @lru_cache(maxsize=1)
 def _program() -> _Program:
+    """Builds the conic program once; each fit states its factor and target."""
     cvxpy: Any = import_module("cvxpy")
     factor, target = cvxpy.Parameter((15, 15)), cvxpy.Parameter(15)
     beyond = cvxpy.Variable((9, 9), PSD=True)
@@ -121,13 +122,17 @@ def _program() -> _Program:
 
 
 def _independent(rows: Array) -> Array:
-    """An orthonormal basis of the row space: solvers cope badly with redundant constraints."""
+    """An orthonormal basis of the space of the rows, since solvers cope badly with redundant constraints."""
     _, values, vectors = np.linalg.svd(rows, full_matrices=False)
     return np.asarray(vectors[values > 1e-9 * values[0]])
 
 
 def _solve(rows: Array, target: Array, rho_mm: float, pairs: int) -> QuarticSurface:
-    """The certified quartic with the least |rows a - target|^2."""
+    """Finds the certified quartic whose coefficients a have the least |rows a - target|^2.
+
+    Raises:
+        QuarticFitError: the solver finds none; the message states the number of `pairs`.
+    """
     cvxpy: Any = import_module("cvxpy")
     program = _program()
     values, vectors = np.linalg.eigh(rows.T @ rows)

@@ -1,4 +1,4 @@
-"""Simulates squeezes and pushes in batches on all cores; their number does not change the results."""
+"""Simulates squeezes and pushes in batches on all cores; the number of cores does not change the results."""
 
 import math
 import os
@@ -60,7 +60,8 @@ class Parameters(NamedTuple):
     release: Array  # (n, 3) motion of a held part on opening [mm, mm, rad]
     share: Array  # (n,) upper finger's share of the closing
     deviation: Array  # (n, m) deviations of the outline, one for each shape of the simulator [mm]
-    ellipsoid: BoolArray | None = None  # (n,) which (6, 6) surfaces are ellipsoids; None: all alike
+    # (n,) mask of the ellipsoids among (6, 6) surfaces; None: all surfaces have the same form
+    ellipsoid: BoolArray | None = None
 
 
 class Pushed(NamedTuple):
@@ -171,7 +172,8 @@ class Simulator:
             mu: friction at both fingers.
 
         Returns:
-            x, y, theta, width (k, 4) [mm, mm, rad, mm] along the path, and the status.
+            x, y, theta, width (k, 4) [mm, mm, rad, mm] along the path, and the index of the status in
+            `STATUS_NAMES`.
         """
         q = arguments.row(pose, "pose", 3)
         surfaces, rows = checked_surfaces(np.asarray(surface)[None]), np.zeros((TRACE_ROWS, 4))

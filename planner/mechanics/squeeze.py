@@ -44,7 +44,7 @@ class Part(NamedTuple):
     """The part that n squeezes have in common, in its own frame."""
 
     outline: Array  # (2, N) counter-clockwise [mm]
-    shapes: Array  # (m, 2, N) motion of the vertices for each of the part's deviations
+    shapes: Array  # (m, 2, N) motion of the vertices for 1 mm of each deviation of the outline
     rho: float  # length that normalises rotations [mm]
 
 
@@ -68,9 +68,9 @@ class RollOut(NamedTuple):
 
 @inner_kernel
 def _close_freely(scratch: Scratch) -> float:
-    """Closes the fingers until one touches the part; returns the distance [mm].
+    """Closes the fingers until one touches the part; returns the mean distance that they move [mm].
 
-    If the fingers meet each other first, they do not move and the distance is infinite.
+    If the fingers would meet each other first, they do not move, and the result is infinite.
     """
     work, boundary = scratch.work, scratch.work.boundary
     top_share, bottom_share = boundary.top_share, boundary.bottom_share
@@ -109,7 +109,11 @@ def _held_as(body: Body, q: Array, scratch: Scratch) -> int:
 
 @inner_kernel
 def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
-    """Writes pose and width into a row of the trace, or into its last row if it is full; returns the next."""
+    """Writes pose and width into a row of the trace, or into its last row if the trace is full.
+
+    Returns:
+        The number of rows written so far, which is the next row; 0 if the trace has no rows.
+    """
     if trace.shape[0] == 0:
         return 0
     row = min(row, trace.shape[0] - 1)
@@ -143,7 +147,7 @@ def _squeeze(
     before. `trace` (rows, 4) receives poses and widths along the path; it may have no rows.
 
     Returns:
-        Final width [mm], status, 1 where the squeeze was given up (else 0), rows of the trace.
+        Final width [mm], status, 1 if the squeeze was given up (else 0), number of rows of the trace written.
     """
     work, boundary = scratch.work, scratch.work.boundary
     step = boundary.step
@@ -216,7 +220,7 @@ def squeeze_many(
 
 @inner_kernel
 def _reach(outline: Array) -> float:
-    """Largest distance of a vertex from the origin."""
+    """Largest distance of a vertex of an outline (2, N) from the origin [mm]."""
     farthest = 0.0
     for i in range(outline.shape[1]):
         farthest = max(farthest, outline[0, i] ** 2 + outline[1, i] ** 2)

@@ -26,11 +26,14 @@ from planner.mechanics.lcp import PIVOT_LIMIT, RAY, SOLVED, lemke, residual
 TOUCHING_MM = 1e-3  # Gap below which contacts enter the step; the others are awaited as events
 PAST_END_MM = 1e-4  # Distance past the end of its feature at which a contact ends
 UNBOUNDED = 1e7
-"""Force, where 1 moves the part by about 1 mm, above which a solution is a ray with rounding errors."""
+"""Force above which a solution counts as a ray with rounding errors.
+
+A force of 1 moves the part by about 1 mm.
+"""
 RESIDUAL = 5e-5  # Largest complementarity residual of an accepted solution [mm]
 ATTEMPTS = 3
 PERTURBATION_MM = 1e-8
-"""Change of the gaps where rounding defeats the lexicographic order: flush grasps are degenerate."""
+"""Least change of q where rounding defeats the lexicographic order, since flush grasps are degenerate."""
 LARGEST_ESCAPE_MM = 1e4
 """Motion above which a part counts as blocked: exactly opposed contacts must not depend on rounding."""
 OVERLAP_MM = 1e-7  # Tolerated overlap of a contact outside the active set after a step
@@ -56,12 +59,12 @@ STEP_WORK = np.dtype(
 )
 """Workspace of `solve`.
 
-A: matrix of the ellipsoid, or the quartic's local one, in the hand frame. local: the latter in the part's
-frame.
-F: unit wrench of the last step, in the part's frame. V: the displacement. M, q, tableau, basis, z: the LCP.
-active: the rows of the contacts in the LCP. G: matrix of the closed forms.
+contacts: the contacts of the step. A: matrix of the ellipsoid, or local matrix of the quartic, in the hand
+frame. local: local matrix of the quartic in the part's frame. F: unit wrench of the last step, in the part's
+frame. V: the displacement of the part. M, q, tableau, basis, z: the LCP. active: indices of the contacts that
+the LCP or a closed form takes into account. G: matrix of the closed forms.
 
-One record is passed as one pointer, without reference counting (decision 0005).
+A record is passed to kernels as one pointer, without reference counting (decision 0005).
 """
 StepWork: TypeAlias = Any
 
@@ -119,7 +122,11 @@ def _assemble(mu_top: float, mu_bottom: float, work: StepWork, m: int) -> int:
 
 @inner_kernel
 def _judge(work: StepWork, m: int, order: int) -> int:
-    """Checks Lemke's solution: `SOLVED`, `RAY` if a force is unbounded, `PIVOT_LIMIT` if it is inaccurate."""
+    """Checks Lemke's solution.
+
+    Returns:
+        `SOLVED`; `RAY` if a force exceeds `UNBOUNDED`; `PIVOT_LIMIT` if the solution is inaccurate.
+    """
     for a in range(m):
         if work.z[a] > UNBOUNDED:
             return RAY
@@ -164,10 +171,10 @@ def _opposed(contacts: Contacts, active: IntArray, m: int) -> bool:
 
 @inner_kernel
 def _all_touching(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
-    """Solves the step for all touching contacts: `SOLVED`, `RAY` or `PIVOT_LIMIT`.
+    """Solves the step for all touching contacts; returns `SOLVED`, `RAY` or `PIVOT_LIMIT`.
 
-    Opposed contacts and three sliding ones have closed forms; else Lemke's method decides. Up to two contacts
-    give `RAY`, since `_tried` has tried all their modes.
+    Opposed contacts and three sliding contacts have closed forms; else Lemke's method decides. For one or two
+    contacts the result is `RAY`, since `_tried` has tried all their modes.
     """
     A, V, contacts = work.A, work.V, work.contacts
     m = 0
@@ -272,12 +279,13 @@ def _tried(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
 
 @inner_kernel
 def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
-    """Solves the step for the touching contacts: `SOLVED`, `RAY` (jammed or grasped) or `PIVOT_LIMIT`.
+    """Solves the step for the touching contacts; returns `SOLVED`, `RAY` (part held) or `PIVOT_LIMIT`.
 
-    A part can always move along with a single finger, but eq. 3 also requires it to leave an overlap, which
-    is impossible where that finger is wedged in a notch: such overlaps remain.
+    A part can always move along with a single finger. But eq. 3 also requires the part to leave an overlap,
+    which is impossible where that finger is wedged in a notch. So if a single finger gives a ray, the step is
+    solved once more with all overlaps counted as gaps of 0: they remain.
 
-    `work` holds A and `count` contacts, with the values that `boundary.directions` fills in; it receives the
+    `work` holds A and `count` contacts, with the values that `boundary.directions` computes; it receives the
     forces of the contacts and the displacement V (dx, dy, rho dtheta) [mm].
     """
     status = _tried(mu_top, mu_bottom, count, work)
@@ -292,8 +300,8 @@ def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
 def along(first: Array, V: Array, f: float, i: int) -> float:
     """Component i of the displacement after a share f of a step: dense output of the midpoint rule.
 
-    Of second order, from the displacements of the Euler step (`first`) and of the midpoint rule (`V`)
-    (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6).
+    It is of second order, and interpolates from the displacements of the Euler step (`first`) and of the
+    midpoint rule (`V`) (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6).
     """
     return float(f * (first[i] + f * (V[i] - first[i])))
 
@@ -309,7 +317,7 @@ def _reached(gap: float, rate: float, bend: float) -> float:
 def event_fraction(contacts: Contacts, count: int, first: Array, V: Array) -> float:
     """Share of a step (see `along`) up to the first event; 1 without one.
 
-    Events are: an awaited contact touches; a pressed contact slides off the end of its feature.
+    The events are: a contact that was open touches; a pressed contact slides off the end of its feature.
     """
     fraction = 1.0
     for k in range(count):

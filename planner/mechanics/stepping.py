@@ -28,11 +28,13 @@ from planner.mechanics.step import STEP_WORK, TOUCHING_MM, along, event_fraction
 from planner.mechanics.surface_step import solve_surface
 
 LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
-EULER_ERROR = 0.02  # Largest difference of Euler and midpoint step, as a share of the nominal one
+EULER_ERROR = 0.02  # Largest difference of Euler and midpoint step, as a share of the nominal step
 SMALLEST_STEP = 2.0**-18
-"""Shortest step, as a share of the nominal one: near an unstable equilibrium a part turns very fast."""
+"""Shortest step, as a share of the nominal step: near an unstable equilibrium a part turns very fast."""
 LEAST_FACING = 0.1  # Sine of the least angle from closing direction to a face that stops a finger
-FURTHEST = 2.0  # Largest approach of part and fingers in one step, in margins
+FURTHEST = (
+    2.0  # Largest approach of part and fingers in one step, in units of the margin of `try_step`
+)
 
 
 SQUEEZE_WORK = np.dtype(
@@ -51,18 +53,18 @@ SQUEEZE_WORK = np.dtype(
     ],
     align=True,
 )
-"""Workspace of one squeeze.
+"""Workspace of one squeeze or push.
 
-boundary: the one that moves against the part. before: places and normals of the contacts before the
-midpoint's turn. step: the contacts, and the solution.
-count: number of contacts. heading: cosine and sine of the part's angle. trial, half: pose after
-the step and in its middle. euler: the displacement V of the explicit Euler step. fingers: y of the inner
-faces. done: how far the boundary has come [mm]. moved: 1 once the part has moved on the table.
+boundary: the boundary that moves against the part. before: places and normals that the contacts had before
+the midpoint rule turned them. step: the contacts, and the solution of a step. count: number of contacts.
+heading: cosine and sine of the part's angle. trial: pose after the step. half: pose in the middle of the
+step. euler: displacement V of the explicit Euler step. fingers: y of the inner faces [mm]. done: distance
+that the boundary has moved [mm]. moved: 1 once a push has moved the part on the table.
 """
 SqueezeWork: TypeAlias = Any
 
 ACCEPTED, RETRY, HELD, GIVEN_UP = range(4)
-"""Result of a step: taken; to be retried, shorter; no solution (the part is held); numerical failure."""
+"""Results of `try_step`: step taken; to be retried, shorter; no solution (part held); numerical failure."""
 
 
 class Body(NamedTuple):
@@ -75,7 +77,7 @@ class Body(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Workspaces of a squeeze, modified in place."""
+    """Workspaces of squeezes or pushes, modified in place."""
 
     outline: Array  # (2, N) of the part, in its own frame
     points: Array  # (2, N) the placed outline
@@ -128,8 +130,8 @@ def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int
     `work.euler` and `work.step.V` receive the displacements of the Euler and of the midpoint step.
 
     Returns:
-        The status, and the difference between the two displacements [mm]. Without a solution this is -1 for
-        the Euler step, and 0 for the midpoint step.
+        The status, and the difference between the two displacements [mm]. The difference is -1 if the Euler
+        step has no solution, and 0 if only the midpoint step has none.
     """
     contacts, V, first, count = work.step.contacts, work.step.V, work.euler, work.count
     for k in range(count):
@@ -155,7 +157,10 @@ def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int
 
 @inner_kernel
 def find_contacts(q: Array, margin: float, scratch: Scratch) -> None:
-    """Finds the contacts, with gaps of at most `margin` [mm], of the part placed at pose q (3,)."""
+    """Finds the contacts of the part at pose q (3,), whose placed outline `scratch` holds.
+
+    Writes all contacts with gaps of at most `margin` [mm] into `scratch.work`.
+    """
     work = scratch.work
     contacts, points, boundary = work.step.contacts, scratch.points, work.boundary
     if boundary.fingers > 0:
@@ -192,7 +197,7 @@ def _runs_into(finger: contact.Finger, points: Array, i: int, j: int) -> bool:
 
 @inner_kernel
 def _overlaps(scratch: Scratch) -> bool:
-    """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
+    """Whether a contact overlaps by more than `PENETRATION_MM`, or an edge runs that deep into a finger."""
     points, out, work = scratch.points, scratch.out, scratch.work
     for k in range(work.count):
         if work.step.contacts[k].gap < -PENETRATION_MM:

@@ -18,12 +18,14 @@ from planner.part.pressure import Kind, Support, even, stances, support
 Surface: TypeAlias = LimitSurface | QuarticSurface
 Fit: TypeAlias = Callable[[Array, Array, float], Surface]
 
-MIDDLE = 0.6  # scale of the supported area under a part with a bulge, relative to its outline
-FEET = 8  # number of sets of three feet, drawn from all possible ones
+MIDDLE = (
+    0.6  # scale of the supported area under a part with a bulge, relative to the part's outline
+)
+FEET = 8  # number of sets of three feet, drawn from all possible sets
 
 
 def of_job(job: Job) -> Surface:
-    """The nominal limit surface of a job: the one that it states, else one fitted to its pressure."""
+    """The nominal limit surface of a job: the surface that it states, else one fitted to its pressure."""
     pressure, outline = job.pressure, job.part.outline_mm
     if (
         pressure.quartic is not None
@@ -37,15 +39,16 @@ def of_job(job: Job) -> Surface:
 
 
 def _fitted(fit: Fit, held: Support, rho_mm: float) -> Surface:
+    """Fits a limit surface to a support; a surface that was fitted before comes from a cache."""
     points, weights = held
     return _kept(fit, points.tobytes(), weights.tobytes(), rho_mm)
 
 
 @lru_cache(maxsize=256)
 def _kept(fit: Fit, points: bytes, weights: bytes, rho_mm: float) -> Surface:
-    """Fits a limit surface to support points and weights, given as bytes so that the result can be cached.
+    """Fits a limit surface to support points and weights, which are bytes so that the result can be cached.
 
-    All worlds in which a plan is tried fit the same few pressures.
+    A cache saves time, since all worlds in which a plan is tried need surfaces of the same few pressures.
     """
     return fit(np.frombuffer(points).reshape(-1, 2), np.frombuffer(weights), rho_mm)
 
@@ -59,7 +62,7 @@ def _forms_of(job: Job) -> list[Fit]:
 
 
 def others_of(job: Job) -> tuple[Surface, ...]:
-    """Limit surfaces that a part may have in place of the nominal one, by the job's doubts."""
+    """Limit surfaces that a part may have instead of the nominal one, according to [doubt] of the job."""
     rho = radius_of_gyration(job.part.outline_mm)
     return tuple(_fitted(fit, held, rho) for fit, held in latent_surfaces(job))
 
@@ -90,7 +93,11 @@ def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
 
 
 def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
-    """Other supports that a job allows: those spread over rim, area or its middle, and sets of three feet."""
+    """Supports that a job allows besides its own: rim, whole area or middle of the area, and three feet.
+
+    Returns:
+        The supports that are spread out, and the sets of three feet; both empty if the pressure is certain.
+    """
     pressure, outline, rng = job.pressure, job.part.outline_mm, np.random.default_rng(FEET)
     if job.doubt.pressure == "stated":
         return [], []
@@ -104,7 +111,7 @@ def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
 
 
 def nominal(surface: Surface) -> Array:
-    """A surface for kernels: (3, 3) the ellipsoid's A, or (6, 6) the quartic's table of its Hessian."""
+    """A surface as kernels need it: (3, 3) the A of an ellipsoid or (6, 6) the Hessian table of a quartic."""
     return surface.A if isinstance(surface, LimitSurface) else surface.hessian_table()
 
 
@@ -118,11 +125,17 @@ def sample(surface: Surface, dof: int | IntArray, rng: np.random.Generator, n: i
 def sample_each(
     surfaces: Sequence[Surface], which: IntArray, dof: IntArray, rng: np.random.Generator
 ) -> tuple[Array, BoolArray | None]:
-    """Draws a random surface for each of n parts, about `surfaces[which]`, with `which` and dof (n,).
+    """Draws a random limit surface for each of n parts.
+
+    Args:
+        surfaces: the nominal surfaces.
+        which: (n,) index of the nominal surface of each part.
+        dof: (n,) degrees of freedom of the scatter about it.
+        rng: source of randomness.
 
     Returns:
         (n, 3, 3) ellipsoids or (n, 6, 6) quartics, and None. If both forms occur: (n, 6, 6), where an
-        ellipsoid fills the (3, 3) corner, and a mask (n,) of the ellipsoids.
+        ellipsoid fills the leading (3, 3) block, and a mask (n,) of the ellipsoids.
     """
     rows = [
         (number, np.flatnonzero(which == number)) for number in np.unique(which).tolist() or [0]

@@ -1,6 +1,6 @@
 """The step for either limit surface: one LCP for the ellipsoid, a sequence of them for the quartic.
 
-A convex quartic answers V = s A(F) F with A(F) = hess H(F) / 3 (Euler's theorem). The step is solved with A
+A convex quartic obeys V = s A(F) F with A(F) = hess H(F) / 3 (Euler's theorem). The step is solved with A
 at the previous wrench until the wrench's direction converges: a fixed point of eqs 1-5 (paper, IV.A:
 "solving a sequence of LCP problems").
 """
@@ -23,7 +23,8 @@ DAMPED_FROM = 8
 def local_matrix(table: Array, F: Array, out: Array) -> None:
     """Writes A(F) = hess H(F) / 3 of a quartic into `out` (3, 3), for the wrench F (3,) in the part's frame.
 
-    `table` (6, 6) is xx, xy, xz, yy, yz, zz of hess H as forms in the six products of F.
+    The rows of `table` (6, 6) are the entries xx, xy, xz, yy, yz, zz of hess H, as coefficients of the six
+    products of two components of F.
     """
     for row in range(6):
         i = 0 if row < 3 else (1 if row < 5 else 2)
@@ -60,9 +61,10 @@ def solve_surface(
 ) -> int:
     """Solves the step for a part turned by an angle of cosine c and sine s; see `step.solve`.
 
-    The surface is (3, 3) the ellipsoid's matrix, or (6, 6) the quartic's table, in the part's frame; `work.A`
-    receives the matrix of the last LCP. For a quartic the sequence starts from the wrench in `work.F`, which
-    receives the last one; the status is `PIVOT_LIMIT` also where the sequence does not converge.
+    `surface` is the matrix (3, 3) of an ellipsoid or the table (6, 6) of a quartic, in the part's frame;
+    `work.A` receives the matrix of the last LCP. For a quartic the sequence of LCPs starts from the wrench in
+    `work.F`, which receives the wrench of the last LCP; the status is `PIVOT_LIMIT` also where the sequence
+    does not converge.
     """
     A, F = work.A, work.F
     if surface.shape[0] == 3:

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from planner.arrays import Array, BoolArray, IntArray
 from planner.part.outline import offsets, reach
 
-WAVES = 3  # number of wavelengths along a contour, the longest once around
-FRESH = -1.0
-SHAPES = 2 + 2 * WAVES
+WAVES = 3  # number of wavelengths of outline errors; the longest wave goes once around the contour
+FRESH = -1.0  # as the friction of a part: drawn anew for every squeeze
+SHAPES = 2 + 2 * WAVES  # number of deviations of an outline, see `shapes`
 
 TRAITS = np.dtype(
     [
-        ("hypothesis", np.int64),  # number of the hypothesis that the part is of
+        ("hypothesis", np.int64),  # number of the part's hypothesis
         ("friction", np.float64),  # between fingers and part; `FRESH`: drawn anew for every squeeze
         ("share", np.float64),  # added to the upper finger's share of the closing
         ("surface", np.int64),  # number of the limit surface in the simulator
@@ -41,9 +41,10 @@ def as_planned(n: int) -> Traits:
 
 
 def joined(pieces: Iterable[Traits]) -> Traits:
-    """Joins the traits of several groups of parts.
+    """Concatenates the traits of several groups of parts.
 
-    Joined as bytes: numpy would compare the fields of each group first, which takes longer than the copy.
+    It copies bytes, since numpy would first compare the fields of each group, which takes longer than the
+    copy.
     """
     raw = [np.ascontiguousarray(piece).view(np.uint8) for piece in pieces]
     return np.concatenate(raw).view(TRAITS)
@@ -62,7 +63,10 @@ def ordinary(traits: Traits) -> BoolArray:
 
 
 def by_hypothesis(traits: Traits) -> Iterator[tuple[int, slice | IntArray]]:
-    """Yields each hypothesis that occurs, with its rows; a slice of all rows if only the first occurs."""
+    """Yields the number of each hypothesis that occurs, and its rows in `traits` (n,).
+
+    The rows are a slice of all rows if only the first hypothesis occurs, else their indices.
+    """
     which = traits["hypothesis"]
     if not which.any():
         yield 0, slice(None)
@@ -72,7 +76,7 @@ def by_hypothesis(traits: Traits) -> Iterator[tuple[int, slice | IntArray]]:
 
 
 def with_hypothesis(poses: Array, traits: Traits) -> Array:
-    """Poses (n, 3), with the hypothesis as a fourth column if any is not the first."""
+    """Poses (n, 3), with the hypothesis as a fourth column if any part has another than the first one."""
     which = traits["hypothesis"]
     return np.column_stack([poses, which]) if which.any() else poses
 

@@ -23,26 +23,26 @@ ORIENTED_DEG = 5.0  # A part counts as oriented within this (the paper's toleran
 NO_FRICTION = {"finger_part_min": 0.0, "finger_part_max": 0.0}
 IDEAL = {"friction": NO_FRICTION, "gripper": {"finger_length_mm": 900.0}}
 SEED_BASELINE = 0x42415345
-WIDTH_DIGITS = 1  # of a mm: parts of equal widths take equally long
+WIDTH_DIGITS = 1  # decimals of widths [mm]: parts whose widths agree to these take equally long
 
 
 class Achieved(NamedTuple):
     """Results of the plan in one world."""
 
     oriented: float  # share within `ORIENTED_DEG` of the predicted angle, modulo the period
-    located: float  # share within the job's goal of the best pose(s)
-    located_modulo: float  # the same, modulo the plan's period
-    seconds: float  # a part, by the table's model of time
+    located: float  # share within the job's goal of the best pose or poses
+    located_modulo: float  # the same, with angles modulo the plan's period
+    seconds: float  # mean time a part, by the table's model of time
 
 
 class Baseline(NamedTuple):
     """The sensorless plan of a job, and its results."""
 
     plan: SqueezePlan  # the squeezes
-    bound: int  # upper bound: 2 n - 1 for a hull of n vertices
+    bound: int  # upper bound on the squeezes of such a plan: 2 n - 1 for a hull of n vertices
     real: Achieved  # in the job's stochastic contact world
-    ideal: Achieved  # the same with long jaws and no friction: only the order of contacts matters
-    trials: int  # number of parts in both
+    ideal: Achieved  # in the same world with long jaws and no friction: only the order of contacts matters
+    trials: int  # number of parts in each of the two worlds
 
     def figures(self) -> dict[str, Any]:
         """The values as JSON types."""
@@ -61,9 +61,9 @@ class Baseline(NamedTuple):
 
 
 def sensorless(job: Job, trials: int, scheduler: Scheduler | None = None) -> Baseline:
-    """Plans without sensors and runs the plan on `trials` parts; the hand is always placed at the origin.
+    """Plans a job without sensors, and runs the plan on `trials` parts in each of two worlds.
 
-    The result does not depend on the scheduler: all cores if None.
+    The hand is always placed at the origin. The result does not depend on the scheduler; None uses all cores.
     """
     squeezes = plan(job.part.outline_mm)
     ideal = job.replaced("the job without friction", **IDEAL)
@@ -93,7 +93,11 @@ modulo {period:.0f} deg; about {real.seconds:.1f} s a part"""
 
 
 def _squeezed(job: Job, worlds: ContactWorlds, angles: Array, chunk: Chunk) -> tuple[Array, Array]:
-    """Runs the plan on a chunk of the parts: final poses (n, 3) in the world, and widths (n, squeezes)."""
+    """Squeezes the n parts of a chunk with the hand at the origin, at each of `angles` in turn.
+
+    Returns:
+        Final poses (n, 3) in the world [mm, mm, rad], and widths (n, squeezes) [mm].
+    """
     rng = np.random.default_rng([job.seed, chunk.number, SEED_BASELINE])
     world = ContactWorld.of_simulator(worlds.simulators[0], [worlds.seed, chunk.number])
     poses, widths = initial(job, chunk.trials, rng), np.empty((chunk.trials, len(angles)))
@@ -124,6 +128,7 @@ def seconds_of(job: Job, angles: Array, widths: Array) -> float:
 
 
 def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler) -> Achieved:
+    """Runs a plan on `trials` parts in the contact world of a job."""
     worlds = ContactWorlds.of_job(job, job.seed + SEED_BASELINE)
     run = partial(_squeezed, job, worlds, squeezes.angles)
     parts = list(scheduler.map(run, chunks_of(trials)))

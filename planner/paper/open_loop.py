@@ -4,8 +4,8 @@ The search goes through sequences of actions, breadth first, and ignores the out
 leaves four points open, which are decided here as follows:
 
 - "while subtree depth < d" bounds the expansion: sequences of length d are judged, but not expanded.
-- Of sequences of equal ratio the first is the result. The empty sequence is no candidate: the result has an
-  action even if every action lowers the ratio, unless no action is free of collision and kept.
+- Of sequences of equal ratio the first is the result. The empty sequence does not compete: the result has an
+  action even if every action lowers the ratio. It is empty only if each action collides or is pruned.
 - Algorithm 3 keeps a successor whose ratio r is above alpha E.r, where E is the expanded element. The text
   of section VI drops a successor whose ratio is below alpha E.r. The two differ where both ratios are 0, as
   for a belief of two modes: there the printed algorithm would end the tree at once, so the text is used.
@@ -29,7 +29,7 @@ from planner.paper.sensor import Collides
 Motion: TypeAlias = Callable[[Array, Generator], Array]
 """ForwardMotionModel-KCDE: draws final poses for initial ones, both (n, 3) in the hand frame."""
 ALPHA = 0.75
-"""Share of its singleton ratio that a sequence must keep in its last action."""
+"""Share of its singleton ratio that a sequence must keep with another action; else the result is pruned."""
 COLLIDING_SHARE = 0.005
 """Share of the belief that may lie under an open finger of a collision-free action."""
 
@@ -37,14 +37,14 @@ COLLIDING_SHARE = 0.005
 class Sequence(NamedTuple):
     """A sequence of actions, and the singleton ratio that it achieves."""
 
-    actions: tuple[int, ...]  # indices of placements; empty if none is free of collision and kept
+    actions: tuple[int, ...]  # indices of placements; empty if each action collides or is pruned
     ratio: float  # singleton ratio of the belief afterwards
 
 
 class _Element(NamedTuple):
-    """An element of the search's queue: a sequence of actions and the belief after it.
+    """An element of the queue of a search: a sequence of actions and the belief after it.
 
-    `poses` is empty where the element will not be expanded.
+    `poses` (n, 3) is empty if the element will not be expanded.
     """
 
     poses: Array
@@ -60,12 +60,12 @@ class OpenLoop:
     motion: Motion  # forward motion model
     collides: Collides  # collision detector
     ratio: Callable[[Array], float]  # singleton ratio of a belief (n, 3)
-    depth: int  # d, the longest sequence
+    depth: int  # d, the length of the longest sequence
     enough: float = math.inf  # a sequence above this ratio ends the search
-    budget: float = math.inf  # beliefs to expand at most, in place of the paper's time limit
+    budget: float = math.inf  # most beliefs to expand, instead of the paper's time limit
 
     def search(self, poses: Array, rng: Generator) -> Sequence:
-        """The sequence of largest ratio for particles (n, 3) in the world: Algorithm 2 up to a*."""
+        """Finds the sequence of largest ratio for particles (n, 3) in the world: Algorithm 2 up to a*."""
         queue = deque([_Element(poses, self.ratio(poses), ())])
         best, expanded = Sequence((), -np.inf), 0
         while queue and best.ratio <= self.enough:
@@ -86,7 +86,7 @@ class OpenLoop:
         return to_world(self.motion(to_hand(poses, placement), rng), placement)
 
     def _expand(self, element: _Element, rng: Generator) -> Iterator[_Element]:
-        """Algorithm 3: the element's successors that are free of collision and not pruned."""
+        """Yields the successors of an element that are free of collision and not pruned: Algorithm 3."""
         last = len(element.actions) + 1 == self.depth
         for action, placement in enumerate(self.placements):
             if not self.free(element.poses, placement):

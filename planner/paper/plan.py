@@ -18,11 +18,11 @@ from planner.work.progress import Report, silent
 
 
 def plan_paper(job: Job, simulator: Simulator, report: Report = silent) -> Node:
-    """Plans a job with method "paper" or "sensorless".
+    """Plans a job with method "paper" or "sensorless"; returns the root of the tree.
 
     The constants are the paper's: of the job's [search] only the method, the particles and the longest path
-    are used; of its [actions] the angles and centres. The tree has one node if no first squeeze is free of
-    collision, or none keeps the ratio.
+    are used; of its [actions] the angles and centres. The tree has one node if each first squeeze collides or
+    lowers the singleton ratio too much.
     """
     rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, report)
     encoder, rho_mm = encoder_of(job), radius_of_gyration(job.part.outline_mm)

@@ -1,8 +1,8 @@
 """Projection of particles onto the subspace of their width (paper V.C).
 
-A motion model that blurs leaves particles beside the poses that two fingers can hold a part in. The
-subspaces are kept as the final poses of roll-outs, and a particle moves to the nearest of its own subspace.
-Free space has all three dimensions, so particles there stay.
+A motion model that blurs leaves particles beside the poses in which two fingers can hold a part. So each
+subspace is stored as the final poses of the roll-outs that end in it, and a particle moves to the nearest
+stored pose of its subspace. Free space has all three dimensions, so particles in free space stay.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ STILL_MM = 1e-6  # Distance below which a particle is already at a stored pose
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
-    """The subspaces of one part, as final poses in the hand frame."""
+    """Moves particles to the subspaces of one part, which are stored as final poses in the hand frame."""
 
     stored: dict[int, tuple[Array, cKDTree]]  # by subspace: its poses (n_k, 3) and their k-d tree
     rho_mm: float  # millimetres that count like one radian
@@ -33,10 +33,12 @@ class Projection:
 
     @classmethod
     def fit(cls, final: Array, label: IntArray, rho_mm: float, order: int) -> Self:
-        """Stores final poses (n, 3) in the hand frame by their subspaces (n,), from `Subspaces.label`.
+        """Stores final poses (n, 3) in the hand frame by the numbers `label` (n,) of their subspaces.
+
+        `Subspaces.label` gives the numbers; poses in free space, number 0, are not stored.
 
         Raises:
-            ValueError: a subspace has no pose, though one with a higher number has.
+            ValueError: a subspace has no pose, though a subspace with a higher number has poses.
         """
         from scipy.spatial import cKDTree  # importing scipy takes a tenth of a command's start-up
 
@@ -53,8 +55,12 @@ class Projection:
     def project(self, poses: Array, label: IntArray) -> Array:
         """Moves particles (n, 3) to the nearest stored poses of their subspaces (BeliefUpdateProjection).
 
-        `label` (n,) numbers the subspaces. A particle whose label has no stored poses, as in free space,
-        stays where it is. Of symmetric angles, the one nearest to the particle's angle is used. Idempotent.
+        `label` (n,) is the number of each particle's subspace. A particle whose subspace has no stored poses,
+        such as free space, stays where it is. Of symmetric angles, the angle nearest to that of the particle
+        is used. A second projection changes nothing.
+
+        Returns:
+            (n, 3) new poses.
         """
         result = np.array(poses, dtype=np.float64)
         for k, (stored, tree) in self.stored.items():

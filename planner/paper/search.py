@@ -1,8 +1,8 @@
 """ExpandTree: Algorithm 1 of the paper as printed, and its sensorless variant.
 
-Unlike in the default method the action is the first of the best open-loop sequence, progress is the printed
-singleton ratio, beliefs are moved by learned models, and a reading always leads to the child whose expected
-width is nearest.
+Unlike in the default method, the action of a node is the first action of the best open-loop sequence, the
+printed singleton ratio measures progress, learned models move the belief, and a reading always leads to the
+child whose expected width is nearest.
 """
 
 import math
@@ -34,18 +34,18 @@ METHODS = ("paper", "sensorless")
 """Algorithm 1, and a whole open-loop sequence without branching."""
 TOLERANCES = (2.5, 2.5, math.radians(5.0))
 """Half-widths of the box about the average pose (paper, VII): x, y [mm] and theta [rad]."""
-SINGLETON_SHARE = 0.95  # r_s
-MOST_SEQUENCES = 500
-DEEPEST = 3
-SENSORLESS_DEPTH = 5
+SINGLETON_SHARE = 0.95  # r_s, the singleton ratio above which a node is a leaf
+MOST_SEQUENCES = 500  # most open-loop sequences of the greatest length that a search judges
+DEEPEST = 3  # greatest depth of the search for open-loop sequences
+SENSORLESS_DEPTH = 5  # the same for the sensorless method
 SENSORLESS_BUDGET = 400
-"""Beliefs expanded; four actions and five squeezes need 341, and the paper saw no gain beyond four."""
+"""Most beliefs to expand: four actions and five squeezes need 341, and the paper saw no gain beyond four."""
 
 
 def singleton(poses: Array, order: int) -> Mode:
-    """SingletonRatio(X, eps) as printed (VI.1): the average of particles (m, 3), and the share near it.
+    """SingletonRatio(X, eps) as printed (VI.1): average pose of particles (m, 3), and share of those near it.
 
-    The average is over x, y, cos(n theta) and sin(n theta), n the order; near means within `TOLERANCES`.
+    The average is over x, y, cos(n theta) and sin(n theta), with n the order; near means within `TOLERANCES`.
     The paper prints n = 2. The average of two modes lies between them, so the ratio is always near 0; the
     default method uses the mode ratio of `planner.belief.metric`.
     """
@@ -72,11 +72,11 @@ def learn(
 ) -> Models:
     """Fits the motion model, sensor model, collision detector, subspaces and projection to roll-outs.
 
-    The roll-outs include those that collide with the part. One radian counts as `rho_mm`; `order` is the
-    part's rotational order.
+    The roll-outs include those in which a finger collides with the part. One radian counts as `rho_mm`
+    millimetres; `order` is the rotational order of the part.
 
     Raises:
-        ValueError: no roll-out touches the part, or there are too few.
+        ValueError: no roll-out touches the part, or too few are free of collision.
     """
     stands = rolled.status == COLLIDES
     free = take(rolled, ~stands)
@@ -98,19 +98,22 @@ class PaperPlanner:
     placements: Array  # (k, 3) the actions: the hand frame in the world
     models: Models  # moves and observes beliefs
     encoder: Encoder  # turns expected widths into readings
-    # of open fingers at (3,) from poses (n, 3) [mm], < 0: collision
+    # clearance [mm] of poses (n, 3) of the part from open fingers at a placement (3,); < 0 in collision
     clearance: Callable[[Array, Array], float]
     method: str  # one of `METHODS`
-    depth: int  # d, the longest open-loop sequence
+    depth: int  # d, the length of the longest open-loop sequence
     max_depth: int  # longest path of the tree, which the paper does not bound [squeezes]
     order: int  # the part's rotational order; the paper's parts have 2
 
     def plan(self, belief: Array, seed: list[int], report: Report = silent) -> Node:
         """ExpandTree(C, eps, r_s, d) from particles (n, 3) in the world, breadth first instead of recursive.
 
-        A leaf whose ratio is not above r_s could not be expanded: either no action was free of collision and
-        kept the ratio, or the leaf lies at the maximum depth. The random stream of a node is seeded by
-        `seed`, the node's depth, and the branches that lead to the node.
+        A leaf whose ratio is not above r_s could not be expanded: either the leaf lies at the maximum depth,
+        or each action collides or lowers the ratio too much. The random stream of a node is seeded by `seed`,
+        the node's depth, and the branches that lead to the node.
+
+        Returns:
+            The root of the tree.
         """
         root = Node(Belief.of(belief), 1.0, singleton(belief, self.order))
         waiting, done = deque[tuple[Node, Path]]([(root, ())]), 0
@@ -136,6 +139,7 @@ class PaperPlanner:
         return self._squeezed(node, self.placements[actions[0]], rng, branching=True)
 
     def _search(self, longest: int) -> OpenLoop:
+        """The search for sequences of at most `longest` actions."""
         sensorless = self.method == "sensorless"
         return OpenLoop(
             placements=self.placements,
@@ -150,7 +154,10 @@ class PaperPlanner:
     def _squeezed(
         self, node: Node, placement: Array, rng: Generator, branching: bool
     ) -> list[Node]:
-        """Gives a node its action, with a child for each observation, or one for all widths."""
+        """Gives a node its action, the squeeze at `placement` (3,), and returns the children.
+
+        With `branching` there is a child for each observation, else one child for all widths.
+        """
         hand = self.models.motion(to_hand(node.belief.poses, placement), rng)
         width = self.models.widths(hand)
         subspace = np.zeros(len(width), np.int64)
@@ -174,11 +181,13 @@ class PaperPlanner:
 def nearest_observation(
     encoder: Encoder, width_mm: Array, subspace: IntArray
 ) -> tuple[Partition, IntArray]:
-    """Assigns all readings and particles to children by the paper's rule: the nearest expected reading.
+    """Assigns each reading to a child by the paper's rule: to the child of the nearest expected reading.
 
-    Particles (n,) have an expected width [mm] and a subspace; subspaces whose mean widths fall on one reading
-    become one child, since no reading distinguishes them. Returns the children's cells, which share out all
-    readings, and each particle's child (n,).
+    Each particle (n,) has an expected width [mm] and the number of a subspace. Each subspace becomes a child;
+    subspaces whose mean widths give the same reading become one child, since no reading distinguishes them.
+
+    Returns:
+        The partition of all readings into one cell for each child, and the child (n,) of each particle.
     """
     counts = np.clip(encoder.steps - width_mm / encoder.mm_per_step, 0, encoder.steps)
     member = np.unique(subspace, return_inverse=True)[1]

@@ -17,9 +17,9 @@ LEAST_ROLLOUTS = 10
 Widths: TypeAlias = Callable[[Array], Array]
 """SensorModel-RegressionTree: expected widths (n,) of final poses (n, 3) in the hand frame [mm]."""
 Collides: TypeAlias = Callable[[Array], BoolArray]
-"""CollisionFree-DecisionTree: where an open finger would stand on parts at poses (n, 3) in the hand frame.
+"""CollisionFree-DecisionTree: mask (n,) of the poses at which an open finger would stand on the part.
 
-The default planner uses `mechanics.clearance`.
+The poses (n, 3) of the part are in the hand frame. The default planner uses `mechanics.clearance` instead.
 """
 
 
@@ -38,7 +38,7 @@ def sensor_model(final: Array, width_mm: Array, order: int) -> Widths:
 
 
 def collision_detector(initial: Array, stands: BoolArray, order: int) -> Collides:
-    """Fits the detector to initial poses (n, 3) and whether (n,) an open finger stands on the part there."""
+    """Fits the detector to initial poses (n, 3), of which the mask `stands` (n,) marks the collisions."""
     from sklearn.tree import DecisionTreeClassifier
 
     return _fitted(DecisionTreeClassifier(random_state=0), initial, stands, order)
@@ -55,7 +55,7 @@ def _fitted(tree: Any, known: Array, values: Array | BoolArray, order: int) -> C
 
 
 def features(poses: Array, order: int) -> NDArray[np.float32]:
-    """Features of the trees: (n, 4) x, y, cos and sin of the angle under the symmetry."""
+    """Features (n, 4) of poses (n, 3): x, y, and cosine and sine of `order` times the angle."""
     turned = order * poses[:, 2]
     columns = [poses[:, 0], poses[:, 1], np.cos(turned), np.sin(turned)]
     return np.column_stack(columns).astype(np.float32)

@@ -23,17 +23,19 @@ import numpy as np
 from planner.arrays import Array
 from planner.part.outline import Outline, convex_hull
 
-FLUSH_RAD = 1e-9  # Edges whose normals differ by less than this are parallel
+FLUSH_RAD = 1e-9  # Edges whose normals differ by less than this count as parallel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WidthFunction:
     """The width of a part in every direction."""
 
-    knots: Array  # (m,) the normals of the hull's edges, reduced to [0, pi), rising
-    chords: Array  # (m, 2) from each knot to the next, the vector between the two vertices that touch [mm]
-    minima: Array  # (k,) directions of the local minima, in [0, pi), rising
-    maxima: Array  # (k,) directions of the local maxima; between two lies one minimum
+    knots: Array  # (m,) directions of the normals of the hull's edges, in [0, pi), rising [rad]
+    chords: Array  # (m, 2) for the arc from each knot to the next, vector between the touching vertices [mm]
+    minima: Array  # (k,) directions of the local minima, in [0, pi), rising [rad]
+    maxima: (
+        Array  # (k,) directions of the local maxima; one minimum lies between two neighbours [rad]
+    )
 
     def __call__(self, direction: Array) -> Array:
         """Widths [mm] of the part in some directions [rad], in an array of the same shape."""
@@ -76,7 +78,7 @@ def width_function(outline: Outline) -> WidthFunction:
 
 
 def _extrema(knots: Array, chords: Array) -> tuple[Array, Array]:
-    """Local minima, among the knots, and local maxima, within the arcs."""
+    """Returns the directions of the local minima, which are knots, and of the local maxima, within arcs."""
     slope_after = _slope(chords, knots)
     before = np.roll(chords, 1, axis=0)
     before[0] *= -1.0  # the last arc lies half a turn further on
@@ -105,11 +107,11 @@ ALIKE_RAD = 1e-6  # Difference below which steps of the squeeze function are equ
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SqueezeFunction:
-    """Maps a closing direction to that after a frictionless squeeze: a step function."""
+    """A step function that maps a closing direction to the direction after a frictionless squeeze."""
 
-    maxima: Array  # (k,) directions where a step begins, in one period, rising
-    minima: Array  # (k,) value of each step, between its maximum and the next
-    period: float  # period of the function, up to a rotation: pi, or less for a symmetric hull
+    maxima: Array  # (k,) directions at which the steps of one period begin, rising [rad]
+    minima: Array  # (k,) value of each step; it lies between this maximum and the next [rad]
+    period: float  # a direction one period further on has a value one period further on [rad]
 
     @classmethod
     def of(cls, outline: Outline, ripple_mm: float = RIPPLE_MM) -> Self:
@@ -123,13 +125,13 @@ class SqueezeFunction:
         return cls(maxima[: k // order], minima[: k // order], math.pi / order)
 
     def __call__(self, direction: Array) -> Array:
-        """Directions after a squeeze [rad], within the same turn as before it."""
+        """Directions after a squeeze [rad], for closing directions `direction` [rad]; not wrapped."""
         turns = np.floor((direction - self.maxima[0]) / self.period)
         step = np.searchsorted(self.maxima, direction - turns * self.period, side="right") - 1
         return np.asarray(self.minima[np.maximum(step, 0)] + turns * self.period)
 
     def intervals(self) -> list[Interval]:
-        """All runs of steps, from every maximum to every later one, at most one period."""
+        """All runs of consecutive steps that begin in the first period and are at most one period long."""
         k = len(self.maxima)
         starts = np.concatenate([self.maxima, self.maxima + self.period])
         ends = np.concatenate([self.minima, self.minima + self.period])
@@ -146,24 +148,25 @@ class SqueezeFunction:
 
 
 def _repeats(steps: Array, after: int) -> bool:
+    """Whether each step (k, 2) equals the step that comes `after` steps earlier, cyclically."""
     return np.allclose(steps, np.roll(steps, after, axis=0), rtol=0.0, atol=ALIKE_RAD)
 
 
 class Interval(NamedTuple):
-    """A run of steps of the squeeze function."""
+    """A run of steps of the squeeze function: an interval of closing directions."""
 
-    start: float  # direction at which it begins
-    length: float  # its length
-    image: float  # least direction of its image
-    spread: float  # length of the smallest interval that contains its image
+    start: float  # direction at which the interval begins [rad]
+    length: float  # length of the interval [rad]
+    image: float  # least direction of its image, the directions after a squeeze [rad]
+    spread: float  # length of the smallest interval that contains the image [rad]
 
 
 class SqueezePlan(NamedTuple):
     """A sensorless sequence of squeezes, and the angle at which it leaves the part."""
 
-    angles: Array  # (k,) of the hand in the world, one for each squeeze, the first one 0 [rad]
-    final: float  # final angle of the part in the world by the theory, modulo `period`
-    period: float  # period of the ambiguity: pi, or less for a symmetric hull [rad]
+    angles: Array  # (k,) angle of the hand in the world at each squeeze, 0 at the first [rad]
+    final: float  # final angle of the part in the world by the theory, modulo `period` [rad]
+    period: float  # period of the final angle: pi, or less for a symmetric hull [rad]
     slack: float  # least distance of an intermediate direction from the end of its interval [rad]
 
 
@@ -180,7 +183,7 @@ def chain(function: SqueezeFunction) -> list[Interval]:
         target = results[-1].length
         wider = [i for i in intervals if i.spread < target - ALIKE_RAD]
         best = max(wider, key=lambda i: (i.length, -i.spread))
-        # Impossible by his theorem, except for steps equal to 1e-6.
+        # Goldberg's theorem excludes this, unless lengths differ by less than `ALIKE_RAD`.
         if best.length <= target + ALIKE_RAD:
             break
         results.append(best)

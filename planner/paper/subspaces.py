@@ -23,20 +23,24 @@ MOST_CLUSTERS = 10
 class Subspaces:
     """Clusters of widths in ascending order; the first is free space, even if no roll-out ended there."""
 
-    mean_mm: Array  # (k,) mean width of each
-    size: IntArray  # (k,) roll-outs that ended in it
-    edges_mm: Array  # (k - 1,) widths between neighbours
+    mean_mm: Array  # (k,) mean width of each cluster
+    size: IntArray  # (k,) number of roll-outs that ended in each cluster
+    edges_mm: Array  # (k - 1,) widths that separate neighbouring clusters
 
     def __len__(self) -> int:
         return len(self.mean_mm)
 
     def label(self, width_mm: Array) -> IntArray:
-        """Number of the subspace of each width (n,) [mm]; 0 is free space."""
+        """The number (n,) of the subspace of each width (n,) [mm]; 0 is free space."""
         return np.asarray(np.searchsorted(self.edges_mm, width_mm, side="right"), dtype=np.int64)
 
 
 def subspaces_of(width_mm: Array, encoder: Encoder) -> Subspaces:
-    """Clusters the widths (n,) of all roll-outs of a part [mm]; 0 where the fingers closed on nothing."""
+    """Clusters the widths (n,) of all roll-outs of a part [mm].
+
+    A roll-out in which the fingers closed on nothing has width 0. Clusters whose means the encoder cannot
+    distinguish are merged.
+    """
     resolution = resolution_of(encoder)
     free_mm = max(float(encoder.width_mm(np.asarray(resolution.free - 0.5))), BIN_MM)
     empty = width_mm < free_mm
@@ -51,8 +55,8 @@ def subspaces_of(width_mm: Array, encoder: Encoder) -> Subspaces:
 
 
 def _clusters(held: Array, apart_mm: float) -> list[Array]:
-    """Clusters of rising widths (n,) of held parts, whose means are at least `apart_mm` apart."""
-    from sklearn.cluster import KMeans  # takes two seconds; most plans learn nothing
+    """Splits rising widths (n,) of held parts into clusters whose means are at least `apart_mm` apart."""
+    from sklearn.cluster import KMeans  # the import takes two seconds, and most plans learn nothing
 
     if not len(held):
         return []
