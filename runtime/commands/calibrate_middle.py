@@ -1,4 +1,4 @@
-"""`grasp-calibrate middle`: measures where the fingers meet, with a block held fast on the table."""
+"""The command `grasp-calibrate middle`: measures where the fingers meet, on a block fixed to the table."""
 
 import argparse
 import sys

@@ -67,7 +67,7 @@ def parser() -> Parser:
 def _add_subcommand(
     subcommands: Commands, example: str, body: Body, purpose: str
 ) -> Callable[..., object]:
-    """Adds a subcommand; returns its `add_argument`."""
+    """Adds a subcommand that runs `body`; returns the method `add_argument` of its parser."""
     subcommand = add_command(subcommands, purpose, f"{NAME} {example}", EXIT_CODES)
     subcommand.add_common()
     subcommand.set_defaults(run=body)

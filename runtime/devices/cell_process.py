@@ -27,10 +27,10 @@ class Endpoints(NamedTuple):
 class CellProcess(ChildProcess):
     """A running `grasp-cell`. It reads a pipe from this process, and so ends even if this one is killed.
 
-    The arguments are those of the command; its devices are at `endpoints`.
+    The arguments are options of `grasp-cell`; the attribute `endpoints` has the addresses of its devices.
 
     Raises:
-        UnreachableError: it cannot be started, ended or gave no endpoints; the message includes its output.
+        UnreachableError: the command cannot be started, has ended, or prints no endpoints.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class CellProcess(ChildProcess):
 
 
 def _environment() -> dict[str, str]:
-    """This process's environment, such that the same packages are imported in any working directory."""
+    """This process's environment, with a PYTHONPATH by which the child imports the same packages."""
     home = str(Path(__file__).resolve().parents[2])
     others = os.environ.get("PYTHONPATH")
     return {**os.environ, "PYTHONPATH": os.pathsep.join([home, others] if others else [home])}

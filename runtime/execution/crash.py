@@ -31,7 +31,7 @@ SAME = {
 def look(
     journal: Journal, fields: Mapping[str, object], policy: str, console: Console, most_s: float
 ) -> Replay | None:
-    """Finds out whether a journal's last run broke off; gives such a run up, or returns it to be resumed.
+    """Checks whether a journal's last run broke off; gives such a run up, or returns it to be resumed.
 
     With the policy `ABORT` the run is given up, which is journalled and raises an error. Otherwise nothing is
     written to the journal.

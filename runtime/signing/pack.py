@@ -134,7 +134,7 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
         trusted: the key that must have signed.
 
     Raises:
-        PackError: no pack covers it; the message says why each of them does not.
+        PackError: no pack covers table and calibration; the message says for each pack why it does not.
         UsageError: the extra for signatures is not installed.
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}

@@ -19,7 +19,9 @@ MAGIC = "squeezetree"
 BEGINNING = 16  # bytes within which a table identifies itself
 FRAME_FIELDS = ("magic", "format", "digest", "payload")
 NESTED = {"covariance": Covariance, "tolerance": Tolerance, "work_area_um": Area}
-Records = list[tuple[int, Any]]  # each after the number of its node or leaf
+Records = list[
+    tuple[int, Any]
+]  # pairs of an index and a record, as `sections.records_of` returns them
 
 
 def encode(table: Table) -> bytes:

@@ -108,7 +108,7 @@ def _validate_goal(goal: GoalSpec) -> None:
 
 
 def _validate_hypotheses(table: Table) -> None:
-    """Checks the hypotheses against the goal, and that leaves refer to existing ones."""
+    """Checks the hypotheses against the goal, and that the leaves refer to existing hypotheses."""
     goal, hypotheses = table.goal, table.hypotheses
     if not hypotheses and (goal.kind == "identity" or not goal.identify):
         raise TableError("goal asks which part it is, of which there is one; recompile it")
