@@ -52,14 +52,19 @@ def parser() -> Parser:
     add = _add_subcommand(subcommands, "pack T.msgpack -o T.zip", _pack, purpose)
     add("tree", type=Path, metavar="T", help="the table, as plan-compile wrote it")
     add("-o", "--output", type=Path, required=True, metavar="P.zip", help="the pack, a new file")
-    add("--calibration", type=Path, metavar="F", help="of the gripper that will run the table")
-    text = "private key (default: the one of grasp-evidence key, which is made if need be)"
+    add(
+        "--calibration",
+        type=Path,
+        metavar="F",
+        help="calibration of the gripper that will run the table",
+    )
+    text = "private key (default: that of grasp-evidence key, created if missing)"
     add("--key", type=Path, metavar="K.pem", help=text)
     add("--signer", type=_name, metavar="NAME", help="who signs, for people (default: user@host)")
     purpose = "check every byte of a pack; needs no network"
     add = _add_subcommand(subcommands, "verify T.zip --key acme.pem.pub", _verify, purpose)
     add("pack", type=Path, metavar="P.zip", help="the pack")
-    text = "public key that must have signed; without it the pack's own, which says nothing of who signed"
+    text = "public key of the signer; without it the key in the pack is used, which does not prove who signed"
     add("--key", type=Path, metavar="K.pub", help=text)
     return built
 
@@ -90,7 +95,7 @@ def _key(arguments: argparse.Namespace) -> int:
 def _pack(arguments: argparse.Namespace) -> int:
     output = usable(arguments.output, arguments.tree, arguments.calibration, arguments.key)
     if output.exists():
-        raise OutputError(f"{output} is there, and a pack is never overwritten; name another file")
+        raise OutputError(f"{output} exists, and a pack is never overwritten; name another file")
     table, path = load(arguments.tree), arguments.calibration
     measured = None if path is None else calibration.bytes_of(path)
     key = _signing_key(arguments.key)
@@ -149,7 +154,7 @@ def _default_key() -> Path:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
-            f"{path.parent} cannot be made: {error.strerror}; name a key's file instead"
+            f"{path.parent} cannot be created: {error.strerror}; name a key's file instead"
         ) from error
     return path
 

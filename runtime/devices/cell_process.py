@@ -55,7 +55,7 @@ class CellProcess(ChildProcess):
             line = self._line(SystemClock().now() + START_S)
         except TimeoutError:
             raise UnreachableError(
-                f"grasp-cell told no endpoints within {START_S:g} s; try it by itself"
+                f"grasp-cell printed no endpoints within {START_S:g} s; try it by itself"
             ) from None
         except EOFError:
             code = self._process.wait()
@@ -68,7 +68,7 @@ class CellProcess(ChildProcess):
             return Endpoints(**named)
         except (ValueError, TypeError) as error:
             raise UnreachableError(
-                f"grasp-cell told {line[:200]!r} instead of its endpoints"
+                f"grasp-cell printed {line[:200]!r} instead of its endpoints"
             ) from error
 
 

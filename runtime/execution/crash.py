@@ -135,7 +135,7 @@ def _check_recent(last: Entry, now: Entry, most_s: float) -> None:
         )
     if passed_s > most_s:
         raise BrokenRunError(
-            f"{written}, {passed_s:.0f} s ago; after {most_s:g} s (--resume-within) it may be another: "
+            f"{written}, {passed_s:.0f} s ago; after {most_s:g} s (--resume-within) the part may be another: "
             f"{ABORT_REMEDY}"
         )
 

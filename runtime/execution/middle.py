@@ -29,7 +29,7 @@ class Middle(NamedTuple):
         if record is None:
             return None
         if not isinstance(record, dict):
-            raise TypeError("has a middle that is none")
+            raise TypeError("has a middle that is no JSON object")
         result = cls(**{name: float(value) for name, value in record.items()})
         if not abs(result.across_mm) <= MOST_MM:
             raise ValueError(f"has fingers that meet {result.across_mm:g} mm off the hand's middle")

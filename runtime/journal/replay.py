@@ -117,7 +117,7 @@ class Replay:
     def _expect(self, entry: Entry) -> Iterator[str]:
         """Yields the contradictions between part and node of a record and those that the path leads to."""
         if entry.get("part") != self.part:
-            yield f"tells of part {entry.get('part')}, under way is {self.part}"
+            yield f"is of part {entry.get('part')}, under way is {self.part}"
         if entry["node"] != self.traversal.node or self.traversal.outcome is not None:
             yield f"is at node {entry['node']}, the path leads to {_sketch(self.traversal)}"
 

@@ -64,12 +64,12 @@ def folder(path: Path, *others: Path | None) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
-            f"{path} cannot be made: {error.strerror}; name another folder"
+            f"{path} cannot be created: {error.strerror}; name another folder"
         ) from error
     for other in others:
         if other is not None and same(path, other):
             raise OutputError(
-                f"{path} cannot be written to: it is what is read; name another folder"
+                f"{path} cannot be written to: the command reads it; name another folder"
             )
     return path
 

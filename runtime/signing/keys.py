@@ -86,7 +86,7 @@ def generate(path: Path) -> SigningKey:
     for file in (path, public):
         usable(file)
         if os.path.lexists(file):
-            raise OutputError(f"{file} is there, and a key is never overwritten; name another file")
+            raise OutputError(f"{file} exists, and a key is never overwritten; name another file")
     write_new(path, _private_pem(from_library), 0o600)
     try:
         write_new(public, key.public.pem, 0o644)

@@ -163,7 +163,7 @@ def _manifest(members: Mapping[str, bytes]) -> Mapping[str, Any]:
     others = _digests({name: content for name, content in members.items() if name != MANIFEST})
     is_pack = isinstance(manifest, dict) and manifest.get("kind") == KIND
     if not is_pack or manifest.get("version") != VERSION:
-        raise PackError(f"{MANIFEST} is none of a pack of version {VERSION}")
+        raise PackError(f"{MANIFEST} is not the manifest of a pack of version {VERSION}")
     stated = manifest.get("sha256")
     if not isinstance(stated, dict) or unprintable(manifest) is not None:
         raise PackError(f"{MANIFEST} lists no digests, or does not print")

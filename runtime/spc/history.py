@@ -95,7 +95,7 @@ def read(paths: Sequence[Path]) -> History:
                     parts.append(_ended(running, audit, entry, table))
                     running = None
         except (KeyError, ValueError, IndexError) as error:
-            message = "holds a squeeze or a leaf that is none of its table's; leave it out"
+            message = "has a record that does not fit its table; leave the journal out"
             raise JournalError(path, message) from error
     if table is None or not parts:
         raise UsageError("the journals hold no part yet; run some first")

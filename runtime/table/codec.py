@@ -36,7 +36,7 @@ def encode(table: Table) -> bytes:
         raise TableError(f"a value of the table cannot be written: {error}") from error
     if decode(data) != table:
         raise TableError(
-            "the table does not come back from its bytes: a value of it is not as `Table` says"
+            "its bytes decode to another table: a value is not of the type that `Table` states"
         )
     return data
 
@@ -62,7 +62,7 @@ def decode(data: bytes) -> Table:
         raise TableError(f"the sections are not {', '.join(names)}; recompile it")
     table = _table({section.name: _records(section, values) for section in SECTIONS})
     if _packed(table) != data:
-        raise TableError("not in the one encoding a table has; recompile it")
+        raise TableError("not in the canonical encoding of a table; recompile it")
     return table
 
 
