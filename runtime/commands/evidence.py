@@ -52,12 +52,8 @@ def parser() -> Parser:
     add = _add_subcommand(subcommands, "pack T.msgpack -o T.zip", _pack, purpose)
     add("tree", type=Path, metavar="T", help="the table, as plan-compile wrote it")
     add("-o", "--output", type=Path, required=True, metavar="P.zip", help="the pack, a new file")
-    add(
-        "--calibration",
-        type=Path,
-        metavar="F",
-        help="calibration of the gripper that will run the table",
-    )
+    text = "calibration of the gripper that will run the table"
+    add("--calibration", type=Path, metavar="F", help=text)
     text = "private key (default: that of grasp-evidence key, created if missing)"
     add("--key", type=Path, metavar="K.pem", help=text)
     add("--signer", type=_name, metavar="NAME", help="who signs, for people (default: user@host)")

@@ -27,9 +27,8 @@ from runtime.table import Node, Pose2, Table
 from runtime.table.geometry import compose
 
 ROOM_MM = 15.0  # clearance between a block in the middle and each open finger
-COARSE_MM = (
-    6.0  # distance of the first two grips, which search for the block, from its stated place
-)
+# distance of the first two grips, which search for the block, from its stated place
+COARSE_MM = 6.0
 NEAR_MM = 4.0  # largest distance of the block from its stated place
 # offsets of the final grips to either side of the block's place; several, so that rounding averages out
 FINE_MM = (1.5, 2.5, 3.7, 5.0, 6.4, 8.0)

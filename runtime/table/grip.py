@@ -31,9 +31,8 @@ class Shape(NamedTuple):
     reach: float  # farthest point from the origin
     rho: float  # radius of gyration
     narrowest: float  # least width
-    coarse: (
-        float  # largest distance of a removed point from the outline of the points that are kept
-    )
+    # largest distance of a removed point from the outline of the points that are kept
+    coarse: float
 
 
 class Slack(NamedTuple):

@@ -25,9 +25,8 @@ class Schedule:
 
     nodes: Sequence[Node]
     timing: Timing
-    turns: bool = (
-        False  # whether the plan of each part is turned about the origin to the hand's angle
-    )
+    # whether the plan of each part is turned about the origin to the hand's angle
+    turns: bool = False
 
     @classmethod
     def of(cls, table: Table, job: Mapping[str, Any] | None) -> Self:

@@ -20,9 +20,8 @@ class Section(NamedTuple):
     row: str = ""  # what a record is called; empty: the section is a single record, without columns
     least: int = 1  # bounds of the number of records: of each owner, or in all
     most: int = 1
-    owner: Field | None = (
-        None  # the column of owners: the index of the node or leaf that has the record
-    )
+    # the column of owners: the index of the node or leaf that has the record
+    owner: Field | None = None
 
     @property
     def optional(self) -> bool:

@@ -115,9 +115,7 @@ def _validate_hypotheses(table: Table) -> None:
     if len({part.name for part in hypotheses}) < len(hypotheses):
         raise TableError("two hypotheses have one name; recompile it")
     if hypotheses and hypotheses[0][2:] != (goal.rho_um, goal.symmetry):
-        raise TableError(
-            "rho and symmetry of the goal differ from the first hypothesis; recompile it"
-        )
+        raise TableError("hypothesis 0 has another rho or symmetry than the goal; recompile it")
     for index, leaf in enumerate(table.leaves):
         for pose in leaf.poses:
             _within(f"leaf {index}: hypothesis", pose.hypothesis, 0, max(len(hypotheses), 1) - 1)

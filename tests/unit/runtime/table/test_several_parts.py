@@ -17,7 +17,7 @@ from runtime.table import TableError, dumps, meets
         ({"hypotheses": (HAND, HAND)}, "two hypotheses have one name"),
         ({"hypotheses": (HAND, OTHER._replace(symmetry=0))}, "hypothesis 1: symmetry is 0"),
         ({"hypotheses": (HAND, OTHER._replace(share_ppm=-1))}, "hypothesis 1: share_ppm is -1"),
-        ({"hypotheses": (OTHER, HAND)}, "differ from the first hypothesis"),
+        ({"hypotheses": (OTHER, HAND)}, "hypothesis 0 has another rho or symmetry"),
         ({"leaves.0.hypothesis": 2}, "hypothesis is 2"),
     ],
 )
