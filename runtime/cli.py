@@ -1,6 +1,7 @@
 """The commands of the cell, wired to the drivers: `grasp-runtime`, `grasp-doctor` and `grasp-calibrate`.
 
-This is the only module of the runtime that imports drivers. Each command loads only the modules it needs.
+This is the only module of the runtime that imports drivers; the others import only their interfaces
+(`drivers.ports`). Each command loads only the modules it needs.
 """
 
 import argparse

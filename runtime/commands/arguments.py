@@ -82,7 +82,7 @@ def parser() -> Parser:
     text = "Localise parts by executing a decision table on a cell."
     built = Parser(prog="grasp-runtime", description=text, epilog=EPILOG)
     add = built.add_argument
-    text = "the table, as plan-compile wrote it; with --plc several, each with its --tree"
+    text = "the table, as plan-compile wrote it; with --plc repeat the option for several tables"
     add("--tree", type=Path, required=True, action="append", dest="trees", metavar="T", help=text)
     text = (
         "the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, urcap://host, "
@@ -98,13 +98,13 @@ def parser() -> Parser:
         "number of parts, including those before a crash (default: 1; no end with --serve, --plc)"
     )
     add("--count", type=positive_int, metavar="N", help=text)
-    text = "activate the gripper if need be: the fingers sweep fully"
+    text = "activate a gripper that is inactive or in fault: its fingers open and close fully"
     add("--activate", action="store_true", help=text)
-    text = f"append the run to this file, verified from its last seal on (default: ./{DEFAULT_JOURNAL})"
+    text = f"append the run to this journal, after verifying its latest file (default: ./{DEFAULT_JOURNAL})"
     add("--journal", type=Path, default=DEFAULT_JOURNAL, metavar="P", help=text)
     text = (
-        "public key: refuse the table unless a pack in its folder that is signed with it holds table and "
-        "calibration of this run (squeezetree pack)"
+        "public key: refuse the run unless a pack beside the table, signed with this key, holds the run's "
+        "table and calibration (squeezetree pack)"
     )
     add("--require-signed", type=Path, metavar="KEY", help=text)
     built.add_common(
@@ -126,35 +126,35 @@ def _add_instead(add: Add) -> None:
     text = "put down what the fingers still hold: straight down where the arm stands, open, retreat, end"
     add("--put-down", action="store_true", help=text)
     text = (
-        "answer a robot's lines there, one robot at a time (tools/docs/serve.md); port 0 takes a free one "
-        "and says which"
+        "answer the lines of a robot that connects there, one robot at a time (tools/docs/serve.md); port 0 "
+        "takes a free port and prints it"
     )
     add("--serve", metavar="tcp://HOST:PORT", help=text)
     text = (
         "a PLC is the master: serve modbus-tcp://HOST:PORT, or opc.tcp://HOST:PORT (extra opcua), and run a "
-        "part at each of its triggers (tools/docs/plc.md); port 0 takes a free one and says which"
+        "part at each of its triggers (tools/docs/plc.md); port 0 takes a free port and prints it"
     )
     add("--plc", metavar="URL", help=text)
     text = "print the registers of --plc, and start nothing"
     add("--plc-map", action=PrintedMap, choices=("json",), help=text)
     text = (
-        "with opc.tcp: where the server makes its key and certificate, and pins the certificate of the first "
-        "client (default: JOURNAL.opcua, beside the journal)"
+        "with opc.tcp: folder of the server's key and certificate, created if missing, and of the first "
+        "client's certificate, the only one admitted (default: JOURNAL.opcua, beside the journal)"
     )
     add("--plc-certificates", type=Path, metavar="FOLDER", help=text)
-    text = "with opc.tcp: let in the clients whose certificates are in there, in place of the first one"
+    text = "with opc.tcp: admit the clients whose certificates are in this folder, not the first client"
     add("--plc-trusted", type=Path, metavar="FOLDER", help=text)
-    text = "with opc.tcp: neither sign nor encrypt, and let in everybody"
+    text = "with opc.tcp: neither sign nor encrypt, and admit every client"
     add("--plc-insecure", action="store_true", help=text)
     text = (
-        "with --serve, --plc: HOST may be another address than this machine's own; there is no password, and "
+        "with --serve, --plc: HOST may be an address that other machines reach; there is no password, and "
         "without opc.tcp no certificate either"
     )
     add("--network", action="store_true", help=text)
 
 
 def _add_handling(add: Add) -> None:
-    text = "of this gripper, as grasp-calibrate width wrote it"
+    text = "calibration of this gripper, as grasp-calibrate wrote it"
     add("--calibration", type=Path, metavar="F", help=text)
     text = (
         "how the tips move while the jaws do: arc, straight, or LINK,OFFSET in mm (default: arc on a 2F-85, "
@@ -163,19 +163,19 @@ def _add_handling(add: Add) -> None:
     )
     add("--tips", metavar="ARC", help=text)
     text = (
-        "close gently until contact and then raise the force, or close with it (default: regulated)"
+        "close gently, then raise the force; or close with the table's force (default: regulated)"
     )
     add("--force", choices=("regulated", "direct"), default="regulated", help=text)
     text = "raise the force no further once the motor draws this much (default: up to the table's force)"
     add("--grip-current", type=positive_int, metavar="MA", help=text)
     text = (
         "take a localised part and put it down there (default: as the job's section delivery says); for a "
-        "table of several parts once for each, by its name: one that is not named stays where it lies"
+        "table of several parts once for each NAME: a part that is not named stays where it lies"
     )
     add("--deliver", action="append", metavar="[NAME=]X,Y,ANGLE|FILE|no", help=text)
     text = (
-        "ask this program about every leaf, and once before the run: a JSON line in, one out; {camera} is "
-        "the address of the camera of --port sim"
+        "ask this program, by lines of JSON, for a verdict on each located part, and once before the run; "
+        "{camera} stands for the address of the camera of --port sim"
     )
     add("--audit", metavar="COMMAND", help=text)
 
@@ -184,10 +184,11 @@ def _add_policy(add: Add) -> None:
     text = "start although the fingers may hold something: you see that they do not (a held part falls)"
     add("--jaws-empty", action="store_true", help=text)
     text = (
-        "in this order, each once a part: resqueeze, restart; and last next or stop (default: next)"
+        "what follows a reject, each once a part, in this order: resqueeze, restart; and last next or stop "
+        "(default: next)"
     )
     add("--on-reject", default="next", metavar="LIST", help=text)
-    text = "restart; and last next or stop (default: next)"
+    text = "what follows an unresolved leaf: restart; and last next or stop (default: next)"
     add("--on-unresolved", default="next", metavar="LIST", help=text)
     text = (
         "if the journal's last run broke off: give it up and exit 24, continue its part, or restart that "
@@ -202,13 +203,13 @@ def _add_policy(add: Add) -> None:
 
 def _add_views(add: Add) -> None:
     text = (
-        "a page that follows the run, with /status.json and /metrics; read-only, and for this machine alone "
-        "unless HOST names another address of it"
+        "serve a page that follows the run, with /status.json and /metrics; read-only, and for this machine "
+        "alone unless HOST is an address that other machines reach"
     )
     add("--http", metavar="[HOST:]PORT", help=text)
     text = "hours at which shifts change, for the page's figures (default: 6,14,22)"
     add("--shifts", type=hours, default=CHANGES, metavar="H,H,...", help=text)
-    text = "also print at the end how many parts were done within it"
+    text = "also print at the end the share of parts that were done within this time"
     add("--takt", type=seconds, metavar="6s", help=text)
 
 
@@ -224,7 +225,7 @@ def _add_simulated(add: Add) -> None:
     text = "speed as a multiple of real time; max: virtual time, in this process"
     add("--time-scale", type=time_scale, default=1.0, metavar="S", help=text)
     add("--seed", type=int, default=0, metavar="N", help="of the simulated cell (default: 0)")
-    text = "physics of the cell (default: the planner's; without it a rehearsal)"
+    text = "physics of the cell, as module:factory (default: the planner's, or a rehearsal without planner)"
     add("--world", metavar="M:F", help=text)
 
 

@@ -40,8 +40,8 @@ examples:
 
 For each block the fingers open, you hold it between them and press Enter, and they close on it three times,
 slowly and with the least force. Keep your own fingers out. Ctrl-C, SIGTERM, SIGHUP, SIGQUIT and the end of
-standard input stop the fingers where they are; an activation is reset. What the audit measures of its camera
-is told by grasp-calibrate camera --help, tag --help and pictures --help.
+standard input stop the fingers where they are; an activation is reset. To measure the audit's camera, see
+grasp-calibrate camera --help, tag --help and pictures --help.
 
 {EXIT_CODES}"""
 
@@ -53,7 +53,7 @@ def parser() -> Parser:
     built.add_debug()
     names = "width | middle | camera | tag | pictures"
     subcommands = built.add_subparsers(required=True, dest="what", metavar=names)
-    purpose = "what the gripper's widths truly are, with gauge blocks"
+    purpose = "measure the true widths of the gripper's jaws, with gauge blocks"
     width = add_command(subcommands, purpose, EXAMPLE, EXIT_CODES)
     calibrate_middle.add_to(subcommands, EXIT_CODES)
     # The audit's commands have a parser of their own, which is tried before this one.
@@ -61,10 +61,10 @@ def parser() -> Parser:
         subcommands.add_parser(name, help=help_text, add_help=False)
     calibrate_middle.add_shared(width)
     add = width.add_argument
-    text = "its serial number: the file is for this one alone"
+    text = "serial number of the gripper: the file is for this gripper alone"
     add("--gripper", required=True, metavar="NAME", help=text)
     add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration file")
-    text = f"its kind: {', '.join(PROFILES)}, or of a driver of its own (default: {DEFAULT_MODEL})"
+    text = f"the gripper's model: {', '.join(PROFILES)}, or that of another driver (default: {DEFAULT_MODEL})"
     add("--model", metavar="MODEL", default=DEFAULT_MODEL, help=text)
     text = f"widths of the blocks (default: {_blocks(DEFAULT_MODEL)})"
     add("--blocks", metavar="MM,...", help=text)

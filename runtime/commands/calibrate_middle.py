@@ -1,4 +1,4 @@
-"""`grasp-calibrate middle`: measures where the fingers meet, with a block held fast on the table."""
+"""The command `grasp-calibrate middle`: measures where the fingers meet, on a block fixed to the table."""
 
 import argparse
 import sys
@@ -40,7 +40,7 @@ times in all. What the table of --tree allows (area, heights, arm speed) holds h
 
 def add_to(subcommands: Any, codes: str) -> None:
     """Adds the subcommand `middle`, with its arguments, to `grasp-calibrate`."""
-    purpose = "where the fingers meet, with a block held fast"
+    purpose = "measure where the fingers meet, with a block fixed to the table"
     parser = add_command(subcommands, purpose, EXAMPLE, codes)
     parser.description = DESCRIPTION
     add = parser.add_argument
@@ -48,13 +48,13 @@ def add_to(subcommands: Any, codes: str) -> None:
     add("--arm", type=address, required=True, metavar="URL", help="the arm, as for grasp-runtime")
     text = "the table that the cell will run"
     add("--tree", type=Path, required=True, metavar="T.msgpack", help=text)
-    text = "of its widths, by grasp-calibrate width"
+    text = "the gripper's calibration, as grasp-calibrate width wrote it"
     add("--calibration", type=Path, required=True, metavar="F", help=text)
     text = "the block's width, near that of the part"
     add("--block", type=number, required=True, metavar="MM", help=text)
-    text = "its centre in mm, to within 4 mm (default: 0,0)"
+    text = "the block's centre in mm, to within 4 mm (default: 0,0)"
     add("--at", default="0,0", metavar="X,Y", help=text)
-    text = "of the hand square to it (default: 0)"
+    text = "the hand's angle at which the jaws close square on the block (default: 0)"
     add("--angle", type=number, default=0.0, metavar="DEG", help=text)
     add("-o", "--output", type=Path, required=True, metavar="F2", help="F with the measured middle")
     add("--tips", metavar="straight|arc|LINK,OFFSET", help="as for grasp-runtime")
@@ -64,7 +64,7 @@ def add_shared(parser: Parser) -> None:
     """Adds the arguments that `grasp-calibrate width` and `middle` share."""
     add = parser.add_argument
     add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
-    activate = "activate the gripper if need be: the fingers sweep fully"
+    activate = "activate a gripper that is inactive or in fault: its fingers open and close fully"
     add("--activate", action="store_true", help=activate)
     printed = "print one JSON object instead of text; ask on standard error"
     add("--json", action="store_true", help=printed)

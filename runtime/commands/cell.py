@@ -42,7 +42,7 @@ def connect(
     Args:
         arguments: of `grasp-runtime`.
         recipe: its table states the gripper's model, and the part of a simulated cell; its console receives
-            the name of the started cell.
+            the name of the world of a simulated cell.
         drivers: opens the devices.
         stack: closes what was opened.
         report: receives retries and failures on the gripper's link.

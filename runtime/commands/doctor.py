@@ -41,8 +41,8 @@ def parser() -> Parser:
     add("--arm", type=address, help="the arm, as for grasp-runtime")
     add("--tree", type=Path, metavar="T", help="the table that is to run")
     text = (
-        f"its model where there is no table: {', '.join(PROFILES)}, or that of another driver (default: the "
-        "usual one of the port's make)"
+        f"the gripper's model, without --tree: {', '.join(PROFILES)}, or that of another driver (default: "
+        "the usual model of the port's make)"
     )
     add("--gripper", metavar="MODEL", help=text)
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")

@@ -52,14 +52,15 @@ def parser() -> Parser:
     add = _add_subcommand(subcommands, "pack T.msgpack -o T.zip", _pack, purpose)
     add("tree", type=Path, metavar="T", help="the table, as plan-compile wrote it")
     add("-o", "--output", type=Path, required=True, metavar="P.zip", help="the pack, a new file")
-    add("--calibration", type=Path, metavar="F", help="of the gripper that will run the table")
-    text = "private key (default: the one of grasp-evidence key, which is made if need be)"
+    text = "calibration of the gripper that will run the table"
+    add("--calibration", type=Path, metavar="F", help=text)
+    text = "private key (default: that of grasp-evidence key, created if missing)"
     add("--key", type=Path, metavar="K.pem", help=text)
     add("--signer", type=_name, metavar="NAME", help="who signs, for people (default: user@host)")
     purpose = "check every byte of a pack; needs no network"
     add = _add_subcommand(subcommands, "verify T.zip --key acme.pem.pub", _verify, purpose)
     add("pack", type=Path, metavar="P.zip", help="the pack")
-    text = "public key that must have signed; without it the pack's own, which says nothing of who signed"
+    text = "public key of the signer; without it the key in the pack is used, which does not prove who signed"
     add("--key", type=Path, metavar="K.pub", help=text)
     return built
 
@@ -67,7 +68,7 @@ def parser() -> Parser:
 def _add_subcommand(
     subcommands: Commands, example: str, body: Body, purpose: str
 ) -> Callable[..., object]:
-    """Adds a subcommand; returns its `add_argument`."""
+    """Adds a subcommand that runs `body`; returns the method `add_argument` of its parser."""
     subcommand = add_command(subcommands, purpose, f"{NAME} {example}", EXIT_CODES)
     subcommand.add_common()
     subcommand.set_defaults(run=body)
@@ -90,7 +91,7 @@ def _key(arguments: argparse.Namespace) -> int:
 def _pack(arguments: argparse.Namespace) -> int:
     output = usable(arguments.output, arguments.tree, arguments.calibration, arguments.key)
     if output.exists():
-        raise OutputError(f"{output} is there, and a pack is never overwritten; name another file")
+        raise OutputError(f"{output} exists, and a pack is never overwritten; name another file")
     table, path = load(arguments.tree), arguments.calibration
     measured = None if path is None else calibration.load(path).data
     key = _signing_key(arguments.key)
@@ -149,7 +150,7 @@ def _default_key() -> Path:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
-            f"{path.parent} cannot be made: {error.strerror}; name a key's file instead"
+            f"{path.parent} cannot be created: {error.strerror}; name a key's file instead"
         ) from error
     return path
 

@@ -46,18 +46,20 @@ def parser() -> Parser:
     text = "Read, verify, replay and export the journals of grasp-runtime."
     built = Parser(prog="grasp-journal", description=text, epilog=EPILOG)
     subcommands = built.add_subparsers(required=True, metavar="show | verify | replay | export")
-    shown = _subcommand(subcommands, "show", _show, "print its records, one line each")
+    shown = _subcommand(subcommands, "show", _show, "print the journal's records, one line each")
     add = shown.add_argument
-    add("--part", type=natural, metavar="N", help="only this part's")
+    add("--part", type=natural, metavar="N", help="only records of this part")
     add("--node", type=natural, metavar="N", help="only squeezes at this node")
     add("--outcome", choices=[each.value for each in Outcome], help="only parts that ended so")
     text = "only from this time on, e.g. 2026-11-21T09:00 (UTC)"
     add("--since", type=_since, metavar="TIME", help=text)
-    add("--times", action="store_true", help="instead: where the seconds of its parts go")
-    text = "with --times: also how many parts were done within it"
+    add("--times", action="store_true", help="print instead the mean seconds of each phase")
+    text = "with --times: also the share of parts done within this time"
     add("--takt", type=seconds, metavar="6s", help=text)
     _subcommand(subcommands, "verify", _verify, "check every line's digest and the chain")
-    _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
+    _subcommand(
+        subcommands, "replay", _replay, "derive every decision again from readings and table"
+    )
     exported = _subcommand(subcommands, "export", _export, "one row a squeeze as CSV")
     text = "file.csv; - for standard output"
     exported.add_argument("-o", "--output", type=Path, required=True, metavar="F", help=text)
@@ -94,7 +96,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     say_result(arguments.json, {"decisions": replay.decisions, "findings": entries}, lines)
     if findings:
         raise JournalError(
-            arguments.journal, f"{len(findings)} records claim what their counts do not justify"
+            arguments.journal, f"{len(findings)} records contradict those before them"
         )
     return 0
 

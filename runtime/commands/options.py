@@ -32,7 +32,7 @@ def check_usage(arguments: argparse.Namespace) -> None:
 
         plc.check(arguments)
     elif len(arguments.trees) > 1:
-        raise UsageError("--tree stands twice; only a PLC chooses among tables (--plc): name one")
+        raise UsageError("--tree is given twice; only a PLC chooses among tables (--plc): name one")
     if arguments.serve is not None:
         from runtime.commands import serve
 
@@ -51,7 +51,7 @@ def _contradictions(arguments: argparse.Namespace) -> Iterator[str]:
     if arguments.put_down and (arguments.check or arguments.dry_run or arguments.jaws_empty):
         yield "--put-down moves what is held; leave out --check, --dry-run and --jaws-empty"
     if arguments.put_down and arguments.after_crash != "abort":
-        yield "--put-down goes on with no run; leave out --after-crash"
+        yield "--put-down continues no run; leave out --after-crash"
     if arguments.port is None and not arguments.check:
         yield "name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim"
     if arguments.put_down and arguments.arm == MANUAL:
@@ -154,7 +154,7 @@ def _delivery(words: list[str] | None, table: Table) -> delivery.Places | None:
     if table.hypotheses:
         return delivery.by_name(words, table)
     if len(words) > 1:
-        raise UsageError("--deliver stands twice, and the table is of one part; give one place")
+        raise UsageError("--deliver is given twice, and the table is of one part; give one place")
     return delivery.from_word(words[0], frames_of(table)[0].picks)
 
 

@@ -164,7 +164,7 @@ class _Asked:
         return 0
 
     def dry_run(self) -> int:
-        """Prints what would be sent to the devices, over links that cannot write."""
+        """Prints what a run would send to the devices; connects over links that cannot write."""
         devices, recipe = self._connect(Incidents().record), self.recipe
         table, options = recipe.loaded.table, recipe.options
         lines = list(dry_run.tell(table, devices.gripper, devices.arm, options))
@@ -200,7 +200,14 @@ class _Asked:
         crash.begin(journal, begun, data, self.recipe.header, policy)
 
     def _look_back(self, clock: SystemClock) -> tuple[Journal | None, Replay | None]:
-        """Returns the journal and the run in it that broke off; None for each that does not exist."""
+        """Opens an existing journal; returns it, and its last run if that broke off and is to be continued.
+
+        Each is None if it does not exist.
+
+        Raises:
+            JournalError: the journal cannot be opened, or does not verify.
+            BrokenRunError: the last run broke off, and may not be continued; with --put-down a note says so.
+        """
         arguments = self.arguments
         if not files.exists(arguments.journal):
             return None, None
@@ -220,7 +227,12 @@ class _Asked:
         return self.stack.enter_context(Journal(self.arguments.journal, clock.stamp, clock.uptime))
 
     def _holds(self, devices: Devices, journal: Journal | None) -> held.Held | None:
-        """Returns what the fingers may hold before a run; raises unless they may be moved anyway."""
+        """Returns what the fingers may hold before a run; None if they hold nothing.
+
+        Raises:
+            GripperStateError: the fingers may hold something, and neither --put-down nor --jaws-empty is
+                given; or the gripper is not ready to move, and this run will not activate it.
+        """
         arguments, options = self.arguments, self.recipe.options
         state = devices.gripper.state()
         holds = held.look(state, options.handling.widths(self.recipe.loaded.table))

@@ -57,7 +57,8 @@ class RobotServer:
         """Serves; a client still connected at the end gets a message, and a part under way ends with the run.
 
         Raises:
-            KeyboardInterrupt: a stop request between two parts. JournalError: the journal cannot be written.
+            KeyboardInterrupt: a stop request between two parts.
+            JournalError: the journal cannot be written.
         """
         farewell = 40
         try:
@@ -158,9 +159,10 @@ class RobotServer:
         self._parts.give_up(Outcome.ABORTED, message)
 
     def _part_with(self, robot: socket.socket, number: int | None) -> None:
-        """Sends the error of this number, if any, and leaves it to the client to disconnect.
+        """Sends the error of this number, if any, and notes that the client shall disconnect.
 
-        The connection is closed once the client has done so, or is late, lest the line be lost.
+        The connection is closed later, when the client has disconnected or `PATIENCE_S` has passed: closed at
+        once, it could lose the error.
         """
         if len(self._leaving) >= MOST_LEAVING:
             self._dismiss(next(iter(self._leaving)), late=True)
@@ -171,6 +173,7 @@ class RobotServer:
             robot.shutdown(socket.SHUT_WR)
 
     def _dismiss(self, robot: socket.socket, *, late: bool) -> None:
+        """Closes the connection of a client that has disconnected, or is `late` to do so."""
         with contextlib.suppress(OSError):
             if not late and robot.recv(4096):
                 return

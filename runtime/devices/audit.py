@@ -5,12 +5,12 @@
 <- {"verdict": "pass", "residual_x_mm": 0.02, ...}
 ```
 
-Before a run, `{"part": 0}` asks for a verdict only: a program that is missing, ends or answers otherwise is
-refused then. Every question holds `table_sha256`, the digest of the run's table; an auditor that judges by
-a table answers the first question with the digest of that table, and the run is refused where the two
-differ. During the run the auditor never stops the cell: if it fails, or does not answer within the deadline,
-the verdict is "unknown". With several hypotheses, the question also holds the `hypothesis` that the leaf
-names.
+Before a run, a question without a pose, `{"part": 0}`, tests the program: if it is missing, ends, or answers
+without a verdict, the run is refused. Every question holds `table_sha256`, the digest of the run's table; an
+auditor that judges by a table answers the first question with the digest of that table, and the run is
+refused where the two differ. During the run the auditor never stops the cell: if it fails, or does not answer
+within the deadline, the verdict is "unknown". With several hypotheses, the question also holds the
+`hypothesis` that the leaf names.
 """
 
 import json
@@ -47,14 +47,14 @@ class AuditProcess(ChildProcess):
         self._command = command
         self._common = {} if table_sha256 is None else {"table_sha256": table_sha256}
         self._answer_s = ANSWER_S  # time limit for judging one part
-        self._owed = 0  # outstanding answers to questions that were given up
+        self._owed = 0  # questions without an answer so far, including those that were given up
         try:
             super().__init__(shlex.split(command))
         except (OSError, ValueError, IndexError) as error:
             raise UsageError(f"--audit {command!r} cannot be started: {error}") from error
 
     def judge(self, part: int, pose: Pose2, hypothesis: str | None = None) -> dict[str, object]:
-        """Asks for the verdict on a part at a pose (mm, mm, rad); `hypothesis` is the leaf's, if any.
+        """Asks for the verdict on a part at a pose (mm, mm, rad); `hypothesis` names one of several parts.
 
         Returns:
             `verdict`, "unknown" where the auditor fails or its answer is invalid, and the other fields of the
@@ -75,7 +75,8 @@ class AuditProcess(ChildProcess):
         """Asks a question without a pose, which any verdict answers.
 
         Raises:
-            UsageError: the program has ended, does not answer, answers otherwise, or judges by another table.
+            UsageError: the program has ended, does not answer, answers without a verdict, or judges by
+                another table.
         """
         try:
             reply = self._ask({"part": 0}, START_S)
@@ -85,7 +86,7 @@ class AuditProcess(ChildProcess):
             raise UsageError(f"--audit {self._command!r}: {error}") from error
         if "verdict" not in reply:
             raise UsageError(
-                f"--audit {self._command!r} answers without a verdict; for a JSON line a part it gives one"
+                f"--audit {self._command!r} answers without a verdict; each JSON line takes one"
             )
         stated, run = reply.get("table_sha256"), self._common.get("table_sha256")
         if run is not None and stated not in (None, run):

@@ -27,10 +27,10 @@ class Endpoints(NamedTuple):
 class CellProcess(ChildProcess):
     """A running `grasp-cell`. It reads a pipe from this process, and so ends even if this one is killed.
 
-    The arguments are those of the command; its devices are at `endpoints`.
+    The arguments are options of `grasp-cell`; the attribute `endpoints` has the addresses of its devices.
 
     Raises:
-        UnreachableError: it cannot be started, ended or gave no endpoints; the message includes its output.
+        UnreachableError: the command cannot be started, has ended, or prints no endpoints.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class CellProcess(ChildProcess):
             line = self._line(SystemClock().now() + START_S)
         except TimeoutError:
             raise UnreachableError(
-                f"grasp-cell told no endpoints within {START_S:g} s; try it by itself"
+                f"grasp-cell printed no endpoints within {START_S:g} s; try it by itself"
             ) from None
         except EOFError:
             code = self._process.wait()
@@ -68,12 +68,12 @@ class CellProcess(ChildProcess):
             return Endpoints(**named)
         except (ValueError, TypeError) as error:
             raise UnreachableError(
-                f"grasp-cell told {line[:200]!r} instead of its endpoints"
+                f"grasp-cell printed {line[:200]!r} instead of its endpoints"
             ) from error
 
 
 def _environment() -> dict[str, str]:
-    """This process's environment, such that the same packages are imported in any working directory."""
+    """This process's environment, with a PYTHONPATH by which the child imports the same packages."""
     home = str(Path(__file__).resolve().parents[2])
     others = os.environ.get("PYTHONPATH")
     return {**os.environ, "PYTHONPATH": os.pathsep.join([home, others] if others else [home])}

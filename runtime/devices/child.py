@@ -20,7 +20,8 @@ class ChildProcess:
     state.
 
     Raises:
-        OSError: it cannot be started. ValueError, IndexError: the command is invalid.
+        OSError: the program cannot be started.
+        ValueError, IndexError: the command is invalid.
     """
 
     def __init__(

@@ -59,7 +59,7 @@ class SystemClock:
         return time.strftime("%Y-%m-%d %H:%M", time.localtime(date(stamp).timestamp()))
 
     def shift(self, changes: Sequence[int]) -> str:
-        """Start of the current shift, in the form of `local`; shifts change at these hours of the day."""
+        """Start of the current shift, in the form of `local`; shifts change at the hours `changes`."""
         passed = [hour for hour in changes if hour <= time.localtime().tm_hour]
         day = time.localtime(time.time() - (0 if passed else DAY_S))
         return f"{time.strftime('%Y-%m-%d', day)} {max(passed or changes):02}:00"

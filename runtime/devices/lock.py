@@ -55,6 +55,7 @@ class PortLock(ExitStack):
 
 
 def _bound(name: str, port: str) -> socket.socket:
+    """Locks the identity `name` of the device at a port; returns the socket that holds the lock."""
     address = f"\0squeezetree-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
     result = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
@@ -109,10 +110,10 @@ def _devices(port: str) -> list[str]:
 
 
 def _addresses(url: str) -> list[str]:
-    """Names under which a network device is locked.
+    """Identities of a network device.
 
-    They are each IP address of the host with each port through which the device can be moved. All names and
-    addresses of this machine count as one address.
+    They combine each IP address of the host with each port through which the device can be moved. All names
+    and addresses of this machine count as one address.
     """
     try:
         parts = urlsplit(url)
@@ -140,7 +141,7 @@ def _unit(parts: SplitResult) -> str:
 
 
 def _together(scheme: str, number: int | None) -> set[int | None]:
-    """All ports through which the device behind a port can be moved: they share one lock."""
+    """All ports through which the device behind a port can be moved; whoever uses one locks all."""
     ports = {number}
     if scheme == "ur" and number is not None:
         ports.add(number - SCRIPT_PORT_BELOW)
@@ -148,6 +149,7 @@ def _together(scheme: str, number: int | None) -> set[int | None]:
 
 
 def _canonical(text: str) -> str:
+    """One spelling of an IP address: "this machine" for all of this machine's; other texts unchanged."""
     try:
         address = ipaddress.ip_address(text.partition("%")[0])
     except ValueError:

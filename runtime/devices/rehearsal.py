@@ -42,7 +42,7 @@ class Rehearsal:
         self._table = table
         self._random = Random(seed)
         self._next: list[int] = []  # nodes that may come next, the drawn one first
-        self._lies: list[Pose2] = []
+        self._lies: list[Pose2] = []  # poses of the part in the world that the last squeeze allows
         self._last, self._width_mm, self._status = 0, 0.0, "untouched"
 
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
@@ -69,7 +69,8 @@ class Rehearsal:
     def _node_of(self, pose_hand: Pose2) -> int | None:
         """Index of the node that is executed; None if the squeeze repeats the last one.
 
-        It is a child of the last node if the part lies where it lay, else the root, with a new part.
+        If the part lies where it lay at the last squeeze, the node is a child of the last node; otherwise it
+        is the root, and the part a new one.
         """
         for index in (*self._next, self._last):
             seen = self._poses(index, pose_hand)

@@ -30,7 +30,7 @@ MAX_NAME = 20  # of a part's name, so that a line with it stays below `MAX_LINE`
 SLOWEST_UM_S = 20_000  # speed of a stroke assumed for an unknown gripper
 NUMBER = re.compile(r"[+-]?\d{1,4}(\.\d{0,9})?([eE][+-]?\d{1,2})?")
 FLAGS = {"OBJECT": ObjectState.CLOSING, "NONE": ObjectState.AT_TARGET}
-UNTRIED = -1.0  # replaces the success of a leaf where no trial ended
+UNTRIED = -1.0  # in place of the success of a leaf at which no trial ended
 
 # Errors 10 to 12 and 20 to 23 leave the request due; the others end the connection and the current
 # part.
@@ -52,15 +52,15 @@ ERRORS = {
 
 
 def refused(number: int) -> str:
-    """The protocol's answer for the error of that number in `ERRORS`."""
+    """The line that answers a robot with the error `number` of `ERRORS`."""
     return f"ERROR {number} {ERRORS[number]}"
 
 
 def check_asked(table: Table) -> None:
-    """Checks that a robot that asks can execute a table: the protocol has squeezes, but no pushes.
+    """Checks that a robot that asks can execute a table, since the protocol has no pushes.
 
     Raises:
-        TableError: the table pushes parts; the message names the first node before which it does.
+        TableError: the table pushes parts; the message names the first node with a push.
     """
     if table.pushing is not None:
         raise TableError(
@@ -112,7 +112,7 @@ class AskedParts:
         self._middle_mm = options.handling.middle_mm
         self._program = program.Program(table, self._calibration, options.policy)
         self._part: _Part | None = None
-        self.over = False  # whether the last part is done
+        self.over = False  # whether no part follows
         self._readings = {"WIDTH": self._width, "COUNTS": self._counts}
         self._requests: dict[str, Callable[[], str]] = {  # requests of a single word
             "NEXT": self._next,
@@ -243,6 +243,7 @@ class AskedParts:
         return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
     def _check_possible(self, approach: program.Approach, reading: program.Reading) -> None:
+        """Refuses a reading that contradicts itself (23), or of jaws that have not closed since (21)."""
         calibration, decided = self._calibration, self._program.maps[approach.index]
         reading_um, seen = reading
         try:

@@ -138,7 +138,7 @@ def fit(
 
 
 def residuals_mm(calibration: GripperCalibration) -> list[float]:
-    """For each block but the outermost, the width that a fit without it gives, minus its true width, mm."""
+    """Errors, mm, of fits without one block each, at that block; the narrowest and widest are skipped."""
     gauges = calibration.gauges
     return [
         curve([*gauges[:k], *gauges[k + 1 :]])(gauges[k].mean) - gauges[k].width_mm
@@ -211,10 +211,10 @@ def _parsed(record: object) -> GripperCalibration:
 
 
 def curve(gauges: Sequence[Gauge]) -> Callable[[float], float]:
-    """The width, mm, as a function of the reading, um: a monotone cubic through the gauged points.
+    """The width, mm, as a function of the reading, um: a monotone cubic spline through the gauged points.
 
-    It continues straight beyond them. Its slope is continuous, like that of the fingers' arc (Fritsch,
-    Carlson, SIAM J. Numer. Anal. 17, 1980).
+    Beyond the outermost points the function continues straight. Its slope is continuous, like that of the
+    fingers' arc (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
     """
     points = sorted((gauge.mean, gauge.width_mm) for gauge in gauges)
     x = [reading_um for reading_um, _ in points]

@@ -32,7 +32,9 @@ class Way(NamedTuple):
 def check(
     delivery: Places | None, table: Table, arm: Arm | None = None, middle_mm: float = 0.0
 ) -> None:
-    """Checks, before anything moves, that the part can be delivered from every leaf that may state its pose.
+    """Checks, before anything moves, that parts can be delivered from every resolved leaf.
+
+    Leaves of a part without a delivery are not checked.
 
     Args:
         delivery: where parts are put down; None: nothing is checked.
@@ -41,7 +43,7 @@ def check(
         middle_mm: distance from the hand's middle at which the fingers meet.
 
     Raises:
-        MotionRefusedError: a leaf has no path; the message names the first one.
+        MotionRefusedError: there is no path from a leaf; the message names the first such leaf.
     """
     if delivery is None:
         return
@@ -85,7 +87,8 @@ def choose(
     Raises:
         MotionRefusedError: there is no path; the message says why the simplest one is refused.
     """
-    refusals: dict[tuple[float, ...], str] = {}  # the hand's angle does not matter for them
+    # by the positions of both places: a refusal does not depend on the hand's angle
+    refusals: dict[tuple[float, ...], str] = {}
     results: list[tuple[float, Way]] = []
     for taken, put in _same(delivery, table, leaf):
         to = Way(sent(taken, middle_mm), sent(put, middle_mm))
@@ -196,6 +199,7 @@ def _turns(place: Pose2, near_rad: float, arm: Arm | None) -> list[Pose2]:
 
 
 def _carrying(delivery: Delivery, limits: Limits) -> Limits:
+    """The limits while the part is carried: with the delivery's area, if stated, as the work area."""
     return limits if delivery.area_um is None else replace(limits, work_area_um=delivery.area_um)
 
 

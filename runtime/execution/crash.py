@@ -31,7 +31,7 @@ SAME = {
 def look(
     journal: Journal, fields: Mapping[str, object], policy: str, console: Console, most_s: float
 ) -> Replay | None:
-    """Finds out whether a journal's last run broke off; gives such a run up, or returns it to be resumed.
+    """Checks whether a journal's last run broke off; gives such a run up, or returns it to be resumed.
 
     With the policy `ABORT` the run is given up, which is journalled and raises an error. Otherwise nothing is
     written to the journal.
@@ -135,7 +135,7 @@ def _check_recent(last: Entry, now: Entry, most_s: float) -> None:
         )
     if passed_s > most_s:
         raise BrokenRunError(
-            f"{written}, {passed_s:.0f} s ago; after {most_s:g} s (--resume-within) it may be another: "
+            f"{written}, {passed_s:.0f} s ago; after {most_s:g} s (--resume-within) the part may be another: "
             f"{ABORT_REMEDY}"
         )
 

@@ -29,7 +29,7 @@ class Delivery:
 
     drop: Pose2  # pose of the part in the world, mm, mm, rad
     grasp: Pose2 = (0.0, 0.0, 0.0)  # pose of the hand in the part's frame, mm, mm, rad
-    # least and greatest width the fingers may read at the grasp
+    # least and greatest width that the fingers may read at the grasp
     width_mm: tuple[float, float] = (0.5, math.inf)
     # x min, y min, x max, y max of the hand while it carries, um; None for the work area
     area_um: Area | None = None

@@ -30,11 +30,11 @@ class Sighting:
     """True pose of a simulated part, and the error of the prediction."""
 
     true: Pose2 | None  # mm, mm, rad; None in a rehearsal, whose part has no pose
-    # of the prediction, by the goal's metric; None without a prediction, or where the metric is no distance
+    # error of the prediction (eq. 9); None without a prediction, and for the goals orientation and identity
     error_mm: float | None
     within: bool | None  # whether the prediction meets the goal; None without a prediction
     crashes: int  # times open fingers were placed onto this part
-    hypothesis: str | None = None  # the true hypothesis, where the table leaves that open
+    hypothesis: str | None = None  # name of the part that it truly is, for a table of several parts
 
 
 @dataclass(slots=True)
@@ -77,7 +77,7 @@ class Tally:
     def times(self) -> dict[str, float]:
         """Statistics of the parts' times, see `runtime.table.takt`; empty before the first part.
 
-        They are empty, too, in a simulated cell faster than real time, whose clock multiplies computing time.
+        Also empty unless `timed`: the clock of a cell faster than real time multiplies computing time.
         """
         return takt_figures(self.seconds, self.takt_s) if self.seconds and self.timed else {}
 

@@ -53,9 +53,9 @@ class RunOptions:
     delivery: Places | None = None
     activate: bool = False  # whether a gripper that is inactive or in fault may be activated
     count: int | None = 1  # number of parts, including those before a crash; None: no end
-    # factor on the deadline of a squeeze, above 1 where a person takes part
+    # factor of a squeeze's allowed time, above 1 where a person takes part
     patience: float = 1.0
-    takt_s: float | None = None  # within which parts should be done; only reported
+    takt_s: float | None = None  # time within which parts should be done; only reported
     # whether a part's plan may be turned to the angle of the hand; False where a person takes part
     turns: bool = True
     # whether the clock's seconds are those of the cell; False for a clock faster than real time
@@ -68,7 +68,7 @@ PLAIN = RunOptions()
 class Executor:
     """Executes one valid table in one cell, part by part.
 
-    The caller has connected the devices, and has not moved them.
+    The devices must be connected, and not yet moved.
 
     Raises:
         TableError: the gripper cannot execute the table.
@@ -129,7 +129,7 @@ class Executor:
         return result
 
     def _turned(self, part: int, broken: Replay | None) -> int:
-        """Turns a part's plan to the hand's angle, or as in the broken run; returns the plan's turn, urad.
+        """Turns a part's plan to the hand's angle, or as in the broken run; returns the angle of turn, urad.
 
         The plan is not turned where parts are delivered, since the paths to the drop-off are checked for the
         leaves as planned.
@@ -279,6 +279,7 @@ class Executor:
         return result
 
     def _end(self, part: int, outcome: Outcome, reason: str, error: BaseException) -> PartResult:
+        """Brings the cell into the safe state; then journals and returns the result of a fault or a stop."""
         self._console.phase(part, Phase.SAFE, None)
         cell, limits, known = self._cell, self._program.table.limits, self._hand.arm_known
         notes = reach_safe_state(cell.gripper, cell.arm, limits, arm_known=known)

@@ -27,11 +27,12 @@ from runtime.table import Node, Pose2, Table
 from runtime.table.geometry import compose
 
 ROOM_MM = 15.0  # clearance between a block in the middle and each open finger
-COARSE_MM = 6.0  # distance of the first grips, which search the block, from its stated place
+# distance of the first two grips, which search for the block, from its stated place
+COARSE_MM = 6.0
 NEAR_MM = 4.0  # largest distance of the block from its stated place
 # offsets of the final grips to either side of the block's place; several, so that rounding averages out
 FINE_MM = (1.5, 2.5, 3.7, 5.0, 6.4, 8.0)
-ROUGH_MM = 0.4  # largest standard deviation of the readings about those of a block held fast
+ROUGH_MM = 0.4  # largest standard deviation of the grips from the lines of a block held fast
 
 
 class Grip(NamedTuple):
@@ -61,7 +62,7 @@ def gripping(table: Table, block_mm: float) -> Node:
 
 
 def places(at: Pose2) -> Iterator[Pose2]:
-    """Yields the outermost places of the hand that `measure` may use about a block [mm, mm, rad]."""
+    """Yields the outermost places [mm, mm, rad] to which `measure` may send the hand about a block."""
     most = max(COARSE_MM, NEAR_MM + max(FINE_MM))
     for turn in (0.0, pi):
         for off in (-most, most):

@@ -31,17 +31,17 @@ LEVEL_MM = 0.05
 # Longest remaining time of a motion begun before a crash (full stroke at the slowest speed, and a
 # margin).
 STILL_S = 8.0
-MOST_TURN_RAD = 2.5
-SAVED_RAD = 0.2  # least effort that half a turn of the hand must save
-LOOK_S = 0.05
+MOST_TURN_RAD = 2.5  # largest turn in one motion of the arm
+SAVED_RAD = 0.2  # least effort, see `Hand.turn_to`, that half a turn of the hand must save
+LOOK_S = 0.05  # between two readings of a gripper that should come to rest
 
 
 class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
-    `calibration` converts nominal to true widths. `arm_known` tells whether the arm stands where its last
-    acknowledged motion left it or, before the first motion, where it was first read. All places are those
-    where the fingers meet; if they meet off the hand's middle, the arm is sent beside the place.
+    `calibration` converts nominal to true widths. `arm_known` states whether the arm stands where its last
+    acknowledged motion left it or, before the first motion, where it was first read. Methods take and return
+    places where the fingers meet; if they meet off the hand's middle, the arm is sent beside the place.
 
     Raises:
         TableError: the limits leave no room for the tips' arc.
@@ -106,11 +106,11 @@ class Hand:
         return remainder(angle_rad - placement(first)[2], tau)
 
     def retreat(self) -> None:
-        """Moves straight up from anywhere; does nothing if the arm is up already."""
+        """Moves straight up to the retreat height; does nothing if the arm is there already."""
         self._rise(self.limits.retreat_height_um / 1000)
 
     def rise(self) -> None:
-        """Moves straight up to the height of travel between two squeezes of one part."""
+        """Moves straight up to the height at which the hand travels between two squeezes of one part."""
         self._rise(self.timing.regrasp_mm)
 
     def _rise(self, height_mm: float) -> None:
@@ -189,7 +189,7 @@ class Hand:
     def travel_as_counted(
         self, x_mm: float, y_mm: float, angle_rad: float, *, to_squeeze: bool = False
     ) -> None:
-        """Travels to a place as `travel`, but to the angle as given, whole turns counted."""
+        """Travels to a place like `travel`, but to the angle as given, whole turns included."""
         low_mm, high_mm = self.timing.regrasp_mm, self.limits.retreat_height_um / 1000
         from_x_mm, from_y_mm, from_z_mm, from_rad = self._place()
         risen = abs(from_z_mm - low_mm) <= LEVEL_MM
@@ -240,10 +240,14 @@ class Hand:
         self.jaws.wait()
 
     def let_go(self, squeeze: Squeeze, following: Squeeze) -> None:
-        """Opens the jaws until they are clear of the part, and further to the opening of the next squeeze.
+        """Opens the jaws until they are clear of the part, then starts to open them for the next squeeze.
 
-        The tips stay level until they are clear of the part's sides. The jaws may still move on return;
-        `Jaws.open` waits for them.
+        They are not opened further if the next squeeze needs a smaller opening. The tips stay level until
+        they are clear of the part's sides. The jaws may still move on return; `Jaws.open` waits for them.
+
+        Args:
+            squeeze: the squeeze that ends, with whose speed and force the jaws open.
+            following: the next squeeze.
         """
         self.where()  # a part that was displaced with the hand is not released
         held_mm = self.jaws.width_mm(self.jaws.ready().width_um)
@@ -265,7 +269,7 @@ class Hand:
         self.jaws.set_out(squeeze._replace(opening_um=following.opening_um), fast=True)
 
     def close(self, node: Node) -> Settled:
-        """Closes the jaws at a node, and holds what they met with the node's force.
+        """Closes the jaws at a node, and raises the force on what they met to that of the node.
 
         Returns and raises as `meet`.
         """
@@ -329,7 +333,7 @@ class Hand:
             self._go((x_mm, y_mm, height_mm, angle_rad))
 
     def _go(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
-        """Moves to a place by the smallest turn of the hand."""
+        """Moves straight to a place; of the angles equal up to whole turns, the hand takes the nearest."""
         now_rad = self._place()[3]
         turn_rad = remainder(target[3] - now_rad, tau)
         self._go_as_counted((*target[:3], now_rad + turn_rad), speed_um_s)

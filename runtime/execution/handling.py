@@ -44,7 +44,7 @@ def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> N
     """Checks that the tips' arc fits between a table's heights.
 
     Raises:
-        TableError: it does not.
+        TableError: the arc does not fit, or was taught with jaws that were not fully open.
     """
     if arc is None:
         return

@@ -26,7 +26,7 @@ OPEN_UM, CLOSED_UM = 4_000, 1_000
 
 
 class Held(NamedTuple):
-    """A part that the fingers hold, or may hold."""
+    """State of fingers that hold a part, or may hold one."""
 
     reading_um: int
     width_mm: float
@@ -76,7 +76,7 @@ def put_down(
     Where the arm stands outside the work area, the area of the delivery applies, if there is one.
 
     Returns:
-        The place and the width, which are also journalled before and after.
+        The place and the width, which are also journalled before the motion and after it.
 
     Raises:
         MotionRefusedError: the arm stands outside the work area and the area in which parts are carried.

@@ -20,13 +20,13 @@ GLANCE_S, LATE_S = 0.005, 0.3
 class Jaws:
     """Opens and closes the jaws of one gripper, and tracks whether they may hold something.
 
-    `may_hold` is true from a closing motion, and at first, until the jaws have opened.
+    `may_hold` is true at first, and after each closing motion, until the jaws have opened.
 
     Args:
         gripper: the gripper.
         clock: of the cell.
         calibration: nominal to true widths.
-        timing: has the speed of jaws that touch nothing.
+        timing: states the speed of jaws that touch nothing.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class Jaws:
         return check_passed(self.stroke(stroke), stroke.request_um, self.calibration)
 
     def passes(self, stroke: Stroke) -> bool:
-        """Closes to an intermediate width as `arrives`, but returns while the jaws still move."""
+        """Closes to an intermediate width like `arrives`, but returns True while the jaws still move."""
         self.ready()
         self.may_hold, self.asked = True, stroke.request_um
         self.gripper.move(stroke.request_um, stroke.speed_mm_s, stroke.force_n)

@@ -1,4 +1,4 @@
-"""Where the fingers meet, as measured on a gauge block, and how far that is from a table's places."""
+"""The place where the fingers meet, as measured on a fixed block, and its distance from a table's places."""
 
 from math import hypot
 from typing import NamedTuple, Self
@@ -6,7 +6,7 @@ from typing import NamedTuple, Self
 from runtime.table import HELD_UM, Table, job_of
 
 MOST_MM = 10.0  # fingers that meet farther off are a fault of the tool frame
-EVEN = 0.5
+EVEN = 0.5  # share of each finger in the closing, if both move equally far
 SURE = 2.0  # half width of a remaining doubt, in standard deviations
 
 
@@ -29,7 +29,7 @@ class Middle(NamedTuple):
         if record is None:
             return None
         if not isinstance(record, dict):
-            raise TypeError("has a middle that is none")
+            raise TypeError("has a middle that is no JSON object")
         result = cls(**{name: float(value) for name, value in record.items()})
         if not abs(result.across_mm) <= MOST_MM:
             raise ValueError(f"has fingers that meet {result.across_mm:g} mm off the hand's middle")
@@ -43,9 +43,10 @@ class Middle(NamedTuple):
 
 
 def off_mm(measured: Middle | None, table: Table) -> float:
-    """Distance, mm, between the places of a table and where the fingers meet on the part's narrowest side.
+    """Distance, mm, from the places of a table to the points where the fingers meet, at the least width.
 
-    An uneven share stated in the job is part of the plan and no error.
+    That is the least expected width of a held part. An uneven share stated in the job is part of the plan,
+    and adds no distance. 0 without a measurement.
     """
     if measured is None:
         return 0.0

@@ -31,7 +31,7 @@ def check_fresh(settled: Settled, requested_um: int) -> None:
     seen_um, asked_um = (max(target, 0) for target in (settled.target_um, requested_um))
     if seen_um != asked_um:
         raise GripperStateError(
-            f"stale reading: the gripper answers a request for {seen_um / 1000:.2f} mm, asked was "
+            f"stale reading: the gripper answers a request for {seen_um / 1000:.2f} mm, requested were "
             f"{asked_um / 1000:.2f} mm"
         )
     if settled.object is ObjectState.NONE:
@@ -47,7 +47,7 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
     """
     width_um = calibration.width_um(settled.width_um)
     if settled.object is ObjectState.OPENING:
-        raise GripperStateError("the gripper tells of contact while opening, asked was to close")
+        raise GripperStateError("the gripper reports contact while opening, but was asked to close")
     if settled.object is ObjectState.AT_TARGET and width_um > calibration.profile.empty_um:
         raise GripperStateError(
             f"the gripper reports that it closed on nothing and stands {width_um / 1000:.2f} mm open; "
@@ -58,7 +58,7 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
         least_ma = 0
     if not least_ma <= settled.current_ma <= most_ma:
         raise GripperStateError(
-            f"the motor draws {settled.current_ma} mA at rest, believed is {least_ma}..{most_ma} mA; "
+            f"the motor draws {settled.current_ma} mA at rest, plausible are {least_ma}..{most_ma} mA; "
             "look for a jammed finger, or state the band in the calibration file"
         )
 

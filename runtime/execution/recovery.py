@@ -59,7 +59,7 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
                 )
         return node, branch
     if not broken.steps:
-        return None  # no belief about the part is left that could be wrong
+        return None  # before the first squeeze of a part nothing is known that a moved part could contradict
     after, again = table.nodes[broken.traversal.node], broken.traversal.again
     first = after.squeeze if again or not after.pushes else after.pushes[0]
     coming = let_go if broken.traversal.outcome else placement(first)

@@ -27,11 +27,12 @@ def prepare_gripper(gripper: Gripper, tell: Callable[[str], object], *, activate
 
     Args:
         gripper: the gripper.
-        tell: receives a sentence before they sweep.
-        activate: whether they may.
+        tell: receives a sentence before the fingers sweep.
+        activate: whether they may sweep.
 
     Raises:
-        GripperStateError: it is inactive or in fault, and must not be activated or stays so.
+        GripperStateError: the gripper is inactive or in fault, and may not be activated or stays so; or it
+            moves.
     """
     if activate and needs_activation(gripper.state()):
         tell("activating the gripper: the fingers open and close fully")
@@ -92,7 +93,7 @@ def run_parts(
         broken: a run that broke off, to continue.
 
     Raises:
-        Exception: any error other than an outcome of a part.
+        Exception: any error that is not the outcome of a part.
     """
     tally.takt_s, tally.timed = options.takt_s, options.timed
     # Fingers that may still hold the part of a broken run are left to the executor and never sweep.

@@ -11,7 +11,7 @@ from runtime.shell import interrupts
 from runtime.shell.errors import DeviceError
 from runtime.table import Node, Schedule, Table, job_of
 
-# Longest duration of a squeeze, as a factor of stroke and path at the commanded speeds.
+# Allowed time of a squeeze, as a multiple of `Expected.total_s`.
 DEADLINE_FACTOR = 3.0
 ARM, GRIPPER, MACHINE = "arm", "gripper", "this machine"
 SLOW = "check its speed, and what slows it down"
@@ -60,7 +60,7 @@ def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Ex
 class Watch:
     """Sums up the seconds of each device; in the context `squeeze` a call after the deadline raises.
 
-    The time from one call to the next counts for the device that was called first. Where stop requests are
+    The time from one call to the next counts for the device of the earlier call. Where stop requests are
     handled, the deadline also ends a call under way, as a stop request does.
     """
 
@@ -79,6 +79,8 @@ class Watch:
     @contextmanager
     def squeeze(self, expected: Expected, patience: float = 1.0) -> Iterator[None]:
         """Context of a squeeze, which may last `patience` x `DEADLINE_FACTOR` times its expected duration.
+
+        To that the clock adds `LINK_MARGIN_S`.
 
         Raises:
             MotionRefusedError: it lasts longer because of the arm.
@@ -114,6 +116,7 @@ class Watch:
         return now
 
     def _late(self) -> DeviceError:
+        """The error of a late squeeze; names the device that exceeded its expected time by most."""
         now, spent = self._count(), self._spent
         expected = {ARM: self._expected.arm_s, GRIPPER: self._expected.gripper_s, MACHINE: 0.0}
         slowest = max(spent, key=lambda name: spent[name] - expected[name])

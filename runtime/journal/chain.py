@@ -38,8 +38,8 @@ from runtime.journal.lines import RESERVED, VERSION, Entry, Verified, content_of
 from runtime.shell import interrupts
 from runtime.shell.sealed_lines import sealed, sealed_segments
 
-SEGMENT_BYTES = 8 << 20  # records of a file, its header left out, before it is sealed
-# most incidents kept; of a very bad link the first ones are enough
+SEGMENT_BYTES = 8 << 20  # length of a file's records, its header left out, from which it is sealed
+# most incidents kept until there is a journal; of a very bad link the first ones are enough
 MOST_INCIDENTS = 1000
 
 
@@ -112,6 +112,7 @@ class Journal:
         return end
 
     def _remember(self, entry: Entry, size: int) -> None:
+        """Updates header, `last_part` and the length for sealing by a record of an existing file."""
         if not self.last_part:
             self._full_bytes = size + self._segment_bytes
         if entry["kind"] == "header":
@@ -164,7 +165,7 @@ class Journal:
         """Checks that the file is still at its place, with the content that was written.
 
         Raises:
-            JournalError: it is not, or an earlier record could not be written.
+            JournalError: the file was moved or changed, or an earlier record could not be written.
         """
         if self._failed:
             raise JournalError(

@@ -21,10 +21,10 @@ def log_of(journal: Path) -> Path:
 
 
 def note(journal: Journal, table: bytes, fields: Mapping[str, object]) -> bool:
-    """Adds what a run uses to the log if it differs from the last entry; returns whether it was added.
+    """Adds an entry with what a run uses to the log, unless it equals the last; returns whether it was added.
 
     Args:
-        journal: the run's journal; the log is `log_of` it, and has its clocks.
+        journal: the run's journal; the log is in the file `log_of`, and uses the journal's clocks.
         table: the table's bytes.
         fields: what else is installed, in the form of JSON.
 

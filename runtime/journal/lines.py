@@ -55,7 +55,7 @@ def begins_run(entry: Entry) -> bool:
 def follow(
     path: Path, file: BinaryIO, seen: Verified, *, torn: bool = False
 ) -> Iterator[tuple[dict[str, object], Verified]]:
-    """The records of an open file, each with the state of the journal after it.
+    """Yields the records of an open file, each with the state of the journal after it.
 
     Args:
         path: the file's name.

@@ -21,7 +21,7 @@ UNDECIDED = {outcome.value for outcome in Outcome} - DECIDED.keys()
 
 
 class Last(Enum):
-    """What the hand was doing when a part's latest record was written."""
+    """What the hand may have been doing since a part's latest record was written."""
 
     AWAY = "away"  # it touches nothing
     PUSHING = "pushing"  # between the first push before a squeeze and that squeeze's place
@@ -47,8 +47,8 @@ class Replay:
         self.over = False  # whether its last part's outcome ends a run
         self.decisions = 0  # squeezes derived so far, over all runs
         self.parts = 0  # parts with an outcome
-        # The node of the latest squeeze, begun or read, and the target of its reading, None before it
-        # is read. If `last` is AWAY, the fingers have released the part since.
+        # The node of the latest squeeze, and the target of its reading: None before the reading, and after
+        # `REJECT`. If `last` is AWAY, the fingers have released the part since.
         self.held_at: tuple[int, int | None] | None = None
         self._found: int | None = None  # the leaf whose delivery was begun
         self._begin(None)
@@ -106,8 +106,8 @@ class Replay:
         self._begin(None)
 
     def _begin(self, part: int | None) -> None:
-        self.part = part  # its number, None before the first and between two
-        self.turn_urad = 0  # angle by which its plan is turned about the origin
+        self.part = part  # number of the part under way; None if none is
+        self.turn_urad = 0  # angle by which the part's plan is turned about the origin
         self.steps: list[Step] = []
         self.traversal = TraversalState()
         self.delivering = False  # whether the part was being carried
@@ -115,8 +115,9 @@ class Replay:
         self.last, self.held_at = Last.AWAY, None
 
     def _expect(self, entry: Entry) -> Iterator[str]:
+        """Yields the contradictions between part and node of a record and those that the path leads to."""
         if entry.get("part") != self.part:
-            yield f"tells of part {entry.get('part')}, under way is {self.part}"
+            yield f"is of part {entry.get('part')}, under way is {self.part}"
         if entry["node"] != self.traversal.node or self.traversal.outcome is not None:
             yield f"is at node {entry['node']}, the path leads to {_sketch(self.traversal)}"
 

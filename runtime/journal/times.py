@@ -29,7 +29,7 @@ class Times(NamedTuple):
     def lines(self) -> Iterator[str]:
         """The result as lines of text."""
         if not self.parts:
-            yield "no part tells its seconds"
+            yield "no part states its seconds"
             return
         mean_s = self.figures["seconds_mean"]
         yield f"{self.parts} parts, {self.squeezes} squeezes; seconds a part:"

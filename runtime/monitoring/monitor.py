@@ -22,7 +22,7 @@ class Views(NamedTuple):
     """Options of a run's status and of its live page."""
 
     http: str | None = None  # address of the live page, `HOST:PORT`
-    takt_s: float | None = None  # within which a part should be done
+    takt_s: float | None = None  # time within which a part should be done
     shifts: tuple[int, ...] = CHANGES  # hours of the day at which shifts change
     journal: Path | None = None  # of earlier runs, whose parts belong to the shift
 
@@ -30,7 +30,8 @@ class Views(NamedTuple):
 class Monitor(Console):
     """A console that also updates the status and notifies the service manager.
 
-    As a context it serves the live page if `Views.http` names an address, and only then loads its modules.
+    As a context it serves the live page if `Views.http` names an address; only then it loads the modules of
+    the page.
     """
 
     def __init__(

@@ -14,7 +14,7 @@ SHOWN_LOSSES = 6
 
 
 class Loss(NamedTuple):
-    """Group of parts lost in the same way after equally many squeezes; details are those of the latest."""
+    """A group of parts lost in the same way after equally many squeezes; details are of the latest part."""
 
     kind: str  # an outcome, "audit" or "delivery"
     squeeze: int  # number of squeezes before the loss
@@ -83,7 +83,7 @@ class Shift:
         self._losses[key] = Loss(*key, node, width_mm, reason, part["part"], before + 1)
 
     def as_object(self) -> dict[str, object]:
-        """The counts in the form of JSON; `losses` begins with the way of losing parts that lost most."""
+        """The counts in the form of JSON; `losses` lists the groups of lost parts, the largest first."""
         self._renew()
         losses = sorted(self._losses.values(), key=lambda loss: -loss.parts)[:SHOWN_LOSSES]
         timed = self._timed

@@ -16,7 +16,7 @@ RECENT = 10  # parts listed in a snapshot
 
 
 class Status:
-    """State of the run of a named table; the run's loop updates it, and any thread may read it."""
+    """State of a run; the run's loop updates it, and any thread may read it."""
 
     def __init__(self, name: str, loaded: TableFile, shift: Shift) -> None:
         self._name, self._loaded, self._shift = name, loaded, shift

@@ -101,6 +101,7 @@ class Exchange:
 
     @contextmanager
     def _step(self) -> Iterator[Station]:
+        """Context that locks and yields the station, then calls `watch` if the visible state has changed."""
         with self._lock:
             yield self._station
             self._look()
@@ -116,7 +117,7 @@ class Exchange:
 
 
 def answer_of(table: Table, result: PartResult) -> Answer:
-    """A part's result in the units of the registers."""
+    """Converts a part's result to the units of the registers."""
     outcome = OUTCOMES.index(_NAMES.get(result.outcome, "fault"))
     seconds = nan if result.seconds is None else result.seconds
     leaf = result.leaf_of(table)

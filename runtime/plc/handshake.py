@@ -35,7 +35,7 @@ class Event(Enum):
 
 
 class Error(IntEnum):
-    """Errors of the handshake in the register `error_id`; its smaller values are exit codes of a fault."""
+    """Errors of the handshake: values of the register `error_id`, which also holds exit codes of faults."""
 
     NONE = 0
     NOT_ENABLED = 101

@@ -22,7 +22,7 @@ from runtime.plc.station import Refusal
 
 # transaction, protocol, length of what follows (Modbus TCP guide 3.1.3)
 HEADER = struct.Struct(">HHH")
-LONGEST = 254  # of that length: a unit and a PDU of 253 bytes
+LONGEST = 254  # greatest length that a header may state: a unit and a PDU of 253 bytes
 PATIENCE_S = 5.0  # for the rest of a frame
 PANEL_S = 10.0  # time after which a first client that only reads lets another one write
 MOST_CONNECTIONS = 16
@@ -34,7 +34,7 @@ BIT_FUNCTIONS = frozenset({1, 2, 5, 15})  # of coils and discrete inputs, of whi
 # Lengths of the supported PDUs; None: variable.
 LENGTHS = {3: 5, 4: 5, 6: 5, 16: None, 22: 7, 23: None}
 
-logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # of frames by all clients
+logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # any client could fill the log
 
 
 class ModbusServer(PlcServer):

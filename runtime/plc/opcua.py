@@ -42,7 +42,7 @@ REASONS = {
 Outputs = tuple[Value | list[str], ...]
 Act = Callable[..., Outputs | ua.StatusCode | None]  # None: as `DONE`
 
-logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # of messages by all clients
+logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # any client could fill the log
 
 
 class Security(NamedTuple):
@@ -184,8 +184,8 @@ class OpcUaServer(PlcServer):
     ) -> Callable[..., Any]:
         """Wraps `act` as an OPC UA method that checks its arguments, which asyncua does not.
 
-        If `commands` is true, it refuses callers other than the session that may give commands. It returns
-        after the displayed values are updated.
+        If `commands` is true, the method refuses callers other than the session that may give commands. The
+        method returns after the displayed values are updated.
         """
 
         async def call(parent: ua.NodeId, *given: ua.Variant) -> list[ua.Variant] | ua.StatusCode:

@@ -56,7 +56,7 @@ class Panel:
         offers: the recipes, by the numbers of their tables.
         configuration: the current configuration.
         results: the latest results, by their ids.
-        job: the job of the current part or of the waiting result; otherwise the last one.
+        job: the job of the current part or of the waiting result; if there is neither, the last job.
         seen: the latest state of the station.
     """
 

@@ -18,7 +18,7 @@ HEARTBEAT_LIMIT_S = 3.0
 
 
 class Register(NamedTuple):
-    """One value of the register map, an integer; times `scale` it is the quantity in `unit`."""
+    """One value of the register map: an integer which, times `scale`, is a quantity in `unit`."""
 
     name: str
     type: str  # "bool", "uint16", "uint32" or "int32"

@@ -11,11 +11,11 @@ from runtime.plc.exchange import Exchange
 from runtime.shell import interrupts
 
 STARTING_S = 60.0  # until a server answers, on a busy machine
-STOPPING_S = 10.0  # until its thread has ended; later it is abandoned
+STOPPING_S = 10.0  # wait for the end of a server's thread; a thread that takes longer is abandoned
 
 
 class PlcServer(ABC):
-    """Serves an exchange in a thread of its own, from entering the context until leaving it."""
+    """Serves an exchange in a separate thread, from entering the context until leaving it."""
 
     def __init__(self, exchange: Exchange) -> None:
         self.exchange, self.clock = exchange, exchange.clock

@@ -1,4 +1,6 @@
-"""The station of a PLC: its registers and its requested part; turns levels into events of the handshake.
+"""The station of a PLC: its registers, and the part that it requests.
+
+A station turns changes of the registers into events of the handshake.
 
 The module has no sockets or threads; callers pass the time.
 """
@@ -42,7 +44,8 @@ class Answer(NamedTuple):
     face: int = 0
     expected_error: int = 0
     expected_error_p95: int = 0
-    seconds: float = nan  # from the part's first motion to its outcome; NaN where none was reached
+    # from the part's first motion to its outcome; NaN where this was not measured
+    seconds: float = nan
 
 
 EMPTY = Answer()
@@ -64,7 +67,7 @@ class Glance(NamedTuple):
 
 
 class Counters:
-    """Parts by their outcome, the seconds of the last one, and the share done within a takt.
+    """Counts parts by outcome; has the seconds of the last part, and the share of parts done within a takt.
 
     Args:
         takt_s: time within which parts should be done; None: no takt.

@@ -127,7 +127,7 @@ def stop_reason(before: Glance, after: Glance) -> int | None:
 
 
 class Job(NamedTuple):
-    """A requested part, by the names that both sides gave it."""
+    """A requested part, with the names that server and client gave it."""
 
     number: int  # from 1, within this process
     id: str  # given by the server, unique over all its runs
@@ -156,7 +156,7 @@ class Result(NamedTuple):
     Face: int  # 0 as drawn, 1 turned over
     ErrorId: int  # exit code of a fault, 0 otherwise
     ExitCode: int
-    Seconds: float  # from the part's first motion to its outcome; NaN where none was reached
+    Seconds: float  # from the part's first motion to its outcome; NaN where this was not measured
 
 
 NO_RESULT = Result(0, "", "", "", "", "", OUTCOMES[0], 0.0, 0.0, 0.0, nan, nan, "", 0, 0, 0, nan)

@@ -27,7 +27,7 @@ INTERRUPTED = ExitCode.INTERRUPTED, "interrupted"
 LONGEST_LINE = 2000
 UNWRITABLE = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE})
 
-_lost: list[OSError] = []  # why lines of standard output are lost, since `run` began
+_lost: list[OSError] = []  # errors by which standard output has lost lines since `run` began
 
 
 class Parser(argparse.ArgumentParser):
@@ -67,7 +67,14 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 def add_command(commands: Commands, purpose: str, example: str, codes: str) -> Parser:
-    """Adds a subcommand, the second word of its example; --help has purpose, example and exit codes."""
+    """Adds a subcommand to a command, and returns its parser.
+
+    Args:
+        commands: the subcommands of the command.
+        purpose: a phrase for the lists of subcommands; the subcommand's --help begins with it.
+        example: a command line for --help; its second word names the subcommand.
+        codes: the section of --help with the exit codes.
+    """
     return commands.add_parser(
         example.split()[1],
         help=purpose,
@@ -98,7 +105,7 @@ class _PrintCompletion(argparse.Action):
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """The arguments of a parser and of its subcommands."""
+    """Yields the arguments of a parser and of its subcommands."""
     for action in parser._actions:
         yield action
         if isinstance(action, argparse._SubParsersAction):
@@ -109,18 +116,18 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 def run(
     built: Parser, argv: Sequence[str] | None, body: Body, stopped: tuple[int, str] = INTERRUPTED
 ) -> int:
-    """Runs a command; every error becomes one line on standard error and an exit code, which is returned.
+    """Runs a command; returns its exit code. Every error is printed as one line on standard error.
 
     An `ExpectedError` ends with its `exit_code`; an OSError with INPUT where a file cannot be read, with
     UNREACHABLE where a connection fails, with USAGE where an output cannot be written; any other error is a
     bug and ends with INTERNAL.
-    A successful command whose output is lost ends with 2, unless the reader has seen enough (`| head`).
+    A successful command whose output is lost ends with USAGE, unless the reader closed the pipe (`| head`).
 
     Args:
-        built: the command's parser; arguments without `debug` count as without --debug.
+        built: the command's parser; if it has no option --debug, no traceback is printed.
         argv: the arguments, without the command's name; None for the process's own.
         body: does the work and returns the exit code.
-        stopped: exit code and sentence of a KeyboardInterrupt, whose notes follow.
+        stopped: exit code and message for a KeyboardInterrupt; the exception's notes follow the message.
 
     Raises:
         SystemExit: by the parser, for --help and for invalid arguments.
@@ -149,9 +156,15 @@ def run(
 
 
 def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None) -> int:
-    """Imports the module of a command and runs its `main` on its arguments, None for the process's own.
+    """Imports the module of a command and calls its `main`; returns the exit code.
 
-    If the module needs a missing extra of squeezetree, states what to install and returns 2.
+    If a package that the module imports is not installed, prints which extra to install, and returns 2.
+
+    Args:
+        name: name of the command, for messages.
+        module: name of the module.
+        extra: the extra of squeezetree that installs what the module imports.
+        argv: the arguments of the command; None for the process's own.
     """
     try:
         loaded = import_module(module)
@@ -171,7 +184,7 @@ def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None)
 def say(line: str, file: TextIO | None = None) -> None:
     """Prints a line at once, `cleaned`; raises no OSError, so that lost output cannot stop a cell.
 
-    `run` reports at the command's end what standard output has lost.
+    If standard output has lost lines, `run` reports that at the command's end.
     """
     file = file or sys.stdout
     outlet = output.outlet_of(file)
@@ -262,6 +275,7 @@ def _at_least(least: int, text: str) -> int:
 
 
 def _end_of(error: BaseException) -> tuple[int, str]:
+    """Returns the exit code and the message of a command that ends with an error."""
     if isinstance(error, ExpectedError):
         return error.exit_code, sentence_of(error)
     if isinstance(error, OSError):

@@ -1,4 +1,4 @@
-"""Base classes of expected errors, by the action of the caller.
+"""Base classes of expected errors, each for another remedy.
 
 ::
 
@@ -7,11 +7,11 @@
      +- InputError         3  correct the file
      +- CheckFailedError  11  read the report
      +- DeviceError       20  look at the cell
-     +- UnreachableError  21  connect the device, or stop its user
+     +- UnreachableError  21  connect the device, or stop the program that uses it
 
 The number is the exit code of a command that ends with the error. `planner.errors`, `runtime.errors` and
-`drivers.errors` add those that their package has to distinguish. A message is one line: what is wrong, where,
-what to do.
+`drivers.errors` derive the errors that their package has to distinguish. A message is one line: what is
+wrong, where, what to do.
 """
 
 from typing import Self
@@ -75,7 +75,7 @@ def is_expected(error: BaseException) -> bool:
 
 
 def exit_code_of(error: BaseException) -> ExitCode:
-    """Exit code of a run that ends with an error; an error of the operating system counts as a device's."""
+    """Exit code of a run that ends with an error; an OSError counts as a device that cannot be reached."""
     if isinstance(error, KeyboardInterrupt):
         return ExitCode.STOPPED
     if isinstance(error, ExpectedError):

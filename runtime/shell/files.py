@@ -33,7 +33,8 @@ def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
         stdout: whether standard output is allowed.
 
     Raises:
-        OutputError: the path is a link, a folder, a device or one of the others, or may not be written.
+        OutputError: the path is a link, a folder, a device or one of the others; its folder does not exist;
+            or the file may not be written.
     """
     if stdout and path in STDOUT:
         return path
@@ -63,24 +64,25 @@ def folder(path: Path, *others: Path | None) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
-            f"{path} cannot be made: {error.strerror}; name another folder"
+            f"{path} cannot be created: {error.strerror}; name another folder"
         ) from error
     for other in others:
         if other is not None and same(path, other):
             raise OutputError(
-                f"{path} cannot be written to: it is what is read; name another folder"
+                f"{path} cannot be written to: the command reads it; name another folder"
             )
     return path
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[Path]:
-    """Yields a draft to write to, of the same suffix, which replaces the file on success.
+    """Context that yields the path of a draft to write, and replaces the file by the draft on success.
 
-    Where the path is one of `STDOUT`, the draft is copied there.
+    The draft has the suffix of the file. If the path is one of `STDOUT`, the draft is copied to standard
+    output instead.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     if path in STDOUT:
         import tempfile  # with its compressors 0.7 MiB, which no run of the cell needs
@@ -113,7 +115,7 @@ def writing(path: Path) -> Iterator[Path]:
 
 
 def _begin(draft: Path, path: Path) -> None:
-    """Creates an empty draft: with the umask, or with owner and mode of the file that it replaces."""
+    """Creates an empty draft: its mode is by the umask or, like its owner, that of the file it replaces."""
     old = path.stat() if path.exists() else None
     # New, so never through somebody's link; a private file is private before it has content.
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
@@ -128,7 +130,7 @@ def _begin(draft: Path, path: Path) -> None:
 
 
 def quoted(path: Path | str) -> str:
-    """Quotes a path for a command line in a message."""
+    """Quotes a path for a command line in a message; a leading "-" becomes "./-"."""
     text = str(path)
     return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
@@ -140,12 +142,16 @@ def write(path: Path, text: str) -> None:
 
 
 def words_of(path: Path) -> TextIO:
-    """Stream for a command's messages: standard error if its output is standard output."""
+    """The stream for a command's messages: standard error if its output `path` is standard output."""
     return sys.stderr if path in STDOUT else sys.stdout
 
 
 def _objection(path: Path) -> str:
-    """Why a file cannot be written, "" if it can; OSError where it cannot be inspected."""
+    """Returns why a file cannot be written, "" if it can.
+
+    Raises:
+        OSError: the path cannot be inspected.
+    """
     if path in STDOUT:
         return "this command has no use for standard output"
     if not path.parent.is_dir():

@@ -1,4 +1,4 @@
-"""Stop requests: Ctrl-C, SIGTERM, SIGHUP (a lost session) and SIGQUIT are one request, raised once.
+"""Stop requests: Ctrl-C, SIGTERM, SIGHUP (a lost session) and SIGQUIT all mean "stop", which is raised once.
 
 A request raises KeyboardInterrupt only in `stoppable` code, and never while an exception is being handled:
 the command ends with what came first, a fault or the request, and nothing interrupts what follows from it
@@ -18,17 +18,17 @@ from typing import Self
 
 STDERR = 2
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-AGAIN_S = 0.01  # until a request during the handling of an exception is tried again
+AGAIN_S = 0.01  # until a request that came while an exception was being handled is tried again
 LOST_S = 0.1  # until a request that Python dropped (finalizer, callback) is raised again
 
 
 class _Request:
-    """State of the stop request; one for the process, as signals are."""
+    """State of the stop request; there is one for the process, since signals are sent to processes."""
 
     listening = False  # whether signals are requests
     asked = False  # whether a signal came
     open = False  # whether it may raise now
-    over = False  # whether it was handled, or can have no effect any more
+    over = False  # whether it was raised, or comes too late to have an effect
     # error of a deadline that has passed; None: no deadline has passed
     late: Callable[[], Exception] | None = None
 
@@ -54,6 +54,7 @@ _request = _Request()
 
 @contextlib.contextmanager
 def _region(*, opened: bool) -> Iterator[None]:
+    """Context that lets stop requests raise (`opened`) or prevents it; at its end the former state holds."""
     before, _request.open = _request.open, opened
     try:
         _request.deliver()
@@ -80,7 +81,7 @@ def whole() -> "contextlib._GeneratorContextManager[None]":
 def within(seconds: float, late: Callable[[], Exception]) -> Iterator[None]:
     """Context in which, after `seconds` of wall time, `late()` is raised like a stop request.
 
-    Raises nothing outside of `StopRequests`, since no signals end a call then.
+    Outside of `StopRequests` there is no deadline, since no signal handler could end a call.
     """
     if not _request.listening:
         yield

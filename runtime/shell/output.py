@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from io import FileIO
 from typing import TextIO
 
-KEPT_BYTES = 1 << 20  # lines of some hundred bytes
+KEPT_BYTES = 1 << 20  # several thousand lines
 END_S = 1.0
 STDOUT, STDERR = 1, 2
 PIECE = 512  # a ready pipe takes as much at once (POSIX: PIPE_BUF)
@@ -25,7 +25,7 @@ _outlets: dict[int, "Outlet"] = {}
 
 
 class Outlet:
-    """A writer to a standard stream that never waits."""
+    """Writes lines to a standard stream, and never waits for its reader."""
 
     def __init__(self, descriptor: int, now: Callable[[], float]) -> None:
         self.lost = 0  # number of dropped lines
@@ -34,7 +34,13 @@ class Outlet:
         self._file, self._write = _writer(descriptor)
 
     def put(self, data: bytes) -> None:
-        """Sends as much as there is room for and keeps the rest; OSError where nobody will ever read."""
+        """Sends as much as the reader has room for, and keeps the rest.
+
+        Drops `data`, one line, if more than `KEPT_BYTES` would be kept.
+
+        Raises:
+            OSError: the reader is gone.
+        """
         if len(self._kept) + len(data) > KEPT_BYTES:
             self.lost += 1
         else:
@@ -67,9 +73,9 @@ class Outlet:
 
 
 def _writer(descriptor: int) -> tuple[socket.socket | FileIO, Callable[[bytes], int]]:
-    """A separate file, and a function that writes to it without waiting.
+    """Opens a standard stream again; returns the file, and a function that writes to it without waiting.
 
-    The shared file must not become non-blocking: other processes would not expect it.
+    The stream itself stays blocking, as other processes that share it expect.
     """
     if stat.S_ISSOCK(os.fstat(descriptor).st_mode):
         connection = socket.socket(fileno=fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3))
@@ -93,7 +99,7 @@ def _write_if_ready(descriptor: int, data: bytes) -> int:
 
 
 def outlet_of(file: TextIO) -> Outlet | None:
-    """The outlet of a standard stream; None: it is written as usual."""
+    """The outlet of a stream; None if the stream has no outlet and is written as usual."""
     try:
         return _outlets.get(file.fileno())
     except (OSError, ValueError):  # in memory, or closed

@@ -9,8 +9,8 @@ and journals cannot be refused: every printed line is `cleaned`.
 from collections.abc import Iterator
 from typing import Any
 
-LONGEST = 80  # of a name
-SHOWN = 40  # of a text that is refused, in a message
+LONGEST = 80  # characters of a name
+SHOWN = 40  # characters of a refused text that a message shows
 
 
 def is_plain(text: str, longest: int = LONGEST) -> bool:
@@ -19,9 +19,10 @@ def is_plain(text: str, longest: int = LONGEST) -> bool:
 
 
 def unprintable(value: Any) -> str | None:
-    """The first text in parsed JSON or TOML, key or value, that is not printable on a line; None: all are.
+    """Finds a text in parsed JSON or TOML, key or value, that is not printable on one line.
 
-    It is returned as ASCII, with its unprintable characters escaped.
+    Returns:
+        That text as `shortened` shows it; None if all texts are printable.
     """
     texts = (item for _, item in nested(value) if isinstance(item, str))
     return next((shortened(text) for text in texts if not text.isprintable()), None)

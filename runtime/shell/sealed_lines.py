@@ -1,7 +1,8 @@
 """Lines of JSON whose last field, `digest`, is the SHA-256 of the line without it, as in journals.
 
-`previous`, the field before it, is the digest of the line before, `GENESIS` in the first line. A long
-journal has several files, and the chain continues from one to the next: in order, they are one journal.
+`previous`, the field before `digest`, is the digest of the line before, `GENESIS` in the first line. A long
+journal has several files: sealed segments, then the journal's own file. The chain continues from one file to
+the next.
 """
 
 import hashlib
@@ -31,15 +32,15 @@ def is_intact(line: bytes) -> bool | None:
 
 
 def segment(path: Path, number: int) -> Path:
-    """The file of the sealed segment `number` of a journal; numbers start at 1."""
+    """Path of the sealed segment `number` of the journal at `path`; numbers start at 1."""
     return path.with_name(f"{path.name}.{number:06d}")
 
 
 def sealed_segments(path: Path) -> list[Path]:
-    """The existing sealed segments of a journal, in order; the journal's own file comes after them.
+    """Paths of the existing sealed segments of the journal at `path`, in order.
 
     Raises:
-        OSError: their folder cannot be read.
+        OSError: the journal's folder cannot be read.
     """
     name = re.compile(re.escape(path.name) + r"\.(\d{6,})")
     matches = [name.fullmatch(file.name) for file in path.parent.iterdir()]

@@ -43,7 +43,7 @@ def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST
     Args:
         path: the file.
         refused: builds the error from a sentence that continues after the file's name.
-        most_bytes: size above which it is not read.
+        most_bytes: size above which the file is refused.
 
     Raises:
         Exception: from `refused`, where the file cannot be read, is too large, is not such JSON, or holds

@@ -16,7 +16,7 @@ class WorldError(Exception):
 
 
 def find_factory(name: str) -> Factory:
-    """Imports the factory of that name, also from a module in the current folder.
+    """Imports a factory by its name, `module:factory`; the module may lie in the current folder.
 
     Raises:
         WorldError: the name is invalid, or the module or factory does not exist.

@@ -1,1 +1,1 @@
-"""Signed packs: the software of a cell, and who vouches for it."""
+"""Signed packs: the files that a cell runs, with the signature of a person who vouches for them."""

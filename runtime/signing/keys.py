@@ -86,7 +86,7 @@ def generate(path: Path) -> SigningKey:
     for file in (path, public):
         usable(file)
         if os.path.lexists(file):
-            raise OutputError(f"{file} is there, and a key is never overwritten; name another file")
+            raise OutputError(f"{file} exists, and a key is never overwritten; name another file")
     write_new(path, _private_pem(from_library), 0o600)
     try:
         write_new(public, key.public.pem, 0o644)
@@ -101,7 +101,8 @@ def load_private(path: Path) -> SigningKey:
     """Reads a private key.
 
     Raises:
-        InputError: it cannot be read, may be read by others, or is not an Ed25519 key without a passphrase.
+        InputError: the file cannot be read, may be read by others, or does not hold an Ed25519 private key
+            without a passphrase.
         UsageError: the extra for signatures is not installed.
     """
     private = _ed25519().Ed25519PrivateKey
@@ -124,7 +125,12 @@ def load_private(path: Path) -> SigningKey:
 
 
 def load_public(path: Path) -> PublicKey:
-    """Reads a public key; errors as for `load_private`."""
+    """Reads a public key.
+
+    Raises:
+        InputError: the file cannot be read, or does not hold an Ed25519 public key.
+        UsageError: the extra for signatures is not installed.
+    """
     data, _ = read_input(path, _MOST_BYTES, f"key {path}", _REMEDY)
     if b"PRIVATE KEY" in data:
         raise InputError(
@@ -140,7 +146,7 @@ def parse_public(data: bytes) -> PublicKey:
     """The public key in a PEM file's bytes.
 
     Raises:
-        ValueError: there is no key, or none for Ed25519.
+        ValueError: the bytes hold no public key, or one of another kind than Ed25519.
         UsageError: the extra for signatures is not installed.
     """
     public = _ed25519().Ed25519PublicKey

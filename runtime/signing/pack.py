@@ -130,7 +130,7 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
         trusted: the key that must have signed.
 
     Raises:
-        PackError: no pack covers it; the message says why each of them does not.
+        PackError: no pack covers table and calibration; the message says for each pack why it does not.
         UsageError: the extra for signatures is not installed.
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}
@@ -159,7 +159,7 @@ def _manifest(members: Mapping[str, bytes]) -> Mapping[str, Any]:
     others = _digests({name: content for name, content in members.items() if name != MANIFEST})
     is_pack = isinstance(manifest, dict) and manifest.get("kind") == KIND
     if not is_pack or manifest.get("version") != VERSION:
-        raise PackError(f"{MANIFEST} is none of a pack of version {VERSION}")
+        raise PackError(f"{MANIFEST} is not the manifest of a pack of version {VERSION}")
     stated = manifest.get("sha256")
     if not isinstance(stated, dict) or unprintable(manifest) is not None:
         raise PackError(f"{MANIFEST} lists no digests, or does not print")

@@ -1,6 +1,6 @@
 """Control charts: each takes one part after the other and alarms when the cell has changed.
 
-Limits: together the charts raise less than one false alarm in ten thousand parts.
+With the limits below, the charts together raise less than one false alarm in ten thousand parts.
 After an alarm a chart is reset: a fault that persists alarms again, one that was repaired does not.
 """
 

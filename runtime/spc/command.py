@@ -29,12 +29,12 @@ def parser() -> Parser:
     text = "Success, residuals and control charts, from journals alone."
     built = Parser(prog="grasp-audit report", description=text, epilog=EPILOG)
     add = built.add_argument
-    text = "of runs of one table, in their order"
+    text = "journals of one table, in the order of the runs"
     add("journals", type=Path, nargs="+", metavar="JOURNAL", help=text)
-    add("-o", "--output", type=Path, metavar="F.html", help="the page")
-    text = "from plan-expect: detects a change of friction early"
+    add("-o", "--output", type=Path, metavar="F.html", help="write the report as this page")
+    text = "expected readings from plan-expect, by which a change of friction is detected early"
     add("--expected", type=Path, metavar="F", help=text)
-    add("--export", type=Path, metavar="F", help="a row for each part, as .csv")
+    add("--export", type=Path, metavar="F", help="write a row for each part to this .csv file")
     built.add_common()
     return built
 

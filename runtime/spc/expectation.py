@@ -33,14 +33,14 @@ class Expectation:
     """Predicted histograms of each node's readings in several worlds; the planned world is the first."""
 
     table_sha256: str  # digest of the table's file
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the worlds
     shares: tuple[Shares, ...]  # for each world, (nodes, bins), none of them zero
 
     def check(self, history: History) -> None:
         """Checks that the expectation belongs to the table of a history.
 
         Raises:
-            UsageError: it is of another table.
+            UsageError: the expectation is of another table.
         """
         table, planned = history.table, self.shares[0]
         alike = len(planned) == len(table.nodes) and len(planned[0]) == table.gripper.bins
@@ -50,7 +50,7 @@ class Expectation:
             )
 
     def gains(self, table: Table, part: Part) -> list[float]:
-        """Log-likelihood ratio of a part's readings, at most `CLIP`: each other world to the planned one."""
+        """Log-likelihood ratios, at most `CLIP`, of a part's readings: of each other world to the planned."""
         places = [(each.node, table.gripper.bin_of(each.width_um)) for each in part.squeezes]
         planned, *others = (sum(log(shares[n][c]) for n, c in places) for shares in self.shares)
         # A clipped ratio, like the ratio itself, has a mean of at most one.

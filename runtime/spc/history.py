@@ -17,7 +17,7 @@ RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 
 
 class Squeezed(NamedTuple):
-    """A reading at a node, and the index of its branch, None for a reject."""
+    """A reading at a node, and the index of the branch taken there, None for a reject."""
 
     node: int
     branch: int | None
@@ -34,15 +34,15 @@ class Part:
     outcome: str = ""
     leaf: int | None = None
     verdict: str | None = None  # "pass", "fail", "unknown", None where it was not audited
-    # measured minus predicted pose (mm, mm, rad) in the frame of its plan, None where it was not
-    # measured
+    # measured minus predicted pose (mm, mm, rad), turned back with the part's plan; None where it was
+    # not measured
     residual: tuple[float, float, float] | None = None
     time: str = ""  # of its end, ISO 8601
-    # true pose of a simulated part (mm, mm, rad) in the frame of its plan, None where it was not
-    # recorded
+    # true pose of a simulated part (mm, mm, rad), turned back with the part's plan; None where it was
+    # not recorded
     true: Pose2 | None = None
-    within: bool | None = None  # whether the true pose meets the goal at its leaf, None if unknown
-    turn_rad: float = 0.0  # angle of its plan about the origin
+    within: bool | None = None  # whether the true pose meets the goal at the leaf, None if unknown
+    turn_rad: float = 0.0  # angle by which the part's plan was turned about the origin
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ def read(paths: Sequence[Path]) -> History:
                     parts.append(_ended(running, audit, entry, table))
                     running = None
         except (KeyError, ValueError, IndexError) as error:
-            message = "holds a squeeze or a leaf that is none of its table's; leave it out"
+            message = "has a record that does not fit its table; leave the journal out"
             raise JournalError(path, message) from error
     if table is None or not parts:
         raise UsageError("the journals hold no part yet; run some first")

@@ -57,7 +57,7 @@ STEADY = {
 class Monitor:
     """The control charts of one table, which receive one part after the other.
 
-    Of the parts only those within the charts' windows are kept. `drawn` has the values of the charts to draw:
+    Only the parts within the charts' windows are kept. `drawn` has the values of the charts to draw:
     `wider` and `narrower` after each squeeze, `COORDINATES` after each measured part, and `friction` after
     each part if readings are expected.
     """
@@ -82,7 +82,6 @@ class Monitor:
         self.failures = BinomialWindowChart(failure_share(predicted))
         self.rejects = BinomialWindowChart(max(rejected, LEAST_SHARE))
         self.residuals = (Ewma(), Ewma(), Ewma())
-        # Only where the expectation is known.
         self.readings = None if expected is None else ShiryaevRoberts(expected)
         self.drawn = defaultdict[str, deque[float]](lambda: deque(maxlen=keep))
 
@@ -197,7 +196,10 @@ def standardised(table: Table, part: Part) -> tuple[float, ...]:
 
 
 def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
-    """Standard deviations of a leaf's pose, mm, mm, rad, each at least a share of the goal's distance."""
+    """Standard deviations of a leaf's pose, mm, mm, rad.
+
+    Each is at least `FLOOR_SHARE` of the goal's distance; the angle counts with the weight rho.
+    """
     moments = leaf.covariance
     floor_mm = FLOOR_SHARE * table.goal.distance_um / 1000.0
     floor_rad = floor_mm * 1000.0 / max(table.goal.rho_um, 1)
@@ -236,7 +238,7 @@ def _shares(branches: Sequence[Branch], trials: Sequence[int]) -> list[float]:
 
 
 def branch_counts(parts: Iterable[Part], table: Table) -> list[list[int]]:
-    """Counts of the readings of each branch of each node; the last count of a node is that of rejects."""
+    """Counts of the readings on each branch of each node; the last count of a node is that of rejects."""
     counts = [[0] * (len(node.branches) + 1) for node in table.nodes]
     for part in parts:
         for squeeze in part.squeezes:

@@ -14,8 +14,8 @@ def page(title: str, summary: Summary) -> str:
     """The whole page.
 
     Args:
-        title: of the page.
-        summary: its content.
+        title: title of the page.
+        summary: what the page shows.
     """
     ended = [charts.Bar(name, count, str(count)) for name, count in summary.outcomes.items()]
     body = [

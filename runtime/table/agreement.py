@@ -16,8 +16,8 @@ from runtime.table.grippers import known, same_model
 from runtime.table.model import PPM, Table
 from runtime.table.timing import checked
 
-RHO_UM = 2  # rho is summed in another order than in the planner
-UM = 1e3  # a mm, a N, a mm/s
+RHO_UM = 2  # allowed difference of rho, which the planner sums in another order
+UM = 1e3  # um in a mm, mN in a N, um/s in a mm/s
 
 
 def validate_agreement(table: Table, job: Mapping[str, Any]) -> None:

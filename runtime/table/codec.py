@@ -19,7 +19,9 @@ MAGIC = "squeezetree"
 BEGINNING = 16  # bytes within which a table identifies itself
 FRAME_FIELDS = ("magic", "format", "digest", "payload")
 NESTED = {"covariance": Covariance, "tolerance": Tolerance, "work_area_um": Area}
-Records = list[tuple[int, Any]]  # each after the number of its node or leaf
+Records = list[
+    tuple[int, Any]
+]  # pairs of an index and a record, as `sections.records_of` returns them
 
 
 def encode(table: Table) -> bytes:
@@ -34,7 +36,7 @@ def encode(table: Table) -> bytes:
         raise TableError(f"a value of the table cannot be written: {error}") from error
     if decode(data) != table:
         raise TableError(
-            "the table does not come back from its bytes: a value of it is not as `Table` says"
+            "its bytes decode to another table: a value is not of the type that `Table` states"
         )
     return data
 
@@ -60,7 +62,7 @@ def decode(data: bytes) -> Table:
         raise TableError(f"the sections are not {', '.join(names)}; recompile it")
     table = _table({section.name: _records(section, values) for section in SECTIONS})
     if _packed(table) != data:
-        raise TableError("not in the one encoding a table has; recompile it")
+        raise TableError("not in the canonical encoding of a table; recompile it")
     return table
 
 

@@ -48,7 +48,7 @@ def section(job: Section, name: str) -> Section:
 
 
 def parts_of(job: Section) -> list[Section]:
-    """The section of each part that may lie on the table: the job's hypotheses, or the job itself.
+    """The entries of a job that hold the sections of one part each: its hypotheses, or the job itself.
 
     Empty where the job states no part.
     """

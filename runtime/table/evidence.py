@@ -75,8 +75,8 @@ def validate_figures(table: Table) -> None:
     _validate_predicted(table)
     if not any(leaf.trials for leaf in table.leaves):
         return
-    # Shares are rounded to a ppm. Leaves that no part reached have trials of another run in
-    # addition.
+    # Shares are rounded to a ppm. Leaves that no part of this evaluation reached keep the trials of an
+    # earlier one, so that the leaves may have more successes than the whole table, but not fewer.
     slack = 1 + predicted.trials / PPM
     successes = predicted.success_ppm * predicted.trials / PPM
     least, at_leaves = successes - slack, sum(map(successes_of, table.leaves))

@@ -10,7 +10,7 @@ MAX_NODES = 1 << 12
 MAX_LEAVES = 1 << 14
 MAX_BRANCHES = 32
 MAX_BYTES = 2 << 20  # of a file
-FAR = 10**9
+FAR = 10**9  # bound of values that have no other
 
 FLAG = "flag"  # 0 or 1, a bool in the records
 LINE = "line"  # printable characters

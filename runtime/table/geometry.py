@@ -16,9 +16,9 @@ def pose_text(pose: Pose2) -> str:
 
 
 def placement(action: Squeeze | Push, released: Place | None = None) -> Pose2:
-    """Pose of the hand in the world, mm, mm, rad, where it comes down for an action.
+    """Pose of the hand in the world, mm, mm, rad, at which it comes down for an action.
 
-    With `released`, the pose where it releases the part.
+    With `released`, the pose at which the hand releases the part after the action.
     """
     place = released or action
     return place.x_um / 1000, place.y_um / 1000, action.angle_urad / 1e6
@@ -30,14 +30,14 @@ def end_of(push: Push) -> Pose2:
 
 
 def compose(frame: Pose2, pose: Pose2) -> Pose2:
-    """Transforms a pose given in `frame` to the frame that `frame` is given in."""
+    """Converts a pose relative to `frame` to the coordinates in which `frame` itself is stated."""
     x, y, theta = pose
     c, s = cos(frame[2]), sin(frame[2])
     return frame[0] + c * x - s * y, frame[1] + s * x + c * y, frame[2] + theta
 
 
 def turned_pose(pose: Pose2, turn_rad: float) -> Pose2:
-    """A pose turned about the origin."""
+    """A pose turned about the origin by `turn_rad`; its angle is within -pi to pi."""
     x, y, theta = compose((0.0, 0.0, turn_rad), pose)
     return x, y, remainder(theta, tau)
 
@@ -48,9 +48,9 @@ def way(start: Pose2, end: Pose2) -> tuple[float, float]:
 
 
 def sent(hand: Pose2, middle_mm: float) -> Pose2:
-    """Pose to which the arm is sent so that the fingers meet at `hand`.
+    """Pose to which the arm is sent so that the fingers meet at the pose `hand`.
 
-    They meet `middle_mm` off the hand's middle, along its y.
+    The fingers meet `middle_mm` off the hand's middle, along the hand's y.
     """
     return compose(hand, (0.0, -middle_mm, 0.0))
 

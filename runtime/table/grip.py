@@ -1,9 +1,9 @@
 """Checks that the last squeeze could hold the part of the embedded job at a leaf's pose.
 
 A held part touches both jaws. So its outline, at the leaf's pose, must reach the faces of both fingers
-between their ends, and must not extend to just behind a face. Both are checked with an allowance for the
-leaf's error and for the uncertainties (doubts) that the job states. The outline may continue farther behind a
-face: a finger may stand in a slot.
+between their ends, and the part must not reach to just behind a face, where the finger stands. Both are
+checked with an allowance for the leaf's error and for the uncertainties (doubts) that the job states. The
+part may continue farther behind a face: the finger may stand in a slot.
 """
 
 from collections.abc import Iterator
@@ -31,7 +31,8 @@ class Shape(NamedTuple):
     reach: float  # farthest point from the origin
     rho: float  # radius of gyration
     narrowest: float  # least width
-    coarse: float  # distance of removed points from the lines between the others
+    # largest distance of a removed point from the outline of the points that are kept
+    coarse: float
 
 
 class Slack(NamedTuple):
@@ -40,13 +41,13 @@ class Slack(NamedTuple):
     place_mm: float
     turn_rad: float
     width_mm: float
-    gain: float  # of a width, for each mm
-    share: float  # of the closing
-    lead: float  # share of the closing of the finger at +y beyond one half, as planned
+    gain: float  # error of a width, for each mm of the width
+    share: float  # error of a finger's share of the closing
+    lead: float  # planned share of the closing of the finger at +y, less one half
 
 
 class Grip(NamedTuple):
-    """Place of the closed jaws' faces, and how far it may be off; lengths in mm."""
+    """The faces of the closed jaws, and how far they may be off; lengths in mm."""
 
     hand: Pose2  # in the world, where the jaws release the part
     half_length: float  # of a finger
@@ -74,9 +75,9 @@ def validate_grips(table: Table, job: Section) -> None:
 
 
 def not_held(table: Table, job: Section) -> Iterator[tuple[int, int]]:
-    """Yields the resolved leaves at whose pose the jaws could not hold the part, as indices.
+    """Yields the resolved leaves at whose pose the jaws could not hold the part.
 
-    Each comes with the index of the node of its last squeeze.
+    Each is a pair of indices: of the leaf, and of the node of the last squeeze before it.
     """
     shapes, slack = _shapes(table, job), _slack(job)
     for index, node, branch, leaf in _grips(table) if shapes else ():
@@ -121,7 +122,10 @@ def _grips(table: Table) -> Iterator[tuple[int, Node, Branch, Leaf]]:
 
 
 def _error_mm(table: Table, leaf: Leaf) -> float:
-    """Error (eq. 9) allowed for a leaf's pose, mm: the median of its trials, or the goal's without trials."""
+    """Error (eq. 9) allowed for a leaf's pose, mm: the median of its trials or, without trials, the goal's.
+
+    Infinite without trials if the goal does not bound the position.
+    """
     if leaf.trials:
         return leaf.error_median_um / 1e3
     goal = table.goal
@@ -205,6 +209,7 @@ def _blocks(outline: Outline, y: float, half: float) -> bool:
 
 
 def _shape(outline: Outline) -> Shape:
+    """The shape of a part, with every n-th point of its outline, so that `MOST_POINTS` at most are kept."""
     step = -(-len(outline) // MOST_POINTS)
     kept, coarse = outline[::step], 0.0
     for k, start in enumerate(kept):
@@ -219,6 +224,7 @@ def _shape(outline: Outline) -> Shape:
 
 
 def _slack(job: Section) -> Slack:
+    """The largest errors that a job's uncertainties allow; random errors count with `TAIL` deviations."""
     gripper, doubt, release = (section(job, name) for name in ("gripper", "doubt", "release"))
 
     def most(table: Section, key: str) -> float:

@@ -152,6 +152,15 @@ def doubt_um(resolution_um: float, noise_um: float) -> float:
 
 
 def _plugged_in(model: str, name: str) -> GripperProfile | None:
+    """The profile that an installed driver brings for a model; None where no driver does.
+
+    Args:
+        model: the model's name, for messages.
+        name: the same as `_normalised`.
+
+    Raises:
+        TableError: the profile cannot be loaded, or is invalid.
+    """
     from importlib.metadata import entry_points  # only for models that this file lacks
 
     points = [point for point in entry_points(group=GROUP) if _normalised(point.name) == name]
@@ -185,5 +194,6 @@ def same_model(one: str, other: str) -> bool:
 
 
 def _normalised(model: str) -> str:
+    """One spelling for all names of a model: in lower case, with dashes, without "robotiq-" in front."""
     name = "-".join(re.split(r"[\s_-]+", model.strip().casefold())).removeprefix("robotiq-")
     return NAMES.get(name, name)

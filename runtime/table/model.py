@@ -30,7 +30,7 @@ MOST_BINS = 300  # of a histogram of readings
 # Least expected width at which the jaws hold a part; the hand then drags the part to `Node.release`.
 HELD_UM = 2000
 
-# Stands for the index of a branch where no branch has the reading.
+# In place of the index of a branch: no branch has the reading.
 REJECT = -1
 
 KINDS = ("pose", "tolerances", "modes", "orientation", "identity")
@@ -125,7 +125,7 @@ class Branch(NamedTuple):
 
     @property
     def grip(self) -> bool:
-        """Whether the branch means that the jaws hold something, and so excludes width 0."""
+        """Whether the branch means that the jaws hold something; no reading of width 0 selects a grip."""
         return self.low_um > 0 or self.expected_um >= HELD_UM
 
 

@@ -1,4 +1,4 @@
-"""Seconds of a table's squeezes along the path of each part, by the model in `timing`."""
+"""Times of the squeezes of parts that come one after another, by the model in `timing`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,15 +21,16 @@ class Squeezed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Seconds of the squeezes of one table in one cell, for parts in sequence."""
+    """Computes the times of the squeezes by one table in one cell."""
 
     nodes: Sequence[Node]
     timing: Timing
-    turns: bool = False  # whether a part's plan is turned to the hand's angle
+    # whether the plan of each part is turned about the origin to the hand's angle
+    turns: bool = False
 
     @classmethod
     def of(cls, table: Table, job: Mapping[str, Any] | None) -> Self:
-        """The schedule of a table and the job inside it, None where it was stripped.
+        """The schedule of a table; `job` is the job inside it, None where it was stripped.
 
         Raises:
             TableError: the gripper is unknown, or the job's figures are impossible.
@@ -38,7 +39,7 @@ class Schedule:
         return cls(table.nodes, timing, may_turn(table, job))
 
     def part(self, squeezes: Sequence[Squeezed], start: Pose2 | None = None) -> list[Phases]:
-        """Phases of each squeeze of a part; the hand starts above `start` or, if None, the first squeeze."""
+        """Phases of each squeeze of a part; the hand starts above `start` or, if None, the first place."""
         before, jaws_s, all_phases = start, 0.0, []
         for number, squeezed in enumerate(squeezes):
             after = squeezes[number + 1].node if number + 1 < len(squeezes) else None
@@ -59,14 +60,14 @@ class Schedule:
         """Computes the seconds of the phases of one squeeze.
 
         Args:
-            squeezed: its node and outcome.
-            before: where the hand is before it; None: above the place of the squeeze.
-            after: the next node of the same part, or None.
-            jaws_s: how long the jaws still move.
-            first: whether it is the part's first, before which the hand is at the retreat height.
+            squeezed: the node and the outcome of the squeeze.
+            before: pose of the hand before the squeeze; None: above the place of the squeeze.
+            after: index of the part's next node; None after its last squeeze.
+            jaws_s: how long the jaws still move when the squeeze begins.
+            first: whether it is the part's first squeeze, before which the hand is at the retreat height.
 
         Returns:
-            Its phases; the hand after it, and how long the jaws still move then.
+            The phases, the pose of the hand after the squeeze, and how long the jaws still move then, s.
         """
         node, timing = self.nodes[squeezed.node], self.timing
         squeeze, place = node.squeeze, placement(node.squeeze)
@@ -95,7 +96,7 @@ class Schedule:
         return phases, let_go, max(left_s, 0.0)
 
     def _push_s(self, node: Node, at: Pose2) -> tuple[float, Pose2]:
-        """Seconds of the pushes before a squeeze, and the hand after them."""
+        """Seconds of the pushes before a squeeze by a hand at the pose `at`, and its pose after them."""
         timing, seconds = self.timing, 0.0
         open_mm, speed_mm_s = node.squeeze.opening_um / 1e3, node.squeeze.speed_um_s / 1e3
         for push in node.pushes:

@@ -17,10 +17,11 @@ class Section(NamedTuple):
     name: str
     meaning: str
     record: Callable[..., Any]
-    row: str = ""  # name of a record; empty: a single record, without columns
-    least: int = 1  # number of records, or for each owner
+    row: str = ""  # what a record is called; empty: the section is a single record, without columns
+    least: int = 1  # bounds of the number of records: of each owner, or in all
     most: int = 1
-    owner: Field | None = None  # the column with the index of a record's node or leaf
+    # the column of owners: the index of the node or leaf that has the record
+    owner: Field | None = None
 
     @property
     def optional(self) -> bool:

@@ -13,7 +13,7 @@ def figures(seconds: Mapping[float, int], takt_s: float | None = None) -> dict[s
 
     Args:
         seconds: number of parts for each time, at least one part.
-        takt_s: the takt.
+        takt_s: time within which a part should be done.
 
     Returns:
         `seconds_mean`, `seconds_p50`, `seconds_p95`, `seconds_p99`, `seconds_max` and, with a takt, `takt_s`

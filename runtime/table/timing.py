@@ -1,8 +1,9 @@
 """The model of time of a cell's motions, for plans, evaluations, runs and their deadlines.
 
 The arm keeps to a speed and an acceleration (a trapezoid, or a triangle where the way is short), and a turn
-counts as the way of the point of the hand that is farthest off its axis. Jaws run at constant speeds. A
-device's response time is added to each of its motions. Lengths are in mm, angles in rad, times in s.
+of the hand takes as long as the path of the hand's farthest point about its axis. Jaws run at constant
+speeds. A device's response time is added to each of its motions. Lengths are in mm, angles in rad, times in
+s.
 """
 
 from collections.abc import Mapping
@@ -20,10 +21,10 @@ CLEAR_MM = 5.0
 APPROACH_MM = 2.0
 # Distance before the end of a stroke at which the next one is sent, for jaws that accept it in motion.
 LEAD_MM = 1.5
-# Height of the tips above the top of a part between two of its squeezes.
+# Height of the tips above the top of the part between two squeezes of the part.
 ABOVE_MM = 4.0
 
-# Greatest way on which a hand at the retreat height may descend as it travels; obstacles may be farther.
+# Longest way on which a hand at the retreat height descends while it travels; farther off may be obstacles.
 NEAR_MM = 30.0
 
 # Defaults of the section `cell` of a job. The acceleration is a limit; the rest are guesses, which
@@ -88,7 +89,7 @@ class Visit(NamedTuple):
     """Motions of hand and jaws in one squeeze, from which `Timing.squeeze` computes its time."""
 
     way_mm: float  # of the hand, from its last place
-    turn_rad: float  # of the hand, either way
+    turn_rad: float  # of the hand on that way, of either sign
     opening_mm: float  # of the jaws before the squeeze
     # greatest width at which the jaws may meet the part; None: it is not known
     contact_mm: float | None
@@ -107,11 +108,10 @@ class Timing:
 
     arm_speed_mm_s: float
     arm_acceleration_mm_s2: float
-    # from the request of a motion of the arm to its confirmed end, without the motion itself
+    # from the request of an arm motion to the confirmation of its end, without the motion itself
     arm_answer_s: float
-    jaw_answer_s: float  # the same of a stroke of the jaws: settled after three equal readings
-    # of one reading of the jaws, and of a new request to them
-    poll_s: float
+    jaw_answer_s: float  # the same for a stroke of the jaws, which ends with three equal readings
+    poll_s: float  # time to read the jaws once, or to send them a request
     turn_radius_mm: float  # a turn takes as long as a straight way of this radius times its angle
     fastest_mm_s: float  # of the jaws, where they touch nothing
     streams: bool  # whether the jaws take another stroke while they move
@@ -198,15 +198,15 @@ class Timing:
         push_mm: float,
         push_mm_s: float,
     ) -> float:
-        """Seconds of one push, from and to the retreat height.
+        """Seconds of one push, which begins and ends at the retreat height.
 
         Args:
-            way_mm: of the hand to its place of descent.
-            turn_rad: of the hand on that way.
-            stroke_mm: of the jaws before it.
-            stroke_mm_s: rate of that stroke.
-            push_mm: way of the push.
-            push_mm_s: speed of the push.
+            way_mm: way of the hand to the place where it descends.
+            turn_rad: turn of the hand on that way.
+            stroke_mm: stroke of the jaws before the push.
+            stroke_mm_s: speed of that stroke.
+            push_mm: length of the push.
+            push_mm_s: speed of the hand during the push.
         """
         lift_s = self.move_s(self.retreat_mm - self.squeeze_mm)
         return (
@@ -218,7 +218,7 @@ class Timing:
         )
 
     def squeeze(self, visit: Visit) -> Phases:
-        """Computes the seconds of each phase of one squeeze, from and to the hand's height of travel."""
+        """Computes the phases of one squeeze, which begins and ends at a height at which the hand travels."""
         high_mm = self.retreat_mm if visit.from_retreat else self.regrasp_mm
         way_mm = visit.way_mm
         if visit.from_retreat and self.comes_down(way_mm, visit.turn_rad):
@@ -255,9 +255,9 @@ def checked(limits: Limits, job: Mapping[str, Any] | None) -> tuple[dict[str, fl
 
 
 def _regrasp_height_um(limits: Limits, job: Mapping[str, Any] | None) -> int:
-    """Height of the tips between two squeezes of one part: as the job states it, else just above the part.
+    """Height of the tips between two squeezes of one part: as the job states it, else just above the parts.
 
-    It is the retreat height if neither this height nor that of every part is stated.
+    It is the retreat height if the job states neither this height nor the heights of all parts.
 
     Raises:
         TableError: the stated height is not above parts and squeeze height, or is above the retreat height.

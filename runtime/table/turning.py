@@ -16,10 +16,9 @@ from runtime.table.model import Covariance, Leaf, LeafPose, Node, Place, Table
 
 Pose = TypeVar("Pose", Leaf, LeafPose)
 TURN_URAD = 1e6 * tau
-# Goals that are invariant under rotation.
-#
-# Tolerances along axes of the world are not, and the auditor finds the other modes of a leaf by its pose in
-# the table.
+# Kinds of goals for which a plan may be turned. "tolerances" refers to the axes of the world; "modes" is
+# left out since the auditor, which is given the predicted pose, looks up the leaf's other poses by it in the
+# table.
 KINDS = ("pose", "orientation", "identity")
 
 

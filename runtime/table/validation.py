@@ -108,14 +108,14 @@ def _validate_goal(goal: GoalSpec) -> None:
 
 
 def _validate_hypotheses(table: Table) -> None:
-    """Checks the hypotheses against the goal, and that leaves refer to existing ones."""
+    """Checks the hypotheses against the goal, and that the leaves refer to existing hypotheses."""
     goal, hypotheses = table.goal, table.hypotheses
     if not hypotheses and (goal.kind == "identity" or not goal.identify):
-        raise TableError("goal asks which part it is, of which there is one; recompile it")
+        raise TableError("the goal asks which part it is, but there is only one; recompile it")
     if len({part.name for part in hypotheses}) < len(hypotheses):
         raise TableError("two hypotheses have one name; recompile it")
     if hypotheses and hypotheses[0][2:] != (goal.rho_um, goal.symmetry):
-        raise TableError("rho and symmetry of the goal are not the first hypothesis'; recompile it")
+        raise TableError("hypothesis 0 has another rho or symmetry than the goal; recompile it")
     for index, leaf in enumerate(table.leaves):
         for pose in leaf.poses:
             _within(f"leaf {index}: hypothesis", pose.hypothesis, 0, max(len(hypotheses), 1) - 1)
@@ -188,7 +188,7 @@ def _validate_resolved(index: int, leaf: Leaf, table: Table) -> None:
         _within(f"leaf {index}: y_um", pose.y_um, area.y_min, area.y_max)
     if len(leaf.poses) > (goal.modes if goal.kind == "modes" else 1):
         raise TableError(
-            f"leaf {index}: {len(leaf.poses)} poses are more than the goal leaves open; "
+            f"leaf {index}: {len(leaf.poses)} poses are more than the goal allows; "
             "mark it unresolved"
         )
     below, confidence = leaf.success_ppm < goal.confidence_ppm, goal.confidence_ppm / PPM

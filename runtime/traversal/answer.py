@@ -36,7 +36,7 @@ def frames_of(table: Table) -> tuple[PartFrames, ...]:
 
 
 def frames_in(part: object) -> PartFrames:
-    """The frames in a job's section `part`; empty for an invalid section."""
+    """The frames that a job's section `part` states; `NO_FRAMES` for an invalid section."""
     try:
         assert isinstance(part, dict)
         stated = part.get("datum")
@@ -49,9 +49,9 @@ def frames_in(part: object) -> PartFrames:
 
 
 def fields(table: Table, result: PartResult, frames: tuple[PartFrames, ...]) -> dict[str, object]:
-    """The answer for a part at a leaf: the pose of the outline's frame, of the datum, and of each pick.
+    """The answer for a part at a leaf, as fields: poses of the outline's frame, of the datum, of each pick.
 
-    With several hypotheses, also the part's name.
+    With several hypotheses, also the part's name. `frames` is the result of `frames_of`.
     """
     end = result.leaf_of(table)
     assert end is not None

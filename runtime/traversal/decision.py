@@ -60,7 +60,7 @@ class RecoveryAction(Enum):
     """What follows a reject or an unresolved leaf; the value is its name on the command line."""
 
     RESQUEEZE = "resqueeze"  # the same squeeze once more
-    RESTART = "restart"  # the part from the root
+    RESTART = "restart"  # the part is located again, from the root
     NEXT = "next"  # the part is given up, the run continues
     STOP = "stop"  # the part is given up and the run ends
 
@@ -72,7 +72,7 @@ ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 class Policy:
     """Actions after a reject or an unresolved leaf, in order; each is taken once, the last ends the part."""
 
-    # after a squeeze that no branch explains
+    # after a reading that no branch has
     on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)
     # after a leaf that is not resolved
     on_unresolved: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)

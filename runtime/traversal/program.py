@@ -1,4 +1,4 @@
-"""The program of a part: the requests that it makes of a cell, in order, until its outcome is known.
+"""The program of a part: the requests to a cell, in order, until the part's outcome is known.
 
 Executor, decision server and replay drive the program: each performs the requests in its way, and answers a
 squeeze with its reading. The module is independent of devices, files and time.
@@ -37,14 +37,17 @@ class Approach:
 
 @dataclass(frozen=True, slots=True)
 class Tighten:
-    """Request to raise the force to the node's, as no branch has the reading or a drag follows."""
+    """Request to raise the force to that of the node, and to read again.
+
+    It follows a reading that no branch has, or after which the part will be dragged.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class Release:
     """Request to record the squeeze and its decision, drag the part to `point`, and release it."""
 
-    index: int
+    index: int  # of the node
     node: Node
     steps: tuple[Step, ...]  # of the part so far, including the decided one
     point: Place | None  # None: the part is released where it is
@@ -124,7 +127,13 @@ class Program:
 
 
 def released(requests: Requests, request: Request, reading: Reading) -> Release:
-    """Runs a program up to its `Release`, which is returned; `reading` answers squeeze and tightening."""
+    """Runs a program up to its next `Release`, and returns that request.
+
+    Args:
+        requests: the program.
+        request: the current request of the program.
+        reading: the answer to each request before the `Release`.
+    """
     while not isinstance(request, Release):
         request = requests.send(reading)
     return request

@@ -64,15 +64,15 @@ class PartResult:
     safe_state: tuple[str, ...] = ()
     audit: str | None = None  # the auditor's verdict, "pass", "fail" or "unknown"; None without one
     delivery: str | None = None  # "done" or "missed", None without a delivery
-    # from the part's first motion to its outcome; None where none was reached
+    # from the part's first motion to its outcome, delivery included; None where this was not measured
     seconds: float | None = None
-    # of each squeeze; where the part was resumed after a crash, only of those since
+    # of each squeeze; where the part was resumed after a crash, only of the squeezes since
     phases: tuple[Phases, ...] = ()
-    turn_urad: int = 0  # by which its plan was turned about the origin
+    turn_urad: int = 0  # angle by which the part's plan was turned about the origin
 
     @classmethod
     def of(cls, part: int, outcome: Outcome, steps: Sequence[Step], reason: str | None) -> Self:
-        """The result of a part, whose last step states the leaf."""
+        """Builds the result of a part; the leaf is that of the last step."""
         leaf = None
         if outcome in (Outcome.LEAF, Outcome.UNRESOLVED) and steps and steps[-1].target is not None:
             leaf = ~steps[-1].target
@@ -80,7 +80,7 @@ class PartResult:
         return cls(part, outcome, tuple(steps), leaf, reason, code)
 
     def leaf_of(self, table: Table) -> Leaf | None:
-        """The leaf that was reached, turned back to the world; None without one."""
+        """The leaf that was reached, turned with the part's plan; None if no leaf was reached."""
         return None if self.leaf is None else turned_leaf(table.leaves[self.leaf], self.turn_urad)
 
     def delivered(self, missed: str | None) -> Self:

@@ -25,7 +25,7 @@ METRICS = "text/plain; version=0.0.4; charset=utf-8"
 class Parts(NamedTuple):
     """Names and outlines of the parts of a table, from the job inside it."""
 
-    name: str  # the names joined by "or", a general word if unknown
+    name: str  # the names joined by "or"; "Decision table" if unknown
     outlines: list[list[list[float]]]  # of each (n, 2) [mm], empty if unknown
 
 

@@ -71,8 +71,8 @@ def served(
     """Parses the address `SCHEME://HOST:PORT` of an option at which clients connect.
 
     Args:
-        text: of the option.
-        option: its name.
+        text: value of the option.
+        option: name of the option.
         schemes: the valid schemes.
         network: whether an address that other machines reach is allowed.
         risk: what a client at the address may do.

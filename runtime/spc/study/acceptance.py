@@ -2,7 +2,7 @@
 
 A part is good if it ended at a resolved leaf and its audit passed. A part that was rejected, unresolved,
 faulted or judged wrong has failed. A part at a leaf without a judgement is unknown, and counts against
-either verdict. Parts that the operator stopped are left out.
+either verdict. Parts that the operator stopped, or that were given up (aborted), are left out.
 
 The verdict is a sequential test by a confidence sequence. Let m be the true share of failures, and S the
 number of failures among the first n parts. Then the likelihood ratio (s / m)^S ((1 - s) / (1 - m))^(n - S),
@@ -142,16 +142,16 @@ def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
 class Planned(NamedTuple):
     """Numbers of parts after which a study accepts a cell."""
 
-    least: int  # without a single failure
-    likely: int | None  # with probability `POWER`; None where no number suffices
+    least: int  # if no part fails
+    likely: int | None  # with probability `POWER`; None where that takes more than `MOST_PARTS`
 
 
 def planned(limit: float, expected: float | None) -> Planned:
-    """Number of parts until a cell is accepted.
+    """Computes the number of parts until a cell is accepted.
 
     Args:
         limit: largest acceptable share of failures.
-        expected: share of the cell's failures; None: unknown.
+        expected: share of parts expected to fail in the cell; None: unknown.
     """
     test = SequentialTest(limit)
     least = _first(lambda count: test.accepts(0, count)) or MOST_PARTS

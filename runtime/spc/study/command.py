@@ -33,13 +33,15 @@ def parser() -> Parser:
     text = "Accept a cell by its audited parts, checked at any time; study the squeeze as a gauge."
     built = Parser(prog="grasp-audit study", description=text, epilog=EPILOG)
     add = built.add_argument
-    text = "of audited runs of one table, in their order"
+    text = "journals of audited runs of one table, in the order of the runs"
     add("journals", type=Path, nargs="*", metavar="JOURNAL", help=text)
     text = "the run-off sheet, to print on two pages"
     add("-o", "--output", type=Path, metavar="F.html", help=text)
-    text = "of parts to be located within the goal (default: the confidence of the table's goal)"
+    text = (
+        "share of parts to be located within the goal (default: the confidence of the table's goal)"
+    )
     add("--required", type=_share, metavar="SHARE", help=text)
-    text = "gauge R&R: each journal is an appraiser with the same PARTS, in the same order again and again"
+    text = "gauge R&R: each journal is an appraiser who measures the same PARTS parts, always in one order"
     add("--crossed", type=positive_int, metavar="PARTS", help=text)
     text = "judge a simulated cell's parts by where they were, not by audits"
     add("--truth", action="store_true", help=text)
@@ -62,7 +64,7 @@ def _study(options: argparse.Namespace) -> int:
         raise UsageError("name journals, or a table with --plan, or a file with --measurements")
     if not options.journals and (options.crossed or options.truth or options.output):
         raise UsageError(
-            "--crossed, --truth and --output are of journals; name some, or leave them out"
+            "--crossed, --truth and --output need journals; name some, or leave these options out"
         )
     if options.plan is not None:
         return _plan(options)

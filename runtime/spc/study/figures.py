@@ -39,7 +39,7 @@ class Study:
 
     history: History
     acceptance: Acceptance
-    # looks evenly spread over the run, that of the verdict, and the last
+    # the state at looks evenly spread over the run, at the verdict, and at the end
     curve: tuple[Acceptance, ...]
     table: GaugeRow
     leaves: tuple[GaugeRow, ...]

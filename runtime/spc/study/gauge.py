@@ -102,7 +102,7 @@ class Crossed:
     parts: int
     appraisers: int
     trials: int
-    # probability of such an interaction by chance; None where nothing repeats
+    # probability of such an interaction by chance; None where repeated readings never differ
     interaction_p: float | None
     anova: Spread
     ranges: Spread | None  # by average and range; None without constants for this size
@@ -149,7 +149,8 @@ def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None,
     """Two-way analysis of variance; an interaction that is not significant is pooled with repeatability.
 
     Returns:
-        The probability of the interaction by chance, None where nothing repeats, and the spread.
+        The probability of such an interaction by chance, None where repeated readings never differ; and the
+        spread.
     """
     cells = [[fmean(cell) for cell in row] for row in readings]
     rows, columns = [*map(fmean, cells)], [*map(fmean, zip(*cells, strict=True))]
@@ -195,7 +196,7 @@ def f_tail(statistic: float, above: int, below: int) -> float:
 
 
 def t_tail(statistic: float, freedom: int) -> float:
-    """Probability that Student's t exceeds the statistic in size, on either side."""
+    """Probability that Student's t exceeds the statistic in absolute value."""
     return beta_share(freedom / (freedom + statistic**2), freedom / 2, 0.5)
 
 

@@ -33,8 +33,8 @@ def page(study: Study, journals: Sequence[str]) -> str:
     """The sheet.
 
     Args:
-        study: its content.
-        journals: names of the files it was made from.
+        study: what the sheet shows.
+        journals: names of the journals that were studied.
     """
     grades = {Verdict.ACCEPTED: "good", Verdict.OPEN: "fair"}
     grade = grades.get(study.acceptance.verdict, "poor")

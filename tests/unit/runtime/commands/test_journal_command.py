@@ -53,7 +53,7 @@ def test_replay_of_a_forged_decision_is_24_though_its_chain_holds(journal, tmp_p
     seen = called(main, "replay", forged)
     assert seen.code == 24
     assert seen.out.startswith("record 3: ")
-    assert "records claim what their counts do not justify" in seen.err
+    assert "records contradict those before them" in seen.err
     reported = called(main, "replay", forged, "--json")
     assert (reported.code, json.loads(reported.out)["findings"][0]["seq"]) == (24, 3)
 

@@ -61,4 +61,4 @@ def test_cell_process_that_stays_silent_is_ended_and_reported(monkeypatch, tmp_p
     result = refusal_of(
         monkeypatch, script(tmp_path, "trap '' TERM; while true; do sleep 0.05; done")
     )
-    assert "told no endpoints within 0.05 s" in result
+    assert "printed no endpoints within 0.05 s" in result

@@ -30,7 +30,7 @@ def settled(count: int = 170, flag: int = 2, current: int = 300, echo: int = 255
 
 @pytest.mark.parametrize("echo", [0, 100])
 def test_check_fresh_of_another_request_is_stale(echo):
-    asked = f"request for {width_um(echo) / 1000:.2f} mm, asked was 0.00 mm"
+    asked = f"request for {width_um(echo) / 1000:.2f} mm, requested were 0.00 mm"
     with pytest.raises(GripperStateError, match=asked):
         check_fresh(settled(echo=echo), CLOSED_UM)
 

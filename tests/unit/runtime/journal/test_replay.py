@@ -45,7 +45,7 @@ def test_a_run_with_a_calibration_of_its_own_replays_by_it(tmp_path):
         ("squeeze", {"node": 1}, "is at node 1, the path leads to node 0"),
         ("squeeze", {"node": 17}, "is at node 17"),
         ("squeeze", {"node": None}, "is at node None"),
-        ("squeeze", {"part": 9}, "tells of part 9"),
+        ("squeeze", {"part": 9}, "is of part 9"),
         ("squeeze", {"object_flag": 1}, "cannot be followed"),
         ("squeeze", {"reading_um": 3.0}, "not an integer"),
         ("placed", {"node": 1}, "is at node 1"),

@@ -97,7 +97,7 @@ def test_pack_with_a_member_twice_is_refused():
         ({TABLE: b"other"}, r"table\.msgpack is not the file that manifest\.json lists"),
         ({JOB: b"{}"}, r"job\.json is not the file"),
         ({MANIFEST: b"{"}, r"manifest\.json is not JSON"),
-        ({MANIFEST: b"{}"}, r"manifest\.json is none of a pack"),
+        ({MANIFEST: b"{}"}, r"manifest\.json is not the manifest of a pack"),
         ({KEY: b"no key"}, r"public-key\.pem"),
         ({KEY: None}, r"lacks public-key\.pem"),
         ({TABLE: None}, r"lacks table\.msgpack"),

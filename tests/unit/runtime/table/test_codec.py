@@ -84,7 +84,7 @@ LONGER = PAYLOAD.replace(b"\x94\x00\x00\x01\x01", b"\x94\x00\x00\x01\xcc\x01", 1
     ],
 )
 def test_decode_refuses_another_encoding_of_a_table(data):
-    with pytest.raises(TableError, match="not in the one encoding a table has"):
+    with pytest.raises(TableError, match="not in the canonical encoding of a table"):
         loads(data)
 
 

@@ -17,7 +17,7 @@ from runtime.table import TableError, dumps, meets
         ({"hypotheses": (HAND, HAND)}, "two hypotheses have one name"),
         ({"hypotheses": (HAND, OTHER._replace(symmetry=0))}, "hypothesis 1: symmetry is 0"),
         ({"hypotheses": (HAND, OTHER._replace(share_ppm=-1))}, "hypothesis 1: share_ppm is -1"),
-        ({"hypotheses": (OTHER, HAND)}, "are not the first hypothesis'"),
+        ({"hypotheses": (OTHER, HAND)}, "hypothesis 0 has another rho or symmetry"),
         ({"leaves.0.hypothesis": 2}, "hypothesis is 2"),
     ],
 )
@@ -28,7 +28,7 @@ def test_what_must_not_be_executed_is_refused(changes, message):
 
 def test_one_part_is_not_asked_for():
     for change in ({"goal.kind": "identity"}, {"goal.identify": False}):
-        with pytest.raises(TableError, match="of which there is one"):
+        with pytest.raises(TableError, match="but there is only one"):
             dumps(changed(small_table(), change))
     with pytest.raises(TableError, match=r"leaf 2: hypothesis is 1, allowed is 0\.\.0"):
         dumps(changed(small_table(), {"leaves.2.hypothesis": 1}))

@@ -74,7 +74,7 @@ FIELDS = [
     ("job_digest", TABLE.job_digest, b"short", "length of job_digest is 5"),
     ("nodes", TABLE.nodes, (), "number of nodes is 0"),
 ]
-TWO_POSES = "leaf 0: 2 poses are more than the goal leaves open; mark it unresolved"
+TWO_POSES = "leaf 0: 2 poses are more than the goal allows; mark it unresolved"
 NEAREST_TAKEN = "node 0, branch 1: expected_um is 21000, allowed is 21001..22000"
 # Of untried leaves: errors that were measured bind the goal, too.
 LEAVES_UNTRIED = replace(UNTRIED, leaves=tuple(leaf._replace(trials=0) for leaf in TABLE.leaves))

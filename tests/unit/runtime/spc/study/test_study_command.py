@@ -216,7 +216,7 @@ def test_plan_says_how_many_parts_before_they_are_run(tmp_path, capsys):
         (["{empty}"], 2, "no part yet"),
         (["{few}", "--plan", "t"], 2, "name journals"),
         (["{few}", "--required", "1"], 2, "no share between 0 and 1"),
-        (["--plan", "t", "--truth"], 2, "are of journals"),
+        (["--plan", "t", "--truth"], 2, "need journals"),
         (["--plan", "none.msgpack"], 3, "none.msgpack"),
         (["--measurements", "none.csv"], 3, "none.csv"),
         (["--measurements", "{few}"], 3, "write the columns"),
