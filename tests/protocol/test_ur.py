@@ -236,9 +236,7 @@ def test_move_linear_held_up_on_pendant_names_reason(rig, changed, reason):
 
         arm._await_start = held
         with pytest.raises(ArmError, match=f"not there after .*{reason}.*look at the pendant"):
-            arm.move_linear(
-                TARGET, 5.0
-            )  # slow, so that the move has not ended before it is held up
+            arm.move_linear(TARGET, 5.0)  # slow: it must not end before it is held up
 
 
 def test_move_linear_paused_and_resumed_arrives(rig):

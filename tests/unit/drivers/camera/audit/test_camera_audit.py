@@ -234,10 +234,7 @@ def test_audit_separate_tags_tell_parts_apart():
     assert output(0, "l", left, right) == (PASS, "l")
     assert output(1, "r", left, right) == (PASS, "r")
     assert output(1, "l", left, right) == (FAIL, "r")
-    alike = replace(right, tag=left.tag)
-    assert output(0, "r", left, alike) == (
-        PASS,
-        None,
-    )  # both carry the same tag: the audit cannot name the part
+    alike = replace(right, tag=left.tag)  # so that the audit cannot name the part
+    assert output(0, "r", left, alike) == (PASS, None)
     assert output(1, "l", left, alike) == (UNKNOWN, None)
     assert output(0, "l", right) == (UNKNOWN, None)
