@@ -1,4 +1,4 @@
-"""What every arm must do (drivers/ports.py), against each make of `arm_rigs`."""
+"""The contract of every arm (drivers/ports.py), tested on each make of `arm_rigs`."""
 
 import pytest
 from arm_rigs import RIGS
@@ -10,7 +10,7 @@ from drivers.ur import rtde
 
 
 class TestArms(ArmContract):
-    """Every make."""
+    """The contract, on every make."""
 
     @pytest.fixture(params=RIGS)
     def rig(self, request, monkeypatch):

@@ -1,4 +1,4 @@
-"""The page about evidence names tests that exist, for each clause that it has to map."""
+"""The evidence page maps each required clause to tests that exist."""
 
 import re
 
@@ -8,7 +8,7 @@ PAGE = (ROOT / "tools" / "docs" / "evidence.md").read_text(encoding="utf-8")
 CLAUSES = ("1.1.9", "1.2.1", "CR 2.8", "CR 3.4", "CR 6.1")
 
 
-def test_each_clause_is_mapped_to_a_test_that_exists():
+def test_evidence_page_maps_each_clause_to_existing_test():
     clauses = tuple(f"| {clause}" for clause in CLAUSES)
     rows = [row for row in PAGE.splitlines() if row.startswith(clauses)]
     for clause in CLAUSES:
@@ -21,5 +21,5 @@ def test_each_clause_is_mapped_to_a_test_that_exists():
             assert not name or f"def {name}(" in text, f"{path} has no {name}"
 
 
-def test_the_page_claims_no_performance_level():
+def test_evidence_page_claims_no_performance_level():
     assert "no performance level" in PAGE

@@ -1,6 +1,6 @@
-"""What every gripper must do (drivers/ports.py), against each make and bus.
+"""The contract of every gripper (drivers/ports.py), tested on each make and bus.
 
-A new make is one more entry of `RIGS`; the real one, with nothing between its jaws, passes too.
+A new make is one more entry of `RIGS`. A real gripper with nothing between its jaws passes, too.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ RIGS |= {"schunk-egu": SchunkRig}
 
 
 class TestGrippers(GripperContract):
-    """Every make and bus."""
+    """The contract, on every make and bus."""
 
     @pytest.fixture(params=RIGS)
     def rig(self, request, monkeypatch):
@@ -39,7 +39,7 @@ class TestGrippers(GripperContract):
 
 
 @pytest.mark.parametrize("bus", ["pty", "urcap"])
-def test_activation_cut_short_and_stopped_stands_still_and_may_begin_anew(bus):
+def test_stop_after_interrupted_activation_allows_a_new_one(bus):
     class Interrupted(BaseException):
         pass
 
@@ -64,14 +64,14 @@ def test_activation_cut_short_and_stopped_stands_still_and_may_begin_anew(bus):
         assert gripper.state().activated
 
 
-def test_closing_a_modbus_tcp_link_stops_the_jaws_and_no_other_does():
-    for bus in ("rtu+tcp", "tcp"):
-        with contextlib.closing(Robotiq(bus)) as rig:
-            with rig.open() as gripper:
-                gripper.activate()
-                gripper.move(-1, 20.0, 20.0)
-            threading.Event().wait(0.15)
-            assert bool(rig.model.read_output()[0] & 0x08) == (bus != "tcp")
+@pytest.mark.parametrize("bus", ["rtu+tcp", "tcp"])
+def test_close_stops_jaws_on_modbus_tcp_only(bus):
+    with contextlib.closing(Robotiq(bus)) as rig:
+        with rig.open() as gripper:
+            gripper.activate()
+            gripper.move(-1, 20.0, 20.0)
+        threading.Event().wait(0.15)
+        assert bool(rig.model.read_output()[0] & 0x08) == (bus != "tcp")
 
 
 @pytest.mark.parametrize(
@@ -87,12 +87,12 @@ def test_closing_a_modbus_tcp_link_stops_the_jaws_and_no_other_does():
         ("tcp://a..b:502", "."),
     ],
 )
-def test_port_that_nobody_serves_is_refused_in_one_line(port, sentence):
+def test_connect_gripper_unserved_port_is_refused_in_a_line(port, sentence):
     with refused_in_a_line(PortError, sentence):
         connect.gripper(port)
 
 
-def test_gripper_of_another_profile_than_asked_for_is_refused_and_closed(monkeypatch):
+def test_connect_gripper_of_other_profile_is_refused_and_closed(monkeypatch):
     def stubborn(makes, *settings, profile, **options):
         return modbus.gripper(*settings, profile=None, **options)
 
@@ -104,7 +104,7 @@ def test_gripper_of_another_profile_than_asked_for_is_refused_and_closed(monkeyp
             assert again.profile.model == "robotiq-2f-85"
 
 
-def test_a_port_has_one_owner():
+def test_connect_gripper_port_in_use_is_refused():
     with (
         contextlib.closing(Robotiq("pty")) as gripper,
         gripper.open(),
@@ -113,8 +113,7 @@ def test_a_port_has_one_owner():
         connect.gripper(gripper.name)
 
 
-def test_a_silent_line_times_out_and_the_next_answer_is_not_stale(monkeypatch):
-    """The slave is deaf for a moment; afterwards driver and device are in step again."""
+def test_gripper_after_silence_takes_no_stale_answer(monkeypatch):
     lines = []
     report = lambda kind, fields: lines.append(fields["incident"])  # noqa: E731
     with contextlib.closing(Robotiq("pty")) as device, device.open(report=report) as gripper:
@@ -130,7 +129,7 @@ def test_a_silent_line_times_out_and_the_next_answer_is_not_stale(monkeypatch):
     assert lines == [*["no answer", "read repeated"] * 2, "no answer"]
 
 
-def test_an_unplugged_adapter_is_not_reopened():
+def test_gripper_unplugged_adapter_is_not_reopened():
     device = Robotiq("pty")
     with device.open() as gripper:
         device.close()

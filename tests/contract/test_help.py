@@ -1,4 +1,4 @@
-"""What each command says of itself: what it does, examples that it takes, exit codes, in the same words."""
+"""The help of each command: purpose, arguments, examples that the command accepts, and exit codes."""
 
 import argparse
 import re
@@ -34,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> list[argparse.Action]:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_it_says_what_it_does_and_each_argument_what_it_is(name):
+def test_help_describes_command_and_each_argument(name):
     result = ALL[name]
     assert result.description
     assert result.description.rstrip()[-1] in ".?"
@@ -43,7 +43,7 @@ def test_it_says_what_it_does_and_each_argument_what_it_is(name):
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_it_has_an_example_and_exit_codes_of_the_one_list(name):
+def test_help_has_example_and_exit_codes(name):
     epilog = ALL[name].epilog or ""
     assert re.search(r"^examples?\b.*:$", epilog, re.MULTILINE)
     section = epilog.partition("exit codes:\n")[2].partition("\n\n")[0].rstrip("\n")
@@ -54,23 +54,23 @@ def test_it_has_an_example_and_exit_codes_of_the_one_list(name):
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_an_example_is_understood(name):
+def test_help_example_is_understood(name):
     epilog = re.sub(r"\\\n\s+", "", ALL[name].epilog or "")
     lines = [line.strip() for line in epilog.splitlines() if line.startswith(f"  {name} ")]
     assert lines
     for line in lines:
         words = shlex.split(line.partition(" && ")[0].partition(" > ")[0])
         parser, given = ALL[name], words[len(name.split()) :]
-        if name == "squeezetree":  # the program that it calls understands the rest
+        if name == "squeezetree":  # the program that it calls parses the rest
             parser, given = COMMANDS[PROGRAMS[given[0]].name], given[1:]
         parser.parse_args(given)
 
 
-def test_identify_states_every_column_that_it_reads():
+def test_help_of_identify_states_every_column():
     stated = set(re.findall(r"\w+", ALL["plan-identify"].epilog))
     assert {*pushes.COLUMNS, *pushes.DIRECTIONS} <= stated
 
 
-def test_who_prints_text_prints_json_too():
+def test_commands_that_print_text_offer_json():
     silent = {"grasp-audit judge"}  # JSON is all that it prints
     assert {name for name in LAST if "--json" not in ALL[name]._option_string_actions} == silent

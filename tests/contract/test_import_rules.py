@@ -1,4 +1,4 @@
-"""Who may import whom: the contracts of pyproject.toml hold here, and each fails where it is broken."""
+"""Which module may import which: the contracts of pyproject.toml accept and refuse what they should."""
 
 import ast
 import re
@@ -16,7 +16,7 @@ LINT = "import sys; from importlinter.cli import lint_imports_command; sys.exit(
 
 CLOCKS = {"time", "datetime", "sched", "timeit"}
 
-# A tree as small as the contracts allow: module -> source. Every arrow that is allowed is in it.
+# The smallest tree that the contracts accept, module -> source, with every kind of allowed import.
 CLEAN = {f"{layer.replace('.', '/')}.py": "" for layer in LAYERS} | {
     "planner/__init__.py": "",
     "planner/compile.py": (
@@ -97,7 +97,7 @@ def plant(folder: Path, modules: dict[str, str]) -> None:
 @pytest.mark.parametrize(
     "path", [*(ROOT / "runtime" / "shell").glob("*.py")], ids=lambda path: path.stem
 )
-def test_what_all_commands_share_needs_nothing_but_the_standard_library(path):
+def test_shell_module_imports_only_standard_library(path):
     for name in imported(path):
         package = name.partition(".")[0]
         assert (
@@ -110,22 +110,22 @@ def test_what_all_commands_share_needs_nothing_but_the_standard_library(path):
 @pytest.mark.parametrize(
     "path", sorted((ROOT / "runtime").rglob("*.py")), ids=lambda path: path.stem
 )
-def test_only_the_system_clock_of_the_runtime_reads_the_time(path):
+def test_runtime_module_reads_time_only_in_clock(path):
     """Waits, dates and deadlines go through the Clock port, which may be a virtual one."""
     packages = {name.partition(".")[0] for name in imported(path)}
     assert bool(packages & CLOCKS) == (path.name == "clock.py")
 
 
 @pytest.mark.slow
-def test_allowed_imports_keep_the_rules(tmp_path):
+def test_contracts_allowed_imports_are_accepted(tmp_path):
     plant(tmp_path, CLEAN)
     result = lint(tmp_path)
     assert result.code == 0, result
 
 
 @pytest.mark.slow
-def test_every_forbidden_import_is_found_by_its_contract(tmp_path):
-    """All in one tree: each is named in the section of the contract that it breaks."""
+def test_contracts_each_forbidden_import_is_reported(tmp_path):
+    """One tree has all of them; each is reported in the section of the contract that it breaks."""
     modules = dict(CLEAN)
     for module, imported, _ in BROKEN:
         modules[f"{module.replace('.', '/')}.py"] += f"import {imported}\n"
@@ -141,10 +141,10 @@ def test_every_forbidden_import_is_found_by_its_contract(tmp_path):
 @pytest.mark.parametrize(
     "contract", [c for c in CONTRACTS if "layers" in c], ids=lambda c: c["name"]
 )
-def test_the_picture_shows_the_layers(contract):
+def test_rooms_picture_shows_layers_of_contract(contract):
     package = contract["layers"][0].partition(".")[0]
     layers: list[set[str]] = []
-    for layer in contract["layers"]:  # a room's own layers are one row
+    for layer in contract["layers"]:  # the layers within a room are one row
         rooms = set(re.findall(rf"{package}\.(\w+)", layer)) - set().union(*layers)
         layers += [rooms] if rooms else []
     picture = (ROOT / "tools" / "docs" / "pictures" / "rooms.svg").read_text()

@@ -20,7 +20,7 @@ def packages_of(files: str) -> set[str]:
 
 
 PACKAGES = sorted(packages_of("__init__.py"))
-RENAMED = {"try": "first_look"}  # `try` is a word of Python
+RENAMED = {"try": "first_look"}  # `try` is a keyword
 COMMANDS = PYPROJECT["project"]["scripts"]
 TOP_LEVEL = {"planner", "runtime", "drivers", "trees", "tests", "tools", ".ci"}
 TEST_KINDS = {
@@ -38,21 +38,21 @@ def folders(path: Path) -> set[str]:
     return {name for name in names if not any(fnmatch(name, pattern) for pattern in ignored)}
 
 
-def test_top_level_folders_are_the_design():
+def test_repository_top_level_folders_are_those_of_design():
     assert folders(ROOT) == TOP_LEVEL
 
 
-def test_tests_are_sorted_by_kind():
+def test_tests_folders_are_known_kinds():
     assert folders(ROOT / "tests") <= TEST_KINDS
 
 
-def test_every_folder_of_modules_is_a_package_that_is_installed():
+def test_packages_hold_every_module_and_are_installed():
     assert sorted(packages_of("*.py")) == PACKAGES
     included = PYPROJECT["tool"]["setuptools"]["packages"]["find"]["include"]
     assert all(any(fnmatch(package, pattern) for pattern in included) for package in PACKAGES)
 
 
-def test_unit_tests_mirror_the_packages():
+def test_unit_tests_mirror_packages():
     unit = ROOT / "tests" / "unit"
     mirrored = {".".join(test.parent.relative_to(unit).parts) for test in unit.rglob("test_*.py")}
     assert mirrored - {""} <= set(PACKAGES)
@@ -75,7 +75,7 @@ def test_packages_are_marked_as_typed():
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_command_has_an_entry_point_and_a_main(command):
+def test_command_has_entry_point_and_main(command):
     module, _, function = COMMANDS[command].partition(":")
     assert callable(getattr(importlib.import_module(module), function))
     if module == "planner.commands":
@@ -83,7 +83,7 @@ def test_command_has_an_entry_point_and_a_main(command):
         assert callable(importlib.import_module(f"planner.cli.{RENAMED.get(name, name)}").main)
 
 
-def test_decision_records_have_a_number_each():
+def test_decision_records_have_different_numbers():
     numbers = [path.name[:4] for path in (ROOT / "tools" / "decisions").glob("[0-9]*.md")]
     assert len(set(numbers)) == len(numbers)
 
@@ -91,7 +91,7 @@ def test_decision_records_have_a_number_each():
 @pytest.mark.parametrize(
     "record", sorted((ROOT / "tools" / "decisions").glob("*.md")), ids=lambda path: path.stem
 )
-def test_decision_record_has_the_four_headings(record):
+def test_decision_record_has_four_headings(record):
     text = record.read_text()
     number = record.stem.partition("-")[0].replace("TEMPLATE", "NNNN")
     assert text.startswith(f"# {number}: ")

@@ -1,4 +1,4 @@
-"""OUTCOMES.md, FAULTS.md, the error classes and the systemd unit say what the code does."""
+"""OUTCOMES.md, the error classes and the systemd unit agree with the code."""
 
 import importlib
 import re
@@ -27,23 +27,23 @@ def setting(name: str) -> str:
     return str(value)
 
 
-def test_the_states_are_those_of_the_loop():
+def test_outcomes_page_states_are_phases_of_loop():
     states = [row[0].strip("`") for row in rows(section(TEXT, "States"))]
     assert states == [phase.value for phase in Phase]
 
 
-def test_the_outcomes_have_their_codes():
+def test_outcomes_page_lists_each_outcome_with_its_code():
     record = {row[0].strip("`"): row[1] for row in rows(section(TEXT, "Outcomes"))}
     assert record == {each.value: str(EXIT_CODES.get(each, "the device's")) for each in Outcome}
 
 
-def test_the_faults_are_the_codes_of_devices_and_disk():
+def test_outcomes_page_faults_are_codes_of_devices_and_journal():
     codes = {int(row[0]) for row in rows(section(TEXT, "Faults"))}
     assert codes == {ExitCode.DEVICE, ExitCode.UNREACHABLE, ExitCode.JOURNAL}
     assert f"{len(KINDS)} classes" in TEXT
 
 
-def test_the_units_command_line_is_understood():
+def test_systemd_unit_command_line_is_understood():
     program, name, *words = shlex.split(setting("ExecStart"))
     assert (program, name) == ("/usr/bin/env", "grasp-runtime")
     (example,) = re.findall(r"ARGUMENTS=(--.*)$", UNIT, re.MULTILINE)
@@ -52,7 +52,7 @@ def test_the_units_command_line_is_understood():
     assert arguments.journal == Path("/var/lib/squeezetree/%i.jsonl")
 
 
-def test_the_unit_takes_the_ends_of_parts_for_no_failure_and_waits_long_enough():
+def test_systemd_unit_takes_ends_of_parts_for_success():
     ends = {code for outcome, code in EXIT_CODES.items() if outcome is not Outcome.ABORTED} - {0}
     assert set(map(int, setting("SuccessExitStatus").split())) == ends
     assert float(setting("WatchdogSec")) == soak_run.WATCHDOG_S
@@ -65,7 +65,7 @@ RETURNED = {
     *(ExitCode.DONE, ExitCode.NOT_LOCATED, ExitCode.UNDECIDED),
     *(ExitCode.STOPPED, ExitCode.INTERRUPTED),
 }
-"""Codes that a command returns, and no error carries."""
+"""Codes that a command returns and that no error has."""
 
 
 def classes() -> list[type[ExpectedError]]:
@@ -75,7 +75,7 @@ def classes() -> list[type[ExpectedError]]:
 
 
 @pytest.mark.parametrize("cls", classes(), ids=lambda cls: cls.__name__)
-def test_error_class_has_the_code_of_what_it_is_about(cls):
+def test_error_class_has_exit_code_of_its_cause(cls):
     codes = {"ExpectedError": 1, "UsageError": 2, "InputError": 3, "NoPlanError": 4}
     codes |= {"CheckFailedError": 11, "DeviceError": 20, "UnreachableError": 21, "StoppedError": 40}
     codes |= {"PackError": 34, "JournalError": 24, "BrokenRunError": 24}
@@ -89,7 +89,7 @@ def test_exit_codes_are_at_most_twelve_beside_success_and_interrupt():
     assert all(code < 126 for code in set(ExitCode) - {ExitCode.INTERRUPTED})
 
 
-def test_outcomes_list_each_code_with_its_sentence():
+def test_outcomes_page_lists_each_exit_code_with_its_sentence():
     text = (ROOT / "runtime" / "OUTCOMES.md").read_text(encoding="utf-8")
     listed = [row[:2] for row in rows(section(text, "Exit codes"))]
     assert listed == [[str(code.value), code.sentence] for code in ExitCode]

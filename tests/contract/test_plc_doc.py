@@ -24,7 +24,7 @@ def shown(state: State, event: Event) -> str:
     return "-" if after is state else after.value
 
 
-def test_page_shows_the_table_of_the_code():
+def test_plc_page_shows_state_table_of_code():
     head = re.search(r"^\| state \| (.*) \|$", PAGE, re.MULTILINE)
     assert head is not None
     signals, *names = head[1].split(" | ")
@@ -43,7 +43,7 @@ def test_page_shows_the_table_of_the_code():
             assert shown(state, Event(name)) == f"error {error}"
 
 
-def test_page_lists_every_register():
+def test_plc_page_lists_every_register():
     def expected(register):
         last = register.address + register.words - 1
         address = str(register.address) if register.words == 1 else f"{register.address}, {last}"
@@ -59,7 +59,7 @@ def test_page_lists_every_register():
     assert f"write {len(WRITTEN)} from address {WRITTEN[0].address}" in PAGE
 
 
-def test_page_explains_every_error_and_limit():
+def test_plc_page_explains_every_error_and_limit():
     explained = [row[0] for row in rows(PAGE, "`error_id`")]
     assert explained == ["1, 20, 21, 24, 40", *(str(error.value) for error in Error if error)]
     seconds = modbus.KEEPALIVE.values()
@@ -79,7 +79,7 @@ SECTION = section(PAGE, "OPC UA")
 PROSE = " ".join(SECTION.split())
 
 
-def test_section_shows_the_states_in_the_order_in_which_they_hold():
+def test_plc_page_shows_opcua_states_in_order():
     assert rows(SECTION, "shown while") == [
         [
             row.when,
@@ -91,7 +91,7 @@ def test_section_shows_the_states_in_the_order_in_which_they_hold():
     ]
 
 
-def test_section_names_every_method_with_its_arguments():
+def test_plc_page_names_every_opcua_method_with_arguments():
     with line() as each:
         methods = each.server._methods()
     expected = []
@@ -108,14 +108,14 @@ def test_section_names_every_method_with_its_arguments():
     assert [row[:3] for row in rows(SECTION, "method")] == sorted(expected)
 
 
-def test_section_names_every_variable_of_a_result():
+def test_plc_page_names_every_opcua_variable_of_result():
     kinds = get_type_hints(Result)
     assert [row[:2] for row in rows(SECTION, "`LastResult/`")] == [
         [f"`{name}`", TYPES[kinds[name]].name] for name in Result._fields
     ]
 
 
-def test_section_states_limits_errors_and_reasons():
+def test_plc_page_states_opcua_limits_errors_and_reasons():
     assert f"`{NAMESPACE}`" in PROSE
     for words in (
         f"silent for {admission.SESSION_S:g} s",

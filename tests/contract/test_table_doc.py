@@ -1,4 +1,4 @@
-"""TABLE.md lists the sections, fields and bytes that the code has, and its example is a table."""
+"""TABLE.md lists the sections, fields and limits of the code, and its example is a valid table."""
 
 import re
 
@@ -47,17 +47,17 @@ def rows() -> list[str]:
     ]
 
 
-def test_page_lists_the_sections_and_fields_of_the_code():
+def test_table_page_lists_sections_and_fields_of_code():
     (listed,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
     assert listed.splitlines() == rows()
 
 
-def test_page_has_an_example_that_is_a_file_byte_for_byte():
+def test_table_page_example_is_file_byte_for_byte():
     (example,) = re.findall(r"```\n([0-9a-f\s]*)```", PAGE)
     assert bytes.fromhex(example) == dumps(small_table())
 
 
-def test_page_has_the_numbers_of_the_code():
+def test_table_page_states_numbers_of_code():
     assert f"`{MAGIC}` (str), the format {FORMAT} (int)" in PROSE
     assert f"| 1 to {FORMAT - 1} | {FORMAT} |" in PROSE
     assert f"no array is longer than {MAX_LEAVES}, no file than {MAX_BYTES >> 20} MiB" in PROSE
@@ -65,6 +65,6 @@ def test_page_has_the_numbers_of_the_code():
     assert "up to `empty_um`: branches without a grip" in PROSE
 
 
-def test_page_lists_the_kinds_of_goal():
+def test_table_page_lists_kinds_of_goal():
     listed = re.findall(r"^\| `(\w+)` \| [^|]*\|$", PAGE, re.MULTILINE)
     assert tuple(listed) == KINDS

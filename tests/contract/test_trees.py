@@ -1,4 +1,4 @@
-"""Every folder of trees/ is a part: its job loads, says what it is, and has the symmetry that it states."""
+"""Every folder of trees/ holds a job that loads, describes its part, and states the symmetry rightly."""
 
 import re
 import tomllib
@@ -29,12 +29,12 @@ def header(name):
     return " ".join(line.removeprefix("#").strip() for line in lines[:end])
 
 
-def test_every_folder_holds_a_job():
+def test_trees_folders_each_hold_a_job():
     assert {path.name for path in TREES.iterdir() if path.is_dir()} == set(JOBS)
 
 
 @part
-def test_header_says_what_it_is_and_its_symmetry(name, jobs):
+def test_job_header_describes_part_and_states_its_symmetry(name, jobs):
     text = header(name)
     assert len(text) > 40
     stated = re.search(r"Rotational order (\d+)\.", text)
@@ -43,13 +43,13 @@ def test_header_says_what_it_is_and_its_symmetry(name, jobs):
 
 
 @part
-def test_job_states_what_it_doubts_or_why_it_doubts_nothing(name):
+def test_job_has_doubts_or_states_why_not(name):
     text = JOBS[name].read_text()
     assert ("\n[doubt]" in text) != ("\n# No [doubt]: " in text)
 
 
 @part
-def test_part_fits_between_the_jaws_at_any_angle(name, jobs):
+def test_part_fits_between_jaws_at_any_angle(name, jobs):
     job = jobs[name]
     assert diameter(job.part.outline_mm) < FINGERS_PASS_MM
     assert len(job.part.outline_mm) <= 60
@@ -68,7 +68,7 @@ TABLE_I = [
 ]
 
 
-def test_rows_are_the_papers_table(jobs):
+def test_table1_rows_equal_table_of_paper(jobs):
     results = []
     for row in ROWS:
         job = jobs[row["part"]]
@@ -79,6 +79,6 @@ def test_rows_are_the_papers_table(jobs):
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row["experiment"])
-def test_row_of_table_one_changes_its_job_and_world_within_their_ranges(row):
+def test_table1_row_is_accepted_as_change_of_its_job(row):
     job = job_file.load(JOBS[row["part"]], changes_of(row.get("job", ())))
     job.replaced(row["materials"], **changes_of(row["world"]))

@@ -1,4 +1,4 @@
-"""The names in the code and the words of the documentation are those of tools/docs/glossary.md."""
+"""Names in the code and words in the documentation follow tools/docs/glossary.md."""
 
 import ast
 import re
@@ -30,7 +30,7 @@ WORDS = {
 
 
 def modules_of(folder: str) -> Iterator[tuple[Path, list[ast.AST]]]:
-    """The modules of a folder, their nodes."""
+    """The modules of a folder, each with its syntax nodes."""
     for path in sorted((ROOT / folder).rglob("*")):
         if path.suffix == ".py" or (path.is_file() and path.read_bytes().startswith(SCRIPT)):
             yield path.relative_to(ROOT), [*ast.walk(ast.parse(path.read_text()))]
@@ -78,7 +78,7 @@ def prose_of(page: str) -> str:
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_identifiers_are_words_of_the_glossary_and_functions_have_few_parameters(folder):
+def test_identifiers_follow_glossary_and_parameters_are_few(folder):
     kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
     wrong = []
     for path, nodes in modules_of(folder):
@@ -99,7 +99,7 @@ def words_refused_in(prose: str) -> Iterator[str]:
         yield f"{word}; say {WORDS.get(word.lower(), 'the term')}"
 
 
-def test_pages_use_the_terms_of_the_glossary():
+def test_pages_use_terms_of_glossary():
     wrong = [
         f"{path.relative_to(ROOT)}: {refused}"
         for path in PAGES
@@ -109,7 +109,7 @@ def test_pages_use_the_terms_of_the_glossary():
 
 
 @pytest.mark.parametrize("folder", FOLDERS[:-1])
-def test_docstrings_use_the_terms_of_the_glossary(folder):
+def test_docstrings_use_terms_of_glossary(folder):
     wrong = []
     for path, nodes in modules_of(folder):
         for node in nodes:
@@ -120,7 +120,7 @@ def test_docstrings_use_the_terms_of_the_glossary(folder):
     assert not wrong, "\n".join(wrong)
 
 
-def test_glossary_states_a_meaning_for_each_term():
+def test_glossary_states_meaning_of_each_term():
     assert all(all(row) for row in TERMS)
     assert len({term for term, *_ in TERMS}) == len(TERMS)
     assert WORDS.keys() >= {"hasty"}

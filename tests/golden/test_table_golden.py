@@ -1,4 +1,4 @@
-"""The file of the format, byte for byte: whoever changes the bytes changes the format's number."""
+"""A file of the current table format, byte for byte: a change of its bytes needs a new format number."""
 
 from pathlib import Path
 
@@ -9,6 +9,6 @@ from runtime.table import dumps, loads
 GOLDEN = (Path(__file__).parent / "table-format-12.msgpack").read_bytes()
 
 
-def test_the_format_is_read_and_written_byte_for_byte():
+def test_table_golden_file_is_read_and_written_byte_for_byte():
     assert loads(GOLDEN) == every_field_table()
     assert dumps(every_field_table()) == GOLDEN

@@ -1,4 +1,4 @@
-"""The frame parsers under what hypothesis invents: whole, cut, doubled, damaged and arbitrary frames."""
+"""The frame parsers under generated input: whole, cut, repeated, damaged and arbitrary frames."""
 
 import random
 
@@ -28,19 +28,19 @@ def damaged(draw: st.DrawFn) -> bytes:
 
 @CASES
 @given(listeners, cuts, st.lists(st.one_of(frames, damaged(), st.binary(max_size=12)), max_size=6))
-def test_nothing_is_answered_or_believed_that_no_sound_frame_says(listener, cut, said) -> None:
+def test_framing_damaged_frames_accepts_only_sound_ones(listener, cut, said) -> None:
     case(bytes((listener, cut)) + b"".join(said))
 
 
 @CASES
 @given(st.binary(max_size=300))
-def test_arbitrary_bytes_do_nothing(data) -> None:
+def test_framing_arbitrary_bytes_accepts_only_sound_frames(data) -> None:
     case(data)
 
 
 @CASES
 @given(st.lists(st.binary(max_size=60), max_size=5))
-def test_feed_tcp_slave_arbitrary_bytes_raises_nothing(pieces) -> None:
+def test_mbap_slave_feed_arbitrary_bytes_raises_nothing(pieces) -> None:
     slave = MbapSlave(GripperRegisters(GripperModel(random.Random(1)), lambda: 0.01), unit=TCP.unit)
     for piece in pieces:
         slave.feed(piece)
@@ -53,7 +53,7 @@ def reply(block: bytes) -> bytes:
 
 @CASES
 @given(noise, st.binary(min_size=6, max_size=6), noise)
-def test_find_answer_in_noise_returns_it_or_an_earlier_whole_one(before, block, after) -> None:
+def test_rtu_framing_find_in_noise_returns_a_whole_answer(before, block, after) -> None:
     said = before + reply(block) + after
     result = RtuFraming().find(said, read_request(RTU, 3))
     assert result is not None

@@ -36,7 +36,7 @@ def star(lengths: list[float], shift: tuple[float, float]) -> np.ndarray:
 
 @settings(max_examples=60)
 @given(radii, shifts, st.floats(0.0, 2.0), st.floats(0.0, 2.0), st.integers(0, 2**63 - 1))
-def test_any_job_round_trips_exactly(lengths, shift, low, high, seed):
+def test_job_canonical_text_round_trips_exactly(lengths, shift, low, high, seed):
     drawn = star(lengths, shift).tolist()
     low, high = sorted((low, high))
     text = (
@@ -59,7 +59,7 @@ def test_any_job_round_trips_exactly(lengths, shift, low, high, seed):
 
 
 def refusal(read: Callable[[str, str], job.Job], text: str) -> InputError | None:
-    """Return the error that a text is refused with; any other exception fails the test."""
+    """The error with which a text is refused; any other exception fails the test."""
     try:
         read(text, "my.toml")
     except InputError as error:
@@ -69,7 +69,7 @@ def refusal(read: Callable[[str, str], job.Job], text: str) -> InputError | None
 
 @settings(max_examples=150)
 @given(st.sampled_from(PLACES), anything)
-def test_any_value_anywhere_gives_a_job_or_a_one_line_error(place, value):
+def test_from_canonical_any_value_gives_job_or_one_line_error(place, value):
     section, key = place
     document = DOCUMENT | {section: DOCUMENT[section] | {key: value}}
     error = refusal(job.from_canonical, json.dumps(document))
@@ -80,7 +80,7 @@ def test_any_value_anywhere_gives_a_job_or_a_one_line_error(place, value):
 
 @settings(max_examples=100)
 @given(st.text(alphabet=st.sampled_from("[]{}=\"'.,#\n part1e9_\\x\x00é"), max_size=60))
-def test_any_text_gives_a_one_line_error(text):
+def test_parse_any_text_gives_one_line_error(text):
     error = refusal(job.parse, text)
     assert error is not None
     assert "\n" not in str(error)

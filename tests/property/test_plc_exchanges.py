@@ -1,4 +1,4 @@
-"""The handshake with a PLC under any exchanges: none of its promises depends on what a PLC does or when."""
+"""The handshake with a PLC keeps its promises, whatever the PLC does and whenever."""
 
 from random import Random
 
@@ -14,7 +14,7 @@ SHOWN = ("result_id", "outcome", "x", "y", "angle", "expected_error", "exit_code
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_study_of_faulty_exchanges_loses_no_result_and_takes_none_twice(seed: int) -> None:
+def test_station_faulty_exchanges_lose_and_repeat_no_result(seed: int) -> None:
     study = Study(seed)
     study.run(500)
     study.check()
@@ -28,7 +28,7 @@ def check_each_step(study: Study) -> None:
         study.check()
 
 
-def test_study_without_faults_sees_no_error() -> None:
+def test_station_without_faults_reports_no_error() -> None:
     study = Study(0, Faults(*[0.0] * 8))
     study.run(200)
     study.check()
@@ -40,7 +40,7 @@ def test_study_without_faults_sees_no_error() -> None:
     [(State.WAITING, Event.ACKNOWLEDGE_BACK), (State.PRESENTED, Event.TRIGGER_BACK)],
     ids=lambda each: each.name,
 )
-def test_study_notices_a_handshake_that_loses_results(state, event, monkeypatch):
+def test_study_handshake_that_loses_results_is_detected(state, event, monkeypatch):
     wrong = {**TABLE, (state, event): Transition(State.READY)}
     monkeypatch.setattr(station, "TABLE", wrong)
     study = Study(1)
@@ -49,8 +49,8 @@ def test_study_notices_a_handshake_that_loses_results(state, event, monkeypatch)
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_any_writes_in_any_order_leave_each_promise_true(seed: int) -> None:
-    """Random writes, ends of parts, losses and pauses; what follows is derived from the levels alone."""
+def test_station_random_writes_keep_each_promise(seed: int) -> None:
+    """Writes, ends of parts, lost connections and pauses; the levels alone say what must follow."""
     random, plc = Random(seed), MemoryPlc()
     names = ("enable", "trigger", "result_acknowledge", "heartbeat_in", "trigger_id", "table")
     level = dict.fromkeys(names, 0)

@@ -1,4 +1,4 @@
-"""Random pushes by hand end where they do however they are computed, and never inside the fingers.
+"""Random pushes by hand: the end hardly depends on how they are computed, and never overlaps the fingers.
 
 `tests/bench/bench_push_invariance.py` is the same study with 3000 pushes of each shape.
 """
@@ -23,8 +23,8 @@ def test_push_by_hand_computed_otherwise_ends_alike(shape):
 
 @pytest.mark.parametrize("opening", [0.0, 8.0, 12.0, 20.0])
 @pytest.mark.parametrize("beside", [0.0, 0.01, -0.3])
-def test_push_by_hand_of_a_flush_part_stays_flush(opening, beside):
-    """Whatever the limit surface: both fingers' ends lie along the side, and the centre lies between them."""
+def test_push_by_hand_flush_part_stays_flush(opening, beside):
+    """The ends of both fingers touch the side and the centre is between them, so no limit surface matters."""
     n = 100
     start = np.tile([JAWS.length_mm / 2 + 16.0, beside, 0.0], (n, 1))
     end = simulator(rectangle()).push_by_hand(
@@ -33,8 +33,8 @@ def test_push_by_hand_of_a_flush_part_stays_flush(opening, beside):
     assert end == pytest.approx(start + np.array([39.0, 0.0, 0.0]), abs=FLUSH_MM)
 
 
-def test_push_by_hand_of_a_wedged_part_takes_it_along_from_the_start():
-    """A tip between the fingers, held by friction: pushed once more it goes along with them, too."""
+def test_push_by_hand_wedged_part_moves_along_from_start():
+    """Friction holds a tip between the fingers; pushed again, it moves with them at once."""
     tip = np.array([[-24.0, 0.0], [12.0, -14.5], [12.0, 14.5]])
     part, n, opening = simulator(tip), 200, np.full(200, 12.0)
     rng = np.random.default_rng(2)

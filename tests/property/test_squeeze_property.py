@@ -1,4 +1,4 @@
-"""Random simple polygons, friction and poses: whatever is squeezed, the answer is a state of the world."""
+"""Random simple polygons, friction and poses: the result of every squeeze is physically possible."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def spiky(seed):
 
 
 def squeezed(outline, seed, mu, count=25):
-    """Initial poses and what became of them; every squeeze has its own limit surface."""
+    """Initial poses and the result of squeezing them; each squeeze has another limit surface."""
     rng = np.random.default_rng(seed + 1)
     part = simulator(outline)
     poses = random_poses(rng, count, 30.0)
@@ -41,7 +41,7 @@ def squeezed(outline, seed, mu, count=25):
 @pytest.mark.parametrize("shape", [compact, spiky])
 @CASES
 @given(seed=seeds, mu=frictions)
-def test_fingers_never_stand_in_the_part(shape, seed, mu):
+def test_roll_out_fingers_do_not_overlap_part(shape, seed, mu):
     outline = shape(seed)
     poses, result = squeezed(outline, seed, mu)
     for before, pose, width in zip(poses, result.poses, result.width_mm, strict=True):
@@ -51,7 +51,7 @@ def test_fingers_never_stand_in_the_part(shape, seed, mu):
 
 @CASES
 @given(seed=seeds, mu=frictions)
-def test_every_squeeze_ends_in_one_of_four_finite_ways(seed, mu):
+def test_roll_out_result_is_finite_and_fits_its_status(seed, mu):
     outline = spiky(seed)
     poses, result = squeezed(outline, seed, mu)
     assert np.isfinite(result.poses).all()
@@ -66,8 +66,8 @@ def test_every_squeeze_ends_in_one_of_four_finite_ways(seed, mu):
 
 @CASES
 @given(seed=seeds, mu=frictions)
-def test_fingers_only_push(seed, mu):
-    """The way the part goes along the closing axis is no longer than the way the fingers went."""
+def test_roll_out_moves_part_no_farther_than_fingers(seed, mu):
+    """Along the closing axis the part moves no farther than the fingers do."""
     outline = compact(seed)
     poses, result = squeezed(outline, seed, mu)
     closed = 0.5 * (JAWS.opening_mm - result.width_mm)
@@ -76,8 +76,8 @@ def test_fingers_only_push(seed, mu):
 
 @CASES
 @given(seed=seeds, contacts=st.integers(1, 4))
-def test_dissipation_is_never_negative(seed, contacts):
-    """On the table, at each finger, and together no more than the fingers put in."""
+def test_solve_dissipation_is_not_negative(seed, contacts):
+    """The table and each finger dissipate at least zero, together at most the work of the fingers."""
     for k in range(20):
         problem = random_contacts(np.random.default_rng([seed, k]), contacts)
         problem = problem._replace(gap=np.zeros(contacts))

@@ -1,4 +1,4 @@
-"""Text that came from a file: no border lets through what does not print, and no sink prints it."""
+"""Control characters in text from files: every reader refuses them, and no output prints them."""
 
 import contextlib
 import io
@@ -60,7 +60,7 @@ TABLES: list[Callable[[str], Table]] = [
 
 @given(odd)
 @settings(max_examples=20)
-def test_a_border_refuses_text_that_does_not_print_in_one_line_that_prints(text: str) -> None:
+def test_table_and_job_control_characters_are_refused_in_a_line(text: str) -> None:
     for table in TABLES:
         for refuse in (lambda result: loads(encode(result)), dumps):
             with pytest.raises(TableError) as refused:
@@ -76,7 +76,9 @@ def test_a_border_refuses_text_that_does_not_print_in_one_line_that_prints(text:
 
 @given(odd)
 @settings(max_examples=20)
-def test_a_file_of_json_is_refused(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
+def test_strict_json_load_control_characters_are_refused(
+    tmp_path_factory: pytest.TempPathFactory, text: str
+) -> None:
     path = tmp_path_factory.mktemp("json") / "tag.json"
     for document in ({"part": text}, {text: 1}, [[{"a": [text]}]]):
         path.write_text(json.dumps(document))
@@ -95,8 +97,8 @@ def printed(written: Callable[[], object]) -> str:
 
 @given(odd)
 @settings(max_examples=15)
-def test_no_sink_prints_what_does_not_print(text: str) -> None:
-    """Even where a text came past every border: in an error, from a device, in a journal."""
+def test_output_control_characters_are_escaped(text: str) -> None:
+    """Also where no reader checks the text: in an error, from a device, in a journal."""
     table = named(text)
     answers: list[str] = []
     parts = asked_parts(table)

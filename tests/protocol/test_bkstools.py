@@ -1,7 +1,7 @@
-"""SCHUNK's own tools drive the simulated gripper: BKSModule and the scripts, as they are.
+"""The tools of SCHUNK, BKSModule and the scripts of bkstools, drive the simulated gripper unchanged.
 
-Each runs as a process, since bkstools replaces `serial.Serial.read` when it is imported, and keeps a file in
-the home folder. The one concession is the framing in the name of the port: a pseudo-terminal has no parity.
+Each runs as a process, since bkstools replaces `serial.Serial.read` on import, and keeps a file in the home
+folder. Only the framing in the name of the port differs: a pseudo-terminal has no parity.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ def rig():
 
 @pytest.fixture
 def run(rig, tmp_path):
-    """A script of bkstools, or a file, run on the gripper; what it printed."""
+    """A function that runs a script of bkstools or a file of tests/support, and returns its output."""
 
     def run(what, *arguments):
         host = f"{rig.path},12,115200,8N1"
@@ -42,7 +42,7 @@ def run(rig, tmp_path):
 
 
 @pytest.mark.timeout(300)
-def test_bks_module_makes_ready_moves_grips_and_releases(rig, run):
+def test_schunk_model_bks_module_moves_grips_and_releases(rig, run):
     rig.part.width_mm = 41.237
     results = json.loads(run("bks_module_run.py").splitlines()[-1])
     assert (results["error at start"], results["ready"]) == (0xD9, True)
@@ -58,10 +58,11 @@ def test_bks_module_makes_ready_moves_grips_and_releases(rig, run):
 
 
 @pytest.mark.timeout(300)
-def test_bks_move_goes_to_absolute_and_relative_widths(rig, run):
+def test_schunk_model_bks_move_reaches_absolute_and_relative_widths(rig, run):
     said = run("bks_move", "--pos=30,60,10r", "--vel=110")
     reached = [float(width) for width in re.findall(r"reached (\S+) mm", said)]
-    assert reached == pytest.approx([30.0, 60.0, 70.0, 70.0], abs=0.2)  # it looks while they settle
+    # bks_move reads the widths while the fingers still settle.
+    assert reached == pytest.approx([30.0, 60.0, 70.0, 70.0], abs=0.2)
     assert "Gripper reported 0 errors and 0 warnings" in said
     assert rig.site.call(lambda: rig.model.opening_mm(rig.site.now())) == pytest.approx(
         70.0, abs=1e-3
@@ -69,7 +70,7 @@ def test_bks_move_goes_to_absolute_and_relative_widths(rig, run):
 
 
 @pytest.mark.timeout(300)
-def test_bks_grip_grips_a_part_and_releases_it_and_messages_come_newest_first(rig, run):
+def test_schunk_model_bks_grip_grips_releases_and_lists_messages(rig, run):
     run("bks_move", "--pos=100", "--vel=110")
     rig.part.width_mm = 91.237
     assert "Workpiece gripped at 91.2 mm" in run("bks_grip", "--force=100")

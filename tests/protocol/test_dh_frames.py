@@ -1,17 +1,17 @@
-"""Frames printed in DH-Robotics' manuals, byte for byte: what the driver sends, what the simulator answers.
+"""Frames printed in the manuals of DH-Robotics, byte for byte: the driver sends, the simulator answers them.
 
-Sections are those of `drivers.dh.registers`; CRCs are part of the frames.
+`drivers.dh.registers` names the manuals; the frames include their CRCs.
 """
 
 import random
 
 import pytest
 from dh_devices import VirtualDh
+from rtu_frames import rtu_frame
 from schunk_rigs import Part
 
 from drivers.dh import registers as dh
 from drivers.sim.devices.dh import DhModel, DhRegisters
-from drivers.sim.wire.modbus import crc16
 from drivers.sim.wire.rtu import RtuSlave
 from runtime.table import profile_of
 
@@ -42,12 +42,12 @@ WRITES = (INITIALISE, CALIBRATE, SET_POSITION_500, SET_SPEED_50, OPEN_FIRST, SAV
 
 
 @pytest.mark.parametrize("request_frame", [*WRITES, BAUD_115200, STOP_BIT, NO_PARITY])
-def test_simulator_repeats_each_write_of_the_manual(device, request_frame):
+def test_dh_registers_write_of_manual_is_repeated_as_answer(device, request_frame):
     assert exchange(device, request_frame) == bytes.fromhex(request_frame)
     assert device.writes == 1
 
 
-def test_simulator_answers_the_readings_of_the_manual(device):
+def test_dh_registers_read_of_manual_gets_its_answer(device):
     question, answer = READ_INITIALISED
     assert exchange(device, question) == bytes.fromhex(answer)
     exchange(device, INITIALISE)
@@ -65,14 +65,14 @@ def test_simulator_answers_the_readings_of_the_manual(device):
         ("01 04 02 00 00 01", 0),  # function 04 is not among those of [PGE] 3.3.2
     ],
 )
-def test_simulator_is_silent_where_it_is_not_meant_or_does_not_understand(device, body, damage):
-    frame = bytearray(bytes.fromhex(body) + crc16(bytes.fromhex(body)))
+def test_dh_registers_frame_not_served_is_silent(device, body, damage):
+    frame = bytearray(rtu_frame(body))
     frame[-1] ^= damage
     assert exchange(device, frame.hex()) == b""
     assert device.writes == 0
 
 
-def test_driver_sends_the_frames_of_the_manual():
+def test_gripper_sends_frames_of_manual():
     device = VirtualDh()
     sent = []
     heard = device.port._slave.feed

@@ -1,7 +1,7 @@
-"""Clients written by others for the real devices, against the simulated cell: they must notice no difference.
+"""Clients that others wrote for the real devices work with the simulated cell without changes.
 
-pymodbus and minimalmodbus as masters, pyrobotiqur as client of the URCap, and open_abb's own message formats
-(`abb.py`) over a plain socket.
+They are pymodbus and minimalmodbus as masters, pyrobotiqur as client of the URCap, and the message formats of
+`abb.py` of open_abb over a plain socket.
 """
 
 import random
@@ -34,7 +34,7 @@ def address(url):
 
 
 def master(cell, kind):
-    """A pymodbus client, and where the blocks are for it."""
+    """A pymodbus client, its unit, and the addresses of the output and input blocks."""
     if kind == "pty":
         port = cell.endpoints["gripper"]
         client = ModbusSerialClient(port, baudrate=115200, timeout=0.2, retries=0)
@@ -46,12 +46,12 @@ def master(cell, kind):
 
 
 def seen_by(read, done):
-    """What is read as soon as it is as wanted."""
+    """The first registers read for which `done` is true."""
     return until(lambda: [registers for registers in (read(),) if done(registers)])[0]
 
 
 @pytest.mark.parametrize("kind", ["pty", "rtu+tcp", "tcp"])
-def test_a_pymodbus_master_activates_closes_and_opens_and_else_meets_silence(cell, kind):
+def test_cell_pymodbus_master_moves_gripper_and_bad_requests_fail(cell, kind):
     client, unit, output, inputs = master(cell, kind)
     assert client.connect()
     read = lambda: client.read_input_registers(inputs, count=3, device_id=unit).registers  # noqa: E731
@@ -81,7 +81,7 @@ def test_a_pymodbus_master_activates_closes_and_opens_and_else_meets_silence(cel
     client.close()
 
 
-def test_a_minimalmodbus_master_over_the_serial_port(cell):
+def test_cell_minimalmodbus_master_moves_gripper(cell):
     device = minimalmodbus.Instrument(cell.endpoints["gripper"], 9)
     device.serial.baudrate, device.serial.timeout = 115200, 0.3
     device.write_registers(1000, ACTIVATE)
@@ -101,7 +101,7 @@ def test_a_minimalmodbus_master_over_the_serial_port(cell):
 
 
 class AbbPy:
-    """open_abb's message formats, as its own client writes them."""
+    """The message formats of open_abb, as its Python client writes them."""
 
     def __init__(self, url):
         self.socket = socket.create_connection(address(url), timeout=5.0)
@@ -115,7 +115,7 @@ class AbbPy:
         return (*(f"{v:+08.1f}" for v in (x, y, z)), *(f"{v:+08.5f}" for v in q))
 
 
-def test_open_abbs_own_formats(cell):
+def test_cell_messages_of_open_abb_client_are_understood(cell):
     robot = AbbPy(cell.endpoints["arm"].partition("?")[0])
     assert robot.ask("06", *robot.pose(0, 0, 0, 1, 0, 0, 0)) == "6 1 "
     assert robot.ask("07", *robot.pose(0, 0, 0, 1, 0, 0, 0)) == "7 1 "
@@ -137,7 +137,7 @@ def test_open_abbs_own_formats(cell):
     robot.socket.close()
 
 
-def test_the_logger_streams_poses_and_joints_without_terminators(cell):
+def test_cell_arm_logger_streams_poses_and_joints(cell):
     with socket.create_connection(address(cell.endpoints["arm_logger"]), timeout=5.0) as stream:
         text = ""
         while text.count("#") < 7:
@@ -151,8 +151,8 @@ def test_the_logger_streams_poses_and_joints_without_terminators(cell):
 
 
 def answer(client, inputs, unit):
-    """What the gripper answers; nothing, if the question ran into the noise before it."""
-    time.sleep(0.03)  # of silence end a frame
+    """The registers of the gripper; empty where the request merged with the noise before it."""
+    time.sleep(0.03)  # silence that ends a frame
     client.socket.reset_input_buffer()
     try:
         return client.read_holding_registers(inputs, count=3, device_id=unit).registers
@@ -160,7 +160,7 @@ def answer(client, inputs, unit):
         return []
 
 
-def test_noise_on_the_line_moves_nothing_and_deafens_nobody(cell):
+def test_cell_noise_on_serial_line_moves_nothing(cell):
     client, unit, output, inputs = master(cell, "pty")
     assert client.connect()
     rng = random.Random(4)
@@ -171,13 +171,12 @@ def test_noise_on_the_line_moves_nothing_and_deafens_nobody(cell):
     client.close()
 
 
-def test_a_client_of_the_urcap_activates_closes_and_opens(cell):
-    """pyrobotiqur, written for the URCap on a UR controller."""
+def test_cell_pyrobotiqur_client_moves_gripper(cell):
     host, port = address(cell.endpoints["gripper_urcap"])
     with pyrobotiqur.RobotiqGripper(host, port) as client:
         client.activate(poll_interval=0.01)
         assert client.get_status() == 3
-        # Its `move` takes the object flag of the move before for this one's, so it is asked again.
+        # pyrobotiqur may take the object flag of the previous move for the new one, so the test polls.
         client.close()
         until(lambda: client.get_position() == 230)
         client.open()
@@ -189,7 +188,7 @@ def test_a_client_of_the_urcap_activates_closes_and_opens(cell):
             client.get_var("XYZ")
 
 
-def test_the_urcap_serves_several_clients_at_once(cell):
+def test_cell_urcap_port_serves_several_clients_at_once(cell):
     host, port = address(cell.endpoints["gripper_urcap"])
     clients = [socket.create_connection((host, port), timeout=5.0) for _ in range(3)]
     for client in clients:

@@ -1,4 +1,4 @@
-"""The Modbus TCP server, frame by frame: pymodbus' client, minimalmodbus' PDUs and bytes of our own."""
+"""The Modbus TCP server, frame by frame: with the client of pymodbus, and with raw bytes."""
 
 import contextlib
 import socket
@@ -66,7 +66,7 @@ class Raw:
         return number, unit, self._exactly(length - 1)
 
     def ask(self, pdu: bytes, number: int = 1, unit: int = 1) -> bytes:
-        """The PDU that answers one."""
+        """The PDU that answers a request."""
         self.send(frame(pdu, number, unit))
         result, back, answer = self.read()
         assert (result, back) == (number, unit)
@@ -81,7 +81,7 @@ class Raw:
         return data
 
     def is_closed(self) -> bool:
-        """Whether the other side ends the connection; this one is then closed, too."""
+        """Whether the server ends the connection; closes this side, too."""
         ended = self.read()[2] == b""
         self.close()
         return ended
@@ -122,7 +122,7 @@ def raw(served: Served) -> Iterator[Raw]:
 
 
 @pytest.mark.parametrize("unit", [0, 247])
-def test_any_unit_is_answered_as_itself(raw: Raw, unit: int) -> None:
+def test_modbus_server_any_unit_is_answered_as_itself(raw: Raw, unit: int) -> None:
     assert raw.ask(read(DIGEST, 2), 0x1234, unit) == bytes.fromhex("0304deadbeef")
     assert raw.ask(read(DIGEST, 2, function=4), 7, unit) == bytes.fromhex("0404deadbeef")
     assert raw.ask(write(TRIGGER_ID, 0xABCD), 8, unit) == write(TRIGGER_ID, 0xABCD)
@@ -164,7 +164,7 @@ def test_any_unit_is_answered_as_itself(raw: Raw, unit: int) -> None:
     ],
     ids=lambda value: value.hex() if isinstance(value, bytes) else str(value),
 )
-def test_request_that_is_refused_gets_its_exception_and_changes_nothing(
+def test_modbus_server_bad_request_gets_exception_and_changes_nothing(
     served: Served, raw: Raw, request_pdu: bytes, code: int
 ) -> None:
     assert raw.ask(request_pdu) == bytes((request_pdu[0] | 0x80, code))
@@ -172,18 +172,18 @@ def test_request_that_is_refused_gets_its_exception_and_changes_nothing(
     assert served.station.order is None
 
 
-def test_frames_are_answered_in_order_however_they_are_cut(served: Served, raw: Raw) -> None:
+def test_modbus_server_frames_cut_anywhere_are_answered_in_order(served: Served, raw: Raw) -> None:
     asked = [frame(write(TRIGGER_ID, number), number, number % 256) for number in range(200)]
     stream = b"".join(asked)
     raw.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    for start in range(0, len(stream), 29):  # whole frames, and the beginning of the next
+    for start in range(0, len(stream), 29):  # cuts anywhere in the frames of 12 bytes
         raw.send(stream[start : start + 29])
     for number, each in enumerate(asked):
         assert raw.read() == (number, number % 256, each[7:])
     assert served.exchange.read(TRIGGER_ID, 1) == [199]
 
 
-def test_half_a_frame_moves_nothing_and_holds_nobody_up(served, raw, monkeypatch):
+def test_modbus_server_half_frame_changes_nothing_and_blocks_nobody(served, raw, monkeypatch):
     monkeypatch.setattr(modbus, "PATIENCE_S", 0.2)
     whole = frame(write_many(ENABLE, 1, 1, 5))
     for cut in (1, 6, 7, 8, len(whole) - 1):
@@ -192,11 +192,11 @@ def test_half_a_frame_moves_nothing_and_holds_nobody_up(served, raw, monkeypatch
         assert raw.ask(read(0, 3)) == b"\x03\x06" + bytes(6)
         assert with_half.is_closed(), cut
     assert served.station.order is None
-    first = served.raw()  # one whose second half comes in time
+    first = served.raw()  # its second half comes in time
     first.send(whole[:9])
     time.sleep(0.05)
     first.send(whole[9:])
-    assert first.read()[2] == bytes.fromhex("9006")  # busy: `raw` is the one that writes
+    assert first.read()[2] == bytes.fromhex("9006")  # busy: `raw` is the client that may write
     first.close()
 
 
@@ -211,14 +211,14 @@ def test_half_a_frame_moves_nothing_and_holds_nobody_up(served, raw, monkeypatch
     ],
     ids=["http", "protocol", "long", "short", "noise"],
 )
-def test_who_sends_no_frame_is_disconnected_and_others_are_not(served, raw, noise):
+def test_modbus_server_malformed_bytes_disconnect_their_sender_only(served, raw, noise):
     other = served.raw()
     other.send(noise)
     assert other.is_closed()
     assert raw.ask(read(0, 6)) == b"\x03\x0c" + bytes(12)
 
 
-def test_second_client_reads_and_its_writes_are_refused_while_the_first_is_there(served):
+def test_modbus_server_second_client_reads_and_may_not_write(served):
     with served.plc() as first, served.plc() as second:
         assert (second["trigger_id"], second["table_digest"]) == (0, 0xDEADBEEF)
         assert second.code("enable", 1) == 6
@@ -237,7 +237,7 @@ def test_second_client_reads_and_its_writes_are_refused_while_the_first_is_there
             assert third.code("trigger_id", 8) == 6
 
 
-def test_reader_that_stays_does_not_keep_the_plc_out(served, monkeypatch):
+def test_modbus_server_idle_reader_gives_way_to_plc(served, monkeypatch):
     monkeypatch.setattr(modbus, "PANEL_S", 0.2)
     with served.plc() as panel, served.plc() as plc:
         assert panel["trigger_id"] == 0
@@ -249,7 +249,7 @@ def test_reader_that_stays_does_not_keep_the_plc_out(served, monkeypatch):
         assert panel.code("trigger_id", 4) == 6
 
 
-def test_reset_of_the_connection_ends_enabling_and_leaves_the_part(served: Served) -> None:
+def test_modbus_server_connection_reset_disables_and_keeps_part(served: Served) -> None:
     first = served.raw()
     assert first.ask(write_many(ENABLE, 1, 1, 5)) == bytes.fromhex("1000000003")
     assert served.exchange.glance.order is not None
@@ -265,7 +265,7 @@ def test_reset_of_the_connection_ends_enabling_and_leaves_the_part(served: Serve
         assert (plc["result_id"], plc["x"]) == (0, 0)
 
 
-def test_flood_by_one_client_keeps_no_other_waiting(served: Served, raw: Raw) -> None:
+def test_modbus_server_flood_by_one_client_does_not_block_others(served: Served, raw: Raw) -> None:
     flood = served.raw()
     flood.socket.settimeout(0.1)
     asked = frame(read(STATUS, 21)) * 1000
@@ -276,15 +276,15 @@ def test_flood_by_one_client_keeps_no_other_waiting(served: Served, raw: Raw) ->
     flood.close()
 
 
-def test_client_that_takes_no_answers_is_disconnected(served, monkeypatch):
+def test_modbus_server_client_that_reads_no_answers_is_disconnected(served, monkeypatch):
     monkeypatch.setattr(modbus, "MOST_UNREAD_BYTES", -1)
     deaf = served.raw()
     deaf.send(frame(read(STATUS, 21)))
-    assert deaf.read()[2][0] == 3  # what the system still sent
+    assert deaf.read()[2][0] == 3  # sent before the server noticed
     assert deaf.is_closed()
 
 
-def test_leaving_the_server_ends_its_connections_and_its_thread(served: Served, raw: Raw) -> None:
+def test_modbus_server_exit_ends_connections_and_thread(served: Served, raw: Raw) -> None:
     assert raw.ask(read(0, 1)) == bytes.fromhex("03020000")
     served.close()
     assert raw.is_closed()

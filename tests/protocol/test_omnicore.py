@@ -37,7 +37,7 @@ def basic():
         yield result
 
 
-def test_the_first_motion_starts_our_program_and_the_next_feeds_it(rig):
+def test_move_linear_first_starts_program_and_next_continues_it(rig):
     with rig.open() as arm:
         arm.pose()
         assert not rig.model.running
@@ -46,12 +46,12 @@ def test_the_first_motion_starts_our_program_and_the_next_feeds_it(rig):
         assert rig.truth() == pytest.approx(TARGET, abs=1e-3)
         arm.move_linear((0.0, 0.0, 60.0, 0.0), 200.0)
     assert rig.moves == 2
-    with rig.open() as arm:  # the program goes on waiting
+    with rig.open() as arm:  # the program still waits for requests
         arm.move_linear(TARGET, 200.0)
     assert (rig.moves, rig.model.running, rig.model.master) == (3, True, False)
 
 
-def test_a_request_that_was_left_over_is_not_executed_when_the_program_starts(basic):
+def test_move_linear_request_left_over_is_not_executed(basic):
     basic.model.symbols |= {"sq_request": "17", "sq_target": "[[300,0,300],[0,1,0,0]]"}
     with basic.open() as arm:
         arm.move_linear(TARGET, 200.0)
@@ -66,7 +66,7 @@ def test_a_request_that_was_left_over_is_not_executed_when_the_program_starts(ba
         ({"running": True}, "module Module1 runs on the controller; stop it first"),
     ],
 )
-def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(basic, change, message):
+def test_move_linear_controller_not_ready_is_refused_and_pose_works(basic, change, message):
     with basic.open() as arm:
         here = arm.pose()
         for name, value in change.items():
@@ -77,7 +77,7 @@ def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(basic, change, m
     assert basic.moves == 0
 
 
-def test_a_program_that_stops_on_the_way_is_no_arrival(basic):
+def test_move_linear_program_stopped_on_way_makes_state_unknown(basic):
     with basic.open() as arm:
         wait = arm._await
 
@@ -94,7 +94,7 @@ def test_a_program_that_stops_on_the_way_is_no_arrival(basic):
 
 
 @pytest.mark.parametrize("when", ["sq_started", "sq_done"])
-def test_an_interrupted_motion_is_stopped(basic, when):
+def test_move_linear_interrupted_stops_arm(basic, when):
     with basic.open() as arm:
         wait = arm._await
 
@@ -115,7 +115,7 @@ def test_an_interrupted_motion_is_stopped(basic, when):
             arm.pose()
 
 
-def test_the_controllers_own_limit_holds_and_the_deadline_ends_what_it_stretches(basic):
+def test_move_linear_slowed_by_controller_limit_ends_at_deadline(basic):
     basic.model.symbols["sq_fastest"] = "0.5"
     with basic.open() as arm:
         arm.pose()
@@ -124,7 +124,7 @@ def test_the_controllers_own_limit_holds_and_the_deadline_ends_what_it_stretches
     assert not basic.model.running
 
 
-def test_frames_go_to_the_controller(basic):
+def test_arm_frames_are_applied_by_controller(basic):
     tool, table = IDENTITY._replace(z_mm=150.0), IDENTITY._replace(x_mm=10.0, y_mm=20.0, z_mm=5.0)
     with basic.open(tool=tool, work_object=table) as arm:
         arm.move_linear((0.0, 0.0, 100.0, 0.3), 400.0)
@@ -132,14 +132,14 @@ def test_frames_go_to_the_controller(basic):
     assert basic.truth()[:3] == pytest.approx((10.0, 20.0, 255.0), abs=1e-3)
 
 
-def test_a_wrong_password_is_reported_and_not_printed(rig, monkeypatch):
+def test_connect_wrong_password_is_reported_and_not_printed(rig, monkeypatch):
     monkeypatch.setenv(rws.PASSWORD, "hunter2")
     with pytest.raises(ArmError, match="refuses the user 'Default User'; set SQUEEZE") as raised:
         rig.open()
     assert "hunter2" not in str(raised.value)
 
 
-def test_a_certificate_that_is_named_is_checked(basic, monkeypatch, tmp_path):
+def test_connect_named_certificate_is_checked(basic, monkeypatch, tmp_path):
     monkeypatch.setenv(rws.CERTIFICATE, certificate())
     with basic.open() as arm:
         arm.pose()
@@ -153,9 +153,7 @@ def test_a_certificate_that_is_named_is_checked(basic, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("stated", [None, "ab" * 32, "0" * 64])
-def test_nothing_is_sent_to_a_controller_whose_certificate_was_not_stated(
-    basic, monkeypatch, stated
-):
+def test_connect_unstated_certificate_is_refused_before_any_request(basic, monkeypatch, stated):
     if stated is None:
         monkeypatch.delenv(rws.CERTIFICATE)
     else:
@@ -173,7 +171,7 @@ def test_nothing_is_sent_to_a_controller_whose_certificate_was_not_stated(
             arm.pose()
 
 
-def test_a_controller_without_our_module_or_with_another_is_reported(basic):
+def test_connect_rapid_module_missing_or_of_other_version_is_refused(basic):
     del basic.model.symbols["sq_version"]
     with pytest.raises(ArmError, match=r"404: no such resource.*load SqueezeTree.modx into T_ROB1"):
         basic.open()
@@ -183,7 +181,7 @@ def test_a_controller_without_our_module_or_with_another_is_reported(basic):
 
 
 @pytest.mark.parametrize("bytes_sent", [b"", b"220 ftp ready\r\n", b"HTTP/1.1 200 OK\r\n\r\n"])
-def test_who_is_no_controller_is_reported(bytes_sent, monkeypatch):
+def test_connect_arm_server_other_than_omnicore_is_refused(bytes_sent, monkeypatch):
     monkeypatch.setattr(rws, "ANSWER_S", 0.3)
     says = pytest.raises(ArmError, match="no answer to GET")
     with contextlib.closing(Impostor(greeting=bytes_sent)) as impostor, says:
@@ -191,12 +189,12 @@ def test_who_is_no_controller_is_reported(bytes_sent, monkeypatch):
 
 
 @pytest.mark.parametrize("body", ["", "[]", "{}", '{"state": []}', '{"state": [1]}', "<html>"])
-def test_answers_that_are_not_understood_are_errors(body):
+def test_states_malformed_body_raises_rws_error(body):
     with pytest.raises(rws.RwsError, match="not understood"):
         rws._states("/x", body)
 
 
-def test_an_answer_after_a_timeout_is_not_taken_for_a_later_ones(basic, monkeypatch):
+def test_rws_answer_after_timeout_is_not_taken_for_later_one(basic, monkeypatch):
     session = rws.Rws("127.0.0.1", basic.server.port, Pace(Clock()))
     assert session.state("/rw/panel/opmode")[0]["opmode"] == "AUTO"
     first, basic.server.silent = basic.server.silent, lambda: time.sleep(0.5)
@@ -209,7 +207,7 @@ def test_an_answer_after_a_timeout_is_not_taken_for_a_later_ones(basic, monkeypa
     session.close()
 
 
-def test_the_rapid_module_has_what_driver_and_simulator_use(basic):
+def test_rapid_module_declares_symbols_of_simulator(basic):
     declared = dict(re.findall(r"^    (?:PERS|CONST) (\w+ sq_\w+):=(.*);$", RAPID, re.MULTILINE))
     kinds = {name: kind for kind, name in (words.split() for words in declared)}
     values = {words.split()[1]: value for words, value in declared.items()}
@@ -220,7 +218,7 @@ def test_the_rapid_module_has_what_driver_and_simulator_use(basic):
     assert RAPID.count("PROC SqueezeTreeMain()") == RAPID.count("ENDPROC") == 1
 
 
-def test_the_rapid_program_forgets_old_requests_and_tells_in_order():
+def test_rapid_module_drops_old_requests_and_reports_in_order():
     body = RAPID.partition("PROC SqueezeTreeMain()")[2].partition("ENDPROC")[0]
     before, loop = body.split("WHILE TRUE DO")
     assert {"sq_started:=sq_request;", "sq_done:=sq_request;"} <= set(before.split())
@@ -232,7 +230,7 @@ def test_the_rapid_program_forgets_old_requests_and_tells_in_order():
 
 
 class Talker:
-    """A TLS server that answers a request by what a generator gives, as fast as it is taken."""
+    """A TLS server that answers a request with the pieces of a generator, as fast as the client reads."""
 
     def __init__(self, pieces, pause_s=0.0):
         self._pieces, self._pause_s = pieces, pause_s
@@ -250,7 +248,7 @@ class Talker:
 
     def _serve(self):
         while not self._closed.is_set():
-            with contextlib.suppress(OSError):  # a client that only looks whether somebody listens
+            with contextlib.suppress(OSError):  # a client that only checks whether the port is open
                 self._talk(self._context.wrap_socket(self._listener.accept()[0], server_side=True))
 
     def _talk(self, client):
@@ -284,7 +282,7 @@ ENDLESS = {
 
 
 @pytest.mark.parametrize("name", ENDLESS)
-def test_answer_without_an_end_is_refused_and_takes_no_room(name, monkeypatch):
+def test_connect_arm_endless_answer_is_refused_early(name, monkeypatch):
     monkeypatch.setenv(rws.CERTIFICATE, "any")
     with contextlib.closing(Talker(ENDLESS[name])) as talker:
         with pytest.raises(ArmError, match=r"longer than 1048576 bytes|no answer to GET") as raised:
@@ -300,8 +298,8 @@ DRIPS = {
 
 
 @pytest.mark.parametrize("name", DRIPS)
-def test_answer_that_drips_ends_at_the_deadline_of_the_whole_exchange(name, monkeypatch):
-    """At this pace each piece comes in time, and the whole answer after more than a minute."""
+def test_connect_arm_dripping_answer_ends_at_deadline(name, monkeypatch):
+    """Each piece comes in time, but the whole answer would take more than a minute."""
     monkeypatch.setenv(rws.CERTIFICATE, "any")
     monkeypatch.setattr(rws, "ANSWER_S", 0.5)
     with contextlib.closing(Talker(DRIPS[name], 0.1)) as talker:
@@ -310,7 +308,7 @@ def test_answer_that_drips_ends_at_the_deadline_of_the_whole_exchange(name, monk
         assert talker.sent < 100
 
 
-def test_sentence_of_a_controller_is_shortened(basic):
+def test_move_linear_long_text_of_controller_is_shortened(basic):
     basic.model.mode = "MANR\r\n" + "\x1b[31m" * 1000
     with basic.open() as arm, pytest.raises(ArmError, match=r"in mode MANR") as raised:
         arm.move_linear(TARGET, 200.0)

@@ -1,4 +1,4 @@
-"""The OPC UA server over the wire, by asyncua's client; parts end when a test says so."""
+"""The OPC UA server over the network with the client of asyncua; each test ends its parts itself."""
 
 import asyncio
 import os
@@ -57,7 +57,7 @@ class Served:
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """One server for all tests, since it loads a large address space; each test leaves it as it was."""
+    """One server for all tests, since loading its address space is slow; each test restores its state."""
     folder = tmp_path_factory.mktemp("opcua")
     exchange = Exchange(Station((1, 2), beats=False), SystemClock())
     panel = Panel(OFFERS, Configuration("gripper.json", "c" * 64), exchange.glance)
@@ -67,14 +67,14 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         port = int(listener.getsockname()[1])
         identity, other = passport(folder, "identity"), passport(folder, "other")
         with OpcUaServer(listener, exchange, panel, security):
-            with Supervisor(port, identity):  # the first, which is pinned
+            with Supervisor(port, identity):  # the first certificate is the one that is pinned
                 pass
             yield Served(exchange, port, folder / PINNED, identity, other)
 
 
 @pytest.fixture
 def line(served: Served) -> Iterator[Supervisor]:
-    """The master, in Ready."""
+    """The client in command, in the state Ready."""
     with served.supervisor() as supervisor:
         supervisor.call(f"{MACHINE}/Reset")
         supervisor.begin("two")
@@ -86,7 +86,7 @@ def line(served: Served) -> Iterator[Supervisor]:
     until(lambda: not served.exchange.connected)
 
 
-def test_part_goes_through_the_states_and_has_its_result(served: Served, line: Supervisor) -> None:
+def test_opcua_server_part_passes_states_and_has_result(served: Served, line: Supervisor) -> None:
     line.follow()
     assert (line[f"{MACHINE}/CurrentState"], line[STATE]) == ("Operational", "Ready")
     located = line[f"{PACKML}/Located"]
@@ -110,7 +110,7 @@ def test_part_goes_through_the_states_and_has_its_result(served: Served, line: S
     assert line[f"{MACHINE}/LastTransition"] == "SingleExecutionToReady"
 
 
-def test_address_space_has_recipes_configuration_and_states(served, line):
+def test_opcua_server_shows_recipes_configuration_and_states(served, line):
     ids, digests = line.call(f"{RECIPES}/GetRecipeList")
     assert list(zip(ids, digests, strict=True)) == [(each.id, each.digest) for each in OFFERS]
     assert line[f"{RECIPES}/Recipes/one/Digest"] == OFFERS[0].digest
@@ -138,7 +138,7 @@ def test_address_space_has_recipes_configuration_and_states(served, line):
         (f"{RESULTS}/ReleaseResultHandle", ("1",), "BadInvalidArgument"),
     ],
 )
-def test_call_that_does_not_fit_is_refused_and_begins_nothing(path, inputs, problem, served, line):
+def test_opcua_server_bad_call_is_refused_and_begins_nothing(path, inputs, problem, served, line):
     with pytest.raises(ua.UaStatusCodeError) as refused:
         line.call(path, *inputs)
     assert type(refused.value).__name__ == problem
@@ -146,7 +146,9 @@ def test_call_that_does_not_fit_is_refused_and_begins_nothing(path, inputs, prob
     assert line[STATE] == "Ready"
 
 
-def test_second_job_is_refused_with_its_error(served: Served, line: Supervisor) -> None:
+def test_opcua_server_second_job_is_refused_with_its_error(
+    served: Served, line: Supervisor
+) -> None:
     job = line.start("first")
     order = served.exchange.glance.order
     assert line.call(f"{AUTOMATIC}/StartSingleJob", "second")[:2] == ["", Error.PART_UNDER_WAY]
@@ -159,7 +161,9 @@ def test_second_job_is_refused_with_its_error(served: Served, line: Supervisor) 
     assert served.exchange.glance.order is None
 
 
-def test_variable_cannot_be_written_and_no_node_added(served: Served, line: Supervisor) -> None:
+def test_opcua_server_write_of_variable_or_new_node_is_refused(
+    served: Served, line: Supervisor
+) -> None:
     node = line.node(f"{RESULTS}/LastResult/X_mm")
     with pytest.raises(ua.uaerrors.BadUserAccessDenied):
         line.wait(node.write_value(1.0))
@@ -167,7 +171,7 @@ def test_variable_cannot_be_written_and_no_node_added(served: Served, line: Supe
         line.wait(line.client.nodes.objects.add_object(2, "mine"))
 
 
-def test_second_client_reads_and_may_not_command_until_the_first_is_gone(served, line):
+def test_opcua_server_second_client_reads_and_may_not_command(served, line):
     job = line.start("a")
     served.end_part()
     line.result(job)
@@ -186,10 +190,10 @@ def test_second_client_reads_and_may_not_command_until_the_first_is_gone(served,
         assert reader[f"{RESULTS}/ResultReady"]
 
 
-def test_master_that_vanishes_loses_neither_part_nor_result(served: Served) -> None:
+def test_opcua_server_vanished_master_loses_no_part_or_result(served: Served) -> None:
     with served.supervisor() as first:
         first.begin("one")
-        first.follow()  # a subscription, which must not keep the session
+        first.follow()  # a subscription must not keep the session open
         job = first.start("a")
         first.vanish()
     with served.supervisor() as second:
@@ -208,7 +212,7 @@ def test_master_that_vanishes_loses_neither_part_nor_result(served: Served) -> N
 
 
 @pytest.mark.slow
-def test_master_that_falls_silent_is_master_no_longer(served: Served) -> None:
+def test_opcua_server_silent_master_loses_command(served: Served) -> None:
     with served.supervisor() as silent, served.supervisor() as other:
         silent.begin("one")
         with pytest.raises(ua.uaerrors.BadUserAccessDenied):
@@ -219,7 +223,7 @@ def test_master_that_falls_silent_is_master_no_longer(served: Served) -> None:
         assert other.call(f"{MACHINE}/Reset") == [0, ""]
 
 
-def test_fault_is_an_error_until_it_is_confirmed(served: Served, line: Supervisor) -> None:
+def test_opcua_server_fault_is_error_until_confirmed(served: Served, line: Supervisor) -> None:
     job = line.start("a")
     served.end_part(Answer(FAULT, 20))
     result = line.result(job)
@@ -232,31 +236,31 @@ def test_fault_is_an_error_until_it_is_confirmed(served: Served, line: Superviso
     assert line[f"{MACHINE}/CurrentState"] == "Operational"
 
 
-def test_abort_is_a_stop_request(served, line, monkeypatch):
+def test_opcua_server_abort_requests_stop(served, line, monkeypatch):
     sent: list[tuple[int, int]] = []
     monkeypatch.setattr(os, "kill", lambda *what: sent.append(what))
     assert line.call(f"{AUTOMATIC}/Abort") == [0, ""]
     assert sent == [(os.getpid(), signal.SIGTERM)]
 
 
-def test_certificate_other_than_the_pinned_one_is_refused(served: Served, line: Supervisor) -> None:
+def test_opcua_server_certificate_not_pinned_is_refused(served: Served, line: Supervisor) -> None:
     assert served.pinned.read_bytes() == served.identity.certificate.read_bytes()
     with pytest.raises(ua.uaerrors.BadCertificateUntrusted):
         Supervisor(served.port, served.other)
     assert line[STATE] == "Ready"
 
 
-def test_bare_client_is_refused(served: Served, line: Supervisor) -> None:
+def test_opcua_server_unencrypted_client_is_refused(served: Served, line: Supervisor) -> None:
     with pytest.raises(Exception, match=r"(?i)security|policy|endpoint|untrusted"):
         Supervisor(served.port, patience_s=20)
 
 
-def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supervisor) -> None:
-    """Tokens of sessions are counted: none but the channel's certificate may open one."""
+def test_opcua_server_bare_channel_enters_no_session(served: Served, line: Supervisor) -> None:
+    """Session tokens are consecutive numbers; knowing one must not open a session without a certificate."""
 
     async def intrude() -> list[type]:
         ends: list[type] = []
-        last = InternalSession._auth_counter  # the line's session is one of the last
+        last = InternalSession._auth_counter  # the session of `line` is one of the last
         for token in range(last - 3, last):
             intruder = UaClient(timeout=20)
             await intruder.connect_socket("127.0.0.1", served.port)
@@ -285,13 +289,13 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
 
 
 @pytest.mark.parametrize("junk", [b"GET / HTTP/1.0\r\n\r\n", b"HELF\0\0\0\x08", b"\xff" * 4096])
-def test_bytes_that_are_no_message_change_nothing(junk, served, line):
+def test_opcua_server_malformed_bytes_change_nothing(junk, served, line):
     with socket.create_connection(("127.0.0.1", served.port), timeout=20) as intruder:
         intruder.sendall(junk)
     assert line[STATE] == "Ready"
 
 
-def test_endpoint_is_the_encrypted_one_alone(served: Served) -> None:
+def test_opcua_server_offers_only_encrypted_endpoint(served: Served) -> None:
     async def endpoints() -> list[Any]:
         client = Client(f"opc.tcp://127.0.0.1:{served.port}")
         return list(await client.connect_and_get_server_endpoints())

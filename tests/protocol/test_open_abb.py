@@ -1,6 +1,6 @@
-"""The simulated open_abb server as a foreign client meets it, traps of SERVER.mod included.
+"""The simulated open_abb server towards any client, including the traps of SERVER.mod.
 
-Some tests use the model (no time passes), the others raw TCP with no code of our driver.
+Some tests use the model, where no time passes; the others use plain TCP and no code of the driver.
 """
 
 import contextlib
@@ -60,33 +60,37 @@ def pose(arm, now=1e9):
         ("1 10 20 30 0 1 0 #", "1 0 "),  # a number too few
     ],
 )
-def test_single_messages(arm, text, reply):
+def test_arm_model_message_gets_reply_of_server_mod(arm, text, reply):
     assert ask(arm, text) == reply
     assert arm.moves == 0
 
 
 @pytest.mark.parametrize("text", ["0 ", "", "#", "03#", "x #", " 0 #", "hello world"])
-def test_a_malformed_head_runs_the_previous_code_as_a_bad_message(arm, text):
+def test_arm_model_malformed_head_repeats_previous_code_as_bad(arm, text):
     ask(arm, "9 1 0 0 0 #")
     assert ask(arm, text) == "9 0 "
 
 
-def test_a_garbled_number_keeps_the_value_of_an_earlier_message(arm):
+def test_arm_model_garbled_number_keeps_earlier_value(arm):
     ask(arm, "8 1000 1000 #")
     ask(arm, "1 10 20 30 0 1 0 0 #")
     ask(arm, "1 40 2O 50 0 1 0 0 #", 1000.0)  # the letter O
     assert pose(arm)[:3] == [40.0, 20.0, 50.0]
 
 
-@pytest.mark.parametrize("text", ["nan", "inf", "1,5", "", "--1", "1e", "0x1", "1 "])
-def test_numbers_rapid_does_not_read(text):
-    assert rapid.to_value(text) is None or text == "1 "
+@pytest.mark.parametrize("text", ["nan", "inf", "1,5", "", "--1", "1e", "0x1"])
+def test_to_value_malformed_number_is_none(text):
+    assert rapid.to_value(text) is None
+
+
+def test_to_value_number_with_trailing_space_is_read():
+    assert rapid.to_value("1 ") == 1.0
 
 
 # -- moves ----------------------------------------------------------------------------------------
 
 
-def test_a_move_is_acknowledged_when_the_path_is_done(arm):
+def test_arm_model_move_is_acknowledged_at_end_of_path(arm):
     ask(arm, "8 50 90 #")
     ask(arm, "9 1 0 0 0 #")
     answer = arm.execute("1 100 0 100 0 1 0 0 #", 5.0)
@@ -95,7 +99,7 @@ def test_a_move_is_acknowledged_when_the_path_is_done(arm):
     assert arm.pose_at(99.0)[:3] == pytest.approx((100.0, 0.0, 100.0))
 
 
-def test_a_turn_takes_its_time_too(arm):
+def test_arm_model_turn_takes_time_of_its_speed(arm):
     ask(arm, "8 1000 45 #")
     ask(arm, "9 1 0 0 0 #")
     half = math.radians(90) / 2
@@ -107,7 +111,7 @@ def test_a_turn_takes_its_time_too(arm):
     "text",
     ["1 900 0 100 0 1 0 0 #", "2 0 0 0 0 0 999 #", "1 0 0 50 0 1.2 0 0 #", "36 0 0 50 0 1 0 0 #"],
 )
-def test_what_rapid_cannot_recover_from_ends_in_silence(arm, text):
+def test_arm_model_unrecoverable_command_halts_without_answer(arm, text):
     answer = arm.execute(text, 0.0)
     assert answer.text is None
     assert math.isinf(answer.ready_s)
@@ -115,7 +119,7 @@ def test_what_rapid_cannot_recover_from_ends_in_silence(arm, text):
     assert arm.moves == 0
 
 
-def test_the_buffer_holds_512_and_drops_the_rest_silently(arm):
+def test_arm_model_buffer_holds_512_and_drops_rest(arm):
     for _ in range(520):
         assert ask(arm, "30 10 0 90 0 1 0 0 #") == "30 1 "
     assert ask(arm, "32 #") == "32 1 512.00"
@@ -127,7 +131,7 @@ def test_the_buffer_holds_512_and_drops_the_rest_silently(arm):
 
 
 class Served:
-    """A server at 50 times the speed of life, and foreign clients."""
+    """A server at 50 times real time, and its clients."""
 
     def __init__(self):
         self.model = ArmModel(BASE)
@@ -163,28 +167,28 @@ def silent(client, seconds=0.15):
     return not select.select([client], [], [], seconds)[0]
 
 
-def test_no_greeting_and_half_a_second_before_the_first_answer(served):
+def test_arm_server_first_answer_takes_half_a_second(served):
     before = served.now()
     client = served.client()
     assert talk(client, "0 #") == "0 1 "
     assert served.now() - before >= 0.5
 
 
-def test_a_command_in_two_pieces_is_two_bad_messages(served):
+def test_arm_server_command_in_two_pieces_is_two_bad_messages(served):
     client = served.client()
     assert talk(client, "0 #") == "0 1 "
     assert talk(client, "9 1 0 ") == "0 0 "
     assert talk(client, "0 0 #") == "0 0 "  # read as code 0 with one parameter
 
 
-def test_pipelined_commands_are_lost(served):
+def test_arm_server_pipelined_commands_are_lost(served):
     client = served.client()
     assert talk(client, "0 #") == "0 1 "
     assert talk(client, "0 #31 #32 #") == "0 1 "
     assert silent(client)
 
 
-def test_nothing_is_answered_during_a_move(served):
+def test_arm_server_during_move_answers_nothing(served):
     client = served.client()
     talk(client, "8 20 90 #")
     client.sendall(b"1 100 0 100 0 1 0 0 #")  # 5 s, 0.1 s here
@@ -194,7 +198,7 @@ def test_nothing_is_answered_during_a_move(served):
     assert client.recv(4) == b"0 1 "
 
 
-def test_an_unreachable_target_leaves_the_connection_open_and_mute(served):
+def test_arm_server_unreachable_target_stays_connected_and_silent(served):
     client = served.client()
     client.sendall(b"1 2000 0 100 0 1 0 0 #")
     assert silent(client)
@@ -203,7 +207,7 @@ def test_an_unreachable_target_leaves_the_connection_open_and_mute(served):
     assert silent(served.client())
 
 
-def test_the_next_client_gets_the_stale_acknowledgement(served):
+def test_arm_server_next_client_gets_stale_acknowledgement(served):
     client = served.client()
     talk(client, "8 20 90 #")
     client.sendall(b"1 100 0 100 0 1 0 0 #")
@@ -211,11 +215,11 @@ def test_the_next_client_gets_the_stale_acknowledgement(served):
     client.close()
     time.sleep(0.15)
     heir = served.client()
-    assert heir.recv(16) == b"1 1 "  # though it has asked nothing
+    assert heir.recv(16) == b"1 1 "  # without a question
     assert talk(heir, "3 #").startswith("3 1 100.00 ")
 
 
-def test_one_client_at_a_time(served):
+def test_arm_server_serves_one_client_at_a_time(served):
     first = served.client()
     assert talk(first, "0 #") == "0 1 "
     second = served.client()
@@ -228,14 +232,14 @@ def test_one_client_at_a_time(served):
     assert talk(served.client(), "0 #") == "0 1 "
 
 
-def test_too_many_parameters_hang_up_and_the_server_lives(served):
+def test_arm_server_too_many_parameters_end_only_that_connection(served):
     client = served.client()
     client.sendall(b"1 " + b"1 " * 11 + b"#")
     assert client.recv(16) == b""
     assert talk(served.client(), "0 #") == "0 1 "
 
 
-def test_random_bytes_never_move_it(served):
+def test_arm_server_random_text_moves_nothing(served):
     rng = random.Random(6)
     client = served.client()
     assert talk(client, "0 #") == "0 1 "
@@ -247,7 +251,9 @@ def test_random_bytes_never_move_it(served):
 
 
 @pytest.mark.parametrize(("way_mm", "seconds"), [(100.0, 0.525), (8.0, 2.0 * 0.004**0.5)])
-def test_line_with_an_acceleration_starts_and_ends_slowly(way_mm: float, seconds: float) -> None:
+def test_arm_model_line_with_acceleration_starts_and_ends_slowly(
+    way_mm: float, seconds: float
+) -> None:
     arm = ArmModel(BASE, (2000.0, 700.0))
     ends_s = arm.line(Pose(0.0, 0.0, 100.0 - way_mm, HAND_DOWN), (250.0, 90.0), 0.0)
     assert ends_s == pytest.approx(seconds)

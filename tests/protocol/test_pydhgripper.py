@@ -1,4 +1,4 @@
-"""pyDHgripper, a client that others wrote for real DH grippers, drives the simulated one by its own calls."""
+"""pyDHgripper, a client that others wrote for real DH grippers, drives the simulated gripper unchanged."""
 
 import contextlib
 
@@ -24,15 +24,15 @@ def client(device):
 
 
 def settled(client):
-    """The state that ends a move."""
+    """The state after a move."""
     return until(client.read_state)
 
 
-def test_client_that_connects_calibrates_the_gripper_and_reads_it_open(client):
+def test_dh_model_pydhgripper_connected_reads_open(client):
     assert client.read_pos() == 1000
 
 
-def test_client_moves_the_fingers_to_each_position_that_it_asks_for(client):
+def test_dh_model_pydhgripper_moves_to_each_position(client):
     client.set_force(50)
     client.set_vel(60)
     for position in (0, 617):
@@ -41,7 +41,7 @@ def test_client_moves_the_fingers_to_each_position_that_it_asks_for(client):
         assert client.read_pos() == position
 
 
-def test_client_is_answered_caught_for_a_part_and_dropped_once_it_slips(device, client):
+def test_dh_model_pydhgripper_reads_caught_then_dropped(device, client):
     device.put_part()
     client.set_pos(0)
     assert settled(client) == 2
@@ -51,7 +51,7 @@ def test_client_is_answered_caught_for_a_part_and_dropped_once_it_slips(device, 
     assert client.read_pos() == 0
 
 
-def test_client_of_the_pge_series_waits_until_the_fingers_are_there(device):
+def test_dh_model_pydhgripper_pge_waits_for_position(device):
     client = PGE(device.path)
     try:
         client.init_dir(0)
@@ -62,7 +62,7 @@ def test_client_of_the_pge_series_waits_until_the_fingers_are_there(device):
         client.ser.close()
 
 
-def test_driver_goes_on_where_the_client_left_the_gripper(device, client):
+def test_gripper_opened_after_pydhgripper_has_its_state(device, client):
     device.put_part()
     client.set_pos(0)
     settled(client)

@@ -1,6 +1,6 @@
-"""Frames printed in the manuals, byte for byte: what the driver sends, and what the simulator answers.
+"""Frames printed in the manuals of the 2F-85, byte for byte: the driver sends, the simulator answers them.
 
-From the 2F-85 manuals as `[M16]` p61-67 and `[M18]` p54, 62 give them; CRCs are part of the frames.
+The frames are those of `[M16]` p61-67 and `[M18]` p54, 62, and include their CRCs.
 """
 
 import random
@@ -25,7 +25,7 @@ READ_WRITE = "09 17 07D0 0002 03E9 0002 04 00E6 3CC8 2D0C"
 
 
 class Canned:
-    """Registers that hold what a manual's example shows."""
+    """Registers with the content of an example of a manual."""
 
     functions = frozenset({3, 23})
 
@@ -57,27 +57,27 @@ def exchange(slave, request):
         ("0100 09E6", READ_WRITE, "09 17 04 0100 09E6 F6C1"),
     ],
 )
-def test_answers_of_the_manual(registers, request_frame, reply):
+def test_rtu_slave_request_of_manual_gets_its_answer(registers, request_frame, reply):
     assert exchange(RtuSlave(Canned(registers)), request_frame) == bytes.fromhex(reply)
 
 
 @pytest.mark.parametrize("request_frame", [RESET, ACTIVATE, CLOSE, OPEN])
-def test_writes_of_the_manual_reach_the_simulated_gripper(request_frame):
+def test_gripper_registers_write_of_manual_is_stored(request_frame):
     model = GripperModel(random.Random(1))
     slave = RtuSlave(GripperRegisters(model, lambda: 0.01))
     assert exchange(slave, request_frame) == bytes.fromhex(WRITTEN)
     assert model.read_output()[:6] == bytes.fromhex(request_frame)[7:13]
 
 
-def test_function_4_reads_the_same_block():
+def test_gripper_registers_functions_3_and_4_read_same_block():
     slave = RtuSlave(GripperRegisters(GripperModel(random.Random(1)), lambda: 0.01))
     by_3, by_4 = exchange(slave, READ_3), exchange(slave, READ_3_INPUT)
     assert by_3[2:-2] == by_4[2:-2]
     assert (by_3[1], by_4[1]) == (3, 4)
 
 
-def test_the_read_write_frame_writes_first_and_tells_of_the_silence_before_it():
-    """The manual's own answer shows gPR as just written, and fault 9."""
+def test_gripper_registers_read_write_writes_first_and_shows_fault_9():
+    """The answer in the manual shows gPR as just written, and fault 9 for the silence before."""
     now = [5.0]
     model = GripperModel(random.Random(1))
     slave = RtuSlave(GripperRegisters(model, lambda: now[0]))
@@ -93,13 +93,13 @@ def link(reply):
 
 
 @pytest.mark.parametrize("frame", [RESET, ACTIVATE, CLOSE, OPEN])
-def test_the_driver_writes_the_frames_of_the_manual(frame):
+def test_modbus_link_write_sends_frame_of_manual(frame):
     channel, line = link(WRITTEN)
     channel.write(bytes.fromhex(frame)[7:13])
     assert [data for _, data in line.sent] == [bytes.fromhex(frame)]
 
 
-def test_the_driver_reads_with_the_frame_of_the_manual():
+def test_modbus_link_read_sends_frame_of_manual():
     channel, line = link("09 03 06 B900 00FF BD00 1D7C")
     assert channel.read() == bytes.fromhex("B900 00FF BD00")
     assert [data for _, data in line.sent] == [bytes.fromhex(READ_3)]

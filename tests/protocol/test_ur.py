@@ -1,4 +1,4 @@
-"""The UR driver and its simulated controller: faults on the way, and ur_rtde's own clients."""
+"""The UR driver and its simulated controller: faults during a move, and the client of ur_rtde."""
 
 import contextlib
 import json
@@ -52,7 +52,7 @@ def is_still(rig):
         (lambda model: setattr(model, "_ends_s", math.inf), "a program runs on the controller"),
     ],
 )
-def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(rig, change, message):
+def test_move_linear_controller_not_ready_is_refused_and_pose_works(rig, change, message):
     with rig.open() as arm:
         here = arm.pose()
         change(rig.model)
@@ -62,7 +62,7 @@ def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(rig, change, mes
     assert rig.moves == 0
 
 
-def test_a_pendant_that_is_not_in_remote_control_is_reported(rig, monkeypatch):
+def test_move_linear_without_remote_control_is_refused(rig, monkeypatch):
     monkeypatch.setattr(ur_arm, "ANSWER_S", 0.1)
     rig.model.remote = False
     with (
@@ -73,7 +73,7 @@ def test_a_pendant_that_is_not_in_remote_control_is_reported(rig, monkeypatch):
     assert rig.moves == 0
 
 
-def test_a_protective_stop_on_the_way_is_no_arrival(rig):
+def test_move_linear_protective_stop_on_way_makes_state_unknown(rig):
     with rig.open() as arm:
         wait = arm._await_end
 
@@ -90,7 +90,7 @@ def test_a_protective_stop_on_the_way_is_no_arrival(rig):
     assert is_still(rig)
 
 
-def test_another_program_on_the_way_is_reported(rig):
+def test_move_linear_another_program_on_way_is_reported(rig):
     with rig.open() as arm:
         wait = arm._await_end
 
@@ -103,10 +103,10 @@ def test_another_program_on_the_way_is_reported(rig):
         with pytest.raises(ArmError, match="another program moves it"):
             arm.move_linear(TARGET, 5.0)
         time.sleep(0.05)
-        assert rig.model.registers[25] == 7  # nor was it stopped by us
+        assert rig.model.registers[25] == 7  # the driver did not stop the other program
 
 
-def test_an_interrupted_motion_is_stopped(rig):
+def test_move_linear_interrupted_stops_arm(rig):
     with rig.open() as arm:
 
         def interrupt(budget_s):
@@ -121,7 +121,7 @@ def test_an_interrupted_motion_is_stopped(rig):
             arm.pose()
 
 
-def test_a_motion_that_does_not_arrive_is_stopped_at_its_deadline(rig, monkeypatch):
+def test_move_linear_not_arriving_stops_arm_at_deadline(rig, monkeypatch):
     with rig.open() as arm:
         monkeypatch.setattr("drivers.ur.arm._pacing", lambda motion: ("v=0.0001", 0.1))
         with pytest.raises(ArmError, match="not there after"):
@@ -130,7 +130,7 @@ def test_a_motion_that_does_not_arrive_is_stopped_at_its_deadline(rig, monkeypat
     assert is_still(rig)
 
 
-def test_a_slow_slider_stretches_the_deadline(rig):
+def test_move_linear_slow_slider_extends_deadline(rig):
     rig.model.speed_fraction = 0.1
     with rig.open() as arm:
         arm.move_linear(TARGET, 100.0)
@@ -140,7 +140,7 @@ def test_a_slow_slider_stretches_the_deadline(rig):
 @pytest.mark.parametrize(
     "greeting", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\0\4V\0", b"\0\1V"]
 )
-def test_who_is_no_ur_controller_is_reported(greeting, monkeypatch):
+def test_connect_arm_server_other_than_ur_is_refused(greeting, monkeypatch):
     monkeypatch.setattr(rtde, "ANSWER_S", 0.2)
     says = pytest.raises(ArmError, match="RTDE")
     with contextlib.closing(Impostor(greeting=greeting)) as impostor, says:
@@ -148,7 +148,7 @@ def test_who_is_no_ur_controller_is_reported(greeting, monkeypatch):
 
 
 @pytest.mark.parametrize("turn", [0.0, 1e-9, 0.4, 3.0, -3.1, math.pi])
-def test_rotation_vectors_and_quaternions_are_the_same_turn(turn):
+def test_rotation_inverts_rotation_vector(turn):
     for rotation in (hand_rotation(turn), (math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2))):
         back = script.rotation(script.rotation_vector(rotation))
         same = sum(a * b for a, b in zip(back, rotation, strict=True))
@@ -169,10 +169,10 @@ client.disconnect()
 """
 
 
-def test_ur_rtdes_receiver_reads_the_simulated_controller():
-    """It knows no other port than 30004, so the controller gets an address of its own.
+def test_rtde_port_is_read_by_ur_rtde_receiver():
+    """The receiver connects only to port 30004, so the controller gets a separate loopback address.
 
-    It keeps Python's lock while it connects: it must be a process of its own.
+    It holds the global interpreter lock while it connects, so it runs in a separate process.
     """
     host = f"127.{os.getpid() >> 8 & 255}.{os.getpid() & 255}.7"
     arm = ArmModel(BASE)
@@ -186,7 +186,7 @@ def test_ur_rtdes_receiver_reads_the_simulated_controller():
     assert states == [7, 1, 1, True]
 
 
-def test_noise_on_rtde_is_an_error_and_nothing_else():
+def test_rtde_read_noise_raises_rtde_error():
     rng = random.Random(6)
     for _ in range(100):
         packages = b"".join(
@@ -198,7 +198,7 @@ def test_noise_on_rtde_is_an_error_and_nothing_else():
             rtde.Rtde(line, Pace(line.clock)).read()
 
 
-def test_a_simulated_controller_survives_noise(rig):
+def test_ur_model_after_noise_still_serves(rig):
     rng = random.Random(8)
     for port in (rig.rtde.port, rig.script_port):
         for _ in range(20):
@@ -210,7 +210,7 @@ def test_a_simulated_controller_survives_noise(rig):
 
 
 def hold(rig, **changed):
-    """Let the controller show no progress from now on, and these fields."""
+    """From now on the controller reports no progress, and the changed values."""
     frozen = rig.model.fields(rig.now())
     frozen |= {name: (frozen[name][0], (value,)) for name, value in changed.items()}
     rig.model.fields = lambda now_s: frozen
@@ -225,7 +225,7 @@ def hold(rig, **changed):
     ],
     ids=["paused", "slider at 0", "slider lowered"],
 )
-def test_move_held_up_on_the_pendant_names_what_holds_it(rig, changed, reason):
+def test_move_linear_held_up_on_pendant_names_reason(rig, changed, reason):
     with rig.open() as arm:
         arm.pose()
         began = arm._await_start
@@ -236,10 +236,10 @@ def test_move_held_up_on_the_pendant_names_what_holds_it(rig, changed, reason):
 
         arm._await_start = held
         with pytest.raises(ArmError, match=f"not there after .*{reason}.*look at the pendant"):
-            arm.move_linear(TARGET, 5.0)  # still under way when it is held up
+            arm.move_linear(TARGET, 5.0)  # slow: it must not end before it is held up
 
 
-def test_move_paused_and_resumed_arrives(rig):
+def test_move_linear_paused_and_resumed_arrives(rig):
     with rig.open() as arm:
         arm.pose()
         began = arm._await_start

@@ -1,4 +1,4 @@
-"""Thirty squeezes each of a rectangle and a butterfly, computed with the paper's authors' own mechanics."""
+"""Thirty squeezes each of a rectangle and a butterfly against the mechanics of the paper's authors."""
 
 import csv
 import math
@@ -49,11 +49,11 @@ def assert_all_reproduced(outline, surface, path):
     assert close.all(), f"off at rows {np.flatnonzero(~close).tolist()} of {path.name}"
 
 
-def test_the_rectangle_ends_where_the_authors_mechanics_say(data):
+def test_roll_out_rectangle_ends_as_in_mechanics_of_authors(data):
     assert_all_reproduced(rectangle(), RECTANGLE, data / "oracle_rect.csv")
 
 
-def test_the_butterfly_ends_where_the_authors_mechanics_say(data):
+def test_roll_out_butterfly_ends_as_in_mechanics_of_authors(data):
     outline = 1e3 * np.loadtxt(data / "butterfly_outline.csv", delimiter=",", skiprows=1)
     # Its origin is near enough to its centroid.
     assert np.abs(canonical(outline).shift_mm).max() < 0.05

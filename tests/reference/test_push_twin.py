@@ -1,4 +1,4 @@
-"""The push kernels against the twin: another formulation, another integrator, another search of contacts."""
+"""The push kernels against a twin with another formulation, another integrator and another contact search."""
 
 import math
 
@@ -16,7 +16,7 @@ CLOSE_MM, CLOSE_RAD = 0.1, math.radians(0.2)
     ("outline", "mu"),
     [(rectangle(), 0.4), (hexagon(), 0.0), (random_convex(np.random.default_rng(3), 5), 0.4)],
 )
-def test_kernels_and_twin_end_alike(outline, mu):
+def test_push_ends_like_twin(outline, mu):
     pushes = random_paths(outline, np.random.default_rng(8), 2)
     part = simulator(outline, step_mm=0.1)
     result = part.push(pushes, part.nominal(len(pushes.angles), mu))

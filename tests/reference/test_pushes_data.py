@@ -1,4 +1,4 @@
-"""Public robot pushes (arXiv 1602.06056), by one finger and by two, read where the reference data lies."""
+"""Public robot pushes (arXiv 1602.06056) by one and by two fingers; skipped where the data is absent."""
 
 import csv
 import math
@@ -52,35 +52,35 @@ def judged(data, kinds, splits, seed=0):
     return identify.identify(data, RHO, kinds, splits=splits, train_share=0.5, seed=seed)
 
 
-def test_every_push_does_work_on_the_table(log, data):
+def test_normalise_recorded_pushes_do_positive_work(log, data):
     assert len(log) == len(data.F) == 50
     assert ((data.F * data.V).sum(axis=1) > 0).all()
 
 
-def test_with_another_mounting_of_the_sensor_some_do_not(log, monkeypatch):
+def test_pairs_with_mirrored_sensor_do_negative_work(log, monkeypatch):
     monkeypatch.setattr(pushes, "SENSOR_AXES", pushes.SENSOR_AXES @ np.diag([1.0, -1.0]))
     wrenches, twists = pushes.pairs(log)
     assert ((wrenches * twists).sum(axis=1) <= 0).any()
 
 
-def test_forces_are_within_the_friction_of_the_table(name, data):
+def test_friction_of_recorded_pushes_is_that_of_table(name, data):
     strength = np.hypot(data.F[:, 0], data.F[:, 1])
     assert 0.8 * FRICTION_N[name] < strength.max() < 1.35 * FRICTION_N[name]
     assert FRICTION_N[name] * 0.8 < identify.friction(data) < FRICTION_N[name] * 1.3
 
 
-def test_both_logs_agree_on_the_tip(log):
-    """The same pusher made both: its tip lies a fraction of a millimetre to the right."""
+def test_tip_offset_of_both_logs_is_alike(log):
+    """Both logs are of the same pusher, whose tip is a fraction of a millimetre to the right."""
     assert -1.2 < pushes.tip_offset(log) < -0.4
 
 
-def test_the_ellipsoid_is_no_worse_than_the_first_try(name, data):
+def test_identify_ellipsoid_error_is_at_most_that_of_first_try(name, data):
     (result,) = judged(data, ("ellipsoid",), splits=50)
     assert math.degrees(result.errors_rad.mean()) <= FIRST_TRY_DEG[name]
 
 
-def test_the_quartic_is_better_than_the_ellipsoid(data):
-    """In the mean over splits, 2 here; `plan-identify` does 50."""
+def test_identify_quartic_is_better_than_ellipsoid(data):
+    """The errors are means over 2 splits; `plan-identify` uses 50."""
     ellipsoid, quartic = judged(data, ("ellipsoid", "quartic"), splits=2)
     assert quartic.errors_rad.mean() < ellipsoid.errors_rad.mean()
     assert quartic.fit_error_rad < ellipsoid.fit_error_rad
@@ -93,10 +93,10 @@ def test_the_quartic_is_better_than_the_ellipsoid(data):
 
 FINGERS_MM = 50.0
 CORNER_TO_CENTROID = np.array([50.0, 50.0])
-FRICTION = (
-    0.45  # between finger and block; tests/bench/bench_pushes.py fits it to the single-finger logs
-)
-AT_LEAST = {"3pts1": 0.90, "3pts3": 0.84, "patch": 0.88}  # share of pushes whose kind is foretold
+# Between finger and block; tests/bench/bench_pushes.py fits it to the single-finger logs.
+FRICTION = 0.45
+# The share of pushes predicted correctly as stuck or not.
+AT_LEAST = {"3pts1": 0.90, "3pts3": 0.84, "patch": 0.88}
 SUPPORTS = {
     "3pts1": [[30, 30], [63.33, 43.33], [43.33, 63.33]],
     "3pts3": [[30, 30], [90, 30], [30, 90]],
@@ -104,7 +104,7 @@ SUPPORTS = {
 
 
 @pytest.mark.parametrize("support", AT_LEAST)
-def test_pushes_with_two_fingers_are_predicted(support):
+def test_push_with_two_fingers_predicts_recorded_pushes(support):
     path = FOLDER / "two_fingers.csv"
     with path.open(newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))

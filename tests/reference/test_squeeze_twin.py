@@ -1,4 +1,4 @@
-"""The kernels against the twin: another formulation, another integrator, another search of contacts."""
+"""The squeeze kernels against a twin with another formulation, integrator and contact search."""
 
 import math
 
@@ -21,7 +21,7 @@ def poses_clear_of_the_fingers(outline, seed, count, radius):
     ("name", "mu", "count"),
     [("rectangle", 0.5, 2), ("rectangle", 0.2, 1), ("right triangle", 0.5, 2), ("L", 0.3, 1)],
 )
-def test_kernels_and_twin_end_alike(name, mu, count):
+def test_roll_out_ends_like_twin(name, mu, count):
     outline = OUTLINES[name]()
     part = simulator(outline)
     poses = poses_clear_of_the_fingers(outline, 21, count, 16.0)

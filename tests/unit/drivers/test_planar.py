@@ -19,5 +19,5 @@ def test_relative_undoes_compose(a, b):
 
 
 @given(POSES, POSES)
-def test_angles_stay_within_half_a_turn(a, b):
+def test_compose_and_relative_keep_angle_within_half_a_turn(a, b):
     assert max(abs(compose(a, b)[2]), abs(relative(a, b)[2])) <= math.pi

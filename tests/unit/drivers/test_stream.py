@@ -1,4 +1,4 @@
-"""Streams to devices: no send, look-up or connection outlasts its deadline, whatever the other side does."""
+"""Streams to devices: no send, look-up or connection outlasts its deadline, whatever the peer does."""
 
 import os
 import socket
@@ -25,7 +25,7 @@ def terminal():
         os.close(end)
 
 
-def test_serial_send_over_a_stopped_line_ends_and_is_not_sent_later(terminal):
+def test_serial_stream_send_on_stopped_line_raises_and_is_dropped(terminal):
     master, slave, path = terminal
     stream = SerialStream(path, 115200)
     stream.send(b"before")
@@ -39,22 +39,22 @@ def test_serial_send_over_a_stopped_line_ends_and_is_not_sent_later(terminal):
     stream.close()
 
 
-def test_serial_send_to_a_peer_that_never_reads_ends(terminal):
+def test_serial_stream_send_to_peer_that_never_reads_raises(terminal):
     stream = SerialStream(terminal[2], 115200)
     with pytest.raises(StalledError):
         stream.send(bytes(1 << 20))
     stream.close()
 
 
-def test_serial_send_drops_what_an_earlier_one_left_in_the_line(terminal, monkeypatch):
-    """A UART's driver takes bytes while the flow is stopped; they must not be obeyed with later ones."""
+def test_serial_stream_send_with_bytes_left_in_line_raises(terminal, monkeypatch):
+    """A UART driver buffers bytes while the flow is stopped; the device must not obey them later."""
     stream = SerialStream(terminal[2], 115200)
     monkeypatch.setattr(type(stream._port), "out_waiting", property(lambda port: 8))
     with pytest.raises(StalledError):
         stream.send(b"next")
 
 
-def test_tcp_send_to_a_peer_that_never_reads_ends():
+def test_open_tcp_send_to_peer_that_never_reads_raises():
     with socket.create_server(("127.0.0.1", 0)) as server:
         stream = open_tcp("127.0.0.1", server.getsockname()[1], "tcp://x", "hint")
         with pytest.raises(StalledError):
@@ -62,14 +62,14 @@ def test_tcp_send_to_a_peer_that_never_reads_ends():
         stream.close()
 
 
-def test_scan_of_a_stopped_line_is_an_error(terminal):
+def test_scan_of_stopped_line_raises_link_error(terminal):
     termios.tcflow(terminal[1], termios.TCOOFF)
     with pytest.raises(LinkError, match=r"cannot be searched: .*taken no bytes"):
         list(modbus.scan(terminal[2]))
 
 
-def test_addresses_that_do_not_answer_share_one_deadline(monkeypatch):
-    """A listener whose queue is full drops further connections without a word."""
+def test_connected_unanswered_addresses_share_one_deadline(monkeypatch):
+    """A listener whose queue is full silently drops further connections."""
     with socket.create_server(("127.0.0.1", 0), backlog=0) as server:
         place = server.getsockname()
         waiting = [socket.socket() for _ in range(3)]
@@ -86,7 +86,7 @@ def test_addresses_that_do_not_answer_share_one_deadline(monkeypatch):
             one.close()
 
 
-def test_silent_name_server_is_not_waited_for(monkeypatch):
+def test_open_tcp_silent_name_server_is_not_waited_for(monkeypatch):
     asked, answered = socket.getaddrinfo, threading.Event()
 
     def silent(*words, **settings):
@@ -105,7 +105,7 @@ def test_silent_name_server_is_not_waited_for(monkeypatch):
 @pytest.mark.parametrize(
     "sent", [b"\x1b[2J\r\n" * 200, "x" * 5000, {"a": "\u202e" * 500}, b"", "mode\nAUTO"]
 )
-def test_shown_is_short_and_of_one_line(sent):
+def test_shown_text_is_short_and_printable(sent):
     text = shown(sent)
     assert len(text) <= 60 * 6 + 30
     assert text.isprintable()

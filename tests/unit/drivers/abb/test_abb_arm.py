@@ -1,4 +1,7 @@
-"""What open_abb asks for besides what every arm must do: frames, turns of the wrist, other clients."""
+"""What only the open_abb driver does: frames, turns of the wrist, and leftovers of other clients.
+
+The contract of every arm is tested in tests/contract/test_arm_contract.py.
+"""
 
 import contextlib
 import math
@@ -23,12 +26,12 @@ def rig():
 
 @pytest.fixture
 def impatient(monkeypatch):
-    """Answers, and a controller that is kept from running, are waited for a fifth as long."""
+    """Shorten both waits: for an answer, and after the process was kept from running."""
     monkeypatch.setattr(abb_arm, "ANSWER_S", 0.4)
     monkeypatch.setattr(abb_arm, "STARVED_S", 0.4)
 
 
-def test_settings_of_the_last_client_do_not_matter(rig):
+def test_arm_opened_without_tool_drops_that_of_last_client(rig):
     with rig.open(tool=Pose(0.0, 0.0, 120.0, (1.0, 0.0, 0.0, 0.0))) as arm:
         assert arm.pose().z_mm == pytest.approx(-20.0)
         arm.move_linear((10.0, 0.0, 10.0, 0.0), 50.0)
@@ -37,7 +40,7 @@ def test_settings_of_the_last_client_do_not_matter(rig):
 
 
 @pytest.mark.usefixtures("impatient")
-def test_silence_makes_the_state_unknown_and_further_motion_refused(rig):
+def test_arm_after_silence_refuses_pose_and_move(rig):
     with rig.open() as arm:
         with pytest.raises(ArmError, match="silence"):
             arm.move_linear((900.0, 0.0, 50.0, 0.0), 5000.0)
@@ -47,7 +50,7 @@ def test_silence_makes_the_state_unknown_and_further_motion_refused(rig):
     assert rig.model.moves == 0
 
 
-def test_whole_turns_are_counted_from_the_joints(rig):
+def test_arm_whole_turns_are_counted_from_joints(rig):
     with rig.open(base=BASE) as arm:
         began = rig.model.joints_at(1e9)[5]
         for number in range(1, 5):
@@ -62,7 +65,7 @@ def test_whole_turns_are_counted_from_the_joints(rig):
 
 
 @pytest.mark.parametrize("way", [-1, 1])
-def test_what_would_wind_the_wrist_up_is_never_sent(rig, way):
+def test_move_linear_beyond_wrist_range_is_not_sent(rig, way):
     with rig.open(base=BASE) as arm:
         turned = 0.0
         with pytest.raises(ArmError, match=r"not moved.*farther round than the wrist turns"):  # noqa: PT012
@@ -74,13 +77,13 @@ def test_what_would_wind_the_wrist_up_is_never_sent(rig, way):
 
 
 @pytest.mark.parametrize("angle_deg", [-175.0, 180.0, 350.0])
-def test_half_a_turn_in_one_motion_is_refused_for_it_may_go_either_way(rig, angle_deg):
+def test_move_linear_by_half_a_turn_is_refused(rig, angle_deg):
     with rig.open(base=BASE) as arm, pytest.raises(ArmError, match="either way"):
         arm.move_linear((0.0, 0.0, 50.0, math.radians(angle_deg)), 500.0)
     assert rig.moves == 0
 
 
-def test_the_wrists_range_may_be_narrowed_and_one_beyond_it_only_turned_back(rig):
+def test_arm_wrist_beyond_narrowed_range_may_only_turn_back(rig):
     url = f"{rig.url}?base=-300,0,0&wrist=-90,90"
     with contextlib.closing(connect.arm(url, time_scale=SCALE)) as arm:
         low, high = arm.turn_range(0.0, 0.0)  # axis 6 stands at 180 deg
@@ -91,7 +94,7 @@ def test_the_wrists_range_may_be_narrowed_and_one_beyond_it_only_turned_back(rig
         arm.move_linear((0.0, 0.0, 60.0, 1.0), 500.0)
 
 
-def test_a_wrist_that_somebody_else_turned_round_is_found(rig):
+def test_turn_range_wrist_turned_by_another_client_is_refused(rig):
     with rig.open(base=BASE) as arm:
         arm.move_linear((0.0, 0.0, 60.0, 0.5), 500.0)
         *others, wrist = rig.model.joints_at(rig.now())
@@ -102,7 +105,7 @@ def test_a_wrist_that_somebody_else_turned_round_is_found(rig):
             arm.turn_range(0.0, 0.0)
 
 
-def test_a_controller_whose_wrist_is_at_its_end_halts_without_a_word():
+def test_arm_model_wrist_beyond_its_end_halts_without_answer():
     model = ArmModel(BASE)
     number, answer = 0, Answer("", 0.0)
     while not model.halted:
@@ -112,7 +115,7 @@ def test_a_controller_whose_wrist_is_at_its_end_halts_without_a_word():
     assert (answer.text, model.halted) == (None, "50027 joint out of range")
 
 
-def test_an_interrupted_move_is_waited_for_before_the_next_command(rig):
+def test_pose_after_interrupted_move_waits_for_its_end(rig):
     with rig.open() as arm:
         arm.move_linear((0.0, 0.0, 99.0, 0.0), 20.0)
         receive = arm._link.receive
@@ -128,7 +131,7 @@ def test_an_interrupted_move_is_waited_for_before_the_next_command(rig):
 
 
 def stopped(arm, times):
-    """Let the process be stopped past the deadline, so many times that it waits for an answer."""
+    """Stop the process past the deadline in each of its next `times` waits for an answer."""
     receive = arm._link.receive
 
     def waited(seconds):
@@ -143,7 +146,7 @@ def stopped(arm, times):
 
 
 @pytest.mark.usefixtures("impatient")
-def test_a_move_that_ended_while_the_process_was_stopped_has_ended(rig):
+def test_move_linear_process_stopped_meanwhile_completes(rig):
     with rig.open() as arm:
         arm.pose()
         stopped(arm, 2)  # for the speed's answer, and for the move's
@@ -152,7 +155,7 @@ def test_a_move_that_ended_while_the_process_was_stopped_has_ended(rig):
 
 
 @pytest.mark.usefixtures("impatient")
-def test_a_pose_that_waited_while_the_process_was_stopped_is_asked_for_again(rig):
+def test_pose_process_stopped_meanwhile_is_asked_for_once_more(rig):
     with rig.open() as arm:
         stopped(arm, 1)
         assert arm.pose().z_mm == pytest.approx(100.0)
@@ -162,7 +165,7 @@ def test_a_pose_that_waited_while_the_process_was_stopped_is_asked_for_again(rig
         assert arm.pose().z_mm == pytest.approx(100.0)
 
 
-def test_frames_and_limits_may_stand_in_the_address(rig):
+def test_connect_arm_frames_and_limits_in_url_are_applied(rig):
     query = "?tool=0,0,120&work_object=20,0,10,1,0,0,0&base=-300,0,0&area=-50,-50,-500,50,50,90"
     with contextlib.closing(connect.arm(rig.url + query, time_scale=SCALE)) as arm:
         assert arm.pose()[:3] == pytest.approx((-20.0, 0.0, -30.0))
@@ -173,8 +176,8 @@ def test_frames_and_limits_may_stand_in_the_address(rig):
         assert rig.model.pose_at(1e9)[2] == pytest.approx(0.0)
 
 
-def test_the_way_is_looked_at_and_not_only_its_end(rig):
-    """Both ends are in reach, the way between them leads through the arm's own foot."""
+def test_move_linear_path_out_of_reach_is_refused(rig):
+    """Both ends are in reach, but the line between them passes through the base of the arm."""
     with rig.open(base=BASE, work_object=BASE) as arm:
         arm.move_linear((250.0, 250.0, 100.0, 0.0), 1000.0)
         with pytest.raises(ArmError, match="out of the arm's reach"):
@@ -189,7 +192,7 @@ def test_the_way_is_looked_at_and_not_only_its_end(rig):
         *(f"tcp://127.0.0.1:5000?{query}" for query in ("base=1,2", "area=1,2,3", "tool=x")),
     ],
 )
-def test_address_of_no_arm_is_refused(url):
+def test_connect_arm_malformed_or_unserved_url_is_refused(url):
     with pytest.raises(PortError):
         connect.arm(url)
 
@@ -201,16 +204,16 @@ def test_address_of_no_arm_is_refused(url):
         ({"answer": b"0 0 "}, "bad message"),
         ({"answer": b"0 1 "}, "does not fit|silence"),  # also to SET_TOOL: the echoed code counts
         ({"answer": b"0 1 0 1 "}, "does not fit"),
-        ({"answers": 0}, "connection broke"),  # it is tried again, and then given up
+        ({"answers": 0}, "connection broke"),  # the driver tries once more, then gives up
     ],
 )
 @pytest.mark.usefixtures("impatient")
-def test_whoever_is_no_open_abb_server_is_refused(impostor, message):
+def test_connect_arm_server_other_than_open_abb_is_refused(impostor, message):
     with contextlib.closing(Impostor(**impostor)) as other, pytest.raises(ArmError, match=message):
         connect.arm(f"tcp://{other.address}", time_scale=SCALE)
 
 
-def test_a_turn_is_as_fast_as_the_radius_allows_that_is_asked_for(rig):
+def test_move_linear_radius_sets_turn_speed_and_zero_is_refused(rig):
     with rig.open(base=BASE) as arm:
         for radius_mm in (80.0, 160.0):
             arm.move_linear((0.0, 0.0, 60.0, 0.5 - radius_mm / 400.0), 100.0, radius_mm)

@@ -1,4 +1,4 @@
-"""The open_abb codec: strict numbers out, unterminated replies in, no garbled one taken for whole."""
+"""The open_abb codec writes strict numbers, and reads replies that have no terminator."""
 
 import math
 import random
@@ -11,12 +11,12 @@ from drivers.sim.devices.rapid import Message
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e5, -2e6])
-def test_numbers_that_cannot_be_sent_are_refused(value):
+def test_number_not_finite_or_too_large_is_refused(value):
     with pytest.raises(ProtocolError):
         codec.number(value, 3)
 
 
-def test_numbers_have_no_exponent_and_no_negative_zero():
+def test_number_has_no_exponent_and_no_negative_zero():
     assert codec.number(1e-9, 3) == "0.000"
     assert codec.number(-1e-9, 3) == "0.000"
     assert codec.number(-0.0015, 3) in {"-0.001", "-0.002"}
@@ -28,7 +28,7 @@ def test_numbers_have_no_exponent_and_no_negative_zero():
         assert abs(float(text) - value) <= 0.0005001
 
 
-def test_the_worst_pose_line_fits_the_string_limit():
+def test_command_longest_pose_fits_and_longer_line_is_refused():
     far = Pose(-999.999, -999.999, -999.999, codec.hand_rotation(-2.5))
     assert len(codec.command(codec.MOVE_LINEAR, *codec.pose_numbers(far))) <= codec.MAX_LINE
     with pytest.raises(ProtocolError, match="too long"):
@@ -37,14 +37,14 @@ def test_the_worst_pose_line_fits_the_string_limit():
         codec.command(1, *["12345678901"] * 7)
 
 
-def test_a_quaternion_off_unit_length_is_refused():
+def test_pose_numbers_quaternion_not_of_unit_length_is_refused():
     with pytest.raises(ProtocolError, match="normalise"):
         codec.pose_numbers(Pose(0.0, 0.0, 0.0, (1.0, 0.1, 0.0, 0.0)))
     with pytest.raises(ProtocolError):
         codec.pose_numbers(Pose(0.0, 0.0, 0.0, (math.nan, 0.0, 0.0, 0.0)))
 
 
-def test_the_server_reads_what_was_meant():
+def test_command_with_pose_is_read_back_by_simulated_server():
     rng = random.Random(5)
     for _ in range(500):
         place = (rng.uniform(-400, 400) for _ in range(3))
@@ -56,7 +56,7 @@ def test_the_server_reads_what_was_meant():
         assert message.parameters[3:7] == pytest.approx(list(pose.rotation), abs=2e-7)
 
 
-def test_hand_angles_come_back_in_one_turn():
+def test_hand_angle_of_hand_rotation_is_angle_within_half_a_turn():
     for step in range(-40, 41):
         angle = step * 0.2
         back = codec.hand_angle(codec.hand_rotation(angle))
@@ -66,7 +66,7 @@ def test_hand_angles_come_back_in_one_turn():
         assert codec.hand_angle((-w, -x, -y, -z)) == pytest.approx(back)
 
 
-def test_every_prefix_of_a_reply_is_unfinished_until_its_last_field_begins():
+def test_parse_reply_prefix_is_none_until_last_field_begins():
     text = "3 1 10.00 -20.50 30.00 0.000 1.000 0.000 0.000"
     last = text.rindex(" ") + 1
     for end in range(len(text) + 1):
@@ -77,23 +77,28 @@ def test_every_prefix_of_a_reply_is_unfinished_until_its_last_field_begins():
 
 
 @pytest.mark.parametrize("text", ["2 1 ", "1 2 ", "1 1 x", "31 1 ", "hello", "1 1  ", "-1 1 "])
-def test_answers_that_do_not_fit_are_refused(text):
+def test_parse_reply_that_does_not_fit_is_refused(text):
     with pytest.raises(ProtocolError):
         codec.parse_reply(text, 1)
 
 
-def test_garbled_poses_are_refused():
+def test_parse_reply_with_too_many_fields_is_refused():
     with pytest.raises(ProtocolError, match="more than"):
         codec.parse_reply("3 1 1 2 3 4 5 6 7 8", 3)
+
+
+def test_hand_angle_of_hand_not_pointing_down_is_refused():
     with pytest.raises(ProtocolError, match="point down"):
         codec.hand_angle((1.0, 0.0, 0.0, 0.0))
-    with pytest.raises(ProtocolError, match="garbled"):
-        codec.parse_numbers(codec.Reply(3, True, ("1", "2", "x", "0", "1", "0", "0")))
-    with pytest.raises(ProtocolError, match="finite"):
-        codec.parse_numbers(codec.Reply(3, True, ("1", "2", "nan", "0", "1", "0", "0")))
 
 
-def test_stale_acknowledgements_are_dropped_and_nothing_else():
+@pytest.mark.parametrize(("field", "problem"), [("x", "garbled"), ("nan", "finite")])
+def test_parse_numbers_field_not_finite_number_is_refused(field, problem):
+    with pytest.raises(ProtocolError, match=problem):
+        codec.parse_numbers(codec.Reply(3, True, ("1", "2", field, "0", "1", "0", "0")))
+
+
+def test_drop_stale_removes_only_complete_acknowledgements():
     assert codec.drop_stale("1 1 0 1 ", 0) == "0 1 "
     assert codec.drop_stale("1 1 33 0 0 1 ", 0) == "0 1 "
     assert codec.drop_stale("0 1 ", 0) == "0 1 "
@@ -112,7 +117,7 @@ def test_stale_acknowledgements_are_dropped_and_nothing_else():
         ("1 1 ", 1, True),
     ],
 )
-def test_reply_has_ended_only_where_no_digit_can_follow(text, code, ended):
+def test_reply_ended_only_where_no_digit_can_follow(text, code, ended):
     reply = codec.parse_reply(text, code)
     assert reply is not None
     assert reply.ended == ended

@@ -1,4 +1,4 @@
-"""The driver of DH grippers against a simulated one in virtual time, on a line that fails."""
+"""The driver of DH grippers against a simulated gripper in virtual time, on a line that fails."""
 
 from dataclasses import replace
 
@@ -17,14 +17,14 @@ PART_MM = 38.0  # position 400 of the AG-95
 
 
 def ready(seed=1, contact_mm=PART_MM):
-    """A device, and the driver that has initialised it."""
+    """A device, and a driver that has initialised it."""
     device = VirtualDh(contact_mm=contact_mm, seed=seed)
     return device, device.ready()
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_gripper_whose_state_follows_late_ends_no_move_early(seed):
-    """The state of the move before, still shown for some cycles, says that the fingers stand."""
+def test_wait_late_state_register_ends_no_move_early(seed):
+    """For some cycles the register still shows the previous move, whose fingers stand still."""
     _, gripper = ready(seed)
     for width_um, expected_um in ((0, 38_000), (95_000, 95_000), (60_040, 60_040), (0, 38_000)):
         gripper.move(width_um, 135.0, 45.0)
@@ -33,7 +33,7 @@ def test_gripper_whose_state_follows_late_ends_no_move_early(seed):
 
 @pytest.mark.parametrize("width_um", [0, 20_045, 95_000])
 @pytest.mark.parametrize("spike", [0, 500, 1000])
-def test_move_after_a_reading_with_a_wrong_position_ends_where_the_fingers_stop(width_um, spike):
+def test_move_after_wrong_position_reading_ends_at_target_or_part(width_um, spike):
     device, gripper = ready()
     gripper.move(60_040, 135.0, 45.0)
     gripper.wait()
@@ -48,7 +48,7 @@ def test_move_after_a_reading_with_a_wrong_position_ends_where_the_fingers_stop(
     assert gripper.wait().width_um == max(width_um, 38_000)
 
 
-def test_gripper_that_drops_the_part_closes_on_and_says_so():
+def test_state_after_dropped_part_is_closed_at_target():
     device, gripper = ready()
     close(gripper)
     gripper.wait()
@@ -58,7 +58,7 @@ def test_gripper_that_drops_the_part_closes_on_and_says_so():
     assert (seen.width_um, seen.object) == (0, ObjectState.AT_TARGET)
 
 
-def test_gripper_that_loses_power_while_it_moves_is_a_fault():
+def test_wait_power_lost_during_move_raises_fault():
     device, gripper = ready(contact_mm=None)
     close(gripper, 1.4)
     device.device.power_cycle(device.clock.now() + 1.0)
@@ -66,7 +66,7 @@ def test_gripper_that_loses_power_while_it_moves_is_a_fault():
         gripper.wait()
 
 
-def test_gripper_that_is_stopped_stands_and_keeps_what_it_holds():
+def test_stop_stands_still_and_keeps_held_part():
     device, gripper = ready()
     close(gripper, 20.0)
     device.clock.sleep(0.5)
@@ -83,7 +83,7 @@ def test_gripper_that_is_stopped_stands_and_keeps_what_it_holds():
     assert gripper.state().object is ObjectState.CLOSING
 
 
-def test_gripper_stopped_right_after_a_move_does_not_take_the_old_grip_for_a_held_part():
+def test_stop_right_after_move_stops_despite_earlier_grip():
     device, gripper = ready()
     close(gripper)
     gripper.wait()
@@ -94,7 +94,7 @@ def test_gripper_stopped_right_after_a_move_does_not_take_the_old_grip_for_a_hel
     assert gripper.state().width_um == here < 40_000
 
 
-def test_gripper_that_initialises_cannot_be_stopped():
+def test_stop_during_initialisation_raises_fault():
     device = VirtualDh()
     gripper = device.connect()
     device.device.write(dh.INITIALISATION, dh.CALIBRATE, device.clock.now())
@@ -102,7 +102,7 @@ def test_gripper_that_initialises_cannot_be_stopped():
         gripper.stop()
 
 
-def test_gripper_moves_with_the_settings_that_do_not_exceed_those_asked_for():
+def test_move_settings_do_not_exceed_those_asked_for():
     device, gripper = ready(contact_mm=None)
     for speed, force in ((1.0, 1.0), (50.0, 80.0), (1000.0, 1000.0)):
         gripper.move(50_000, speed, force)
@@ -126,7 +126,7 @@ def test_gripper_moves_with_the_settings_that_do_not_exceed_those_asked_for():
         ("reply_late", 0.7),
     ],
 )
-def test_line_that_fails_for_good_is_a_timeout_and_for_a_moment_is_nothing(kind, value):
+def test_gripper_brief_line_fault_is_retried_and_lasting_one_times_out(kind, value):
     device, gripper = ready()
     device.fault(kind, length=2, value=value)
     close(gripper)
@@ -138,21 +138,21 @@ def test_line_that_fails_for_good_is_a_timeout_and_for_a_moment_is_nothing(kind,
 
 
 @pytest.mark.parametrize(("kind", "value"), [("noise", 9), ("echo", 0), ("reply_twice", 0)])
-def test_line_with_bytes_too_many_changes_nothing(kind, value):
+def test_gripper_extra_bytes_on_line_change_nothing(kind, value):
     device, gripper = ready()
     device.fault(kind, value=value)
     close(gripper)
     assert gripper.wait().width_um == 38_000
 
 
-def test_device_in_a_state_that_no_dh_gripper_has_is_a_fault():
+def test_state_unknown_initialisation_code_raises_fault():
     device, gripper = ready(contact_mm=None)
     device.device._initialised = 9
     with pytest.raises(GripperFault, match="check that it is one"):
         gripper.state()
 
 
-def test_profile_of_another_make_is_refused():
+def test_scale_unsuitable_profile_is_refused():
     with pytest.raises(PortError, match="is no gripper of DH-Robotics"):
         Scale(profile_of("robotiq-2f-85"))
     finer = replace(profile_of("dh-ag95"), resolution_um=10.0)
@@ -164,6 +164,6 @@ def test_profile_of_another_make_is_refused():
     "port",
     ["dh://", "dh:///dev/ttyS0?unit=0", "dh:///dev/ttyS0?baud=9600", "dh://host", "dh:///dev/null"],
 )
-def test_port_that_is_not_understood_is_one_line(port):
+def test_connect_gripper_malformed_dh_port_is_refused_in_a_line(port):
     with refused_in_a_line(PortError):
         connect.gripper(port)

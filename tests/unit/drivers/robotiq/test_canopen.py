@@ -1,7 +1,7 @@
-"""The CANopen link on a virtual bus: order of the bytes, what is refused, silence, names of ports.
+"""The CANopen link on a virtual bus: order of the bytes, refusals, silence, names of ports.
 
-The object map is inferred (see drivers/robotiq/canopen.py); these tests hold the driver to that map and to
-CiA 301, not to a device.
+The object map is inferred (see drivers/robotiq/canopen.py): these tests compare the driver with that map and
+with CiA 301, not with a device.
 """
 
 import builtins
@@ -27,7 +27,7 @@ WHERE = CanMap(CHANNEL, "virtual")
 
 
 class Recorder(GripperModel):
-    """A gripper that remembers which bytes were written, in order."""
+    """A gripper that records which bytes were written, in order."""
 
     def __init__(self):
         super().__init__(random.Random(1))
@@ -62,11 +62,11 @@ def link():
         each.close()
 
 
-def test_the_block_is_read_byte_by_byte(device, link):
+def test_can_link_read_returns_block(device, link):
     assert link().read() == device.read_input(1.0)[:6]
 
 
-def test_settings_are_written_first_then_what_changed_and_a_stop_before_all(device, link):
+def test_can_link_write_sends_changes_in_safe_order(device, link):
     channel = link()
     for block, written in (
         ((0x09, 0, 0, 200, 100, 50), [(5, 50), (4, 100), (2, 0), (1, 0), (3, 200), (0, 0x09)]),
@@ -79,7 +79,7 @@ def test_settings_are_written_first_then_what_changed_and_a_stop_before_all(devi
     assert device.written[0] == (0, 0)
 
 
-def test_an_absent_node_is_a_timeout(link):
+def test_can_link_read_absent_node_times_out(link):
     channel = link()
     lines = []
     channel._report = lambda kind, fields: lines.append(fields["incident"])
@@ -88,7 +88,7 @@ def test_an_absent_node_is_a_timeout(link):
     assert lines == ["no answer", "read repeated", "no answer", "read repeated", "no answer"]
 
 
-def test_a_write_that_was_not_acknowledged_is_written_again_when_asked_again(device, link):
+def test_can_link_write_unacknowledged_byte_is_written_again(device, link):
     channel = link()
     channel.write(bytes((0x01, 0, 0, 0, 0, 0)))
     device.written.clear()
@@ -100,7 +100,7 @@ def test_a_write_that_was_not_acknowledged_is_written_again_when_asked_again(dev
     assert device.written == [(0, 0x09)]
 
 
-def test_an_object_that_is_not_there_is_a_refusal(device, link):
+def test_can_link_read_missing_object_is_refused(device, link):
     with pytest.raises(LinkError, match=r"refused object 0x3000:1.*not verified") as raised:
         link(WHERE._replace(input=0x3000)).read()
     assert not isinstance(raised.value, LinkTimeout)
@@ -114,7 +114,7 @@ def test_an_object_that_is_not_there_is_a_refusal(device, link):
         struct.pack("<BHBI", 0x60, 0x2000, 1, 7),  # to another request
     ],
 )
-def test_an_answer_to_something_else_is_none(device, link, reply):
+def test_can_link_read_answer_to_other_request_times_out(device, link, reply):
     channel = link()
     channel._sdo.request_response = lambda request: reply
     with pytest.raises(LinkTimeout):
@@ -122,7 +122,7 @@ def test_an_answer_to_something_else_is_none(device, link, reply):
 
 
 @pytest.mark.parametrize("error", [can.CanOperationError("down"), OSError(100, "network is down")])
-def test_a_bus_that_breaks_stays_broken(device, link, error):
+def test_can_link_broken_bus_stays_broken(device, link, error):
     channel = link()
 
     def broken(request):
@@ -137,7 +137,7 @@ def test_a_bus_that_breaks_stays_broken(device, link, error):
 # -- names of ports -------------------------------------------------------------------------------
 
 
-def test_a_ports_name_states_the_map():
+def test_parse_port_gives_map():
     assert parse("can:can0") == CanMap("can0")
     stated = "can:vcan1?node=0x21&output=0x2300&input=8192&bitrate=250000&interface=virtual"
     assert parse(stated) == CanMap("vcan1", "virtual", 250000, 0x21, 0x2300, 0x2000)
@@ -149,12 +149,12 @@ NO_PORTS += ["can:x?bitrate=5&interface=slcan"]
 
 
 @pytest.mark.parametrize("port", NO_PORTS)
-def test_names_that_are_not_understood_and_buses_that_are_not_there(port):
+def test_connect_gripper_bad_can_port_is_refused_in_a_line(port):
     with refused_in_a_line(PortError):
         connect.gripper(port)
 
 
-def test_without_the_extra_the_port_says_what_to_install(monkeypatch):
+def test_gripper_without_can_extra_names_what_to_install(monkeypatch):
     real = builtins.__import__
 
     def refuse(name, *arguments, **options):
@@ -167,7 +167,7 @@ def test_without_the_extra_the_port_says_what_to_install(monkeypatch):
         driver.gripper("can:can0", Pace(Clock()), lambda kind, fields: None, read_only=False)
 
 
-def test_opening_a_port_where_nobody_answers_leaves_no_bus_behind():
+def test_connect_gripper_silent_can_bus_leaves_no_thread():
     before = threading.active_count()
     with pytest.raises(LinkTimeout):
         connect.gripper("can:empty?interface=virtual")

@@ -1,4 +1,4 @@
-"""Counts of a Robotiq and what they mean: settings never exceed what is asked, widths are the SDK's line."""
+"""Counts of a Robotiq: settings never exceed the request, and widths are linear as in the SDK."""
 
 import pytest
 
@@ -11,7 +11,7 @@ MODELS = [model for model, profile in PROFILES.items() if profile.counts]
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_settings_are_never_more_than_asked_and_the_next_would_be(model: str) -> None:
+def test_counts_setting_is_greatest_not_above_request(model: str) -> None:
     counts, profile = Counts(PROFILES[model]), PROFILES[model]
     for ask, (least, most) in ((counts.speed, profile.speed_mm_s), (counts.force, profile.force_n)):
         step = (most - least) / 255
@@ -23,7 +23,7 @@ def test_settings_are_never_more_than_asked_and_the_next_would_be(model: str) ->
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_request_of_a_width_on_the_grid_is_its_count_and_the_ends_are_beyond_it(model: str) -> None:
+def test_counts_request_of_width_on_grid_is_its_count(model: str) -> None:
     counts, profile = Counts(PROFILES[model]), PROFILES[model]
     first, last = profile.counts
     for count in range(first + 1, last):
@@ -37,6 +37,6 @@ def test_request_of_a_width_on_the_grid_is_its_count_and_the_ends_are_beyond_it(
     assert widths == sorted(set(widths), reverse=True)
 
 
-def test_profile_without_counts_is_refused() -> None:
+def test_counts_of_profile_without_counts_are_refused() -> None:
     with pytest.raises(PortError, match=r"of 8500 steps has no register of counts; .* resolution"):
         Counts(GripperProfile("fine", 85_000, 10.0, 20, (5.0, 50.0), (1.0, 60.0)))

@@ -9,7 +9,7 @@ from drivers.errors import GripperFault, LinkError
 from drivers.robotiq.registers import OUTPUT_FIELDS, unpack
 
 
-def test_activation_resets_first_and_takes_its_time():
+def test_activate_resets_first_and_takes_seconds():
     link, gripper = reset()
     gripper.activate()
     assert [unpack(OUTPUT_FIELDS, block)["rACT"] for block in link.writes] == [0, 1]
@@ -18,13 +18,13 @@ def test_activation_resets_first_and_takes_its_time():
     assert 1.0 < link.clock.time - 100.0 < 15.0
 
 
-def test_an_active_gripper_is_left_alone():
+def test_activate_active_gripper_writes_nothing():
     link, gripper = active()
     gripper.activate()
     assert link.writes == []
 
 
-def test_an_activation_under_way_is_waited_for():
+def test_activate_already_under_way_is_waited_for():
     link, first = reset()
     link.model.write_output(0, bytes((1, 0, 0, 0, 0, 0)), link.clock.time)
     first.activate()
@@ -32,7 +32,7 @@ def test_an_activation_under_way_is_waited_for():
     assert first.state().activated
 
 
-def test_a_latched_fault_stays_until_the_next_activation():
+def test_gripper_latched_fault_stays_until_activated():
     link, gripper = reset(contact=150)
     with pytest.raises(GripperFault, match="0x0D"):
         gripper.activate()
@@ -48,7 +48,7 @@ def test_a_latched_fault_stays_until_the_next_activation():
     assert gripper.state().activated
 
 
-def test_an_active_gripper_that_latches_a_fault_is_reset_by_an_activation():
+def test_activate_active_gripper_with_latched_fault_resets_it():
     link, gripper = active()
     link.model.fail(0x0E, link.clock.now())
     gripper.activate()
@@ -57,7 +57,7 @@ def test_an_active_gripper_that_latches_a_fault_is_reset_by_an_activation():
     assert (seen.activated, seen.fault) == (True, 0)
 
 
-def test_a_gripper_that_never_finishes_activation_runs_into_the_deadline():
+def test_activate_never_finishing_raises_fault_at_deadline():
     link, gripper = reset()
     link.frozen = bytes((0x11, 0, 0, 0, 0, 0))
     with pytest.raises(GripperFault, match="not done activating"):
@@ -66,7 +66,7 @@ def test_a_gripper_that_never_finishes_activation_runs_into_the_deadline():
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_moves_end_where_the_model_says_whatever_the_lags(seed):
+def test_wait_with_any_lag_returns_final_position(seed):
     link, gripper = active(seed=seed)
     rng = random.Random(seed)
     for _ in range(30):
@@ -81,7 +81,7 @@ def test_moves_end_where_the_model_says_whatever_the_lags(seed):
         assert gripper.wait().position_counts == 3
 
 
-def test_settled_tells_of_contact_current_and_time():
+def test_wait_reports_contact_current_and_time():
     _, gripper = active(contact=174)
     gripper.move(255, 255, 100)
     settled = gripper.wait()
@@ -90,7 +90,7 @@ def test_settled_tells_of_contact_current_and_time():
     assert settled.seconds == pytest.approx((174 - 3) * 85 / 227 / 150, abs=0.1)
 
 
-def test_stop_by_this_or_another_connection_keeps_the_request_and_the_part():
+def test_stop_by_any_connection_keeps_request_and_part():
     link, gripper = active(contact=174)
     gripper.move(255, 255, 50)
     gripper.wait()
@@ -103,7 +103,7 @@ def test_stop_by_this_or_another_connection_keeps_the_request_and_the_part():
         assert (seen.position_counts, seen.activated) == (174, True)
 
 
-def test_stop_ends_the_sweep_of_an_activation_and_leaves_a_latched_fault_alone():
+def test_stop_during_activation_ends_sweep():
     link, gripper = reset()
     link.write(bytes((1, 0, 0, 0, 0, 0)))
     link.clock.sleep(1.5)
@@ -113,20 +113,23 @@ def test_stop_ends_the_sweep_of_an_activation_and_leaves_a_latched_fault_alone()
     assert gripper.state() == here
     assert (here.enabled, here.activated) == (False, False)
     assert 3 < here.position_counts < 230
+
+
+def test_stop_after_latched_fault_keeps_it():
     link, gripper = active()
     link.model.fail(0x0E, link.clock.now())
     gripper.stop()
     assert gripper.state().fault == 0x0E
 
 
-def test_jaws_that_came_to_rest_while_the_process_was_stopped_have_a_width():
+def test_wait_process_stopped_after_arrival_returns_position():
     link, gripper = active()
     gripper.move(255, 0, 0)
     read = link.read
 
     def stopped_at_its_end():
         block = read()
-        if block[0] & 0xC0 == 0xC0:  # at the request
+        if block[0] & 0xC0 == 0xC0:  # the jaws have arrived
             link.read = read
             link.clock.sleep(60.0)
         return block
@@ -145,7 +148,7 @@ def test_jaws_that_came_to_rest_while_the_process_was_stopped_have_a_width():
         (bytes((0x00, 0, 0, 200, 50, 0)), "not active"),
     ],
 )
-def test_registers_that_never_finish_end_in_a_fault_within_the_deadline(block, message):
+def test_wait_unfinished_registers_raise_fault_within_deadline(block, message):
     link, gripper = active()
     gripper.move(200, 255, 0)
     link.frozen = block
@@ -155,7 +158,7 @@ def test_registers_that_never_finish_end_in_a_fault_within_the_deadline(block, m
     assert link.clock.time - began < 5.0
 
 
-def test_a_count_that_never_stands_still_is_no_width():
+def test_wait_count_never_settling_raises_fault():
     link, gripper = active()
     gripper.move(200, 255, 0)
     counts = iter(range(100, 10_000))
@@ -171,7 +174,7 @@ def test_a_count_that_never_stands_still_is_no_width():
 
 @pytest.mark.parametrize("asked", [3, 120, 255])
 @pytest.mark.parametrize("spike", [0, 128, 255])
-def test_move_after_a_reading_with_a_wrong_count_ends_where_the_jaws_stop(asked, spike):
+def test_move_after_wrong_count_reading_ends_at_target_or_part(asked, spike):
     link, gripper = active(contact=60)
     gripper.move(30, 0, 0)
     gripper.wait()
@@ -188,7 +191,7 @@ def test_move_after_a_reading_with_a_wrong_count_ends_where_the_jaws_stop(asked,
     assert gripper.wait().position_counts == min(asked, 60)
 
 
-def test_link_errors_pass():
+def test_gripper_link_error_is_passed_on():
     link, gripper = active()
 
     def broken():
@@ -200,8 +203,8 @@ def test_link_errors_pass():
             call()
 
 
-def test_a_request_that_another_program_changes_is_a_fault_and_no_width():
-    """Settled, but at somebody else's request: the reading would be taken for an answer to ours."""
+def test_wait_request_changed_by_another_program_raises_fault():
+    """The jaws settle, but at the request of the other program: their width answers no request of ours."""
     link, gripper = active()
     gripper.move(200, 255, 0)
     ours, theirs = bytes((0xF9, 0, 0, 200, 199, 0)), bytes((0xF9, 0, 0, 120, 199, 0))

@@ -1,4 +1,4 @@
-"""The gripper driver when the answer to a write is lost, or the gripper loses its power."""
+"""The gripper driver when a write or its answer is lost, or the gripper loses power."""
 
 import random
 
@@ -11,7 +11,7 @@ from drivers.sim.devices.gripper import GripperModel
 
 
 def lose(link, times=1, before=lambda block: None):
-    """Lose the next writes; `before` is what happens first."""
+    """Lose the next `times` writes; before each one `before` is called with its block."""
 
     def lost(block):
         nonlocal times
@@ -25,7 +25,7 @@ def lose(link, times=1, before=lambda block: None):
 
 
 def arrive(link):
-    """A function that lets a write arrive."""
+    """A `before` for `lose` that lets the write arrive, so that only its answer is lost."""
     return lambda block: link.model.write_output(0, block, link.clock.time)
 
 
@@ -33,9 +33,9 @@ def power_cycle(link):
     link.model = GripperModel(random.Random(9), link)
 
 
-def test_a_write_that_arrived_without_its_answer_is_written_again_and_changes_nothing():
+def test_move_unanswered_write_is_repeated_and_grips_once():
     link, gripper = active(contact=174)
-    # The fingers are on their way, or have met the part.
+    # The fingers move on between the writes, and meet the part.
     lose(link, 2, lambda block: (arrive(link)(block), link.clock.sleep(0.4)))
     gripper.move(255, 255, 0)
     assert len(link.writes) == 3
@@ -44,8 +44,8 @@ def test_a_write_that_arrived_without_its_answer_is_written_again_and_changes_no
     assert link.asked == 1
 
 
-def test_a_write_that_only_raises_the_force_is_repeated_when_it_is_lost():
-    """The position is the same, so the echoes tell of the write before."""
+def test_move_lost_write_of_force_alone_is_repeated():
+    """The position is unchanged, so its echo does not show whether the write arrived."""
     link, gripper = active(contact=174)
     gripper.move(255, 0, 0)
     gripper.wait()
@@ -55,7 +55,7 @@ def test_a_write_that_only_raises_the_force_is_repeated_when_it_is_lost():
     assert gripper.wait().position_counts == 174
 
 
-def test_a_write_that_is_never_acknowledged_is_no_command():
+def test_move_never_acknowledged_times_out():
     link, gripper = active()
     lose(link, 3, arrive(link))
     with pytest.raises(LinkTimeout):
@@ -63,7 +63,7 @@ def test_a_write_that_is_never_acknowledged_is_no_command():
     assert len(link.writes) == 3
 
 
-def test_a_write_that_did_not_arrive_is_repeated_once_after_a_look():
+def test_move_lost_write_is_repeated_once():
     link, gripper = active()
     lose(link)
     gripper.move(100, 255, 0)
@@ -71,8 +71,8 @@ def test_a_write_that_did_not_arrive_is_repeated_once_after_a_look():
     assert gripper.wait().position_counts == 100
 
 
-def test_a_write_lost_to_a_power_cut_is_not_repeated():
-    """Repeating it would set rACT in a reset gripper: the activation sweep."""
+def test_move_write_lost_to_power_cut_is_not_repeated():
+    """A repeated write would set rACT in a reset gripper, and so start the activation sweep."""
     link, gripper = active()
     lose(link, before=lambda block: power_cycle(link))
     with pytest.raises(GripperFault, match="not active"):
@@ -81,7 +81,7 @@ def test_a_write_lost_to_a_power_cut_is_not_repeated():
     assert not gripper.state().activating
 
 
-def test_a_stop_lost_to_a_power_cut_does_not_start_the_sweep():
+def test_stop_write_lost_to_power_cut_does_not_activate():
     link, gripper = active(contact=174)
     gripper.move(255, 0, 0)
     lose(link, before=lambda block: power_cycle(link))
@@ -90,7 +90,7 @@ def test_a_stop_lost_to_a_power_cut_does_not_start_the_sweep():
     assert not gripper.state().activating
 
 
-def test_stop_after_a_power_cut_does_not_start_the_sweep():
+def test_stop_after_power_cut_writes_nothing():
     link, gripper = active()
     power_cycle(link)
     link.writes.clear()

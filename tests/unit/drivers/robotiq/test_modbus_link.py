@@ -1,10 +1,11 @@
-"""The Modbus link on a virtual clock: late, foreign and damaged answers, babbling lines, lost ports."""
+"""The Modbus link on a virtual clock: late, foreign and damaged answers, noisy lines, lost ports."""
 
 import random
 import struct
 
 import pytest
 from lines import Line
+from rtu_frames import rtu_frame
 
 from drivers import connect
 from drivers.clock import LINK_TIMEOUT_S, Pace
@@ -14,19 +15,13 @@ from drivers.modbus.framing import TcpFraming
 from drivers.modbus.master import GAP_S
 from drivers.ports import no_report
 from drivers.robotiq.modbus import TCP, ModbusLink, read_request, wiring_of
-from drivers.sim.wire.modbus import crc16
 
 STATUS = bytes.fromhex("B900 00FF BD00")
 
 
-def frame(text):
-    body = bytes.fromhex(text)
-    return body + crc16(body)
-
-
 def answer(count=3, status=STATUS):
     block = (status + bytes(10))[: 2 * count]
-    return frame(f"09 03 {2 * count:02X} {block.hex()}")
+    return rtu_frame(f"09 03 {2 * count:02X} {block.hex()}")
 
 
 def link(*script, report=None):
@@ -36,7 +31,7 @@ def link(*script, report=None):
     return channel, line, lines
 
 
-def test_an_answer_may_come_in_pieces():
+def test_modbus_link_read_answer_in_pieces_is_joined():
     whole = answer()
     channel, line, incidents = link([(0.001 * k, whole[k : k + 1]) for k in range(len(whole))])
     assert channel.read() == STATUS
@@ -51,20 +46,20 @@ def test_an_answer_may_come_in_pieces():
         b"\x00",
         b"\xff\x09\x03",
         b"\x09\x03\x06",
-        frame("08 03 06 0000 0000 0000"),  # another slave's answer
+        rtu_frame("08 03 06 0000 0000 0000"),  # another slave's answer
         answer(4),  # an answer to another question
         answer()[:-1] + b"\0",  # a damaged one
-        frame("09 04 06 B900 00FF BD00"),  # another function's answer, as long
-        frame("09 10 03E8 0003"),  # the acknowledgement of a write
-        frame("09 84 02"),  # the refusal of another function
+        rtu_frame("09 04 06 B900 00FF BD00"),  # another function's answer, as long
+        rtu_frame("09 10 03E8 0003"),  # the acknowledgement of a write
+        rtu_frame("09 84 02"),  # the refusal of another function
     ],
 )
-def test_what_stands_before_the_answer_is_skipped(before):
+def test_modbus_link_read_bytes_before_answer_are_skipped(before):
     channel, _, _ = link([(0.001, before + answer())])
     assert channel.read() == STATUS
 
 
-def test_random_noise_is_never_taken_for_an_answer():
+def test_modbus_link_read_random_noise_times_out():
     rng = random.Random(2)
     channel, _, _ = link(*([(0.001, rng.randbytes(rng.randrange(1, 60)))] for _ in range(600)))
     for _ in range(200):
@@ -72,7 +67,7 @@ def test_random_noise_is_never_taken_for_an_answer():
             channel.read()
 
 
-def test_a_silence_is_reported_and_a_read_is_tried_three_times():
+def test_modbus_link_read_silence_is_reported_and_tried_three_times():
     channel, line, incidents = link()
     with pytest.raises(LinkTimeout, match="did not answer within"):
         channel.read()
@@ -84,8 +79,8 @@ def test_a_silence_is_reported_and_a_read_is_tried_three_times():
 
 
 @pytest.mark.parametrize("late_s", [0.51, 0.6, 0.9, 1.2, 1.4])
-def test_a_late_answer_is_never_taken_for_the_answer_to_a_later_request(late_s):
-    """Nothing in an RTU answer tells which request it belongs to but the number of registers."""
+def test_modbus_link_read_late_answer_is_not_taken_for_later_one(late_s):
+    """Only its number of registers shows to which request an RTU answer belongs."""
     old = bytes.fromhex("F900 0000 0300")
     channel, _, _ = link([(late_s, answer(3, old))], [(0.004, answer(4))], [(0.004, answer(5))])
     assert channel.read() == STATUS
@@ -105,7 +100,7 @@ class Starved(Line):
 
 
 @pytest.mark.parametrize("stops", [1, 2])
-def test_a_reading_that_waited_while_the_process_was_stopped_is_asked_for_again(stops):
+def test_modbus_link_read_process_stopped_meanwhile_is_repeated(stops):
     old, new = [(0.004, answer(3, bytes(6)))], [(0.004, answer())]
     line = Starved(*stops * [old], new)
     line.stops = stops
@@ -117,7 +112,7 @@ def test_a_reading_that_waited_while_the_process_was_stopped_is_asked_for_again(
     assert (len(line.sent), lines) == (stops + 1, stops * ["read repeated"])
 
 
-def test_a_process_that_is_stopped_again_and_again_says_so_and_not_that_the_gripper_was_silent():
+def test_modbus_link_read_process_stopped_repeatedly_is_reported():
     line = Starved(*3 * [[(0.004, answer())]])
     line.stops = 3
     with pytest.raises(
@@ -126,13 +121,13 @@ def test_a_process_that_is_stopped_again_and_again_says_so_and_not_that_the_grip
         ModbusLink(line, Pace(line.clock)).read()
 
 
-def test_a_write_confirmed_while_the_process_was_stopped_is_confirmed():
-    line = Starved([(0.004, frame("09 10 03E8 0003"))])
+def test_modbus_link_write_confirmed_while_process_stopped_succeeds():
+    line = Starved([(0.004, rtu_frame("09 10 03E8 0003"))])
     ModbusLink(line, Pace(line.clock)).write(bytes(6))
     assert len(line.sent) == 1
 
 
-def test_the_number_of_registers_stays_within_the_block():
+def test_modbus_link_read_register_counts_stay_within_block():
     channel, line, _ = link()
     for _ in range(4):
         with pytest.raises(LinkTimeout):
@@ -141,14 +136,14 @@ def test_the_number_of_registers_stays_within_the_block():
     assert counts == [*range(3, 9)] * 2
 
 
-def test_transactions_keep_their_distance():
+def test_modbus_link_reads_keep_gap_between_them():
     channel, line, _ = link([(0.004, answer())], [(0.004, answer())])
     channel.read()
     channel.read()
     assert line.sent[1][0] - line.sent[0][0] == pytest.approx(0.004 + GAP_S)
 
 
-def test_a_line_that_is_never_quiet_delays_but_does_not_hang():
+def test_modbus_link_write_on_line_never_quiet_times_out():
     channel, line, _ = link()
     with pytest.raises(LinkTimeout):
         channel.write(bytes(6))
@@ -159,7 +154,7 @@ def test_a_line_that_is_never_quiet_delays_but_does_not_hang():
     assert line.clock.now() - began < DRAIN_S + LINK_TIMEOUT_S + 0.1
 
 
-def test_a_broken_connection_stays_broken():
+def test_modbus_link_broken_connection_stays_broken():
     channel, line, incidents = link([OSError(5, "gone")])
     for _ in range(2):
         with pytest.raises(LinkError, match=r"broke|closed"):
@@ -169,14 +164,14 @@ def test_a_broken_connection_stays_broken():
     assert incidents[0][1]["incident"] == "connection broke"
 
 
-def test_an_exception_answer_is_a_refusal_and_no_silence():
-    channel, _, _ = link([(0.004, frame("09 83 02"))])
+def test_modbus_link_read_exception_answer_is_refusal_not_timeout():
+    channel, _, _ = link([(0.004, rtu_frame("09 83 02"))])
     with pytest.raises(LinkError, match="refused function 3") as raised:
         channel.read()
     assert not isinstance(raised.value, LinkTimeout)
 
 
-def test_an_interrupted_transaction_is_not_answered_to_the_next():
+def test_modbus_link_read_after_interrupt_ignores_earlier_answer():
     channel, line, _ = link(
         [(0.004, answer(3, bytes.fromhex("F900 0000 0300")))], [(0.004, answer())]
     )
@@ -192,6 +187,14 @@ def test_an_interrupted_transaction_is_not_answered_to_the_next():
     with pytest.raises(KeyboardInterrupt):
         channel.read()
     assert channel.read() == STATUS
+
+
+@pytest.mark.parametrize("acknowledgement", ["09 10 03E9 0003", "09 10 03E8 0002"])
+def test_modbus_link_write_acknowledged_for_other_block_times_out(acknowledgement):
+    channel, line, _ = link([(0.001, rtu_frame(acknowledgement))])
+    with pytest.raises(LinkTimeout):
+        channel.write(bytes(6))
+    assert len(line.sent) == 1
 
 
 # -- Modbus TCP -----------------------------------------------------------------------------------
@@ -210,8 +213,8 @@ def tcp_link(*script):
     return ModbusLink(line, Pace(line.clock), no_report, TCP, TcpFraming()), line
 
 
-def test_a_modbus_tcp_answer_is_found_by_its_number():
-    """Stale and foreign ones before it are passed over."""
+def test_modbus_link_tcp_read_takes_answer_with_its_number():
+    """The driver skips stale answers and answers of other units before it."""
     wrong = mbap(1, status=bytes(6)) + mbap(7) + mbap(2, unit=3) + mbap(2, count=4)
     channel, line = tcp_link([(0.001, mbap(1))], [(0.001, wrong + mbap(2))])
     assert channel.read() == STATUS
@@ -219,22 +222,11 @@ def test_a_modbus_tcp_answer_is_found_by_its_number():
     assert [int.from_bytes(data[:2], "big") for _, data in line.sent] == [1, 2]
 
 
-def test_the_number_of_a_modbus_tcp_request_wraps_and_is_never_zero():
+def test_tcp_framing_number_wraps_and_is_never_zero():
     framing = TcpFraming()
     framing._number = 0xFFFE
     numbers = [int.from_bytes(framing.frame(read_request(TCP, 3))[:2], "big") for _ in range(3)]
     assert numbers == [0xFFFF, 1, 2]
-
-
-# -- against pymodbus' own view -------------------------------------------------------------------
-
-
-def test_an_acknowledgement_of_another_write_is_none():
-    for wrong in (frame("09 10 03E9 0003"), frame("09 10 03E8 0002")):
-        channel, line, _ = link([(0.001, wrong)])
-        with pytest.raises(LinkTimeout):
-            channel.write(bytes(6))
-        assert len(line.sent) == 1
 
 
 def gateway(*codes):
@@ -245,7 +237,7 @@ def gateway(*codes):
     return ModbusLink(line, Pace(line.clock), no_report, wiring, TcpFraming()), line
 
 
-def test_unit_and_addresses_behind_a_gateway_are_those_of_the_port():
+def test_modbus_link_gateway_gets_unit_and_addresses_of_port():
     channel, line = gateway()
     assert channel.read() == STATUS
     assert line.sent[0][1] == enveloped(1, 9, bytes.fromhex("03 07D0 0003"))
@@ -255,7 +247,7 @@ def test_unit_and_addresses_behind_a_gateway_are_those_of_the_port():
 
 
 @pytest.mark.parametrize("code", [5, 6, 11])
-def test_read_refused_for_a_moment_is_repeated(code):
+def test_modbus_link_gateway_briefly_refused_read_is_repeated(code):
     channel, line = gateway(code, code)
     assert channel.read() == STATUS
     assert len(line.sent) == 3
@@ -280,7 +272,7 @@ def test_read_refused_for_a_moment_is_repeated(code):
         (99, LinkError, r"unknown reason \(exception 99\)"),
     ],
 )
-def test_refusals_of_a_gateway_are_distinguished(code, kind, message):
+def test_modbus_link_gateway_refusal_has_error_and_reason(code, kind, message):
     channel, _ = gateway(code, code, code)
     with pytest.raises(LinkError, match=rf"\(unit 9\) refused function 3: .*{message}") as raised:
         channel.read()
@@ -300,7 +292,7 @@ def test_refusals_of_a_gateway_are_distinguished(code, kind, message):
         "baud=1",
     ],
 )
-def test_setting_of_a_port_that_is_not_understood_is_refused(query):
+def test_connect_gripper_port_setting_not_understood_is_refused(query):
     key = query.partition("=")[0]
     with pytest.raises(
         PortError, match=rf"{key}=.* is not understood; there are unit \(0 to 255\)"
@@ -308,7 +300,7 @@ def test_setting_of_a_port_that_is_not_understood_is_refused(query):
         connect.gripper(f"tcp://127.0.0.1:1?{query}")
 
 
-def test_units_of_a_bus_begin_at_1():
+def test_connect_gripper_unit_zero_is_refused_on_rtu_only():
     with pytest.raises(PortError, match=r"unit \(1 to 247\)"):
         connect.gripper("rtu+tcp://127.0.0.1:1?unit=0")
     with pytest.raises(PortError, match="nobody accepts"):

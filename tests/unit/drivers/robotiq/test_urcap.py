@@ -1,4 +1,4 @@
-"""The URCap's text socket on a virtual clock: answers in pieces, late, foreign, doubled or missing."""
+"""The text socket of the URCap on a virtual clock: answers in pieces, late, foreign or missing."""
 
 import random
 
@@ -33,7 +33,7 @@ def asked(line):
 
 
 @pytest.mark.parametrize("end", [b"", b"\n", b"\r\n", b" "])
-def test_a_reading_asks_for_each_variable_once(end):
+def test_urcap_link_read_asks_for_each_variable_once(end):
     line, link = items(output(end))
     seen = decode(link.read())
     assert asked(line) == [f"GET {name}" for name in READ]
@@ -41,14 +41,14 @@ def test_a_reading_asks_for_each_variable_once(end):
     assert (seen.echo_counts, seen.position_counts, seen.fault) == (255, 147, 0)
 
 
-def test_an_answer_in_pieces_is_not_taken_for_a_smaller_number():
+def test_urcap_link_read_number_in_pieces_is_joined():
     script = output()
     script[-1] = [(0.004, b"PO"), (0.005, b"S 1"), (0.006, b"4"), (0.007, b"7")]
     _, link = items(script)
     assert decode(link.read()).position_counts == 147
 
 
-def test_the_fault_is_the_low_nibble():
+def test_urcap_link_read_fault_is_low_nibble():
     _, link = items(output(FLT=0x95))
     assert decode(link.read()).fault == 0x05
 
@@ -62,15 +62,15 @@ def test_the_fault_is_the_low_nibble():
         ({}, bytes(6), "SET GTO 0 ACT 0"),
     ],
 )
-def test_act_is_written_only_to_change_what_was_read(before, block, sent):
+def test_urcap_link_write_sets_act_only_to_change_it(before, block, sent):
     line, link = items([*output(**before), [(0.004, b"ack")]])
     link.read()
     link.write(block)
     assert asked(line)[-1] == sent
 
 
-def test_a_late_answer_is_not_taken_for_that_of_a_later_question():
-    """The acknowledgement comes after the deadline, and stale counts with it."""
+def test_urcap_link_read_after_late_answer_ignores_it():
+    """The acknowledgement comes after the deadline, together with outdated counts."""
     late = LINK_TIMEOUT_S + 0.01
     script = [[(late, b"ack"), (late + 0.005, b"POS 3")], [(0.02, b"SPE 255")], *output()]
     reports = []
@@ -82,7 +82,7 @@ def test_a_late_answer_is_not_taken_for_that_of_a_later_question():
     assert reports == ["no answer"]
 
 
-def test_silence_is_a_timeout_and_then_the_end_of_the_link():
+def test_urcap_link_read_silence_times_out_and_closes_link():
     line, link = items([])
     with pytest.raises(LinkTimeout):
         link.read()
@@ -96,13 +96,13 @@ ANSWERS = [b"?", b"nack", b"POS 147", b"ACT 256", b"ACT one", b"ACT 1111", b"\xf
 
 
 @pytest.mark.parametrize("answer", [*ANSWERS, b"HTTP/1.1 400 Bad Request"])
-def test_other_answers_are_refused(answer):
+def test_urcap_link_read_other_answer_is_refused(answer):
     _, link = items([[(0.004, answer)]])
     with pytest.raises(LinkError, match=r"check that it is Robotiq's URCap|no register value"):
         link.read()
 
 
-def test_a_line_that_is_never_quiet_ends_in_an_error():
+def test_urcap_link_read_line_never_quiet_raises_link_error():
     line, link = items(output())
     line.receive = lambda seconds: line.clock.sleep(0.001) or b"POS 3\n"
     with pytest.raises(LinkError):
@@ -110,7 +110,7 @@ def test_a_line_that_is_never_quiet_ends_in_an_error():
     assert line.clock.now() < 200.0
 
 
-def test_an_answer_read_too_late_is_no_reading():
+def test_urcap_link_read_process_suspended_times_out():
     line, link = items([[(0.004, b"ACT 1")]] * 6)
     receive = line.receive
 
@@ -123,7 +123,7 @@ def test_an_answer_read_too_late_is_no_reading():
         link.read()
 
 
-def test_noise_never_becomes_a_reading_that_nobody_sent():
+def test_urcap_link_read_noise_raises_link_error():
     rng = random.Random(5)
     for _ in range(60):
         script = output()
@@ -138,7 +138,7 @@ NO_LINES += [b"SET POS 256", b"SET GTO 2", b"set POS 1", b"SET POS 1 XYZ 2", b"S
 
 
 @pytest.mark.parametrize("line", [*NO_LINES, b"\xff\xfe", b"SET POS \xb2"])
-def test_the_simulated_urcap_obeys_no_line_that_it_does_not_understand(line):
+def test_urcap_malformed_line_is_not_obeyed(line):
     device = GripperModel(random.Random(1))
     assert Urcap(device, lambda: 1.0).answer(line) == b"?"
     assert device.read_output() == bytes(16)

@@ -1,4 +1,4 @@
-"""The driver of a SCHUNK gripper against its simulator in virtual time: moves, faults, a line gone astray."""
+"""The driver of a SCHUNK gripper against its simulator in virtual time: moves, faults, a bad line."""
 
 import math
 
@@ -70,7 +70,7 @@ def test_activate_acknowledges_without_moving(rig, active):
 
 
 @pytest.mark.parametrize("code", ERRORS)
-def test_an_error_is_reported_with_its_sentence(rig, active, code):
+def test_gripper_error_is_reported_with_sentence_until_activated(rig, active, code):
     rig.model.fail(code, rig.clock.now())
     state = active.state()
     assert (state.fault, state.activated) == (code, False)
@@ -81,7 +81,7 @@ def test_an_error_is_reported_with_its_sentence(rig, active, code):
     assert active.state().activated
 
 
-def test_a_power_cycle_during_a_move_ends_the_wait(rig, active):
+def test_wait_power_cycle_during_move_raises_fault(rig, active):
     active.move(60_000, FAST, WEAK)
     rig.model.power_cycle(rig.clock.now())
     with pytest.raises(GripperFault, match="not acknowledged since power-on"):
@@ -91,7 +91,7 @@ def test_a_power_cycle_during_a_move_ends_the_wait(rig, active):
 # -- moves ----------------------------------------------------------------------------------------
 
 
-def test_move_to_a_width_stands_there_in_the_time_it_takes(active):
+def test_move_to_width_arrives_in_expected_time(active):
     active.move(60_000, 100.0, WEAK)
     assert active.state().moving
     settled = active.wait()
@@ -100,14 +100,14 @@ def test_move_to_a_width_stands_there_in_the_time_it_takes(active):
     assert 0.6 <= settled.seconds < 0.7
 
 
-def test_move_beyond_the_speeds_and_the_stroke_is_limited(rig, active):
+def test_move_speed_out_of_range_is_limited(rig, active):
     active.move(50_000, 1.0, WEAK)
     assert active.wait().seconds == pytest.approx(7.0, abs=0.2)  # 70 mm at the least 10 mm/s
     active.move(EGU.stroke_um, 900.0, WEAK)
     assert active.wait().width_um == EGU.stroke_um
 
 
-def test_a_part_is_gripped_held_and_released_before_the_next_move(rig, active):
+def test_move_onto_part_grips_it_and_next_move_releases_it(rig, active):
     rig.part.width_mm = 41.237
     active.move(0, FAST, WEAK)
     settled = active.wait()
@@ -119,7 +119,7 @@ def test_a_part_is_gripped_held_and_released_before_the_next_move(rig, active):
     assert rig.part.releases == 1
 
 
-def test_a_stronger_grip_is_a_release_and_another_grip(rig, active):
+def test_move_with_more_force_releases_and_grips_again(rig, active):
     hold(rig, active)
     active.move(0, FAST, 2 * WEAK)
     settled = active.wait()
@@ -129,7 +129,7 @@ def test_a_stronger_grip_is_a_release_and_another_grip(rig, active):
 
 @pytest.mark.parametrize("width_um", [0, 20_000, EGU.stroke_um])
 @pytest.mark.parametrize("spike_mm", [0.0, 120.0])
-def test_move_after_a_wrong_width_ends_where_the_fingers_stop(rig, active, width_um, spike_mm):
+def test_move_after_wrong_width_reading_ends_at_target(rig, active, width_um, spike_mm):
     active.move(60_000, FAST, WEAK)
     active.wait()
     right = rig.model._values
@@ -146,7 +146,7 @@ def test_move_after_a_wrong_width_ends_where_the_fingers_stop(rig, active, width
     assert active.wait().width_um == width_um
 
 
-def test_a_part_in_the_way_of_a_positioning_move_is_a_fault(rig, active):
+def test_wait_part_blocking_positioning_move_raises_fault(rig, active):
     rig.part.width_mm = 41.0
     active.move(30_000, FAST, WEAK)
     with pytest.raises(GripperFault, match=r"0xF4.*blocks the fingers"):
@@ -154,13 +154,13 @@ def test_a_part_in_the_way_of_a_positioning_move_is_a_fault(rig, active):
 
 
 @pytest.mark.parametrize(("force_n", "percent"), [(1.0, 50), (325.0, 50), (400.0, 61), (9e2, 100)])
-def test_force_is_the_greatest_percentage_that_does_not_exceed_it(rig, active, force_n, percent):
+def test_move_force_is_sent_as_percentage_rounded_down(rig, active, force_n, percent):
     active.move(0, FAST, force_n)
     assert rig.model.read("plc_sync_output", rig.clock.now())[12:] == percent.to_bytes(4, "little")
     active.wait()
 
 
-def test_an_egk_grips_as_slowly_as_asked_and_an_egu_as_its_force_has_it():
+def test_move_grip_speed_follows_request_on_egk_and_force_on_egu():
     seconds = {}
     for model in ("schunk-egu", "schunk-egk"):
         rig = VirtualSchunk(model)
@@ -174,7 +174,7 @@ def test_an_egk_grips_as_slowly_as_asked_and_an_egu_as_its_force_has_it():
     assert seconds["schunk-egu"] == pytest.approx(3.2, abs=0.1)  # 40 mm at half of 25 mm/s
 
 
-def test_stop_keeps_what_is_held(rig, active):
+def test_stop_while_holding_keeps_part(rig, active):
     hold(rig, active)
     active.stop()
     state = active.state()
@@ -182,7 +182,7 @@ def test_stop_keeps_what_is_held(rig, active):
     assert rig.part.releases == 0
 
 
-def test_another_programs_command_is_noticed(rig, active):
+def test_wait_command_of_another_program_raises_fault(rig, active):
     active.move(60_000, FAST, WEAK)
     rig.clock.sleep(0.1)
     output = PARAMETERS["plc_sync_output"]
@@ -192,14 +192,14 @@ def test_another_programs_command_is_noticed(rig, active):
         active.wait()
 
 
-def test_a_command_that_is_not_feasible_is_refused_with_the_reason(rig, active):
+def test_wait_infeasible_command_raises_fault_with_reason(rig, active):
     rig.model.write("max_pos", PARAMETERS["max_pos"].pack(50.0), rig.clock.now())
     active.move(60_000, FAST, WEAK)
     with pytest.raises(GripperFault, match=r"refused.*outside min_pos to max_pos"):
         active.wait()
 
 
-def test_a_grip_asked_for_on_the_way_to_a_width_is_refused(active):
+def test_move_grip_during_positioning_is_refused(active):
     active.move(30_000, FAST, WEAK)
     active.move(0, FAST, WEAK)
     with pytest.raises(GripperFault, match="refused"):
@@ -210,7 +210,7 @@ def test_a_grip_asked_for_on_the_way_to_a_width_is_refused(active):
 
 
 @pytest.mark.parametrize("mishap", [lost, half, flipped])
-def test_a_reading_that_goes_astray_is_asked_for_again(rig, active, mishap):
+def test_state_answer_lost_or_damaged_is_asked_for_again(rig, active, mishap):
     rig.line.mishaps = [mishap]
     assert active.state().width_um == EGU.stroke_um
     assert rig.reports == ["no answer", "read repeated"]
@@ -218,8 +218,8 @@ def test_a_reading_that_goes_astray_is_asked_for_again(rig, active, mishap):
 
 @pytest.mark.parametrize("holds", [False, True])
 @pytest.mark.parametrize("at", range(8))
-def test_move_is_sent_right_after_the_status_was_read_whatever_goes_astray(rig, active, at, holds):
-    """Or after the request was read back, where the answer to its write was lost."""
+def test_move_with_lost_answer_writes_soon_after_reading_status(rig, active, at, holds):
+    """Where the answer to a write was lost, the driver reads the request back before it writes again."""
     if holds:
         hold(rig, active)
     looked, since = [], []
@@ -243,7 +243,7 @@ def test_move_is_sent_right_after_the_status_was_read_whatever_goes_astray(rig, 
 
 
 @pytest.mark.parametrize("mishap", [lost, half, flipped])
-def test_a_gripper_that_stays_silent_is_a_timeout(rig, active, mishap):
+def test_state_without_sound_answer_times_out(rig, active, mishap):
     rig.line.mishaps = [mishap] * 100
     before = rig.clock.now()
     with pytest.raises(LinkTimeout, match=r"did not answer.*slave id 12"):
@@ -251,13 +251,13 @@ def test_a_gripper_that_stays_silent_is_a_timeout(rig, active, mishap):
     assert rig.clock.now() - before < 3.0
 
 
-def test_an_echo_is_no_answer(rig, active):
+def test_state_echo_is_not_taken_for_answer(rig, active):
     rig.line.mishaps = [echoed] * 2
     assert active.state().width_um == EGU.stroke_um
     assert rig.reports == []
 
 
-def test_a_late_answer_is_none_to_a_later_question(rig, active):
+def test_gripper_late_answer_is_not_taken_for_later_one(rig, active):
     active.move(100_000, FAST, WEAK)
     active.wait()
     rig.line.mishaps = [late]
@@ -268,11 +268,11 @@ def test_a_late_answer_is_none_to_a_later_question(rig, active):
 
 
 @pytest.mark.parametrize("mishap", [lost, flipped])
-def test_a_write_whose_answer_is_lost_is_no_second_command(rig, active, mishap):
+def test_move_with_lost_write_answer_commands_once(rig, active, mishap):
     toggles = []
     obey = rig.model._received
     rig.model._received = lambda: (toggles.append(1), obey())
-    # The reading, what was asked for, then the write.
+    # `move` first reads the status and the request; the third answer is that to its write.
     rig.line.mishaps = [lambda request, reply: [Piece(reply)]] * 2 + [mishap]
     active.move(60_000, FAST, WEAK)
     assert active.wait().width_um == 60_000
@@ -280,7 +280,7 @@ def test_a_write_whose_answer_is_lost_is_no_second_command(rig, active, mishap):
     assert "write unanswered" in rig.reports
 
 
-def test_the_gripper_is_asked_often_enough_while_nobody_uses_it(rig, active):
+def test_gripper_idle_is_polled_and_keeps_part(rig, active):
     hold(rig, active)
     rig.clock.sleep(30 * SILENCE_S)
     state = active.state()
@@ -288,7 +288,7 @@ def test_the_gripper_is_asked_often_enough_while_nobody_uses_it(rig, active):
     assert ALIVE_S < SILENCE_S / 2
 
 
-def test_a_gripper_that_nobody_asks_stops_and_says_so(rig, active):
+def test_gripper_not_polled_reports_lost_communication_until_activated(rig, active):
     active.close()
     rig.clock.sleep(2 * SILENCE_S)
     again = rig.connect()
@@ -297,7 +297,7 @@ def test_a_gripper_that_nobody_asks_stops_and_says_so(rig, active):
     assert again.state().activated
 
 
-def test_what_keeps_the_line_alive_reports_nothing_and_breaks_nothing():
+def test_gripper_failed_keep_alive_is_not_reported():
     rig = VirtualSchunk(silence_s=math.inf)
     gripper = rig.connect()
     gripper.activate()
@@ -310,17 +310,17 @@ def test_what_keeps_the_line_alive_reports_nothing_and_breaks_nothing():
 # -- ports and models -----------------------------------------------------------------------------
 
 
-def test_another_stroke_than_the_models_is_refused(rig):
+def test_gripper_profile_of_another_stroke_is_refused(rig):
     with pytest.raises(PortError, match="opens to 120 mm, a schunk-egk to 53 mm"):
         rig.connect(EGK)
 
 
-def test_without_a_model_the_modules_kind_is_taken():
+def test_gripper_without_profile_takes_that_of_module():
     assert VirtualSchunk("schunk-egk").connect().profile is EGK
     assert VirtualSchunk("schunk-egu").connect().profile is EGU
 
 
 @pytest.mark.parametrize("settings", ["unit=0", "unit=248", "unit=x", "unit=1&unit=2", "baud=9600"])
-def test_a_ports_settings_are_checked(rig, settings):
+def test_gripper_port_setting_not_understood_is_refused(rig, settings):
     with pytest.raises(PortError, match="is not understood"):
         open_port(f"schunk:///dev/x?{settings}", rig.pace, print, read_only=False, profile=None)

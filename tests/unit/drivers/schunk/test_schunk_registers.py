@@ -1,8 +1,9 @@
-"""The parameters as SCHUNK's own examples and dumps of real grippers have them."""
+"""The parameters against the examples of SCHUNK's manual and against dumps of real grippers."""
 
 import random
 
 import pytest
+from rtu_frames import rtu_frame
 
 from drivers.schunk.registers import ERRORS, PARAMETERS, Input, Output, Status, error_text
 from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
@@ -16,15 +17,15 @@ def slave():
     return RtuSlave(SchunkRegisters(model, lambda: 0.0), None, 12)
 
 
-def test_the_manuals_example_of_reading_is_answered_by_sixteen_bytes():
+def test_schunk_registers_read_of_manual_is_answered_by_sixteen_bytes():
     request = bytes.fromhex("0C 03 00 3F 00 08 75 1D")
     reply = slave().reply(request)
     assert reply[:3] == bytes.fromhex("0C 03 10")
     assert (len(reply), crc16(reply[:-2])) == (21, reply[-2:])
 
 
-def test_a_gripper_at_power_on_says_what_a_real_one_said():
-    """The dump of an EGU 60: error and brake bits, 0.251 mm, error 0xD9, every control bit set."""
+def test_schunk_model_at_power_on_answers_like_real_gripper():
+    """The dump is of an EGU 60: error and brake bits, 0.251 mm, error 0xD9, all control bits set."""
     dumped = bytes.fromhex("80000080FB00000000000000D9000000")
     status, *rest = PARAMETERS["plc_sync_input"].unpack(dumped)
     seen = Input(Status(status), *rest)
@@ -39,7 +40,7 @@ def test_a_gripper_at_power_on_says_what_a_real_one_said():
     ("name", "dumped", "value"),
     [("max_vel", "0000DC42", 110.0), ("max_grp_force", "00802244", 650.0)],
 )
-def test_a_parameters_bytes_are_little_endian_on_the_wire(name, dumped, value):
+def test_parameter_bytes_are_little_endian(name, dumped, value):
     assert PARAMETERS[name].unpack(bytes.fromhex(dumped)) == (value,)
     assert PARAMETERS[name].pack(value) == bytes.fromhex(dumped)
 
@@ -47,17 +48,20 @@ def test_a_parameters_bytes_are_little_endian_on_the_wire(name, dumped, value):
 @pytest.mark.parametrize(
     "body",
     [
-        *("0C 03 00 40 00 08", "0C 03 00 3F 00 04", "0C 03 00 3F 00 10"),  # a part, or too much
-        *("0C 04 00 3F 00 08", "0C 06 00 FF 00 8B", "0D 03 00 3F 00 08"),  # function, unit
-        f"0C 10 06 2F 00 02 04 {PARAMETERS['max_vel'].pack(5.0).hex()}",  # to be read only
+        "0C 03 00 40 00 08",  # not from its first register
+        "0C 03 00 3F 00 04",  # a part of a parameter
+        "0C 03 00 3F 00 10",  # more than a parameter
+        "0C 04 00 3F 00 08",  # other functions
+        "0C 06 00 FF 00 8B",
+        "0D 03 00 3F 00 08",  # another unit
+        f"0C 10 06 2F 00 02 04 {PARAMETERS['max_vel'].pack(5.0).hex()}",  # a read-only parameter
     ],
 )
-def test_what_the_gripper_does_not_serve_meets_silence(body):
-    frame = bytes.fromhex(body)
-    assert slave().reply(frame + crc16(frame)) is None
+def test_schunk_registers_request_not_served_is_silent(body):
+    assert slave().reply(rtu_frame(body)) is None
 
 
-def test_every_error_has_a_sentence_and_a_remedy():
+def test_error_text_has_meaning_and_remedy():
     for code in [*ERRORS, 0x01]:
         text = error_text(code)
         assert all(text.split("; "))

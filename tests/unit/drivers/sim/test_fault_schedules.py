@@ -1,4 +1,4 @@
-"""Fault schedules: what may be written, what is refused, when a fault holds; what a line does with it."""
+"""Fault schedules: which files are accepted, when a fault holds, and what it does to a line."""
 
 import random
 
@@ -27,10 +27,11 @@ def line(*faults, checked=True):
 
 
 def through(result, reply=REPLY):
+    """The pieces that a line carries; None where it does not hear the request."""
     return result.carries(REQUEST, reply) if result.hears() else None
 
 
-def test_a_file_says_what_happens_when(tmp_path):
+def test_parse_file_gives_faults_of_each_part(tmp_path):
     path = tmp_path / "faults.toml"
     path.write_text(
         '[[fault]]\nkind = "reply_lost"\npart = 3\nat = 40\nlength = 2\n[[fault]]\nkind="echo"\n'
@@ -41,12 +42,12 @@ def test_a_file_says_what_happens_when(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["seed:", "seed:x", "seed:-1", "seed:1.5"])
-def test_seeds_are_whole_numbers(text):
+def test_parse_seed_not_whole_number_is_refused(text):
     with pytest.raises(UsageError, match="seed:N"):
         parse(text)
 
 
-def test_schedule_that_is_no_file_is_refused_and_none_is_no_faults(tmp_path):
+def test_parse_unreadable_file_is_refused_and_none_has_no_faults(tmp_path):
     assert parse(None).of_part(1) == ()
     with pytest.raises(InputError, match="no such file"):
         parse("no/such/faults.toml")
@@ -71,14 +72,14 @@ def test_schedule_that_is_no_file_is_refused_and_none_is_no_faults(tmp_path):
         ('[[fault]]\nkind = "noise"\nvalue = "much"', "value is a number"),
     ],
 )
-def test_what_a_file_may_not_say(tmp_path, text, says):
+def test_parse_malformed_file_is_refused_in_a_line(tmp_path, text, says):
     path = tmp_path / "faults.toml"
     path.write_text(text)
     with refused_in_a_line(InputError, says):
         parse(str(path))
 
 
-def test_a_fault_holds_from_its_event_for_its_length():
+def test_desk_fault_holds_from_its_event_for_its_length():
     desk = Desk(Listed([Fault("echo", 2, at=1, length=2), Fault("noise", None, at=2)]))
     held = []
     for part in (1, 2):
@@ -107,23 +108,23 @@ def test_a_fault_holds_from_its_event_for_its_length():
         (Fault("wrong_id", value=5), [Piece(b"\x05" + BODY[1:] + crc16(b"\x05" + BODY[1:]))]),
     ],
 )
-def test_what_a_line_does_to_an_answer(fault, pieces):
+def test_line_fault_changes_answer(fault, pieces):
     assert through(line(fault)) == pieces
 
 
-def test_noise_comes_before_the_answer():
+def test_line_noise_comes_before_answer():
     noise, reply = through(line(Fault("noise", value=7)))
     assert (len(noise.data), reply) == (7, Piece(REPLY))
 
 
-def test_a_lost_request_is_not_heard():
+def test_line_lost_request_is_not_heard():
     result = line(Fault("request_lost", at=1))
     assert through(result) == [Piece(REPLY)]
     assert through(result) is None
     assert through(result) == [Piece(REPLY)]
 
 
-def test_silence_stays_silence():
+def test_line_without_answer_carries_at_most_echo():
     assert through(Line(), None) == []
     assert through(line(), None) == []
     assert through(line(Fault("reply_twice")), None) == []
@@ -131,20 +132,20 @@ def test_silence_stays_silence():
 
 
 @pytest.mark.parametrize(("kind", "forbidden"), [("unplugged", False), ("permission_lost", True)])
-def test_a_port_that_is_gone(kind, forbidden):
+def test_line_unplugged_raises_and_states_whether_forbidden(kind, forbidden):
     with pytest.raises(UnpluggedError) as raised:
         through(line(Fault(kind)))
     assert raised.value.forbidden == forbidden
 
 
-def test_the_unit_of_a_modbus_tcp_frame_is_its_seventh_byte():
+def test_line_wrong_id_in_modbus_tcp_changes_seventh_byte():
     frame = bytes.fromhex("000100000009") + b"\x02" + BODY[1:]
     result = line(Fault("wrong_id", value=5), checked=False)
     result.hears()
     assert result.carries(b"", frame)[0].data == frame[:6] + b"\x05" + frame[7:]
 
 
-def test_an_outbox_keeps_the_order_of_arrival():
+def test_outbox_late_piece_does_not_delay_others():
     clock, arrived = VirtualClock(), []
     box = Outbox(BYTE_S, clock.at, lambda data: arrived.append((clock.now(), data)))
     box.put([Piece(b"late", 1.0), Piece(b"ab"), Piece(b"cd")], 10.0)
@@ -158,7 +159,7 @@ def test_an_outbox_keeps_the_order_of_arrival():
 
 
 @pytest.mark.parametrize(("kind", "error"), [("gflt_08", 0x6D), ("gflt_0e", 0x74)])
-def test_fault_of_a_schedule_is_an_error_of_the_gripper(kind, error):
+def test_schunk_model_scheduled_fault_is_error_of_gripper(kind, error):
     desk = Desk(Listed((Fault(kind, at=0),)))
     model = SchunkModel(random.Random(1), Surroundings(), PROFILES["schunk-egu"], desk)
     data = model.read("plc_sync_input", 0.1)

@@ -1,4 +1,4 @@
-"""Gripper, arm and part together: what is held moves with the hand, what is dropped stays."""
+"""Gripper, arm and part together: a held part moves with the hand, a dropped one stays."""
 
 import math
 
@@ -16,7 +16,7 @@ CONTACT, ARRIVED = 2, 3  # object flags
 
 
 class Hands:
-    """A cell with its drivers, ready; part 1 lies there."""
+    """A cell with its drivers; the gripper is active, and part 1 lies on the table."""
 
     def __init__(self, *faults, world=None):
         self.cell = VirtualCell(setting(world), 3, Listed(faults))
@@ -41,7 +41,7 @@ class Hands:
         return (truth.x_mm, truth.y_mm, truth.theta_rad)
 
 
-def test_a_held_part_moves_and_turns_with_the_hand():
+def test_workcell_held_part_moves_and_turns_with_hand():
     hands = Hands()
     hands.grip(1.0, 2.0, 0.3)
     x, y, turn = hands.pose()
@@ -55,7 +55,7 @@ def test_a_held_part_moves_and_turns_with_the_hand():
     assert turn_now == pytest.approx(turn + math.pi / 2, abs=1e-3)
 
 
-def test_jaws_that_close_after_they_let_go_and_rose_meet_nothing():
+def test_workcell_jaws_closing_above_part_meet_nothing():
     hands = Hands()
     hands.grip()
     before = hands.pose()
@@ -68,7 +68,7 @@ def test_jaws_that_close_after_they_let_go_and_rose_meet_nothing():
     assert hands.jaws(255).object_flag == CONTACT
 
 
-def test_a_released_part_stays_where_it_was_put():
+def test_workcell_released_part_stays_where_put():
     hands = Hands()
     hands.grip()
     hands.go(20.0, 0.0, HIGH)
@@ -80,7 +80,7 @@ def test_a_released_part_stays_where_it_was_put():
     assert hands.cell.works.table.drops == 0
 
 
-def test_a_part_that_is_let_go_in_the_air_falls_and_is_counted():
+def test_workcell_part_released_in_air_falls_and_is_counted():
     hands = Hands()
     hands.grip()
     hands.go(20.0, 0.0, HIGH)
@@ -89,29 +89,29 @@ def test_a_part_that_is_let_go_in_the_air_falls_and_is_counted():
     assert hands.pose()[0] == pytest.approx(20.0, abs=6.0)
 
 
-def test_a_part_that_slips_during_the_lift_stays_and_the_jaws_close_on():
+def test_workcell_part_slipping_during_lift_stays_and_jaws_close():
     hands = Hands(Fault("part_slips", 1, length=9))
     held = hands.grip()
-    assert held.object_flag == 2
+    assert held.object_flag == CONTACT
     before = hands.pose()
     hands.go(0.0, 0.0, HIGH)
     hands.cell.clock.sleep(1.0)
     seen = hands.gripper.state()
-    assert (seen.object_flag, seen.position_counts) == (3, 230)
+    assert (seen.object_flag, seen.position_counts) == (ARRIVED, 230)
     hands.go(30.0, 0.0, HIGH)
     assert hands.pose() == before
 
 
-def test_a_grip_that_is_lost_shows_as_the_jaws_closing_on():
+def test_workcell_lost_grip_lets_jaws_close():
     hands = Hands(Fault("grip_lost", 1, at=60))
     hands.grip()
     for _ in range(60):
         hands.cell.clock.sleep(0.05)
         seen = hands.gripper.state()
-    assert (seen.object_flag, seen.position_counts) == (3, 230)
+    assert (seen.object_flag, seen.position_counts) == (ARRIVED, 230)
 
 
-def test_a_bump_moves_the_part_before_the_squeeze():
+def test_workcell_bumped_part_moves_before_squeeze():
     class Recorder(FakeWorld):
         def __init__(self):
             self.seen = []
@@ -129,22 +129,22 @@ def test_a_bump_moves_the_part_before_the_squeeze():
 
 
 @pytest.mark.parametrize(("kind", "wider_mm"), [("wrong_part", -3.0), ("two_parts", 9.0)])
-def test_another_part_is_another_width(kind, wider_mm):
+def test_workcell_wrong_part_or_two_parts_change_width(kind, wider_mm):
     sound = Hands().grip().position_counts
     other = Hands(Fault(kind, 1, value=wider_mm)).grip().position_counts
     assert (sound - other) * 85.0 / 227.0 == pytest.approx(wider_mm, abs=0.4)
 
 
-def test_where_there_is_no_part_nothing_is_met_and_nothing_crashes():
+def test_workcell_missing_part_is_not_met():
     hands = Hands(Fault("part_missing", 1, length=9))
-    assert hands.grip().object_flag == 3
+    assert hands.grip().object_flag == ARRIVED
     hands.jaws(0)
     hands.go(0.0, 39.0, HIGH)
     hands.go(0.0, 39.0, LOW)
     assert hands.cell.scene.truth().crashes == 0
 
 
-def test_a_covered_camera_shows_in_the_truth():
+def test_workcell_covered_camera_shows_in_truth():
     hands = Hands(Fault("camera_covered", 1))
     assert not hands.cell.scene.truth().covered
     hands.grip()
@@ -152,7 +152,7 @@ def test_a_covered_camera_shows_in_the_truth():
 
 
 @pytest.mark.parametrize("code", [0x0A, 0x0C, 0x0D, 0x0E, 0x0F])
-def test_a_major_fault_stops_the_jaws_until_they_are_activated_again(code):
+def test_workcell_major_fault_stops_jaws_until_activated(code):
     hands = Hands(Fault(f"gflt_{code:02x}", 1, at=3))
     hands.gripper.move(255, 0, 0)
     with pytest.raises(GripperFault, match=f"0x{code:02X}"):
@@ -164,7 +164,7 @@ def test_a_major_fault_stops_the_jaws_until_they_are_activated_again(code):
     assert hands.jaws(100).position_counts == 100
 
 
-def test_the_automatic_release_opens_and_latches():
+def test_workcell_automatic_release_opens_and_latches():
     hands = Hands(Fault("gflt_0b", 1, at=40))
     hands.grip()
     while hands.gripper.state().fault == 0:
@@ -176,16 +176,18 @@ def test_the_automatic_release_opens_and_latches():
     assert (seen.fault, seen.position_counts) == (0x0F, 3)
 
 
-def test_an_unplugged_port_may_be_plugged_in_again_but_a_forbidden_one_not():
-    for kind, says in (("unplugged", "does not exist"), ("permission_lost", "no permission")):
-        hands = Hands(Fault(kind, 1))
-        with pytest.raises(LinkError, match="broke"):
-            hands.gripper.state()
-        with pytest.raises(PortError, match=says):
-            hands.cell.gripper()
+@pytest.mark.parametrize(
+    ("kind", "reason"), [("unplugged", "does not exist"), ("permission_lost", "no permission")]
+)
+def test_virtual_cell_lost_port_is_refused_with_reason(kind, reason):
+    hands = Hands(Fault(kind, 1))
+    with pytest.raises(LinkError, match="broke"):
+        hands.gripper.state()
+    with pytest.raises(PortError, match=reason):
+        hands.cell.gripper()
 
 
-def test_a_broken_connection_leaves_a_stale_acknowledgement_for_the_next():
+def test_arm_after_broken_connection_ignores_stale_acknowledgement():
     hands = Hands(Fault("arm_disconnect", 1, at=4))
     hands.go(0.0, 0.0, 80.0)
     with pytest.raises(ArmError, match="connection broke"):
@@ -197,16 +199,16 @@ def test_a_broken_connection_leaves_a_stale_acknowledgement_for_the_next():
     assert hands.cell.arm().pose().x_mm == pytest.approx(50.0)
 
 
-def test_a_hand_that_does_not_point_down_meets_nothing():
+def test_workcell_hand_not_pointing_down_meets_nothing():
     hands = Hands()
     hands.arm._ask(1, ("0", "0", "10", "0.7071068", "0.7071068", "0", "0"), 60.0)
-    assert hands.jaws(255).object_flag == 3
+    assert hands.jaws(255).object_flag == ARRIVED
 
 
 # -- time -----------------------------------------------------------------------------------------
 
 
-def test_things_happen_in_order_and_time_never_goes_back():
+def test_virtual_clock_runs_events_in_order_and_never_goes_back():
     clock, seen = VirtualClock(), []
     for moment in (2.0, 1.0, 1.0, 5.0):
         clock.at(moment, lambda moment=moment: seen.append((moment, clock.now())))
@@ -218,7 +220,7 @@ def test_things_happen_in_order_and_time_never_goes_back():
     assert clock.now() == 3.0
 
 
-def test_idling_goes_to_the_next_change_but_no_farther_than_asked():
+def test_virtual_clock_idle_ends_at_next_change_or_limit():
     clock = VirtualClock()
     coming = [7.0]
     clock.watch(lambda: coming[0])

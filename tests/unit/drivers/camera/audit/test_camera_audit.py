@@ -1,4 +1,4 @@
-"""The verdict: eq. 9 under the symmetry, with an error budget; and a sentence for all that can be wrong."""
+"""The verdict: eq. 9 under the symmetry, with an error budget; a sentence for each unusable picture."""
 
 import math
 import re
@@ -59,8 +59,8 @@ def tag_at(pose, number, cells=None):
     return lying(cells, SIDE_MM / len(cells), pose, face_down=True)
 
 
-def strange_tag():
-    """A tag of the family 25h9 in the part's place."""
+def tag_of_other_family():
+    """A tag of the family 25h9 in place of the part."""
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_25h9)
     return tag_at(POSE, 3, cv2.aruco.generateImageMarker(family, 3, 7) // 255)
 
@@ -73,7 +73,7 @@ JUDGED |= dict.fromkeys([(2.0, 3.0, 0.0), (1.0, 1.0, 0.25)], FAIL)
 
 
 @pytest.mark.parametrize(("off", "verdict"), JUDGED.items())
-def test_part_is_judged_by_where_it_lies(off, verdict):
+def test_audit_displaced_part_has_verdict_and_distance(off, verdict):
     answer = audit(shot(), tuple(np.subtract(POSE, off)))
     assert answer.verdict == verdict
     truth = math.hypot(*off[:2]) + GOAL.rho_um / 1e3 * off[2]
@@ -81,14 +81,14 @@ def test_part_is_judged_by_where_it_lies(off, verdict):
     assert np.abs(np.subtract(answer.residual, off)).max() < 0.05
 
 
-def test_part_at_the_threshold_is_too_close_to_call():
+def test_audit_part_at_threshold_is_unknown():
     answer = audit(shot(), (POSE[0] - GOAL.distance_um / 1e3, *POSE[1:]))
     assert answer.verdict == UNKNOWN
     assert "too close to call" in answer.reason
 
 
 @given(COORDINATE, COORDINATE, ANGLE, st.integers(1, 6), st.integers(-6, 6))
-def test_turn_by_the_symmetry_changes_nothing(x, y, theta, order, turns):
+def test_judge_turn_by_symmetry_changes_nothing(x, y, theta, order, turns):
     goal = replace(GOAL, symmetry=order)
     there = judge(goal, [(0.0, 0.0, 0.2)], (x, y, theta), 0.05, 0.001)
     again = judge(goal, [(0.0, 0.0, 0.2)], (x, y, theta + turns * math.tau / order), 0.05, 0.001)
@@ -97,7 +97,7 @@ def test_turn_by_the_symmetry_changes_nothing(x, y, theta, order, turns):
 
 
 @given(COORDINATE, COORDINATE, ANGLE, st.floats(0.0, 0.5), st.floats(0.0, 0.05))
-def test_verdict_is_given_only_beyond_the_error(x, y, theta, sigma_mm, sigma_rad):
+def test_judge_verdict_is_given_only_beyond_error(x, y, theta, sigma_mm, sigma_rad):
     judged = judge(GOAL, [(0.0, 0.0, 0.0)], (x, y, theta), sigma_mm, sigma_rad)
     by_hand = math.hypot(x, y) + 10.0 * min(abs(theta), math.tau - abs(theta))
     assert abs(judged.distance - by_hand) < 1e-9
@@ -106,7 +106,7 @@ def test_verdict_is_given_only_beyond_the_error(x, y, theta, sigma_mm, sigma_rad
     assert (judged.verdict == FAIL) == (by_hand - judged.error >= 3.0)
 
 
-def test_any_of_the_poses_a_leaf_allows_will_do():
+def test_judge_part_at_any_allowed_pose_passes():
     goal, poses = replace(GOAL, kind="modes"), [(0.0, 0.0, 0.0), (20.0, 0.0, 1.0)]
     assert judge(goal, poses, (20.5, 0.0, 1.0), 0.05, 0.001).verdict == PASS
     assert judge(goal, poses[:1], (20.5, 0.0, 1.0), 0.05, 0.001).verdict == FAIL
@@ -123,13 +123,13 @@ def test_any_of_the_poses_a_leaf_allows_will_do():
         ("orientation", (0.0, 0.0, 0.1), FAIL),
     ],
 )
-def test_other_goals_are_judged_by_their_tolerances(kind, off, verdict):
+def test_judge_other_goals_use_their_tolerances(kind, off, verdict):
     tolerance = Tolerance(2_500, 2_500, round(1e6 * math.radians(5.0)))
     goal = replace(GOAL, kind=kind, tolerance=tolerance)
     assert judge(goal, [(0.0, 0.0, 0.0)], off, 0.05, 0.001).verdict == verdict
 
 
-# -- what can be wrong ----------------------------------------------------------------------------
+# -- unusable pictures ----------------------------------------------------------------------------
 
 BESIDE = (-60.0, 20.0, 0.0)
 HALF = stain((POSE[0] + 29.5, POSE[1], 0.0), (61.0, 80.0))
@@ -143,7 +143,7 @@ WRONG = {
     "no tag": (lambda: shot(None), "no tag is seen; tag 7 must be in view"),
     "two tags": (lambda: with_cards(tag_at(BESIDE, 9)), r"more than one tag .*7, 9"),
     "the same tag twice": (lambda: with_cards(tag_at(BESIDE, NUMBER)), "2 times tag 7"),
-    "wrong family": (lambda: with_cards(strange_tag(), part=None), "family 25h9"),
+    "wrong family": (lambda: with_cards(tag_of_other_family(), part=None), "family 25h9"),
     "wrong id": (lambda: with_cards(tag_at(POSE, 9), part=None), "tag 9 is seen, but the part"),
     "half covered": (lambda: with_cards(HALF), "tag 7 is partly covered"),
     "resolution": (lambda: cv2.resize(shot(), (1280, 720)), "1280 x 720, .* for 960 x 540"),
@@ -151,14 +151,14 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("picture", "sentence"), WRONG.values(), ids=WRONG)
-def test_what_is_wrong_gives_unknown_and_says_so(picture, sentence):
+def test_audit_unusable_picture_is_unknown_with_reason(picture, sentence):
     answer = audit(picture())
     assert answer.verdict == UNKNOWN
     assert answer.measured is None
     assert re.search(sentence, answer.reason), answer.reason
 
 
-def test_camera_that_moved_by_two_millimetres_does_not_judge():
+def test_audit_moved_camera_is_unknown():
     moved = webcam((7.0, -7.0, -300.0), (2.0, -3.0), 5.0, (960, 540))
     answer = audit(with_cards(optics=moved))
     assert answer.verdict == UNKNOWN
@@ -170,7 +170,7 @@ def test_camera_that_moved_by_two_millimetres_does_not_judge():
     ("references", "message"),
     [(True, "reference tag 580 is seen beyond the table's"), (False, "tag 7 is seen beyond")],
 )
-def test_tags_that_the_calibration_sees_beyond_the_horizon_do_not_judge(references, message):
+def test_audit_tag_beyond_horizon_is_unknown(references, message):
     known = true_calibration(BELOW, references=references)
     away = np.diag([1.0, -1.0, -1.0]) @ known.view.rotation  # looks away from the table
     view = replace(known.view, rotation=away, translation=-away @ known.view.eye)
@@ -182,7 +182,7 @@ def test_tags_that_the_calibration_sees_beyond_the_horizon_do_not_judge(referenc
     assert "nan" not in str(answer.fields())
 
 
-def test_hidden_reference_tags_do_not_judge_but_one_is_enough():
+def test_audit_without_reference_tags_is_unknown_and_one_suffices():
     bare = rig(BELOW)
     alone = bare.cards(POSE)[-1:]
     picture = render(BELOW, alone, Flaws(), np.random.default_rng(1))
@@ -194,7 +194,7 @@ def test_hidden_reference_tags_do_not_judge_but_one_is_enough():
 # -- the picture ----------------------------------------------------------------------------------
 
 
-def test_overlay_is_kept_for_what_did_not_pass(tmp_path):
+def test_audit_keeps_overlay_unless_passed(tmp_path):
     album = tmp_path / "pictures"
     assert audit(shot(), pictures=album).picture is None
     failed = audit(shot(), (POSE[0] - 5.0, *POSE[1:]), pictures=album)
@@ -209,7 +209,7 @@ def test_overlay_is_kept_for_what_did_not_pass(tmp_path):
     assert unseen.fields().keys() == {"verdict", "reason", "picture"}
 
 
-def test_album_stays_small_and_a_full_disk_does_no_harm(tmp_path, monkeypatch):
+def test_keep_limits_album_and_survives_write_error(tmp_path, monkeypatch):
     monkeypatch.setattr(overlay, "MOST_PICTURES", 3)
     picture = np.zeros((20, 20, 3), np.uint8)
     for part in range(6):
@@ -221,7 +221,7 @@ def test_album_stays_small_and_a_full_disk_does_no_harm(tmp_path, monkeypatch):
     assert keep(tmp_path / "b", 0, FAIL, picture) is None
 
 
-def test_tags_of_their_own_tell_parts_apart():
+def test_audit_separate_tags_tell_parts_apart():
     left = Subject(GOAL, part_tag(), name="l")
     right = Subject(GOAL, part_tag(number=NUMBER + 1), name="r")
 
@@ -234,7 +234,7 @@ def test_tags_of_their_own_tell_parts_apart():
     assert output(0, "l", left, right) == (PASS, "l")
     assert output(1, "r", left, right) == (PASS, "r")
     assert output(1, "l", left, right) == (FAIL, "r")
-    alike = replace(right, tag=left.tag)
-    assert output(0, "r", left, alike) == (PASS, None)  # one tag for both: the name is not known
+    alike = replace(right, tag=left.tag)  # so that the audit cannot name the part
+    assert output(0, "r", left, alike) == (PASS, None)
     assert output(1, "l", left, alike) == (UNKNOWN, None)
     assert output(0, "l", right) == (UNKNOWN, None)

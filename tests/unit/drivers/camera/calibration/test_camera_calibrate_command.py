@@ -1,4 +1,4 @@
-"""`grasp-calibrate camera` and `tag` on rendered pictures: a tenth of a millimetre, or a line saying why."""
+"""`grasp-calibrate camera` and `tag` on rendered pictures: exact to 0.1 mm, or one line that says why not."""
 
 import json
 import re
@@ -22,7 +22,7 @@ from runtime.shell.errors import InputError
 
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory):
-    """A folder of rendered pictures: the board on the table and held, a touched tag, the reference tags."""
+    """A folder of rendered pictures: the board on the table and in the hand, a tag, the reference tags."""
     folder = tmp_path_factory.mktemp("studio")
     (folder / "views").mkdir()
     rng = np.random.default_rng(6)
@@ -56,24 +56,27 @@ def calibrated(studio):
     return calibration.load(studio / "camera.json")
 
 
-def test_rendered_views_calibrate_to_a_tenth_of_a_millimetre_in_the_arms_world(calibrated):
+def test_calibrate_camera_rendered_views_fit_to_tenth_of_millimetre(calibrated):
     where, pixels = places()
     off = np.hypot(*(calibrated.view.on_plane(pixels) - where).T)
     assert off.mean() < 0.1
     assert off.max() < 0.4
     assert [reference.number for reference in calibrated.references] == [580, 581, 582]
+    assert calibrated.date
     first = calibrated.references[0]
     assert np.hypot(first.x_mm + 90.0, first.y_mm + 60.0) < 0.2
 
 
-def test_residual_picture_lies_beside_the_calibration(studio, calibrated):
+def test_calibrate_camera_writes_residual_picture(studio, calibrated):
     picture = Path(studio / "camera.svg").read_text()
     assert picture.startswith("<svg")
     assert picture.count("<circle") == len(corners_on_board())
     assert calibrated.camera in picture
 
 
-def test_pictures_are_asked_for_beside_the_document(studio, tmp_path, monkeypatch, capsys):
+def test_calibrate_pictures_prompts_on_stderr_and_prints_json(
+    studio, tmp_path, monkeypatch, capsys
+):
     asked = []
     monkeypatch.setattr("builtins.input", lambda: asked.append(capsys.readouterr().err))
     words = ["pictures", "--camera", str(studio / "views"), "--count", "2", "--json"]
@@ -84,7 +87,7 @@ def test_pictures_are_asked_for_beside_the_document(studio, tmp_path, monkeypatc
     assert ["press Enter" in sentence for sentence in asked] == [True, True]
 
 
-def test_tag_is_found_on_its_part(studio, calibrated, capsys):
+def test_calibrate_tag_from_pictures_is_located_on_part(studio, calibrated, capsys):
     words = ["tag", "--part", "block", "--number", str(NUMBER), "--side", str(SIDE_MM)]
     words += ["--calibration", str(studio / "camera.json"), "--poses", str(studio / "poses.csv")]
     assert calibrate_command.main([*words, "-o", str(studio / "tag.json")]) == 0
@@ -92,10 +95,9 @@ def test_tag_is_found_on_its_part(studio, calibrated, capsys):
     assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
     assert abs(angle_between(tag.on_part[2], 0.3)) < 0.005
     assert "standard deviation" in capsys.readouterr().out
-    assert calibrated.date
 
 
-def test_tag_can_be_stated(tmp_path, capsys):
+def test_calibrate_tag_stated_place_is_saved(tmp_path, capsys):
     words = ["tag", "--part", "block", "--number", "7", "--side", "22", "--at", "2,-1,0.3"]
     assert calibrate_command.main([*words, "--json", "-o", str(tmp_path / "tag.json")]) == 0
     assert tag_file.load(tmp_path / "tag.json") == part_tag()
@@ -114,7 +116,9 @@ def test_tag_can_be_stated(tmp_path, capsys):
         (["--touched", "empty.png"], 3, "poses"),
     ],
 )
-def test_calibrate_of_mistakes_is_one_line(studio, capsys, monkeypatch, more, code, sentence):
+def test_calibrate_camera_mistake_is_reported_in_one_line(
+    studio, capsys, monkeypatch, more, code, sentence
+):
     monkeypatch.chdir(studio)
     assert run_camera(studio, *more) == code
     said = capsys.readouterr().err
@@ -123,14 +127,14 @@ def test_calibrate_of_mistakes_is_one_line(studio, capsys, monkeypatch, more, co
 
 
 @pytest.mark.parametrize("row", ["a.png,1.0,here", "a.png,1.0", "1.0"])
-def test_line_of_poses_that_is_wrong_is_named(row, tmp_path):
+def test_read_poses_bad_row_is_named(row, tmp_path):
     result = tmp_path / "poses.csv"
     result.write_text(f"picture,x_mm,y_mm\nb.png,1.0,2.0\n{row}\n")
     with pytest.raises(InputError, match=r"poses\.csv, line 3: write a picture's name and num"):
         read_poses(result)
 
 
-def test_poses_without_their_first_line_and_poses_that_are_no_text(tmp_path):
+def test_read_poses_without_header_or_not_text_is_refused(tmp_path):
     result = tmp_path / "poses.csv"
     result.write_text("a.png,1.0,2.0\nb.png,1.0,2.0\n")
     with pytest.raises(InputError, match="below the first line picture,x_mm,y_mm,theta_rad"):
@@ -140,7 +144,7 @@ def test_poses_without_their_first_line_and_poses_that_are_no_text(tmp_path):
         read_poses(result)
 
 
-def test_pictures_of_two_sizes_are_refused_by_name(studio, tmp_path, capsys):
+def test_calibrate_camera_pictures_of_two_sizes_are_refused(studio, tmp_path, capsys):
     views = tmp_path / "views"
     views.mkdir()
     cv2.imwrite(str(views / "small.png"), np.zeros((120, 160), np.uint8))

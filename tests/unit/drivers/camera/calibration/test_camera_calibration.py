@@ -1,4 +1,4 @@
-"""Calibrations find the camera they were made of, know how far to trust themselves, and refuse the rest."""
+"""A calibration recovers the camera, states its own error, and refuses unsuitable pictures and files."""
 
 import json
 from dataclasses import replace
@@ -33,7 +33,7 @@ def made_view(result):
 # -- the fit --------------------------------------------------------------------------------------
 
 
-def test_exact_corners_give_back_the_camera():
+def test_lens_fit_exact_corners_give_camera():
     result = lens_fit.fit(views(noise_px=0.0), SIZE)
     assert result.rms_px < 0.005
     assert np.abs(result.lens.matrix - VIEW.lens.matrix).max() < 0.05
@@ -41,9 +41,9 @@ def test_exact_corners_give_back_the_camera():
     assert np.hypot(*(made_view(result).on_plane(pixels) - where).T).max() < 0.01
 
 
-def test_trust_is_as_large_as_the_errors_are():
-    # Over many calibrations the squared error of a place, in units of its variance, is the number of
-    # directions when both are equally uncertain, and less as `Trust` states the worse of the two.
+def test_trust_matches_actual_errors():
+    # A squared error in units of its variance has the mean 2 where both directions are equally uncertain,
+    # and a smaller one otherwise, since `Trust` states the worse direction.
     where, pixels = places()
     ratios = []
     for seed in range(8):
@@ -55,7 +55,7 @@ def test_trust_is_as_large_as_the_errors_are():
     assert 0.4 < np.mean(ratios) < 2.0
 
 
-def test_trust_of_a_camera_that_sees_the_horizon_is_refused():
+def test_trust_camera_seeing_horizon_is_refused():
     result = lens_fit.fit(views(noise_px=0.0), SIZE)
     view = made_view(result)
     tilt, _ = cv2.Rodrigues(np.array([np.radians(75.0), 0.0, 0.0]))
@@ -64,7 +64,7 @@ def test_trust_of_a_camera_that_sees_the_horizon_is_refused():
         table_fit.trust(result, tilted, 0.0, (0.0, 0.0, 0.0))
 
 
-def test_trust_is_interpolated_and_falls_outside_of_its_grid():
+def test_trust_at_is_interpolated_and_grows_outside_grid():
     axis = np.array([0.0, 10.0])
     trust = calibration.Trust(axis, axis, np.array([[0.1, 0.2], [0.3, 0.4]]))
     assert trust.at(5.0, 5.0) == pytest.approx(0.25)
@@ -72,7 +72,7 @@ def test_trust_is_interpolated_and_falls_outside_of_its_grid():
     assert trust.at(20.0, 10.0) > trust.at(12.0, 10.0) > trust.at(10.0, 10.0)
 
 
-def test_camera_above_finds_itself_above():
+def test_stand_camera_above_is_located_above():
     optics = camera(below=False)
     card = lying(board_cells(12, 9), 14.0 / 8, ON_TABLE, face_down=False)
     points = corners_on_board()
@@ -95,7 +95,7 @@ def shuffled(view):
 
 
 def flat_views():
-    """Boards that are never tilted, near and far: focal length and distance cannot be told apart."""
+    """Boards that are never tilted: they do not separate focal length from distance."""
     spots = [(200, 150), (760, 150), (200, 390), (760, 390), (480, 270)]
     rng = np.random.default_rng(4)
     flat = [held((0.0, 0.0), spots[k % 5], 230.0) for k in range(10)]
@@ -115,7 +115,7 @@ def flat_views():
         (lambda _: flat_views(), "tilted by 30 degrees"),
     ],
 )
-def test_views_that_make_no_calibration_are_refused(change, sentence):
+def test_lens_fit_unsuitable_views_are_refused(change, sentence):
     with pytest.raises(InputError, match=sentence):
         lens_fit.fit(change(views()), SIZE)
 
@@ -128,19 +128,19 @@ def test_views_that_make_no_calibration_are_refused(change, sentence):
         ([(0, 0), (100, 0), (0, 90)], "disagree by"),
     ],
 )
-def test_touched_places_that_align_nothing_are_refused(touched, sentence):
+def test_align_unsuitable_touched_places_are_refused(touched, sentence):
     with pytest.raises(InputError, match=sentence):
         table_fit.align(touched, [(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)][: len(touched)])
 
 
-def test_poses_of_a_part_that_contradict_one_another_are_refused():
+def test_part_offset_too_few_or_contradicting_poses_are_refused():
     with pytest.raises(InputError, match="2 poses"):
         table_fit.part_offset([(0, 0, 0)] * 2, [(0, 0, 0)] * 2)
     with pytest.raises(InputError, match="scatters by"):
         table_fit.part_offset([(0, 0, 0)] * 3, [(0, 0, 0), (5, 0, 0), (0, 5, 0)])
 
 
-def test_board_that_does_not_lie_flat_is_refused():
+def test_board_residuals_bent_board_is_refused():
     bent = views(0.0)[0]
     bent = bent._replace(pixels=bent.pixels + 4.0 * np.sin(bent.points / 9.0))
     with pytest.raises(InputError, match="check that they lie flat"):
@@ -151,7 +151,7 @@ BOARDS = ["charuco:12x9:30", "chessboard:12x9:30:20", "dots:4x4:3", "charuco:12x
 
 
 @pytest.mark.parametrize("text", BOARDS)
-def test_board_that_is_not_understood_is_refused(text):
+def test_parse_malformed_board_is_refused(text):
     with pytest.raises(InputError, match="write charuco"):
         parse(text)
 
@@ -159,7 +159,7 @@ def test_board_that_is_not_understood_is_refused(text):
 # -- the files ------------------------------------------------------------------------------------
 
 
-def test_calibration_comes_back_from_its_file(tmp_path):
+def test_calibration_load_returns_what_was_saved(tmp_path):
     known = true_calibration(OPTICS)
     calibration.save(known, tmp_path / "camera.json")
     again = calibration.load(tmp_path / "camera.json")
@@ -171,7 +171,7 @@ def test_calibration_comes_back_from_its_file(tmp_path):
     assert {"camera", "date", "sha256"} < json.loads((tmp_path / "camera.json").read_text()).keys()
 
 
-def test_tag_comes_back_from_its_file(tmp_path):
+def test_tag_file_load_returns_what_was_saved(tmp_path):
     tag = part_tag(height_mm=0.3, sigma_mm=0.1, sigma_rad=0.002)
     tag_file.save(tag, tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
     assert tag_file.load(tmp_path / "tag.json") == tag
@@ -187,7 +187,7 @@ def test_tag_comes_back_from_its_file(tmp_path):
         (lambda _: "\x00\xff", "is not JSON"),
     ],
 )
-def test_spoilt_calibration_is_refused(tmp_path, spoil, sentence):
+def test_calibration_load_damaged_file_is_refused(tmp_path, spoil, sentence):
     path = tmp_path / "camera.json"
     calibration.save(true_calibration(OPTICS), path)
     path.write_text(spoil(path.read_text()))
@@ -195,7 +195,7 @@ def test_spoilt_calibration_is_refused(tmp_path, spoil, sentence):
         calibration.load(path)
 
 
-def test_missing_and_unwritable_files_are_reported(tmp_path):
+def test_calibration_missing_or_unwritable_file_is_reported(tmp_path):
     with pytest.raises(InputError, match="No such file"):
         calibration.load(tmp_path / "none.json")
     with pytest.raises(OutputError, match="cannot be written"):

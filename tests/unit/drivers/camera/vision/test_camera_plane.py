@@ -1,4 +1,4 @@
-"""Pixels to millimetres: there and back, against formulas and the simulated optics, from above and below."""
+"""Pixels to millimetres and back, against formulas and the simulated optics, from above and below."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def grid(width=1920, height=1080, count=13):
     return np.column_stack([x.ravel(), y.ravel()])
 
 
-def test_lens_distorts_as_brown_and_conrady_have_it():
+def test_lens_pixels_follow_brown_conrady_formula():
     rays = np.random.default_rng(1).uniform(-0.8, 0.8, (200, 2))
     (k1, k2, p1, p2, k3), (x, y) = LENS.distortion, rays.T
     r2 = x**2 + y**2
@@ -30,18 +30,18 @@ def test_lens_distorts_as_brown_and_conrady_have_it():
     assert np.abs(LENS.pixels(rays) - expected).max() < 1e-9
 
 
-def test_undistortion_inverts_distortion_over_the_whole_picture():
+def test_lens_rays_invert_pixels_over_whole_picture():
     assert np.abs(LENS.pixels(LENS.rays(grid())) - grid()).max() < 1e-8
 
 
-def test_pixel_that_no_ray_reaches_is_not_a_number():
+def test_lens_rays_of_unreachable_pixel_are_nan():
     barrel = Lens(1920, 1080, (1000.0, 1000.0), (960.0, 540.0), (-0.5, 0.0, 0.0, 0.0, 0.0))
     assert np.isnan(barrel.rays(np.array([[9000.0, 540.0]]))).all()
     assert np.isfinite(barrel.rays(np.array([[960.0, 540.0]]))).all()
 
 
 @pytest.mark.parametrize("below", [True, False])
-def test_plane_and_picture_invert_one_another(below):
+def test_view_pixels_at_inverts_on_plane(below):
     view = true_view(camera(below=below))
     assert view.from_below is below
     pixels = grid(960, 540, 9)
@@ -51,20 +51,20 @@ def test_plane_and_picture_invert_one_another(below):
 
 
 @pytest.mark.parametrize("below", [True, False])
-def test_simulated_optics_see_what_the_view_says(below):
+def test_view_pixels_equal_simulated_optics(below):
     optics = camera(below=below)
     points = np.random.default_rng(2).uniform(-80, 80, (50, 3)) * (1, 1, 0.1)
     assert np.abs(true_view(optics).pixels(points) - optics.project(points)).max() < 1e-9
 
 
-def test_ray_that_never_meets_the_plane_is_not_a_number():
+def test_view_ray_missing_plane_is_nan():
     view = true_view(camera(below=True))
     assert np.isnan(view.on_plane(np.array([[480.0, 270.0]]), height_mm=-1000.0)).all()
     assert np.isnan(view.pixels(np.array([[0.0, 0.0, -1000.0]]))).all()
 
 
 @given(POSES)
-def test_rigid_fit_finds_the_motion_and_leaves_nothing(pose):
+def test_rigid_fit_recovers_motion(pose):
     moved = np.array([compose(pose, (*corner, 0.0))[:2] for corner in RECTANGLE])
     fit = rigid_fit(RECTANGLE, moved)
     assert np.abs(np.subtract(fit.pose[:2], pose[:2])).max() < 1e-9
@@ -73,7 +73,7 @@ def test_rigid_fit_finds_the_motion_and_leaves_nothing(pose):
     assert abs(fit.scale - 1.0) < 1e-12
 
 
-def test_print_keeps_its_y_axis_only_when_read_from_below():
+def test_as_it_lies_keeps_y_axis_only_from_below():
     print_mm = np.array([[1.0, 2.0]])
     assert as_it_lies(print_mm, True).tolist() == [[1.0, 2.0]]
     assert as_it_lies(print_mm, False).tolist() == [[1.0, -2.0]]

@@ -1,4 +1,4 @@
-"""Pictures come from folders and networks, each within its deadline, and always of now."""
+"""Pictures from folders and networks: each comes within its deadline, and none is outdated."""
 
 import contextlib
 import socket
@@ -24,7 +24,7 @@ def soon(seconds=20.0):
 
 
 class Counter:
-    """Pictures whose brightness counts how often one was taken."""
+    """A camera whose pictures have the number of pictures taken as their brightness."""
 
     taken = 0
 
@@ -45,7 +45,7 @@ def server(counter):
 
 
 class Streaming(BaseHTTPRequestHandler):
-    """A network camera that sends one JPEG after the other."""
+    """A network camera that sends one JPEG after another."""
 
     def do_GET(self):
         self.send_response(200)
@@ -64,7 +64,7 @@ class Streaming(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def flowing():
-    """Whether the stream goes on."""
+    """An event that is set while the stream sends pictures."""
     event = threading.Event()
     event.set()
     return event
@@ -81,9 +81,10 @@ def stream_url(counter, flowing):
         server.shutdown()
 
 
-def test_folder_gives_each_picture_once_in_the_order_of_names(tmp_path):
-    for name, level in (("b.png", 20), ("a.png", 10), ("notes.txt", 0)):
-        cv2.imwrite(str(tmp_path / name), np.full((4, 5), level, np.uint8)) if level else None
+def test_folder_gives_each_picture_once_in_order_of_names(tmp_path):
+    for name, level in (("b.png", 20), ("a.png", 10)):
+        cv2.imwrite(str(tmp_path / name), np.full((4, 5), level, np.uint8))
+    (tmp_path / "notes.txt").touch()
     source = open_source(str(tmp_path))
     assert [int(source.picture(soon())[0, 0]) for _ in range(2)] == [10, 20]
     with pytest.raises(UnreachableError, match="no further picture"):
@@ -92,7 +93,7 @@ def test_folder_gives_each_picture_once_in_the_order_of_names(tmp_path):
     assert source.picture(soon())[0, 0] == 30
 
 
-def test_a_picture_that_is_still_being_written_is_waited_for(tmp_path):
+def test_folder_unfinished_picture_is_waited_for(tmp_path):
     path = tmp_path / "a.png"
     path.touch()
     later = threading.Timer(0.3, lambda: cv2.imwrite(str(path), np.full((4, 5), 7, np.uint8)))
@@ -111,18 +112,18 @@ def test_a_picture_that_is_still_being_written_is_waited_for(tmp_path):
         ("ftp://127.0.0.1/table", "camera 'ftp://127.0.0.1/table' is of no known kind"),
     ],
 )
-def test_address_of_nothing_is_refused(address, sentence):
+def test_open_source_unknown_address_is_refused(address, sentence):
     with pytest.raises(UnreachableError, match=sentence):
         open_source(address)
 
 
-def test_still_camera_is_asked_anew_each_time(server):
+def test_still_picture_is_requested_each_time(server):
     source = open_source(server.url)
     assert isinstance(source, Still)
     assert [int(source.picture(soon())[0, 0]) for _ in range(3)] == [1, 2, 3]
 
 
-def test_still_camera_that_is_gone_or_silent_is_reported_in_time(server):
+def test_still_camera_gone_or_silent_is_reported_in_time(server):
     server.close()
     with pytest.raises(UnreachableError, match="is it on, and in this network"):
         open_source(server.url).picture(soon())
@@ -133,8 +134,8 @@ def test_still_camera_that_is_gone_or_silent_is_reported_in_time(server):
 
 
 @pytest.mark.parametrize("start", [b"HTTP/1.1 200 OK\r\nX: ", b"HTTP/1.1 200 OK\r\n\r\n"])
-def test_still_camera_that_drips_is_reported_in_time(start):
-    """Each byte comes in time, and the picture never."""
+def test_still_dripping_answer_is_reported_in_time(start):
+    """Each byte comes in time, but the picture is never complete."""
 
     def drip(listener, stopped):
         client = listener.accept()[0]
@@ -151,8 +152,8 @@ def test_still_camera_that_drips_is_reported_in_time(start):
         stopped.set()
 
 
-def test_stream_shows_what_was_taken_after_the_question(stream_url, counter, flowing):
-    """Once what FFmpeg had gathered to know the stream is read, whatever else the machine does meanwhile."""
+def test_stream_picture_is_taken_after_request(stream_url, counter, flowing):
+    """FFmpeg buffers pictures while it probes the stream; the test waits until they are read."""
     with contextlib.closing(open_source(stream_url)) as source:
         assert isinstance(source, Stream)
         source.picture(soon())
@@ -166,13 +167,13 @@ def test_stream_shows_what_was_taken_after_the_question(stream_url, counter, flo
         assert before - 2 <= level <= counter.taken + 2
 
 
-def test_stream_that_cannot_be_opened_is_reported_in_time():
+def test_stream_that_cannot_be_opened_is_reported():
     stream = contextlib.closing(Stream("/dev/null", cv2.CAP_V4L2, (64, 48)))
     with stream as source, pytest.raises(UnreachableError, match="check power and cable"):
         source.picture(soon(0.2))
 
 
-def test_simulated_camera_sees_the_part_where_it_is_now(tmp_path):
+def test_camera_server_shows_part_where_it_is_now(tmp_path):
     poses = iter([(0.0, 0.0, 0.0), (60.0, 0.0, 0.0), None])
     take = rig(camera()).watcher(lambda: Look(next(poses)), seed=1)
     with contextlib.closing(CameraServer(take)) as running:
@@ -184,7 +185,7 @@ def test_simulated_camera_sees_the_part_where_it_is_now(tmp_path):
     assert np.abs(first - moved).max() > 80
 
 
-def test_a_folder_that_vanishes_is_reported_in_a_sentence(tmp_path):
+def test_folder_that_vanishes_is_reported(tmp_path):
     gone = tmp_path / "pictures"
     gone.mkdir()
     source = open_source(str(gone))
@@ -193,7 +194,7 @@ def test_a_folder_that_vanishes_is_reported_in_a_sentence(tmp_path):
         source.picture(soon())
 
 
-def test_a_picture_that_cannot_be_read_is_reported_by_name(tmp_path):
+def test_folder_unreadable_picture_is_reported(tmp_path):
     (tmp_path / "0.jpg").write_bytes(b"not a picture")
     with pytest.raises(PictureError, match=r"what came is no picture \(13 bytes\)"):
         Folder(tmp_path).picture(soon())

@@ -1,4 +1,4 @@
-"""Tags are found, read and measured, to a few hundredths of a millimetre, down to the stated limits."""
+"""Tags are detected, read and measured to a few hundredths of a millimetre, up to the stated limits."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ def picture_of(optics, pose, number=NUMBER, flaws=None, seed=0, speed_mm=(0.0, 0
 
 
 def errors(optics, flaws=None, count=5, speed_mm=(0.0, 0.0)):
-    """Errors of place (mm) and angle (deg) over tags everywhere; every one must be found and read."""
+    """Errors of place (mm) and angle (deg), and standard deviations (mm), of tags anywhere in view."""
     calibration, tag = true_calibration(optics), part_tag(on_part=(0.0, 0.0, 0.0))
     results = []
     for seed, pose in enumerate(poses(count, 5)):
@@ -58,7 +58,7 @@ def errors(optics, flaws=None, count=5, speed_mm=(0.0, 0.0)):
 
 
 @pytest.mark.parametrize("optics", [BELOW, ABOVE], ids=["below", "above"])
-def test_tags_are_measured_right_way_round_from_above_and_below(optics):
+def test_measure_tag_from_above_and_below_is_exact(optics):
     place, angle, sigma = errors(optics)
     assert place.mean() < 0.05
     assert angle.mean() < 0.15
@@ -66,18 +66,18 @@ def test_tags_are_measured_right_way_round_from_above_and_below(optics):
 
 
 @pytest.mark.parametrize("flaws", LIMITS.values(), ids=LIMITS.keys())
-def test_tags_are_measured_down_to_the_stated_limits(flaws):
+def test_measure_tag_at_stated_limits_is_exact(flaws):
     place, angle, _ = errors(BELOW, Flaws(**flaws))
     assert place.mean() < 0.1
     assert angle.mean() < 0.3
 
 
-def test_moving_tag_is_measured_where_it_is_in_the_middle_of_the_exposure():
+def test_measure_moving_tag_is_at_middle_of_exposure():
     place, _, _ = errors(BELOW, speed_mm=(1.2, 0.8))
     assert place.mean() < 0.1
 
 
-def test_corners_are_found_to_hundredths_of_a_pixel():
+def test_find_corners_are_exact_to_hundredths_of_pixel():
     view, off = true_view(BELOW), []
     print_mm = measure.print_corners(SIDE_MM)
     for seed, (x, y, theta) in enumerate(poses(6, 6)):
@@ -88,19 +88,19 @@ def test_corners_are_found_to_hundredths_of_a_pixel():
     assert np.abs(np.mean(off, axis=(0, 1))).max() < 0.03
 
 
-def test_stain_on_a_side_does_not_move_it():
+def test_find_stain_on_side_of_tag_moves_no_corner():
     pose = (20.0, 10.0, 0.0)
     spots = ((), (stain((29.5, 21.1, 0.0), (3.0, 2.2)),))
     clean, stained = (find(picture_of(BELOW, pose, before=cards))[0].corners for cards in spots)
     assert np.abs(clean - stained).max() < 0.15
 
 
-def test_every_id_is_read_as_itself():
+def test_find_reads_number_of_tag():
     for number in np.random.default_rng(7).integers(0, 587, 12).tolist():
         assert [tag.number for tag in find(picture_of(BELOW, (0.0, 0.0, 0.7), number))] == [number]
 
 
-def test_pattern_without_a_tag_is_not_read_as_one():
+def test_find_pattern_without_tag_gives_none():
     rng = np.random.default_rng(8)
     for _ in range(4):
         cells = rng.integers(0, 2, (24, 24)).astype(np.uint8)
@@ -109,7 +109,7 @@ def test_pattern_without_a_tag_is_not_read_as_one():
 
 
 @pytest.mark.parametrize("wrong", [{"side_mm": 24.0}, {"height_mm": 20.0}])
-def test_tag_of_another_size_or_height_is_refused(wrong):
+def test_measure_tag_of_other_size_or_height_is_refused(wrong):
     picture = picture_of(BELOW, (0.0, 0.0, 0.2))
     with pytest.raises(PictureError, match=r"looks .* mm large"):
         measure.measure(picture, find(picture), true_calibration(BELOW), part_tag(**wrong))

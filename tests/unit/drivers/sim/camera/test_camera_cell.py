@@ -1,4 +1,4 @@
-"""The camera of a simulated cell: it sees what lies there now, and what goes wrong with part and camera."""
+"""The camera of a simulated cell shows the part where it lies now, and the faults of part and camera."""
 
 import contextlib
 import io
@@ -30,14 +30,14 @@ KNOWN = true_calibration(OPTICS)
 
 
 class Lying:
-    """A world that leaves a part where it lies, 21 mm wide."""
+    """A world whose part is 21 mm wide and stays where it lies."""
 
     def squeeze(self, pose):
         return pose, 21.0, "grasped"
 
 
 def table_top(*faults):
-    """A part on the table of a cell, the first closing of the jaws over."""
+    """A part on the table of a cell, after the first squeeze."""
     setting = small_setting()._replace(world="lying", factory=lambda subject, seed: Lying())
     top = TableTop(setting, 1, Desk(Listed(faults)))
     top.squeeze((0.0, 0.0, 0.0))
@@ -46,14 +46,14 @@ def table_top(*faults):
 
 
 def audited(top):
-    """The audit's answer for a part that lies where its leaf says."""
+    """The answer of the audit where the predicted pose is the true one."""
     take = RIG.watcher(top.look, seed=1)
     source = Shown(lambda: decoded(take(), "the cell's camera"))
     auditor = Auditor(source, KNOWN, [Subject(GOAL, part_tag())])
     return auditor.audit(1, top.pose, 0.0)
 
 
-def test_camera_sees_the_part_where_it_lies_now():
+def test_camera_sees_part_where_it_lies_now():
     top = table_top()
     for _ in range(2):
         assert audited(top).verdict == PASS
@@ -71,7 +71,7 @@ def test_camera_sees_the_part_where_it_lies_now():
     ],
     ids=lambda value: value.kind if isinstance(value, Fault) else None,
 )
-def test_fault_is_seen_while_it_holds_and_no_longer(fault, says):
+def test_camera_fault_is_seen_only_while_it_holds(fault, says):
     top = table_top(fault)
     answer = audited(top)
     assert answer.verdict == UNKNOWN
@@ -81,20 +81,20 @@ def test_fault_is_seen_while_it_holds_and_no_longer(fault, says):
     assert audited(top).verdict == PASS
 
 
-def test_what_the_camera_sees_is_what_the_faults_say():
+def test_table_top_look_shows_faults():
     assert table_top().look() == Look(table_top().pose)
     top = table_top(Fault("two_parts", value=9.0), Fault("camera_moved", value=4.0))
     assert top.look() == Look(top.pose, second=compose(top.pose, BESIDE), moved_mm=4.0)
 
 
-def test_rehearsal_has_no_part_to_see():
+def test_camera_in_rehearsal_is_refused():
     assert TableTop(small_setting(), 1, Desk(Listed())).look().pose is None
     with pytest.raises(UsageError, match="lies nowhere"):
         cli.camera(small_setting())
 
 
-def test_pictures_for_a_calibration_make_one_that_finds_the_part(tmp_path):
-    """Each of several parts has a tag file of its own."""
+def test_album_pictures_calibrate_camera_that_locates_part(tmp_path):
+    """Each of two parts has its own tag file."""
     names, folder = ["hex nut", "spacer; rm"], tmp_path / "a folder"
     for words in album.write(RIG, folder, 3, names):
         with contextlib.redirect_stdout(io.StringIO()):

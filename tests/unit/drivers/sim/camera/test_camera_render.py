@@ -1,4 +1,4 @@
-"""The simulated camera is honest: edges fall where they are, and each flaw does what it says."""
+"""The simulated camera: edges are at their true places, and each flaw has its stated effect."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def taken(cards, flaws=CLEAN):
     return render(STRAIGHT, cards, flaws, np.random.default_rng(0)).astype(float)
 
 
-def test_corner_rays_come_back_to_their_pixels():
+def test_optics_project_returns_corner_rays_to_their_pixels():
     optics = camera()
     rays = optics.corner_rays[::60, ::60].reshape(-1, 3)
     back = optics.project(optics.eye_mm + 250.0 * rays)
@@ -33,8 +33,8 @@ def test_corner_rays_come_back_to_their_pixels():
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.13, 0.31])
-def test_brightness_of_an_edge_pixel_is_the_share_of_it_that_the_card_covers(shift):
-    # The sum over a row counts the card's width in pixels, wherever between two of them it begins.
+def test_render_edge_pixel_brightness_is_covered_share(shift):
+    # The levels of a row add up to the card's width in pixels, wherever within a pixel the card begins.
     card = square(shift)
     levels = taken([card])
     behind, bright = np.rint(255 * 0.9 * np.array([BEHIND_TONE, 0.88]))
@@ -44,13 +44,13 @@ def test_brightness_of_an_edge_pixel_is_the_share_of_it_that_the_card_covers(shi
     assert abs(covered - (ends[1, 0] - ends[0, 0])) < 0.3
 
 
-def test_blur_spreads_an_edge_without_moving_light():
+def test_render_blur_spreads_edge_and_keeps_light():
     sharp, soft = taken([square()]), taken([square()], replace(CLEAN, blur_px=2.0))
     assert abs(sharp.sum() - soft.sum()) < 1e-3 * sharp.sum()
     assert np.abs(np.diff(soft, axis=1)).max() < 0.4 * np.abs(np.diff(sharp, axis=1)).max()
 
 
-def test_motion_smears_along_its_way_only():
+def test_render_motion_smears_only_along_its_direction():
     def smeared(axis, speed):
         moving = replace(square(), speed_mm=np.array([*speed, 0.0]))
         return np.abs(np.diff(taken([moving]), axis=axis)).max()
@@ -60,7 +60,7 @@ def test_motion_smears_along_its_way_only():
     assert smeared(1, (0.0, 3.0)) > 0.9 * still
 
 
-def test_card_hides_what_was_laid_down_before_it():
+def test_render_card_hides_card_below_it():
     half = stain((20.0, 0.0, 0.0), (40.0, 80.0))
     open_, covered = taken([square()]), taken([square(), half])
     places = np.array([[-8.0, 0.0, 0.0], [8.0, 0.0, 0.0]])

@@ -1,4 +1,4 @@
-"""The simulated DH gripper: what the manuals say of its registers, and what they leave open."""
+"""The registers of the simulated DH gripper, as the manuals describe them and where these are silent."""
 
 import random
 
@@ -34,7 +34,7 @@ def ready():
     return bench
 
 
-def test_device_just_switched_on_is_uninitialised_and_does_not_move():
+def test_dh_model_at_power_on_is_uninitialised_and_stands():
     bench = Bench()
     bench.write(dh.POSITION, 0)
     assert bench.read(dh.INITIALISED) == Initialised.NO
@@ -42,10 +42,10 @@ def test_device_just_switched_on_is_uninitialised_and_does_not_move():
 
 
 @pytest.mark.parametrize(("direction", "end"), [(0, dh.FULL), (1, 0)])
-def test_device_initialises_to_the_end_that_its_direction_names(direction, end):
+def test_dh_model_initialises_to_end_of_its_direction(direction, end):
     bench = Bench()
     bench.write(dh.DIRECTION, 1 - direction)
-    bench.write(dh.INITIALISATION, dh.INITIALISE)  # to the other end
+    bench.write(dh.INITIALISATION, dh.INITIALISE)  # first to the other end
     bench.write(dh.DIRECTION, direction)
     bench.write(dh.INITIALISATION, dh.INITIALISE, 0.0)
     assert bench.read(dh.INITIALISED) == Initialised.IN_PROGRESS
@@ -56,14 +56,14 @@ def test_device_initialises_to_the_end_that_its_direction_names(direction, end):
     assert bench.read(dh.ACTUAL_POSITION) == end
 
 
-def test_device_that_learns_its_stroke_on_a_part_takes_the_part_for_the_end(ready):
+def test_dh_model_calibrated_on_part_takes_it_for_end(ready):
     ready.write(dh.INITIALISATION, dh.CALIBRATE, 10.0)
     ready.write(dh.POSITION, 0)
     assert ready.read(dh.ACTUAL_POSITION) == 0
     assert ready.model.opening_mm(ready.now) == pytest.approx(20.0)
 
 
-def test_device_that_meets_a_part_catches_it_and_lets_go_of_it(ready):
+def test_dh_model_part_is_caught_and_released(ready):
     ready.write(dh.POSITION, 0)
     assert (ready.read(dh.GRIP), ready.read(dh.ACTUAL_POSITION)) == (Grip.CAUGHT, 400)
     ready.write(dh.POSITION, dh.FULL)
@@ -71,14 +71,14 @@ def test_device_that_meets_a_part_catches_it_and_lets_go_of_it(ready):
     assert (ready.part.grips, ready.part.releases) == (1, 1)
 
 
-def test_device_that_drops_the_part_goes_on_to_the_position_and_says_dropped(ready):
+def test_dh_model_dropped_part_lets_fingers_reach_position(ready):
     ready.write(dh.POSITION, 0)
     ready.model.lose_object(ready.now)
     ready.now += 2.0
     assert (ready.read(dh.GRIP), ready.read(dh.ACTUAL_POSITION)) == (Grip.DROPPED, 0)
 
 
-def test_device_crosses_its_stroke_in_the_time_of_the_data_sheet(ready):
+def test_dh_model_stroke_takes_time_of_data_sheet(ready):
     ready.part.width_mm = None
     ready.write(dh.SPEED, 100)
     ready.write(dh.POSITION, 0, 0.69)
@@ -91,7 +91,7 @@ def test_device_crosses_its_stroke_in_the_time_of_the_data_sheet(ready):
     ("register", "value"),
     [(dh.POSITION, 1001), (dh.FORCE, 19), (dh.SPEED, 0), (dh.GRIP, 1), (0x0102, 5)],
 )
-def test_value_that_a_register_does_not_take_is_refused(ready, register, value):
+def test_dh_registers_value_not_allowed_is_refused(ready, register, value):
     registers = DhRegisters(ready.model, lambda: ready.now)
     writes = ready.model.writes
     assert not registers.write(register, value.to_bytes(2, "big"))

@@ -1,4 +1,4 @@
-"""The simulated 2F-85 as a state machine over simulated time: the behaviour the manuals describe."""
+"""The simulated 2F-85 behaves as the manuals say, in simulated time."""
 
 import random
 
@@ -31,7 +31,7 @@ class Bench:
         return decode(self.model.read_input(self.now))
 
     def traffic(self, seconds):
-        """Let time pass with a master that polls, so that fault 9 stays away."""
+        """Let time pass while a master polls, since silence would be fault 9."""
         for _ in range(round(seconds / 0.05)):
             self.read(0.05)
         return self.read()
@@ -44,7 +44,7 @@ class Bench:
         return self
 
 
-def test_activation_takes_seconds_and_ends_open():
+def test_gripper_model_activation_takes_seconds_and_ends_open():
     bench = Bench()
     bench.write(rACT=1)
     positions = []
@@ -57,14 +57,14 @@ def test_activation_takes_seconds_and_ends_open():
     assert seen.position_counts == 3
 
 
-def test_a_command_in_reset_gives_fault_7():
+def test_gripper_model_command_in_reset_is_fault_7():
     bench = Bench()
     bench.write(rGTO=1, rPR=100)
     assert bench.read(0.05).fault == 0x07
     assert bench.read(0.2).position_counts == 3
 
 
-def test_a_command_during_activation_is_delayed_with_fault_5_then_obeyed():
+def test_gripper_model_command_during_activation_is_fault_5_then_obeyed():
     bench = Bench()
     bench.write(rACT=1)
     bench.read(0.05)
@@ -76,7 +76,7 @@ def test_a_command_during_activation_is_delayed_with_fault_5_then_obeyed():
     assert (seen.fault, seen.activated, seen.position_counts) == (0, True, 100)
 
 
-def test_something_in_the_sweep_is_fault_d_until_reset():
+def test_gripper_model_blocked_activation_is_fault_d_until_reset():
     bench = Bench(contact=150)
     bench.write(rACT=1)
     seen = bench.traffic(5.0)
@@ -90,13 +90,13 @@ def test_something_in_the_sweep_is_fault_d_until_reset():
     assert bench.traffic(6.0).activated
 
 
-def test_the_request_echoes_at_once_while_gobj_is_stale():
+def test_gripper_model_request_echoes_at_once_and_object_flag_late():
     for seed in range(30):
         bench = Bench(seed=seed).activated()
         bench.write(rACT=1, rGTO=1, rPR=200, rSP=0)
         seen = bench.read()
         assert seen.echo_counts == 200
-        assert seen.object_flag == 3  # still of the move before
+        assert seen.object_flag == 3  # still that of the previous move
         late = 0.0
         while bench.read(GripperModel.CYCLE_S).object_flag == 3:
             late += GripperModel.CYCLE_S
@@ -104,7 +104,7 @@ def test_the_request_echoes_at_once_while_gobj_is_stale():
 
 
 @pytest.mark.parametrize("speed", [0, 100, 255])
-def test_speed_is_finite_and_linear_in_rsp(speed):
+def test_gripper_model_speed_is_linear_in_rsp(speed):
     bench = Bench().activated()
     bench.write(rACT=1, rGTO=1, rPR=255, rSP=speed)
     first, t = bench.read(0.1), 0.3
@@ -116,7 +116,7 @@ def test_speed_is_finite_and_linear_in_rsp(speed):
 
 
 @pytest.mark.parametrize("asked", [0, 3, 100, 230, 255])
-def test_end_stops(asked):
+def test_gripper_model_position_is_limited_by_end_stops(asked):
     bench = Bench().activated()
     bench.write(rACT=1, rGTO=1, rPR=120, rSP=255)
     bench.traffic(2.0)
@@ -126,7 +126,7 @@ def test_end_stops(asked):
     assert seen.echo_counts == asked
 
 
-def test_contact_stops_the_jaws_raises_the_current_and_keeps_the_request():
+def test_gripper_model_contact_stops_jaws_and_raises_current():
     bench = Bench(contact=174).activated()
     bench.write(rACT=1, rGTO=1, rPR=255, rSP=255, rFR=128)
     moving = bench.read(0.2)
@@ -138,7 +138,7 @@ def test_contact_stops_the_jaws_raises_the_current_and_keeps_the_request():
     assert bench.part.grips == 1
 
 
-def test_opening_lets_go_and_closing_again_asks_again():
+def test_gripper_model_reopened_and_closed_grips_again():
     bench = Bench(contact=174).activated()
     for squeeze in (1, 2, 3):
         bench.write(rACT=1, rGTO=1, rPR=255, rSP=255)
@@ -149,7 +149,7 @@ def test_opening_lets_go_and_closing_again_asks_again():
         assert (bench.part.asked, bench.part.grips) == (squeeze, squeeze)
 
 
-def test_open_jaws_let_go_of_what_stopped_them_there():
+def test_gripper_model_opened_at_open_end_releases_part():
     bench = Bench(contact=3).activated()
     bench.write(rACT=1, rGTO=1, rPR=230, rSP=255)
     assert bench.traffic(1.0).position_counts == 3
@@ -161,7 +161,7 @@ def test_open_jaws_let_go_of_what_stopped_them_there():
     assert (bench.part.grips, bench.part.releases) == (2, 1)
 
 
-def test_stop_halfway_holds_the_jaws_and_completes_no_squeeze():
+def test_gripper_model_stopped_halfway_stands_without_grip():
     bench = Bench(contact=174).activated()
     bench.write(rACT=1, rGTO=1, rPR=255, rSP=0)
     bench.read(0.5)
@@ -173,7 +173,7 @@ def test_stop_halfway_holds_the_jaws_and_completes_no_squeeze():
     assert bench.part.grips == 0
 
 
-def test_a_contact_is_not_missed_when_nobody_reads():
+def test_gripper_model_contact_without_reads_is_counted():
     bench = Bench(contact=174).activated()
     bench.write(rACT=1, rGTO=1, rPR=255, rSP=255)
     bench.now += 5.0
@@ -181,7 +181,7 @@ def test_a_contact_is_not_missed_when_nobody_reads():
     assert bench.part.grips == 1
 
 
-def test_silence_of_a_second_shows_as_fault_9_in_the_first_answer_only():
+def test_gripper_model_silence_is_fault_9_in_first_answer_only():
     bench = Bench().activated()
     assert bench.read(0.9).fault == 0
     assert bench.read(1.1).fault == 0x09
@@ -192,7 +192,7 @@ def test_silence_of_a_second_shows_as_fault_9_in_the_first_answer_only():
 
 
 @pytest.mark.parametrize(("direction", "ends_at"), [(1, 3), (0, 230)])
-def test_automatic_release_is_slow_latches_and_needs_reactivation(direction, ends_at):
+def test_gripper_model_automatic_release_latches_until_activated(direction, ends_at):
     bench = Bench().activated()
     bench.write(rACT=1, rGTO=1, rPR=100, rSP=255)
     bench.traffic(2.0)

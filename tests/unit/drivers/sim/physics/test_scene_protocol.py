@@ -1,4 +1,4 @@
-"""The scene's line protocol: an answer a line, and whatever fails while it is asked ends the cell."""
+"""The line protocol of a scene: one answer per line; an answer that fails stops the cell."""
 
 import contextlib
 import json
@@ -18,7 +18,7 @@ def site():
 
 @pytest.fixture
 def client(site):
-    """A function that connects to a scene, which repeats what it is asked."""
+    """A function that connects to a scene, which answers with the name of the request."""
     port = open_port(answer, site)
     with contextlib.ExitStack() as connections:
         place = ("127.0.0.1", port)
@@ -36,7 +36,7 @@ def ask(connection, line):
     return json.loads(connection.makefile("rb").readline())
 
 
-def test_each_client_gets_an_answer_a_line(client):
+def test_open_port_each_line_of_each_client_is_answered(client):
     first, second = client(), client()
     for connection in (first, second, first):
         assert ask(connection, b'{"do": "truth"}') == {"truth": True}
@@ -44,18 +44,18 @@ def test_each_client_gets_an_answer_a_line(client):
     assert ask(second, b'{"do": "truth"}') == {"truth": True}
 
 
-def test_quit_is_answered_before_the_cell_stops(client, site):
+def test_open_port_quit_is_answered_and_stops_cell(client, site):
     assert ask(client(), b'{"do": "quit"}') == {"quit": True}
     assert site.stopped.wait(5.0)
 
 
-def test_a_line_without_end_hangs_up(client):
+def test_open_port_endless_line_closes_connection(client):
     connection = client()
     connection.sendall(b"x" * MAX_LINE)
     assert connection.recv(16) == b""
 
 
-def test_what_fails_while_it_is_asked_stops_the_cell(client, site):
+def test_open_port_failing_answer_stops_cell(client, site):
     client().sendall(b'{"do": "fail"}\n')
     assert site.stopped.wait(5.0)
     assert [str(error) for error in site.failures] == ["no such squeeze"]

@@ -1,8 +1,9 @@
-"""An RTU slave's ear: whole frames get answers, everything else gets silence, noise does not deafen it."""
+"""An RTU slave answers whole frames, stays silent otherwise, and still answers after noise."""
 
 import random
 
 import pytest
+from rtu_frames import rtu_frame
 
 from drivers.sim.devices.gripper import GripperModel, GripperRegisters
 from drivers.sim.wire.modbus import crc16
@@ -12,13 +13,8 @@ READ = bytes.fromhex("09 03 07D0 0003 040E")
 READ_REPLY_LENGTH = 11
 
 
-def frame(text):
-    body = bytes.fromhex(text)
-    return body + crc16(body)
-
-
 def fed(slave, data):
-    """The bytes of what comes back."""
+    """The answers to some bytes."""
     return [piece.data for piece in slave.feed(data)]
 
 
@@ -40,8 +36,8 @@ def slave():
         "09 17 07D0 0002 03E9 0002 04 00E6 3CC8",
     ],
 )
-def test_served_requests_answer_with_their_own_id_function_and_crc(slave, request_text):
-    (reply,) = fed(slave, frame(request_text))
+def test_rtu_slave_served_request_is_answered_with_id_and_crc(slave, request_text):
+    (reply,) = fed(slave, rtu_frame(request_text))
     assert reply[:2] == bytes.fromhex(request_text)[:2]
     assert crc16(reply[:-2]) == reply[-2:]
 
@@ -64,13 +60,13 @@ def test_served_requests_answer_with_their_own_id_function_and_crc(slave, reques
         "09 17 07D0 0002 0000 0002 04 00E6 3CC8",  # bad write half
     ],
 )
-def test_everything_else_is_silence_and_never_an_exception_frame(slave, request_text):
-    assert fed(slave, frame(request_text)) == []
+def test_rtu_slave_request_not_served_is_silent(slave, request_text):
+    assert fed(slave, rtu_frame(request_text)) == []
     slave.silence()
     assert len(fed(slave, READ)[0]) == READ_REPLY_LENGTH
 
 
-def test_every_flipped_bit_is_silence(slave):
+def test_rtu_slave_request_with_flipped_bit_is_silent(slave):
     for bit in range(8 * len(READ)):
         bad = bytearray(READ)
         bad[bit // 8] ^= 1 << bit % 8
@@ -78,7 +74,7 @@ def test_every_flipped_bit_is_silence(slave):
         slave.silence()
 
 
-def test_frames_may_come_in_any_pieces(slave):
+def test_rtu_slave_request_in_two_pieces_is_answered(slave):
     for cut in range(1, len(READ)):
         assert fed(slave, READ[:cut]) == []
         assert slave.patience_s
@@ -86,13 +82,13 @@ def test_frames_may_come_in_any_pieces(slave):
         assert not slave.patience_s
 
 
-def test_several_frames_in_one_piece_are_distinguished(slave):
-    other = frame("08 03 07D0 0003")
+def test_rtu_slave_requests_in_one_piece_are_each_answered(slave):
+    other = rtu_frame("08 03 07D0 0003")
     bad = READ[:-1] + b"\0"
     assert len(fed(slave, READ + other + READ + bad + READ)) == 3
 
 
-def test_random_noise_neither_raises_nor_is_obeyed():
+def test_rtu_slave_random_noise_is_not_obeyed():
     rng = random.Random(3)
     model = GripperModel(random.Random(1))
     slave = RtuSlave(GripperRegisters(model, lambda: 0.01))
