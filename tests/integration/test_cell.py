@@ -17,11 +17,8 @@ from drivers.sim.cli import main
 SCALE = 20.0
 SUPPORT = ROOT / "tests" / "support"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(SUPPORT)))}
-ENDS = [
-    ("quit", 0),
-    (signal.SIGTERM, 0),
-    (signal.SIGINT, 130),
-]  # the third way is to close its stdin
+# `Running.end` closes stdin, which is another way to end.
+ENDS = [("quit", 0), (signal.SIGTERM, 0), (signal.SIGINT, 130)]
 
 
 class Running:

@@ -52,10 +52,8 @@ CELLS = {
         table_for("dh-ag95"),
         REGULATED,
         range(4, 150, 11),
-        OTHERS
-        | {
-            name for name in KINDS if name.startswith("gflt_")
-        },  # this gripper has no fault register
+        # This gripper has no fault register.
+        OTHERS | {name for name in KINDS if name.startswith("gflt_")},
     ),
     "schunk-egu": Cell(
         table_for("schunk-egu"),

@@ -69,9 +69,8 @@ def test_from_a_solid_page_with_less_uncertainty_prints_shown_output(work, envir
     assert len(results) == 4
     results[1].commands.append(stated("bracket.toml", particles=1000))
     printed = run(results, work, environment)
-    for block, lines in zip(
-        results, printed, strict=False
-    ):  # the text after the last mark is empty
+    # The text after the last mark is empty.
+    for block, lines in zip(results, printed, strict=False):
         assert matches(block.printed, lines)
     ends = re.findall(r"LEAF, leaf \d+, (.*?), \(.*; it is (.*)", "\n".join(printed[3]))
     assert ends
@@ -114,9 +113,8 @@ def test_refit_page_with_fewer_parts_recovers_hidden_errors(work, environment):
     assert any(line.startswith("  the fingers meet -") for line in printed[3])
     for quantity, truth in (("the upper finger makes", 54.0), ("the fingers meet", -2.84)):
         mean, half = interval(printed[3], quantity)
-        assert (
-            abs(mean - truth) < 2.0 * half + 0.05
-        )  # a 90 % interval; 0.1 % lie beyond twice its half width
+        # The interval is one of 90 %: only 0.1 % lie beyond twice its half width.
+        assert abs(mean - truth) < 2.0 * half + 0.05
     low, high = tomllib.loads((work / "cell2.toml").read_text())["doubt"]["encoder_mm"]
     assert 0.0 < low < 0.6 < high < 1.2  # the preset's were -1.1 and 1.1
     before, after = (json.loads(line) for line in printed[4] if line.startswith("{"))

@@ -106,9 +106,8 @@ def test_ladder_with_interruptions_takes_each_result_once() -> None:
         age = age + 1 if plc.station.order is not None else 0
         if age > cycle % 7:
             begun.append(plc.station.order.trigger_id)
-            code = (0, 20)[
-                begun[-1] % 10 == 0
-            ]  # every tenth part is a fault, which leaves its error
+            # Every tenth part ends in a fault, which leaves its error.
+            code = (0, 20)[begun[-1] % 10 == 0]
             plc.end_part(outcome=4 if code else 1, x=-3 * begun[-1], exit_code=code)
     assert len(taken) > 200
     assert taken == [(each, 4 if each % 10 == 0 else 1, -3 * each) for each in begun[: len(taken)]]

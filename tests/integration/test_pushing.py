@@ -98,9 +98,8 @@ def test_schedule_pushes_take_time_of_their_paths(job: job_file.Job, table: Tabl
     schedule = Schedule.of(table, job_of(table))
     phases, *_ = schedule.squeeze(Squeezed(0, 10.0, 0), None, None, first=True)
     taken = phases.push_s
-    least = (
-        ways + lifts / table.limits.arm_speed_um_s
-    )  # without the jaws and the ways between pushes
+    # Without the jaws and the ways between the pushes.
+    least = ways + lifts / table.limits.arm_speed_um_s
     assert least < taken < 2.0 * least + len(pushes) * 4 * squeeze.opening_um / squeeze.speed_um_s
     result = evaluate(table, job, ContactWorlds.of_job(job, 5), 200, 5)
     assert result.seconds[result.squeezes > 0].min() > taken
