@@ -1,4 +1,4 @@
-"""An empty folder to follow a page in, the environment of its commands, and a small table."""
+"""Fixtures: an empty folder and an environment for the commands of a page, and a small table's file."""
 
 import os
 from pathlib import Path
@@ -11,7 +11,7 @@ from sample_tables import small_table
 from runtime.table import dump
 
 LOW_EFFORT = {"squeezetree": "from planner.cli import first_look; first_look.ANSWER_S = 7;"}
-"""`squeezetree try` searches for seconds, not most of a minute; again, if that leaves it without a plan."""
+"""Reduces the time of `squeezetree try` to 7 s; it searches again where that gives no plan."""
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""`grasp-audit judge` as the runtime starts it: questions and answers over pipes, whatever comes."""
+"""`grasp-audit judge` as the runtime starts it, with questions and answers over pipes."""
 
 import contextlib
 import json
@@ -34,8 +34,8 @@ POSE = (12.0, -8.0, 0.7)
 ANSWER_S = 60.0
 
 
-class Asked:
-    """The process, spoken to as the runtime does."""
+class Judge:
+    """A `grasp-audit judge` process, which a test asks as the runtime does."""
 
     def __init__(self, *words, code=0, folder=ROOT, **files):
         self.code = code
@@ -67,7 +67,7 @@ class Asked:
 
 @pytest.fixture
 def files(tmp_path):
-    """What the command line names, and a camera that shows the part at `POSE`."""
+    """The options of the command line; the camera shows the part at `POSE`."""
     calibration.save(true_calibration(OPTICS), tmp_path / "camera.json")
     tag_file.save(part_tag(), tmp_path / "tag.json", "2026-01-01T00:00:00+00:00")
     with contextlib.closing(CameraServer(RIG.watcher(lambda: Look(POSE), seed=1))) as server:
@@ -80,8 +80,8 @@ def files(tmp_path):
         }
 
 
-def test_questions_are_answered_by_what_the_camera_sees_and_failures_are_drawn(files, tmp_path):
-    with Asked("--pictures", str(tmp_path / "kept"), **files) as audit:
+def test_judge_compares_pose_with_picture_and_draws_failure(files, tmp_path):
+    with Judge("--pictures", str(tmp_path / "kept"), **files) as audit:
         assert audit.ask()["verdict"] == "pass"
         half_a_turn = (POSE[0], POSE[1], POSE[2] + np.pi)  # the rectangle looks the same
         assert audit.ask(half_a_turn)["verdict"] == "pass"
@@ -101,12 +101,14 @@ def test_questions_are_answered_by_what_the_camera_sees_and_failures_are_drawn(f
         ({"camera": "/dev/video99"}, "there is no camera or folder /dev/video99", 21),
     ],
 )
-def test_judge_reports_what_is_missing_with_every_verdict(files, change, sentence, code):
+def test_judge_bad_calibration_or_no_camera_answers_unknown_with_reason(
+    files, change, sentence, code
+):
     if change == {"calibration": "spoilt"}:
         path = files["calibration"]
         path.write_text(path.read_text().replace("S-1", "S-2"))
         change = {}
-    with Asked(code=code, **{**files, **change}) as audit:
+    with Judge(code=code, **{**files, **change}) as audit:
         for _ in range(2):
             answer = audit.ask()
             assert answer["verdict"] == "unknown"
@@ -114,33 +116,33 @@ def test_judge_reports_what_is_missing_with_every_verdict(files, change, sentenc
             assert not answer["reason"].endswith("Error)")
 
 
-def test_camera_that_was_plugged_in_late_is_used(files, tmp_path):
+def test_judge_camera_connected_later_is_used(files, tmp_path):
     folder = tmp_path / "pictures"
-    with Asked(**{**files, "camera": folder}) as audit:
+    with Judge(**{**files, "camera": folder}) as audit:
         assert "there is no camera or folder" in audit.ask()["reason"]
         folder.mkdir()
         cv2.imwrite(str(folder / "a.png"), RIG.seen(Look(POSE), np.random.default_rng(1)))
         assert audit.ask()["verdict"] == "pass"
 
 
-def test_silent_camera_is_answered_for_within_the_deadline(files):
+def test_judge_silent_camera_answers_unknown_after_deadline(files):
     with socket.create_server(("127.0.0.1", 0)) as deaf:
         address = f"http://127.0.0.1:{deaf.getsockname()[1]}/picture.jpg"
-        with Asked(**{**files, "camera": address, "deadline": 0.2}) as audit:
+        with Judge(**{**files, "camera": address, "deadline": 0.2}) as audit:
             answers = [audit.ask() for _ in range(3)]
     assert {answer["verdict"] for answer in answers} == {"unknown"}
 
 
-def test_process_that_grew_starts_anew_and_goes_on_answering(files, tmp_path):
-    (tmp_path / "drivers").mkdir()  # a folder that is not the package
+def test_judge_above_memory_limit_keeps_pid_and_answers(files, tmp_path):
+    (tmp_path / "drivers").mkdir()  # not the package: the restarted process must not import it
     (tmp_path / "drivers" / "__init__.py").touch()
-    with Asked("--memory-mb", "1", folder=tmp_path, **files) as audit:
+    with Judge("--memory-mb", "1", folder=tmp_path, **files) as audit:
         first = audit.process.pid
         assert [audit.ask()["verdict"] for _ in range(3)] == ["pass", "pass", "pass"]
         assert audit.process.pid == first
 
 
-def test_memory_is_bounded():
+def test_limit_memory_larger_allocation_raises_memory_error():
     script = "from drivers.camera.audit import service; service.limit_memory(1); bytearray(3 << 30)"
     assert "MemoryError" in ended([sys.executable, "-c", script]).err
 
@@ -149,7 +151,7 @@ def test_memory_is_bounded():
 
 
 class Slow:
-    """Audits that hang for as long as they are told."""
+    """An auditor that sleeps for the given times [s], one after the other, before it answers."""
 
     def __init__(self, *seconds):
         self._seconds = iter(seconds)
@@ -159,7 +161,7 @@ class Slow:
         return Answer(PASS, f"part {part}")
 
 
-def test_answer_that_comes_late_is_not_taken_for_the_next_part():
+def test_worker_late_answer_is_not_given_for_next_part():
     slow = Slow(0.3, 0.0)
     worker = service.Worker(lambda: slow, 0.05)
     assert worker.ask(1, POSE).verdict == UNKNOWN
@@ -167,7 +169,7 @@ def test_answer_that_comes_late_is_not_taken_for_the_next_part():
     assert worker.ask(2, POSE) == Answer(PASS, "part 2")
 
 
-def test_hanging_camera_is_reported_and_holds_nothing_up():
+def test_worker_hanging_audit_answers_each_question_with_reason():
     slow = Slow(5.0)
     worker = service.Worker(lambda: slow, 0.05)
     assert "was not judged within" in worker.ask(1, POSE).reason
@@ -178,7 +180,7 @@ def test_hanging_camera_is_reported_and_holds_nothing_up():
     ("error", "sentence"),
     [(MemoryError(), "raise --memory-mb"), (ValueError("two\nlines"), r"two lines (ValueError)")],
 )
-def test_nothing_that_an_audit_raises_ends_the_service(error, sentence):
+def test_worker_audit_that_raises_answers_unknown_with_reason(error, sentence):
     class Broken:
         def audit(self, part, predicted, until, name=None):
             raise error
@@ -190,7 +192,7 @@ def test_nothing_that_an_audit_raises_ends_the_service(error, sentence):
         assert sentence in answer.reason
 
 
-def test_full_process_ends_between_questions_only():
+def test_serve_full_process_answers_waiting_questions_before_restart():
     read, write = os.pipe()
     question = b'{"part": 1, "x_mm": 0, "y_mm": 0, "theta_rad": 0}\n'
     try:
@@ -205,8 +207,8 @@ def test_full_process_ends_between_questions_only():
         os.close(read)
 
 
-def test_run_by_another_table_is_refused_before_the_first_motion(files, tmp_path, capsys):
-    """The auditor's leaves would lie 14.8 mm off; it says so itself, and the run asks it before it begins."""
+def test_grasp_runtime_audit_by_another_table_is_refused_before_motion(files, tmp_path, capsys):
+    """Leaves of the two tables lie 14.8 mm apart. The run asks the auditor for its table before it starts."""
     other = tmp_path / "other.msgpack"
     dump(replace(load(TABLE).table, job=None), other)
     words = (f"--{name} {path}" for name, path in {**files, "tree": other}.items())
@@ -216,7 +218,7 @@ def test_run_by_another_table_is_refused_before_the_first_motion(files, tmp_path
     assert runtime(run) == 2
     assert "--audit judges by another table" in capsys.readouterr().err
     assert not journal.exists()
-    with Asked(**{**files, "tree": other}) as audits:
+    with Judge(**{**files, "tree": other}) as audits:
         asked = {"part": 1, "x_mm": 12.0, "y_mm": -8.0, "theta_rad": 0.7}
         asked["table_sha256"] = load(TABLE).digest
         answer = audits.say(asked)
@@ -230,18 +232,18 @@ PARTS, SEED, TIME_SCALE = 5, 1, 5.0
 
 @pytest.fixture
 def folder(tmp_path):
-    """Calibration and tag file of the standard camera, and a table some of whose leaves are wrong."""
+    """A folder with calibration and tag file of the standard camera, and a table with some wrong leaves."""
     keep_standard(tmp_path)
     dump(mixed(load(TABLE).table), tmp_path / "mixed.msgpack")
     return tmp_path
 
 
-def test_verdicts_agree_with_the_world_and_are_in_the_journal(folder, capsys):
+def test_grasp_runtime_audit_verdicts_agree_with_truth_and_journal(folder, capsys):
     given = {"parts": PARTS, "seed": SEED, "time_scale": TIME_SCALE, "runs": 4}
     result = loop(folder / "mixed.msgpack", folder, **given)
     record = agreement(result.parts)
     assert record["at_leaves"] == PARTS, result.faults
-    # A fault, on a machine too busy for five times life's speed, means other parts than those of the seed.
+    # On a busy machine a fault may occur at five times real speed, and later parts differ from the seed's.
     assert result.faults or {"pass", "fail"} <= set(record["verdicts"])
     assert record["agreement"] == 1.0
     assert record["beyond_the_budget"] == 0

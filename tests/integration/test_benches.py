@@ -1,4 +1,4 @@
-"""Parts of benchmarks that no result of theirs would show to be broken."""
+"""Functions of benchmarks whose mistakes would not show in the results."""
 
 import sys
 
@@ -18,7 +18,7 @@ def _benches(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "tests" / "bench")
 
 
-def test_random_widths_are_mostly_rejected_and_less_so_after_a_planned_first_one():
+def test_random_widths_with_planned_first_width_end_at_leaves_more_often():
     from bench_rejects import random_widths
 
     program, rng = Program.of(load(TABLE).table), np.random.default_rng(1)
@@ -26,7 +26,7 @@ def test_random_widths_are_mostly_rejected_and_less_so_after_a_planned_first_one
     assert 0.0 < any_width < planned_first < 1.0
 
 
-def test_bound_of_a_drift_of_readings_flags_what_differs_and_little_else():
+def test_bound_sums_the_gain_of_all_readings_in_a_window():
     from drift_trials import WITHIN, bound
 
     table = load(TABLE).table
@@ -35,11 +35,11 @@ def test_bound_of_a_drift_of_readings_flags_what_differs_and_little_else():
     shares = readings(one, table) + 1.0
     assert bound(np.log(shares / shares), one, other)["nats_in_50"] == 0.0
     likelier = np.zeros(shares.shape)
-    likelier[0] = 1.0  # as if each first reading told of the drift
+    likelier[0] = 1.0  # each reading at the root is e times likelier after the drift
     assert bound(likelier, one, other)["nats_in_50"] == pytest.approx(WITHIN)
 
 
-def test_part_that_is_measured_again_replaces_its_own_row_alone(monkeypatch, tmp_path):
+def test_bench_second_opinion_same_part_again_replaces_its_row(monkeypatch, tmp_path):
     import bench_second_opinion as bench
 
     monkeypatch.setattr(bench.RESULTS, "path", tmp_path / "rows.json")

@@ -1,4 +1,4 @@
-"""plan-compile under a budget, and interrupted: the best tree so far is kept, and said to be cut short."""
+"""plan-compile under a budget or interrupted keeps the best tree so far and states that it was cut short."""
 
 import json
 import signal
@@ -63,13 +63,13 @@ print(sorted(name for name, _ in loaded() - limit.before))
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory):
-    """The rectangle in a cell that is not doubted, searched for with few particles."""
+    """The rectangle without doubt about the cell, planned with few particles."""
     folder = tmp_path_factory.mktemp("job")
     return quick_job(folder / "job.toml", "particles = 500", *CERTAIN)
 
 
 class Steps:
-    """A clock on which a second passes each time that it is looked at."""
+    """A clock that advances by a second at each reading."""
 
     now = 0.0
 
@@ -86,8 +86,8 @@ def whole(job):
 
 
 @pytest.mark.parametrize("share", [0.4, 0.8])
-def test_a_spent_budget_leaves_a_whole_tree_and_says_what_is_missing(job, whole, share):
-    """One that is not spent cuts nothing short."""
+def test_compile_job_spent_budget_returns_whole_tree_and_open_share(job, whole, share):
+    """A budget that is not spent cuts nothing short."""
     assert whole[0].cut is None
     plan = compile_job(job_file.load(job), 2, 1000, limit=Limit(share * whole[1], Steps()))
     assert loads(dumps(plan.table)) == plan.table
@@ -98,14 +98,14 @@ def test_a_spent_budget_leaves_a_whole_tree_and_says_what_is_missing(job, whole,
 
 
 @pytest.mark.timeout(600)
-def test_a_budget_pays_for_no_kernel(job):
-    """A plan of the first run would end without a leaf: kernels take half a minute to compile."""
+def test_compile_job_budget_starts_after_kernels_are_loaded(job):
+    """Kernels compile for half a minute, in which the budget of a first plan would be spent."""
     _, out, err = ended([sys.executable, "-c", LOADING, job], timeout=None)
     assert out == "[]\n", err
 
 
-def test_planning_for_a_goal_finer_than_any_squeeze_tells_ends_in_one_line(monkeypatch):
-    """Without a budget such a search would never end; with one it gives the best plan so far."""
+def test_compile_job_goal_finer_than_readings_is_refused_in_one_line(monkeypatch):
+    """Without a budget, only the limit of nodes ends such a search."""
     monkeypatch.setattr(search, "MOST_NODES", 40)
     rectangle = job_file.load(JOB)
     fine = rectangle.replaced(goal={"distance_mm": 0.02}, search={"particles": 4000})
@@ -113,15 +113,15 @@ def test_planning_for_a_goal_finer_than_any_squeeze_tells_ends_in_one_line(monke
         compile_job(fine, 2, 500)
 
 
-def test_a_budget_of_nothing_is_no_reason_to_ask_for_more_actions(job):
+def test_compile_job_zero_budget_is_refused_without_advice_on_actions(job):
     with pytest.raises(NoPlanError, match="CUT SHORT by the budget") as caught:
         compile_job(job_file.load(job), 2, 500, limit=Limit(1e-9))
     assert "add actions" not in str(caught.value)
 
 
-def test_the_first_sentence_and_the_json_say_it(job, tmp_path, capsys, monkeypatch):
+def test_plan_compile_spent_budget_is_stated_in_text_and_json(job, tmp_path, capsys, monkeypatch):
     class Stingy(Limit):
-        """Is spent after so many looks at it, whatever the time."""
+        """A limit that is spent at its 21st check, whatever the time."""
 
         looks = 0
 
@@ -145,7 +145,7 @@ def test_the_first_sentence_and_the_json_say_it(job, tmp_path, capsys, monkeypat
 
 
 def interrupted(job, output, *options):
-    """A process that has grown its tree, and has heard a first Ctrl-C."""
+    """Starts plan-compile and sends it a first Ctrl-C once it has grown its tree; returns the process."""
     process = started([sys.executable, "-c", WAITING, job, "-o", output, *options])
     assert any(line == "improving\n" for line in process.stderr)
     process.send_signal(signal.SIGINT)
@@ -154,7 +154,7 @@ def interrupted(job, output, *options):
     return process
 
 
-def test_ctrl_c_keeps_the_tree_that_stands(job, tmp_path):
+def test_plan_compile_ctrl_c_writes_current_tree_and_exits_130(job, tmp_path):
     output = tmp_path / "t.msgpack"
     process = interrupted(job, output, "--trials", "1000")
     out, err = process.communicate(timeout=120)
@@ -163,7 +163,7 @@ def test_ctrl_c_keeps_the_tree_that_stands(job, tmp_path):
     assert load(output).table.predicted.success_ppm > 0
 
 
-def test_a_second_ctrl_c_ends_at_once_with_nothing_half_written(job, tmp_path):
+def test_plan_compile_second_ctrl_c_writes_nothing_and_exits_130(job, tmp_path):
     process = interrupted(job, tmp_path / "t.msgpack", "--trials", "1000000")
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
@@ -173,7 +173,7 @@ def test_a_second_ctrl_c_ends_at_once_with_nothing_half_written(job, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_advice_interrupted_is_left_out_and_the_table_is_there(job, tmp_path, capsys, monkeypatch):
+def test_plan_compile_interrupted_advice_still_writes_table(job, tmp_path, capsys, monkeypatch):
     def interrupt(*arguments):
         raise KeyboardInterrupt
 

@@ -17,7 +17,8 @@ from drivers.sim.cli import main
 SCALE = 20.0
 SUPPORT = ROOT / "tests" / "support"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(SUPPORT)))}
-ENDS = [("quit", 0), (signal.SIGTERM, 0), (signal.SIGINT, 130)]  # beside that of its stdin
+# `Running.end` closes stdin, which is another way to end.
+ENDS = [("quit", 0), (signal.SIGTERM, 0), (signal.SIGINT, 130)]
 
 
 class Running:
@@ -28,7 +29,7 @@ class Running:
         self.endpoints = json.loads(self.process.stdout.readline())
 
     def end(self, code=0, said=""):
-        """Close its stdin, wait for it, and compare what it left behind."""
+        """Closes stdin, waits for the end, and checks exit code and standard error."""
         with self.process as process:
             process.stdin.close()
             try:
@@ -56,7 +57,7 @@ def cell():
 
 
 def squeeze(gripper, arm, x_mm, y_mm, angle_rad):
-    """Place, close, open; returns the settled reading."""
+    """Lowers the hand, closes and opens the jaws, lifts the hand; returns the settled reading."""
     arm.move_linear((x_mm, y_mm, 60.0, angle_rad), 250.0)
     arm.move_linear((x_mm, y_mm, 8.0, angle_rad), 250.0)
     gripper.move(-1, 71.0, 37.0)
@@ -68,7 +69,7 @@ def squeeze(gripper, arm, x_mm, y_mm, angle_rad):
 
 
 @pytest.mark.parametrize(("gripper", "arm"), [("gripper", "arm"), ("gripper_urcap", "arm_ur")])
-def test_parts_lie_in_the_uncertainty_disc_and_move_only_when_squeezed(cell, gripper, arm):
+def test_grasp_cell_part_starts_in_disc_and_is_aligned_by_squeezes(cell, gripper, arm):
     names = "gripper arm scene world gripper_tcp gripper_rtu_tcp gripper_urcap arm_logger arm_ur"
     assert set(cell.endpoints) == set(names.split())
     with cell.connected(gripper, arm) as (gripper, arm, scene):
@@ -95,7 +96,7 @@ def test_parts_lie_in_the_uncertainty_disc_and_move_only_when_squeezed(cell, gri
         assert scene.truth() is not None
 
 
-def test_a_sweep_at_the_part_ends_in_an_activation_fault_and_above_it_fingers_meet_nothing(cell):
+def test_grasp_cell_activation_faults_at_part_and_succeeds_above_it(cell):
     with cell.connected() as (gripper, arm, scene):
         gripper._link.write(bytes(6))  # inactive
         arm.move_linear((0.0, 0.0, 60.0, 0.0), 250.0)
@@ -114,7 +115,7 @@ def test_a_sweep_at_the_part_ends_in_an_activation_fault_and_above_it_fingers_me
         assert scene.truth() == before
 
 
-def test_fingers_placed_on_the_part_are_a_crash(cell):
+def test_grasp_cell_fingers_placed_on_part_are_a_crash(cell):
     with cell.connected() as (gripper, arm, scene):
         gripper.activate()
         scene.next_part()
@@ -129,7 +130,7 @@ def test_fingers_placed_on_the_part_are_a_crash(cell):
 
 
 @pytest.mark.parametrize(("how", "code"), ENDS)
-def test_every_way_to_end(how, code):
+def test_grasp_cell_quit_or_signal_ends_process_with_its_code(how, code):
     running = Running()
     if how == "quit":
         with contextlib.closing(connect.scene(running.endpoints["scene"])) as scene:
@@ -140,7 +141,7 @@ def test_every_way_to_end(how, code):
     running.end(code, "grasp-cell: interrupted\n" if code == 130 else "")
 
 
-def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
+def test_grasp_cell_failing_world_ends_process_with_code_1():
     running = Running(world="fake_scene:stumbling")
     with running.connected() as (gripper, arm, _):
         arm.move_linear((0.0, 0.0, 8.0, 0.0), 250.0)
@@ -150,7 +151,7 @@ def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
     running.end(1, "grasp-cell: stopped: no such squeeze\n")
 
 
-NO_WORLDS = {
+BAD_WORLDS = {
     "nocolon": "module:factory",
     "no.such.module:make": "cannot be imported",
     "fake_scene:missing": "no function missing",
@@ -168,10 +169,10 @@ NO_WORLDS = {
         (("--job", "broken"), 3, "broken"),
         (("--tree", "broken"), 3, "broken"),
         (("--job", str(JOB), "--time-scale", "0"), 2, "not a positive number"),
-        *((("--job", str(JOB), "--world", world), 2, says) for world, says in NO_WORLDS.items()),
+        *((("--job", str(JOB), "--world", world), 2, says) for world, says in BAD_WORLDS.items()),
     ],
 )
-def test_arguments_that_make_no_cell_are_one_line(words, code, says, tmp_path, monkeypatch):
+def test_grasp_cell_bad_arguments_are_refused_in_one_line(words, code, says, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("broken").write_text("[part\n")
     ended, out, err = called(main, *words)

@@ -1,4 +1,4 @@
-"""No word without ground: one rule for readings, nothing untried claimed, heights that meet the part."""
+"""Tables and reports claim only what was tried: readings, untried leaves, heights and goals."""
 
 import base64
 import re
@@ -39,7 +39,7 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 
 def thin_table() -> Table:
-    """One squeeze: nothing held, a grip that the flag may miss, one across 5 mm, and a wide one."""
+    """One squeeze with four branches: nothing held, a grip that the flag may miss, about 5 mm, and 21 mm."""
     widths = (0, 0, 900), (1_500, 2_600, 3_500), (4_000, 4_600, 6_500), (20_000, 21_000, 22_000)
     table = small_table()
     branches = tuple(Branch(*row, 250_000, ~number) for number, row in enumerate(widths))
@@ -51,7 +51,7 @@ TABLES = [thin_table(), every_field_table(), random_table(3, 1), random_table(8,
 
 
 @pytest.mark.parametrize("table", TABLES, ids=["thin", "every field", "random", "another"])
-def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table: Table) -> None:
+def test_executor_and_replay_each_reading_and_flag_follow_decision_map(table: Table) -> None:
     root = table.nodes[0]
     decided = decision_map(root, table.gripper)
     header = {"seq": 0, "kind": "header", "table_base64": base64.b64encode(dumps(table)).decode()}
@@ -60,7 +60,7 @@ def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table
             rig = fake_cell([(count, flag)] * table.limits.max_depth)
             result = Executor(table, rig.cell, Deaf()).run_part(1)
             branch = decide(decided, width_um(count), flag == 2)
-            # A contradiction in itself, which the map refuses too.
+            # Width and flag contradict each other, which the map rejects too.
             if result.outcome is Outcome.FAULT:
                 assert (flag, branch, result.steps) == (3, REJECT, ())
                 assert width_um(count) > 5_000
@@ -73,7 +73,7 @@ def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table
 
 
 class EveryWidth:
-    """Stops the jaws at one width after the other, as far as it is asked."""
+    """A world whose squeezes end at 0, 0.1, 0.2, ... mm, one after the other."""
 
     def __init__(self) -> None:
         self.width_mm: list[float] = []
@@ -83,7 +83,7 @@ class EveryWidth:
         return pose_hand, self.width_mm[-1], "grasped" if self.width_mm[-1] else "untouched"
 
 
-def test_the_evaluation_reads_by_the_same_rule() -> None:
+def test_evaluate_each_width_follows_decision_map() -> None:
     table, world = thin_table(), EveryWidth()
     result = evaluate(table, job_file.load(JOB), world, 300, seed=1)
     decided = decision_map(table.nodes[0], table.gripper)
@@ -93,7 +93,7 @@ def test_the_evaluation_reads_by_the_same_rule() -> None:
         assert branch == decide(decided, read, width_mm > 0)
         assert leaf == (REJECTED if branch == REJECT else branch)
     assert set(result.leaf) == {REJECTED, 0, 1, 2, 3}
-    # Something between the fingers, where nothing was planned.
+    # The jaws hold something thinner than any planned width.
     assert np.all(result.leaf[1:10] == REJECTED)
 
 
@@ -102,13 +102,13 @@ def small_job(path: Path, *change: str) -> Path:
     return quick_job(path, "particles = 200\nmax_depth = 3", *change)
 
 
-def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path) -> None:
+def test_plan_compile_keeps_tried_leaves_and_states_repeatable_success(tmp_path) -> None:
     job, output = small_job(tmp_path / "job.toml"), tmp_path / "t.msgpack"
     words = (job, "-o", output, "--trials", "40", "--no-advice", "--json")
     figures, table = document(compile_.main, *words), load(output).table
     assert figures["untried_branches"] > 0
     assert all(leaf.trials > 0 for leaf in table.leaves)
-    # 40 trials choose what stays, others say how good that is: 4000 more find the same.
+    # 40 trials decide which leaves stay, and others measure the success, which fresh trials must confirm.
     assert table.job is not None
     planned = job_file.from_canonical(table.job)
     fresh = evaluate(table, planned, ContactWorlds.of_job(planned, 1), 4000, seed=5).summary()
@@ -116,7 +116,7 @@ def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path) -> None:
     assert low <= fresh["success_rate"] <= high
 
 
-def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
+def test_console_and_report_leaf_without_trials_show_no_success(capsys) -> None:
     table = small_table()
     untried = changed(table, {"leaves.0.success_ppm": 1_000_000, "leaves.0.trials": 0})
     step = Step(1, 0, table.nodes[0].squeeze, 174, 20_969, ~0, None)
@@ -138,7 +138,9 @@ def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
         ("1.0", "", "height_mm"),
     ],
 )
-def test_tips_that_would_miss_the_part_are_refused(tmp_path, height, squeeze, message) -> None:
+def test_plan_compile_tips_missing_the_part_are_refused_in_one_line(
+    tmp_path, height, squeeze, message
+) -> None:
     job = small_job(tmp_path / "job.toml", "height_mm = 16.0", f"height_mm = {height}")
     job.write_text(f"{job.read_text()}[cell]\n{squeeze}\n", encoding="utf-8")
     refused = called(compile_.main, job, "-o", tmp_path / "t.msgpack")
@@ -147,7 +149,7 @@ def test_tips_that_would_miss_the_part_are_refused(tmp_path, height, squeeze, me
     assert not (tmp_path / "t.msgpack").exists()
 
 
-def test_a_job_without_a_height_is_compiled_and_says_what_its_tips_presuppose(tmp_path) -> None:
+def test_plan_compile_job_without_height_states_assumed_part_height(tmp_path) -> None:
     (text,) = re.findall(r"^height_mm = .*$", JOB.read_text(), re.MULTILINE)
     job = small_job(tmp_path / "job.toml", text, "")
     words = (job, "-o", tmp_path / "t", "--trials", "20", "--no-advice")
@@ -157,13 +159,13 @@ def test_a_job_without_a_height_is_compiled_and_says_what_its_tips_presuppose(tm
     assert "tips at squeeze_height_mm = 8 meet a part of 9 mm or more" in line
 
 
-def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(tmp_path) -> None:
+def test_plan_compile_sensorless_baseline_is_judged_by_goal_of_job(tmp_path) -> None:
     record = {}
     for kind in ("pose", "orientation"):
         goal = f'[goal]\nkind = "{kind}"\ntolerance_deg = 5.0'
         job = small_job(tmp_path / f"{kind}.toml", "[goal]", goal)
         words = (job, "--baseline", "sensorless", "--trials", "400", "--json")
         record[kind] = document(compile_.main, *words)["real"]
-    # Whoever asks for the angle alone gets what is oriented; where the part lies along the jaws stays open.
+    # The goal of an angle counts each oriented part; for a pose, the place along the jaws remains unknown.
     assert record["orientation"]["located"] >= record["orientation"]["oriented"] - 0.02
     assert record["orientation"]["located"] > record["pose"]["located"] + 0.2

@@ -29,7 +29,7 @@ ITEMS = 60
 
 @contextmanager
 def started(command, *arguments):
-    """A `dask` command, ended with the test."""
+    """Runs a `dask` command until the context ends."""
     words = [sys.executable, "-m", "dask", command, "--host", "127.0.0.1", *map(str, arguments)]
     process = subprocess.Popen(words, cwd=ROOT, env=ENVIRONMENT)
     try:
@@ -40,12 +40,12 @@ def started(command, *arguments):
 
 
 def appeared(path):
-    """What a process writes to a file once it is ready."""
+    """Waits until a process has written a file; returns its text."""
     return until(lambda: path.exists() and path.read_text().strip(), path)
 
 
 class Machines:
-    """`dask scheduler` and `dask worker` processes on loopback; for each test those that live, and more.
+    """`dask scheduler` and `dask worker` processes on loopback, which tests share while they live.
 
     Tests that kill them come last.
     """
@@ -55,7 +55,7 @@ class Machines:
         self.scheduler, self.workers = None, []
 
     def with_workers(self, n):
-        """So many workers that live, and their scheduler."""
+        """Starts what is missing of a scheduler and `n` live workers."""
         if self.scheduler is None or self.scheduler.poll() is not None:
             self._start_scheduler()
         self.workers = [worker for worker in self.workers if worker.poll() is None]
@@ -76,7 +76,7 @@ class Machines:
         self.address = json.loads(appeared(file))["address"]
 
     def add_worker(self):
-        """One more, with one thread and nobody to start it again."""
+        """Starts a worker with one thread, without a nanny that would start it again."""
         options = ("--nthreads", 1, "--no-nanny", "--no-dashboard")
         options += ("--local-directory", self._folder)
         self.workers.append(self._stack.enter_context(started("worker", self.address, *options)))
@@ -88,7 +88,7 @@ def machines(tmp_path_factory):
         yield Machines(tmp_path_factory.mktemp("machines"), stack)
 
 
-def test_results_come_in_order_and_errors_arrive_as_they_are(machines, tmp_path):
+def test_cluster_map_keeps_order_and_raises_original_error(machines, tmp_path):
     with Cluster(machines.with_workers(2).address) as cluster:
         work = partial(logged_work.logged, str(tmp_path / "log"), 0.0)
         assert list(cluster.map(work, range(ITEMS))) == [k * k for k in range(ITEMS)]
@@ -98,8 +98,8 @@ def test_results_come_in_order_and_errors_arrive_as_they_are(machines, tmp_path)
         assert caught.value.section == "goal"
 
 
-def test_tables_of_a_sweep_are_the_same_on_a_cluster(machines, tmp_path):
-    """Two jobs and one that is bad; and one job alone."""
+def test_plan_compile_on_cluster_writes_identical_tables(machines, tmp_path):
+    """A sweep of two jobs and an invalid one, then one job alone."""
     job = quick_job(tmp_path / "job.toml", "particles = 300\nmax_depth = 3")
     address = ["--scheduler", machines.with_workers(2).address]
     words = [str(job), "--trials", "100", "--no-advice"]
@@ -116,7 +116,7 @@ def test_tables_of_a_sweep_are_the_same_on_a_cluster(machines, tmp_path):
     assert alone.read_bytes() == here["uncertainty.radius_mm=4.msgpack"]
 
 
-def test_work_that_nobody_takes_is_dropped(machines, tmp_path):
+def test_cluster_map_closed_early_drops_remaining_work(machines, tmp_path):
     log = tmp_path / "log"
     with Cluster(machines.with_workers(2).address) as cluster:
         results = cluster.map(partial(logged_work.logged, str(log), 0.01), range(1000))
@@ -126,7 +126,7 @@ def test_work_that_nobody_takes_is_dropped(machines, tmp_path):
     assert log.read_text().count("begun") < 60
 
 
-def test_a_killed_worker_costs_its_item_only(machines, tmp_path):
+def test_cluster_map_killed_worker_repeats_only_its_items(machines, tmp_path):
     log = tmp_path / "log"
     with Cluster(machines.with_workers(2).address) as cluster:
         until(lambda: cluster.workers == 2)
@@ -140,12 +140,12 @@ def test_a_killed_worker_costs_its_item_only(machines, tmp_path):
     text = log.read_text()
     by_killed = f"by {machines.workers[0].pid}"
     assert by_killed in text
-    # No more than what was handed out at that moment.
+    # Only items that were handed out at that moment may run again.
     assert ITEMS <= text.count("begun") <= ITEMS + 2 * AHEAD
     assert text.count("begun") - text.count("done") <= 1
 
 
-def test_a_worker_that_comes_after_all_have_died_finishes_the_work(machines, tmp_path):
+def test_cluster_map_new_worker_after_all_died_finishes_work(machines, tmp_path):
     with Cluster(machines.with_workers(1).address) as cluster:
         results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(20))
         first = [next(results) for _ in range(5)]
@@ -154,7 +154,7 @@ def test_a_worker_that_comes_after_all_have_died_finishes_the_work(machines, tmp
         assert first + list(results) == [k * k for k in range(20)]
 
 
-def test_a_cluster_that_stays_without_workers_is_one_error(machines, tmp_path):
+def test_cluster_without_workers_is_refused_in_one_line(machines, tmp_path):
     with Cluster(machines.with_workers(1).address) as cluster:
         cluster.patience_s = 1.0
         results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(50))
@@ -166,7 +166,7 @@ def test_a_cluster_that_stays_without_workers_is_one_error(machines, tmp_path):
         Cluster(machines.address, patience_s=0.5).__enter__()
 
 
-def test_a_lost_scheduler_is_one_error(machines, tmp_path):
+def test_cluster_map_lost_scheduler_is_refused_in_one_line(machines, tmp_path):
     with Cluster(machines.with_workers(1).address, connect_s=5.0) as cluster:
         results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(100))
         next(results)
@@ -175,14 +175,14 @@ def test_a_lost_scheduler_is_one_error(machines, tmp_path):
             list(results)
 
 
-def test_without_the_extra_the_error_says_what_to_install(monkeypatch):
+def test_scheduler_of_without_extra_names_it_in_one_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     says = refused_in_a_line(UsageError, r"install squeezetree\[cluster\]")
     with says, scheduler_of("tcp://127.0.0.1:9"):
         pass
 
 
-def test_the_command_says_in_one_line_that_nothing_answers(tmp_path, capsys):
+def test_plan_compile_bad_or_silent_scheduler_is_refused_in_one_line(tmp_path, capsys):
     words = [str(JOB), "-o", str(tmp_path / "t.msgpack")]
     assert plan_compile.main([*words, "--scheduler", "here:8786"]) == 2
     with pytest.MonkeyPatch.context() as patch:

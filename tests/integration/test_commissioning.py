@@ -1,4 +1,4 @@
-"""The commands of commissioning, run in an empty folder, print what the page shows."""
+"""The commands of the commissioning page, run in an empty folder on a simulated cell."""
 
 import json
 import re
@@ -14,9 +14,9 @@ from planner.job import model as job_file
 from runtime.table import wilson_interval
 
 
-def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
-    """All but three blocks: the first names the reader's devices, for which simulated ones stand here, and
-    the calibrations need blocks between the fingers (other tests run those)."""
+def test_commissioning_page_commands_print_shown_output(work, environment):
+    """Three blocks differ: the first names the reader's devices, here simulated ones, and the calibrations,
+    which need gauge blocks between the fingers, are left out (other tests run them)."""
     names, look, gauge, meet, *others = blocks(DOCS / "commissioning.md")
     assert [line.partition("=")[0] for line in names.commands] == ["port"]
     assert gauge.commands[0].startswith("grasp-calibrate width ")
@@ -36,13 +36,10 @@ def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
 
 
 @pytest.mark.parametrize("part", ["rectangle", "gusset"])
-def test_rehearsal_in_the_air_is_a_job_that_is_accepted(part):
-    """Every height that the page names, and that a job has, raised by what the page says.
-
-    100 good parts say what it says, too.
-    """
+def test_commissioning_page_heights_raised_in_air_give_valid_job(part):
+    """Each height of a job that the page names is raised by as much as the page says."""
     job = TREES / part / "job.toml"
-    assert 0.96 < wilson_interval(100, 100)[0] < 0.97
+    assert 0.96 < wilson_interval(100, 100)[0] < 0.97  # what the page's hundred parts can prove
     text = (DOCS / "commissioning.md").read_text()
     step = re.search(r"\*\*In the air\.\*\*(.*?)\n\d\. ", text, re.DOTALL)[1]
     (more_mm,) = map(float, re.findall(r"by (\d+) mm", step))

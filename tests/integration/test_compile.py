@@ -35,17 +35,17 @@ CERTAIN = {"doubt": {"chance": 0.0}, "part": {"tolerance_mm": 0.0}}
 GRIPPER = GripperSpec.of(PROFILES["robotiq-2f-85"], 1, 1)
 OPENING = range(GRIPPER.steps, -1, -1)
 WIDTHS_UM = np.array([GRIPPER.profile.reading_um(step) for step in OPENING])
-"""At each reading, in steps of closing."""
+"""The width of each reading [um], by the steps of closing."""
 
 
 def meaning(node):
-    """The branch that each reading means, with the flag that it needs."""
+    """The branch that each reading selects at a node, with the flag that the branch needs."""
     meant = decision_map(node, GRIPPER).either
     return np.array([meant.at(width) for width in WIDTHS_UM.tolist()])
 
 
 def inner(plan):
-    """The nodes of a plan's tree that squeeze, breadth first."""
+    """The nodes of a plan's tree that have children, breadth first."""
     return [node for node in breadth_first(plan.root) if node.children]
 
 
@@ -55,7 +55,7 @@ def leaves(plan):
 
 @pytest.fixture(scope="module")
 def job():
-    """The rectangle in a cell that is not doubted."""
+    """The rectangle without doubt about the cell."""
     return job_file.load(JOB).replaced(**CERTAIN)
 
 
@@ -66,8 +66,8 @@ def plan(job):
 
 
 @pytest.mark.parametrize("pushes", ["none", "belief"])
-def test_bytes_of_a_table_depend_on_the_seed_and_not_on_the_workers(job, pushes):
-    """The rectangle; it lies wider about than half-open jaws reach where it has to be pushed."""
+def test_compile_job_bytes_depend_on_seed_and_not_on_workers(job, pushes):
+    """With pushes, the rectangle may lie farther out than the jaws open, so that the plan has to push it."""
     where = {"radius_mm": 12.0, "orientation_halfwidth_deg": 8.0}
     few = {"particles": 200, "max_depth": 2}
     quick = job.replaced(search=few, uncertainty=where, friction={"doubt": 0.0})
@@ -82,7 +82,7 @@ def test_bytes_of_a_table_depend_on_the_seed_and_not_on_the_workers(job, pushes)
         assert dumps(compile_job(other, workers=2, trials=300).table) != dumps(one)
 
 
-def test_beliefs_are_conserved_down_the_tree_and_every_leaf_was_tried(plan):
+def test_compile_job_tree_conserves_belief_and_leaves_were_tried(plan):
     for node in breadth_first(plan.root):
         if node.children:
             assert sum(child.share for child in node.children) <= node.share + 1e-9
@@ -93,7 +93,7 @@ def test_beliefs_are_conserved_down_the_tree_and_every_leaf_was_tried(plan):
     assert plan.untried < 0.5 * sum(len(node.branches) for node in plan.table.nodes)
 
 
-def test_tree_and_table_have_the_same_nodes_in_the_same_order(plan):
+def test_compile_job_table_has_nodes_of_tree_in_breadth_first_order(plan):
     for node, row in zip(inner(plan), plan.table.nodes, strict=True):
         assert len(node.children) == len(row.branches)
         assert row.squeeze.x_um == pytest.approx(1e3 * node.squeeze.placement[0], abs=50)
@@ -101,7 +101,7 @@ def test_tree_and_table_have_the_same_nodes_in_the_same_order(plan):
         assert row.x_um == pytest.approx(1e3 * leaf.mode.pose[0], abs=1000)
 
 
-def test_every_reading_seen_in_planning_leads_to_its_own_branch(plan):
+def test_decision_map_planned_readings_lead_to_their_branches(plan):
     agree = total = 0
     for node, row in zip(inner(plan), plan.table.nodes, strict=True):
         outcome = meaning(row)
@@ -113,7 +113,7 @@ def test_every_reading_seen_in_planning_leads_to_its_own_branch(plan):
     assert agree >= 0.95 * total
 
 
-def test_committed_table_is_of_its_job_and_locates_the_part(job):
+def test_committed_table_has_digest_of_its_job_and_locates_part(job):
     table = load(TABLE).table
     assert table.job_digest == job_file.load(JOB).digest()
     evaluation = evaluate(table, job, make(job, seed=11), 4000, seed=12)
@@ -125,13 +125,13 @@ def test_committed_table_is_of_its_job_and_locates_the_part(job):
 
 
 class BlindWorld:
-    """Squeezes nothing: every width is one that no branch holds."""
+    """A world whose squeezes all read 60 mm, which no branch contains."""
 
     def squeeze(self, pose_hand):
         return pose_hand, 60.0, "jammed"
 
 
-def test_a_strange_part_is_rejected_and_never_given_a_pose(job, plan):
+def test_evaluate_unplanned_width_is_rejected_after_one_squeeze(job, plan):
     evaluation = evaluate(plan.table, job, BlindWorld(), 50, seed=1)
     assert np.all(evaluation.leaf == REJECTED)
     assert evaluation.summary()["reject_rate"] == 1.0
@@ -143,7 +143,7 @@ L_SHAPE = "outline_mm = [[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]]
 
 
 def l_job(proposals, **changes):
-    """An L without symmetry, searched for with few particles."""
+    """An L without symmetry, planned with few particles."""
     text = JOB.read_text(encoding="utf-8")
     new = {"outline_mm": L_SHAPE, "proposals": f'proposals = "{proposals}"'}
     lines = [new.get(line.split(" ")[0], line) for line in text.splitlines()]
@@ -151,7 +151,7 @@ def l_job(proposals, **changes):
     return job_file.parse(text).replaced(**CERTAIN, search={"particles": 1000}).replaced(**changes)
 
 
-def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
+def test_compile_job_l_shape_with_off_centre_squeezes_is_located():
     job = l_job("belief", search={"particles": 300}, uncertainty={"radius_mm": 4})
     figures = compile_job(job, workers=2, trials=500).evaluation.summary()
     assert figures["success_rate"] >= 0.97
@@ -159,15 +159,15 @@ def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
     assert figures["crashes"] == 0
 
 
-def test_what_centred_squeezes_leave_open_is_said_and_what_would_tell_it_apart():
+def test_compile_job_ambiguous_l_shape_error_names_poses_and_reading():
     job = l_job("none", search={"max_depth": 2}, friction={"doubt": 0})
     with refused_in_a_line(NoPlanError, r"the part lies at .* or .* would read") as caught:
         compile_job(job, workers=2, trials=1000)
     assert 0.3 <= caught.value.success <= 0.7
 
 
-def test_prongs_that_the_jaws_pinch_are_distinguished_from_an_empty_hand(job):
-    """A connector whose prongs of 1 mm read within a count or two of jaws that met."""
+def test_compile_job_prongs_of_1_mm_differ_from_empty_jaws(job):
+    """The readings of a connector's prongs are one or two counts from those of closed jaws."""
     half = [[7.5, 0], [7.5, 12.6], [6.5, 12.6], [6.5, 9.7]]
     prongs = [*half, *([-x, y] for x, y in reversed(half))]
     centres = [[0, 0], [0, 18], [18, 0]]
@@ -185,7 +185,7 @@ def test_prongs_that_the_jaws_pinch_are_distinguished_from_an_empty_hand(job):
     assert plan.evaluation.rejected.mean() < 0.05, plan.evaluation.summary()
 
 
-def test_a_goal_of_two_poses_is_met_where_one_cannot_be():
+def test_compile_job_goal_of_two_modes_names_two_poses():
     plan = compile_job(l_job("none", goal={"kind": "modes", "modes": 2}), workers=2, trials=2000)
     table = loads(dumps(plan.table))
     assert table == plan.table
@@ -199,7 +199,7 @@ def test_a_goal_of_two_poses_is_met_where_one_cannot_be():
 @pytest.mark.parametrize(
     ("kind", "tolerance"), [("orientation", (0, 0, 87266)), ("tolerances", (2500, 2500, 87266))]
 )
-def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, tolerance):
+def test_compile_job_orientation_or_tolerance_goal_is_stored_and_judged(job, kind, tolerance):
     wanted = job.replaced(goal={"kind": kind}, search={"particles": 1000})
     plan = compile_job(wanted, workers=2, trials=1000)
     assert (plan.table.goal.kind, plan.table.goal.tolerance) == (kind, tolerance)
@@ -214,7 +214,7 @@ def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, toleran
     assert np.array_equal(plan.evaluation.within[known], kept)
 
 
-def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
+def test_compile_job_narrow_work_area_plans_drags_that_are_needed(job):
     area, few = {"work_area_mm": [[-30, -30], [30, 30]]}, {"particles": 1000, "max_depth": 4}
     narrow = job.replaced(cell=area, actions={"centers_mm": [[6, 0]]}, search=few)
     table = compile_job(narrow, workers=2, trials=1000).table
@@ -226,8 +226,8 @@ def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
     assert evaluate(left, narrow, worlds, 1000, 4).success.mean() < 0.9
 
 
-def test_no_width_farther_than_the_margin_from_what_a_part_read_ends_at_a_leaf(plan):
-    """Between branches such widths are REJECT; one within a branch that goes on is judged by the next one."""
+def test_decision_map_width_beyond_margin_ends_at_no_leaf(plan):
+    """Between branches such widths are REJECT; within a branch to another node, the next squeeze decides."""
     margin = MARGIN_MM * 1e3
     widths = WIDTHS_UM
     answered = 0
@@ -243,8 +243,11 @@ def test_no_width_farther_than_the_margin_from_what_a_part_read_ends_at_a_leaf(p
     assert answered > 0
 
 
-def test_confident_wrong_answers_stay_rare_in_every_world_but_that_of_few_degrees_of_freedom():
-    """No more than the goal leaves open: two plans of one job differ by 0.9 % with the encoder 1 mm off."""
+def test_committed_table_wrong_answers_in_standard_worlds_are_within_goal():
+    """The world of 10 degrees of freedom is left out.
+
+    The limit is that of the goal: two plans of one job differ by 0.9 % with the encoder 1 mm off.
+    """
     doubting = job_file.load(JOB)
     table = load(TABLE).table
     cases = [case for case in standard_cases(doubting) if case.name != "10 degrees of freedom"]

@@ -1,4 +1,4 @@
-"""Completion of commands as a person asks for it: in a bash on a terminal, by the Tab key."""
+"""Completion of commands by the Tab key, in a bash on a terminal."""
 
 import os
 import pty
@@ -25,7 +25,7 @@ def printed(name: str, capsys: pytest.CaptureFixture[str]) -> str:
 
 
 class Bash:
-    """A bash on a terminal of its own."""
+    """An interactive bash on a pseudo-terminal."""
 
     def __init__(self, script: Path) -> None:
         self._ours, theirs = pty.openpty()
@@ -42,10 +42,10 @@ class Bash:
         """The line after Tab is pressed at its end."""
         while termios.tcgetattr(self._ours)[LFLAG] & termios.ICANON:  # readline does not listen yet
             time.sleep(0.01)
-        # The line is echoed and gone on with; a mark typed behind it shows where that ends.
+        # Bash echoes the line and its completion; the mark typed after Tab shows where they end.
         self._say(line.encode() + b"\t#END")
         echo = self._until(b"#END")
-        # Forget the line. A prompt may be drawn twice meanwhile, what a command prints comes once.
+        # Clear the line. The prompt may be drawn twice meanwhile, but the output of a command appears once.
         self._say(b"\x15echo '#NE''XT'\n")
         self._until(b"#NEXT\r\n" + PROMPT)
         return echo.removesuffix(b"#END").rpartition(PROMPT)[2].replace(b"\x07", b"").decode()
@@ -76,7 +76,7 @@ def bash(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[Bash]:
     started.close()
 
 
-def test_tab_completes_options_values_files_and_subcommands(bash: Bash) -> None:
+def test_bash_completion_completes_options_values_files_and_subcommands(bash: Bash) -> None:
     for line, completed in (
         ("grasp-runtime --htt", "grasp-runtime --http "),
         ("grasp-runtime --after-crash res", "grasp-runtime --after-crash res"),  # two values
@@ -89,7 +89,9 @@ def test_tab_completes_options_values_files_and_subcommands(bash: Bash) -> None:
         assert bash.completed(line) == completed
 
 
-def test_each_command_prints_a_script_with_its_options(capsys: pytest.CaptureFixture[str]) -> None:
+def test_print_completion_script_lists_all_options_of_command(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     for name, parser in parsers().items():
         script = printed(name, capsys)
         for action in parser._actions:

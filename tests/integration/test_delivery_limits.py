@@ -1,7 +1,7 @@
-"""Deliveries that would harm: a wrist wound up, a place out of reach, a part found and its pose lost.
+"""Limits of deliveries: the turns of the wrist, the arm's reach, the force of the grip, a part that slips.
 
-The wrist is that of the simulated arm, which keeps its joints as far round as it turns them and halts without
-a word where an axis leaves its range, as a real controller does.
+The wrist is that of the simulated arm, which adds up its turns and halts without a message where an axis
+leaves its range, as a real controller does.
 """
 
 import json
@@ -29,7 +29,7 @@ from runtime.journal.chain import records
 from runtime.table import Table, dump
 from runtime.traversal.results import Outcome
 
-# With this drop-off a part that takes both squeezes brings the hand once round, each time the same way.
+# With this drop-off each part that takes both squeezes turns the hand once round in the same direction.
 WINDING = RunOptions(handling=Handling(regulated=True), delivery=from_text("50,0,210"))
 WIDE = """
 drop = [{x}, 0.0, 0.0]
@@ -38,7 +38,7 @@ area_mm = [-1000, -1000, 1000, 1000]
 
 
 def marked_table() -> Table:
-    """The small table of a part that no turn looks like."""
+    """The small table of a part without symmetry."""
     table = small_table()
     return replace(table, goal=replace(table.goal, symmetry=1))
 
@@ -49,19 +49,19 @@ def soaked(parts: int, faults: Listed | None = None) -> object:
 
 
 def simulated(tree: Path, *words: str) -> Ended:
-    """The command on a table, with a simulated cell in virtual time."""
+    """Runs grasp-runtime on a table, with a simulated cell in virtual time."""
     given = (*VIRTUAL, *REHEARSAL, "--tree", tree, "--journal", tree.with_name("j"))
     return called(main, *given, *words)
 
 
 @pytest.fixture
 def tree(tree: Path) -> Path:
-    """Of the marked table."""
+    """The file of the marked table."""
     dump(marked_table(), tree)
     return tree
 
 
-def test_hundreds_of_deliveries_do_not_wind_the_wrist_up() -> None:
+def test_delivery_repeated_turns_keep_wrist_within_its_range() -> None:
     counts = soaked(80)
     assert (counts.findings, counts.sums["halts"]) == ([], 0)
     assert counts.sums["delivered"] == counts.outcomes["leaf"] > 60
@@ -69,7 +69,9 @@ def test_hundreds_of_deliveries_do_not_wind_the_wrist_up() -> None:
     assert LAST_AXIS_DEG[0] < low < high < LAST_AXIS_DEG[1]
 
 
-def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_delivery_without_limit_of_turns_halts_arm_with_fault(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("drivers.abb.arm.Arm._overturn", lambda *_: "")
     monkeypatch.setattr(
         "drivers.abb.arm.Arm.turn_range", lambda *_: (radians(-2000), radians(2000))
@@ -89,7 +91,7 @@ def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.M
         (("far.toml",), "out of the arm's reach"),
     ],
 )
-def test_a_drop_off_that_cannot_be_reached_is_refused_before_anything_moves(
+def test_grasp_runtime_unreachable_drop_off_is_refused_before_motion(
     tree: Path, more: tuple[str, ...], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tree.parent)
@@ -100,7 +102,9 @@ def test_a_drop_off_that_cannot_be_reached_is_refused_before_anything_moves(
     assert not Path("j").exists()
 
 
-def test_check_and_dry_run_tell_it_too(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_check_and_dry_run_unreachable_drop_off_is_refused(
+    tree: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tree.parent))
     far = tree.with_name("far.toml")
     far.write_text(WIDE.format(x=700))
@@ -123,14 +127,14 @@ def test_check_and_dry_run_tell_it_too(tree: Path, monkeypatch: pytest.MonkeyPat
         assert set(arm.codes) <= {0, 3, 4, 99}
 
 
-def test_a_part_that_slips_does_not_take_its_pose_along() -> None:
+def test_delivery_of_slipping_part_is_fault_and_keeps_leaf() -> None:
     counts = soaked(9, Listed([Fault("part_slips", at=0, length=9)]))
     assert (counts.findings, counts.last.outcome, counts.last.exit_code) == ([], Outcome.FAULT, 20)
     assert counts.last.leaf == ~counts.last.steps[-1].target
 
 
 @pytest.mark.parametrize(("delivery", "forces_n"), [(None, [20]), (WINDING.delivery, [20, 20, 40])])
-def test_part_that_is_carried_is_held_with_the_force_of_the_table_and_another_with_the_least(
+def test_executor_only_carried_part_is_gripped_with_force_of_table(
     delivery: Delivery | None, forces_n: list[float]
 ) -> None:
     rig = fake_cell([AT_21, AT_21])
@@ -140,7 +144,7 @@ def test_part_that_is_carried_is_held_with_the_force_of_the_table_and_another_wi
     assert closings == [SETTINGS.force(force) for force in forces_n]
 
 
-def test_a_table_whose_job_says_so_delivers_and_journals_the_pose_first(tree: Path) -> None:
+def test_grasp_runtime_job_with_delivery_journals_pose_before_outcome(tree: Path) -> None:
     job = {"delivery": {"drop": [40.0, -20.0, 90.0]}}
     dump(with_job(small_table(), json.dumps(job)), tree)
     code, out, err = simulated(tree, "--seed", "1")
@@ -152,8 +156,8 @@ def test_a_table_whose_job_says_so_delivers_and_journals_the_pose_first(tree: Pa
     assert {"leaf", "x_um", "y_um", "theta_urad"} <= begun.keys()
 
 
-def test_a_slow_arm_turns_slowly() -> None:
-    """No point within 160 mm of the hand's axis is faster than the arm was told to be."""
+def test_move_linear_turn_keeps_speed_160_mm_from_axis() -> None:
+    """No point within 160 mm of the hand's axis may move faster than the requested speed."""
     cell = VirtualCell(small_setting(), 1)
     arm = cell.arm()
     arm.move_linear((0.0, 0.0, 80.0, 0.0), 20.0)

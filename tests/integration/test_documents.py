@@ -1,8 +1,8 @@
-"""Every command in every document is understood by the program it names, and every link leads to a file.
+"""Commands in documents are accepted by the programs that they name, and links lead to files.
 
-Blocks of the pages in `RUN` are run by the integration tests of their names; of the others each command is
-parsed by its own parser. Commands within sentences leave things out: of them options and subcommands are
-checked.
+Other integration tests run the blocks of the pages in `RUN`; the commands of all other pages are parsed by
+the parsers of their programs. Commands within sentences are incomplete, so only their options and subcommands
+are checked.
 """
 
 import argparse
@@ -36,7 +36,7 @@ SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 FILE = re.compile(r"(?<![\w/.-])(?:planner|runtime|drivers|tests|tools|trees)/[\w./*@-]*[\w*]/?")
 MODULE = re.compile(r"`((?:planner|runtime|drivers)(?:\.\w+)+)[`:]")
-# With names of its day.
+# Stored tables of results may name files that no longer exist.
 KEPT = re.compile(r"^<!-- table .*?^<!-- end -->$", re.MULTILINE | re.DOTALL)
 REMOVED = re.compile(r"^### Removed$.*?^### ", re.MULTILINE | re.DOTALL)  # of a changelog
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -44,11 +44,11 @@ EXTRAS = set(PROJECT["optional-dependencies"])
 
 
 class Parsed(BaseException):
-    """The arguments were understood; ends the command before it does anything."""
+    """Ends a command once its arguments are accepted, before it does anything."""
 
 
 def understand(words, monkeypatch):
-    """Lets a command parse its words and no more; the parser that did, and whether it understood them."""
+    """Lets a command only parse its words; returns the parser, and whether it accepted them."""
     asked = []
     original = argparse.ArgumentParser.parse_args
 
@@ -61,7 +61,7 @@ def understand(words, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(argparse.ArgumentParser, "parse_args", parse_args)
         patched.setattr(sys, "argv", list(words))
-        # Examples name files of a reader.
+        # The files that examples name do not exist here.
         patched.setattr("planner.commands.missing_input", lambda _: None)
         try:
             getattr(importlib.import_module(module), function)()
@@ -73,12 +73,12 @@ def understand(words, monkeypatch):
 
 
 def options_of(parser):
-    """Its options and those of its subcommands."""
+    """The options of a parser and of its subcommands."""
     return set(parser._option_string_actions).union(*map(options_of, subcommands(parser).values()))
 
 
 def typed(line):
-    """The commands that a line of a shell runs, each as its words, without where their output goes."""
+    """The commands of a shell line, each as its words without redirections."""
     lexer = shlex.shlex(line, posix=True, punctuation_chars=True)
     lexer.whitespace_split = True
     commands, skip = [[]], False
@@ -95,7 +95,7 @@ def typed(line):
 
 
 def check_words(words, monkeypatch):
-    """That a whole command is one its program understands."""
+    """Checks that a whole command is accepted by its program."""
     if words[0] in COMMANDS:
         assert understand(words, monkeypatch)[1], shlex.join(words)
         for inner in (word.split(" ", 1) for word in words if " " in word):
@@ -115,10 +115,11 @@ def check_words(words, monkeypatch):
 
 
 METHODS = set(importlib.import_module("comparison").METHODS)
+EACH_PAGE = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_commands_in_blocks_are_understood(page, monkeypatch, capsys):
+@EACH_PAGE
+def test_documents_commands_in_blocks_are_accepted(page, monkeypatch, capsys):
     result = blocks(page)
     assert not result or page in RUN or page in PARSED, "run its blocks, or say in PARSED why not"
     for block in result:
@@ -129,7 +130,7 @@ def test_commands_in_blocks_are_understood(page, monkeypatch, capsys):
 
 
 def check_sentence(text, monkeypatch):
-    """That the options and subcommands of a command exist that leaves the rest out."""
+    """Checks that the options and subcommands of an incomplete command exist."""
     command, *words = shlex.split(text.replace("\\|", "|").replace("[", "").replace("]", ""))
     assert command in COMMANDS, text
     inner = words and words[0][:1].islower() and "." not in words[0]
@@ -143,15 +144,15 @@ def check_sentence(text, monkeypatch):
             check_sentence(word, monkeypatch)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_commands_in_sentences_have_these_options(page, monkeypatch, capsys):
+@EACH_PAGE
+def test_documents_commands_in_sentences_have_named_options(page, monkeypatch, capsys):
     for text in SENTENCE.findall(REMOVED.sub("", page.read_text())):
         check_sentence(text, monkeypatch)
 
 
 @pytest.fixture(scope="module")
 def known_options():
-    """Every option of every command and tool."""
+    """The options of all commands and tools."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         inner = {"grasp-calibrate": "camera tag pictures", "grasp-audit": "judge report study"}
         lines = [[name] for name in COMMANDS]
@@ -163,28 +164,28 @@ def known_options():
     return result
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_options_and_commands_that_are_named_exist(page, known_options):
+@EACH_PAGE
+def test_documents_named_options_and_commands_exist(page, known_options):
     text = REMOVED.sub("", page.read_text())
     assert set(OPTION.findall(text)) <= known_options
     assert set(re.findall(r"(?<![\w/.-])(?:plan|grasp)-[a-z]+\b(?!\.)", text)) <= set(COMMANDS)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_lead_to_files(page):
+@EACH_PAGE
+def test_documents_links_lead_to_files(page):
     links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text())
     assert [link for link in links if "://" not in link and not (page.parent / link).exists()] == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_files_and_modules_that_are_named_exist(page):
+@EACH_PAGE
+def test_documents_named_files_and_modules_exist(page):
     text = KEPT.sub("", page.read_text())
     named = set(FILE.findall(text)) | {name.replace(".", "/") for name in MODULE.findall(text)}
     assert [name for name in sorted(named) if not _exists(name.rstrip("/"))] == []
 
 
 def _exists(name):
-    """Whether it is a file or folder of the repository, or a name that one of its modules has."""
+    """Whether a name is a file or folder of the repository, or is defined in one of its modules."""
     module, _, attribute = name.rpartition("/")
     files = (ROOT / f"{module}.py", ROOT / module / "__init__.py")
     above = (path for path in files if path.exists())
@@ -192,7 +193,7 @@ def _exists(name):
     return any((*ROOT.glob(name), *ROOT.glob(f"{name}.py"))) or any(known)
 
 
-def test_the_readme_shows_what_the_demo_runs():
+def test_readme_first_block_shows_commands_of_demo():
     demo = (ROOT / "tools" / "demo").read_text()
     values = dict(re.findall(r"^(\w+)=(\S+)$", demo, re.MULTILINE))
     lines = re.findall(r"^show (.+?)(?: \|.*)?$", demo, re.MULTILINE)
@@ -202,14 +203,14 @@ def test_the_readme_shows_what_the_demo_runs():
     assert first == ["tools/demo", ". .venv/bin/activate", *shown]
 
 
-def test_the_readme_says_that_nothing_ran_on_hardware_before_its_first_figure():
+def test_readme_states_lack_of_hardware_runs_before_first_figure():
     text = (ROOT / "README.md").read_text()
     assert text.index("never run on hardware") < re.search(r"\d+(\.\d+)? ?(mm|%)", text).start()
 
 
 @pytest.mark.parametrize("script", ["check", "coverage", "demo", "site", "wheel"])
-def test_help_of_a_script_runs_nothing(script, tmp_path):
-    """The copy has no pyproject.toml: it could not install or run anything."""
+def test_tools_script_help_prints_usage_and_runs_nothing(script, tmp_path):
+    """The script runs in a folder without pyproject.toml, where it could not install or run anything."""
     (tmp_path / "tools").mkdir()
     for name in (script, "environment"):
         (tmp_path / "tools" / name).write_text((ROOT / "tools" / name).read_text())
@@ -219,23 +220,34 @@ def test_help_of_a_script_runs_nothing(script, tmp_path):
     assert "set -euo" not in out
 
 
-def test_the_demo_refuses_what_it_does_not_take():
+def test_demo_unknown_option_is_refused_in_one_line():
     done = ended([ROOT / "tools" / "demo", "--fast"])
     assert (done.code, done.out, done.one_line) == (2, "", True)
 
 
-def test_the_checks_see_mistakes(monkeypatch, capsys):
-    for wrong in (
-        ["plan-init", "a.dxf", "--gripper", "robotiq-2f-99", "-o", "a.toml"],
-        ["grasp-journal", "burn", "a.jsonl"],
-        ["tools/table1", "--rowz", "3"],
-        ["pip", "install", "squeezetree[gum]"],
-        ["python", "tests/bench/bench_squeeze.py", "--only", "sped"],
-    ):
-        with pytest.raises(AssertionError):
-            check_words(wrong, monkeypatch)
-    for wrong in ("grasp-runtime --tre T", "grasp-journal show|burn J", "plan-fly --json"):
-        with pytest.raises(AssertionError):
-            check_sentence(wrong, monkeypatch)
-    ran = typed("a=$(b); plan-x y > z & grasp-q | tee log")
-    assert ran == [["b"], ["plan-x", "y"], ["grasp-q"], ["tee", "log"]]
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "plan-init a.dxf --gripper robotiq-2f-99 -o a.toml",
+        "grasp-journal burn a.jsonl",
+        "tools/table1 --rowz 3",
+        "pip install squeezetree[gum]",
+        "python tests/bench/bench_squeeze.py --only sped",
+    ],
+)
+def test_check_words_wrong_command_raises(wrong, monkeypatch, capsys):
+    with pytest.raises(AssertionError):
+        check_words(wrong.split(), monkeypatch)
+
+
+@pytest.mark.parametrize(
+    "wrong", ["grasp-runtime --tre T", "grasp-journal show|burn J", "plan-fly --json"]
+)
+def test_check_sentence_wrong_command_raises(wrong, monkeypatch, capsys):
+    with pytest.raises(AssertionError):
+        check_sentence(wrong, monkeypatch)
+
+
+def test_typed_splits_shell_line_into_commands():
+    commands = typed("a=$(b); plan-x y > z & grasp-q | tee log")
+    assert commands == [["b"], ["plan-x", "y"], ["grasp-q"], ["tee", "log"]]

@@ -1,4 +1,4 @@
-"""Drivers as packages of their own: the guide's example passes the contract, and a broken one is one line."""
+"""Drivers as separate packages: the guide's example passes the contract, and broken drivers are refused."""
 
 import os
 import re
@@ -30,7 +30,7 @@ def nothing(port, pace, report, *, read_only, profile):
 
 
 def install(folder: Path, name: str, points: dict[str, dict[str, str]]) -> None:
-    """What pip leaves of a package's metadata."""
+    """Writes the metadata of a package as pip leaves it."""
     path = folder / f"{name}-1.0.dist-info"
     path.mkdir(parents=True)
     (path / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
@@ -40,7 +40,7 @@ def install(folder: Path, name: str, points: dict[str, dict[str, str]]) -> None:
         metadata.write(file)
 
 
-def test_the_example_passes_the_contract_as_an_installed_package(tmp_path: Path) -> None:
+def test_example_driver_as_installed_package_passes_contract(tmp_path: Path) -> None:
     points = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]["entry-points"]
     assert set(points) == {connect.GRIPPERS.group, connect.ARMS.group, "squeezetree.profiles"}
     install(tmp_path, "other_make", points)
@@ -51,7 +51,7 @@ def test_the_example_passes_the_contract_as_an_installed_package(tmp_path: Path)
     assert re.search(r"^2\d passed in", done.out, re.MULTILINE), done
 
 
-def test_the_guide_shows_the_example_s_own_lines() -> None:
+def test_driver_guide_blocks_are_lines_of_example() -> None:
     blocks = re.findall(r"```(?:python|toml)\n(.*?)```", GUIDE, re.DOTALL)
     sources = "\n".join(path.read_text() for path in EXAMPLE.iterdir() if path.is_file())
     assert len(blocks) >= 3
@@ -60,7 +60,7 @@ def test_the_guide_shows_the_example_s_own_lines() -> None:
             assert piece in sources, piece
 
 
-def test_profile_of_an_installed_driver_can_be_selected_and_an_unsound_one_cannot(
+def test_selectable_includes_sound_profiles_of_installed_drivers_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     points = {"other-60": "other_make:PROFILE", "unsound": "other_make:QUESTIONS"}
@@ -90,7 +90,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("unheard", "is not understood; write it as absent://host:port or "),
     ],
 )
-def test_a_broken_driver_is_one_line_and_disturbs_no_other(scheme: str, message: str) -> None:
+def test_connect_broken_driver_is_refused_and_others_still_open(scheme: str, message: str) -> None:
     with refused_in_a_line(PortError, re.escape(message)):
         connect.gripper(f"{scheme}://x:1")
     with pytest.raises(PortError, match="nobody accepts"):

@@ -1,4 +1,4 @@
-"""`--dry-run`, `--check` and `grasp-doctor` write nothing: proved on the wire, byte by byte."""
+"""`--dry-run`, `--check` and `grasp-doctor` write nothing to the devices, as taps on the wire show."""
 
 import contextlib
 import json
@@ -22,14 +22,14 @@ def _beside_the_table(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tree.parent)
 
 
-def test_a_dry_run_sends_questions_only_and_tells_what_it_would_send(tree: Path) -> None:
+def test_dry_run_sends_only_reads_and_prints_each_node(tree: Path) -> None:
     with TappedGripper() as gripper, TappedArm() as arm:
         words = ("--tree", tree, "--port", gripper.path, "--arm", arm.url, "--dry-run")
         ended = called(main, *words)
         assert ended.code == 0
         assert gripper.functions
         assert set(gripper.functions) <= READS
-        # Every byte that left belongs to one of those frames, which have 8 each.
+        # Only these frames, of 8 bytes each, were sent.
         assert len(gripper.heard) == 8 * len(gripper.functions)
         assert set(arm.codes) <= QUESTIONS
     printed = ended.out.splitlines()
@@ -38,7 +38,7 @@ def test_a_dry_run_sends_questions_only_and_tells_what_it_would_send(tree: Path)
     assert not list(tree.parent.glob("*.jsonl"))
 
 
-def test_an_activation_is_refused_and_the_taps_would_see_one() -> None:
+def test_activate_read_only_is_refused_and_taps_record_a_real_one() -> None:
     with TappedGripper() as tapped, TappedArm() as answering:
         tapped.block = POWERED_UP
         looking = connect.gripper(tapped.path, read_only=True)
@@ -52,7 +52,7 @@ def test_an_activation_is_refused_and_the_taps_would_see_one() -> None:
         assert set(answering.codes) - QUESTIONS
 
 
-def test_as_json_check_and_dry_run_are_one_document_each(tree: Path) -> None:
+def test_check_and_dry_run_json_print_one_document_each(tree: Path) -> None:
     def document(*words: str) -> dict[str, object]:
         code, out, _ = called(main, "--tree", tree, "--json", *words)
         assert code == 0
@@ -67,7 +67,7 @@ def test_as_json_check_and_dry_run_are_one_document_each(tree: Path) -> None:
     assert document("--check") == {"nodes": 2, "gripper": None}
 
 
-def test_the_doctor_finds_a_healthy_cell_healthy_and_writes_nothing(tree: Path) -> None:
+def test_grasp_doctor_healthy_cell_reports_no_fault_and_only_reads(tree: Path) -> None:
     with TappedGripper() as gripper, TappedArm() as arm:
         code, out, _ = called(doctor, "--port", gripper.path, "--arm", arm.url, "--tree", tree)
         assert code == 0

@@ -1,4 +1,4 @@
-"""Packs as users meet them: made, checked, required by a run; what was installed is on a log of its own."""
+"""Evidence packs: creating, verifying and requiring them, and the log of installed tables."""
 
 import json
 import os
@@ -36,7 +36,7 @@ def verified(*words):
     return out
 
 
-def test_verify_says_whose_key_was_checked_and_whose_was_not(desk):
+def test_verify_states_signer_and_whether_key_was_checked(desk):
     assert "signed with k.pem.pub by Ada" in verified("--key", "k.pem.pub")
     assert "signed by Ada" in (said := verified())
     assert "was not checked against anyone" in said
@@ -46,7 +46,7 @@ def test_verify_says_whose_key_was_checked_and_whose_was_not(desk):
     assert set(record["versions"]) >= {"squeezetree", "python", "msgpack"}
 
 
-def test_pack_without_a_key_makes_one_once(desk, capsys):
+def test_pack_without_key_creates_one_once(desk, capsys):
     assert main(["pack", "t.msgpack", "-o", "q.zip"]) == 0
     path = desk / "config" / "squeezetree" / "signing-key.pem"
     assert path.stat().st_mode & 0o777 == 0o600
@@ -81,7 +81,7 @@ def test_pack_without_a_key_makes_one_once(desk, capsys):
         ("key -o none/k.pem", 2, "no folder"),
     ],
 )
-def test_bad_input_ends_in_one_line_and_a_code_of_the_list(desk, words, code, says):
+def test_grasp_evidence_bad_input_is_refused_in_one_line_with_its_code(desk, words, code, says):
     before = sorted(path.name for path in desk.iterdir())
     is_refused(main, words, code, says)
     assert sorted(path.name for path in desk.iterdir()) == before
@@ -93,7 +93,7 @@ def is_refused(program, words, code, says):
     assert says in ended.err
 
 
-def test_a_changed_pack_is_34_and_its_file_named(desk):
+def test_verify_changed_pack_exits_34_and_names_file(desk):
     data = bytearray((desk / "p.zip").read_bytes())
     data[data.index((desk / "t.msgpack").read_bytes()) + 100] ^= 1
     (desk / "p.zip").write_bytes(data)
@@ -101,7 +101,7 @@ def test_a_changed_pack_is_34_and_its_file_named(desk):
     is_refused(main, "verify p.zip --key k.pem.pub", 34, says)
 
 
-def test_a_full_disk_leaves_neither_pack_nor_key(desk, capsys):
+def test_pack_and_key_on_full_disk_leave_no_file(desk, capsys):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     before, ignored = sorted(desk.iterdir()), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     capsys.readouterr()
@@ -116,7 +116,7 @@ def test_a_full_disk_leaves_neither_pack_nor_key(desk, capsys):
     assert sorted(desk.iterdir()) == before
 
 
-def test_a_run_that_requires_a_signature_refuses_what_has_none(desk):
+def test_require_signed_table_without_valid_signature_is_refused(desk):
     check = "--tree t.msgpack --check --require-signed"
     assert cli.main([*check.split(), "k.pem.pub"]) == 0
     assert main(["key", "-o", "other.pem"]) == 0
@@ -131,7 +131,7 @@ def test_a_run_that_requires_a_signature_refuses_what_has_none(desk):
     assert not list(desk.glob("j.jsonl*"))
 
 
-def test_runs_leave_a_log_of_what_was_installed_by_whom(desk):
+def test_installed_log_records_each_change_of_table_or_signer(desk):
     def code_of(*more):
         words = ("--tree", "t.msgpack", "--journal", "j.jsonl", *VIRTUAL, *REHEARSAL)
         return cli.main([*words, *more])
@@ -150,7 +150,7 @@ def test_runs_leave_a_log_of_what_was_installed_by_whom(desk):
     assert code_of() == 24
 
 
-def test_a_run_keeps_its_table_whatever_becomes_of_the_file(desk):
+def test_serve_with_replaced_table_file_keeps_loaded_table(desk):
     with Served(desk / "t.msgpack") as served, Line(served) as line:
         line.send(b"TABLE\n")
         before = line.read()
@@ -160,7 +160,7 @@ def test_a_run_keeps_its_table_whatever_becomes_of_the_file(desk):
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
-def test_the_commands_of_the_page_do_what_it_says(tmp_path, work):
+def test_evidence_page_commands_print_shown_output(tmp_path, work):
     shutil.copyfile(TABLE, work / "lever.msgpack")
     linear(work / "gripper.json")
     environment = {**os.environ, "PATH": f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}"}

@@ -1,4 +1,4 @@
-"""Exported tables, executed: C by each compiler here, structured text by an interpreter."""
+"""Exported tables are executed: C by each installed compiler, structured text by an interpreter."""
 
 import csv
 import re
@@ -67,12 +67,12 @@ int main(int count, char **words)
     return 0;
 }
 """
-"""A cell whose gripper reads what its command line says, for the guide's program."""
+"""The cell of the guide's program; its gripper reads the values of the command line."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The folder of a table's export, made once."""
+    """Returns the folder of a table's export, which is written once."""
     base = tmp_path_factory.mktemp("export")
 
     def result(name, form, table=None):
@@ -87,7 +87,7 @@ def folder(tmp_path_factory):
 
 
 def wild_rows(table, seed):
-    """Arguments that no gripper gives, and what must come of them."""
+    """Arguments that no gripper gives, with the answers that are due."""
     random, oracle = Random(seed), Oracle(table)
     values = [*WILD, *(random.randint(-(2**31), 2**31 - 1) for _ in range(5))]
     for node in (*values, *range(min(3, len(table.nodes))), len(table.nodes)):
@@ -96,7 +96,7 @@ def wild_rows(table, seed):
                 yield (node, width, flag, *oracle.answer(node, width, flag))
 
 
-def test_arguments_that_are_none_are_a_fault_or_a_reject():
+def test_oracle_wild_arguments_give_rejects_and_invalid_flags_faults():
     seen = {row[3] for row in wild_rows(small_table(), 0)}
     assert {3, 4} <= seen
     assert all(row[3:] == FAULT for row in wild_rows(small_table(), 0) if row[2] not in (2, 3))
@@ -104,7 +104,7 @@ def test_arguments_that_are_none_are_a_fault_or_a_reject():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TABLES)
-def test_c_gives_all_vectors_and_survives_any_arguments(name, folder):
+def test_c_export_reproduces_vectors_and_survives_wild_arguments(name, folder):
     out = folder(name, "c99")
     with (out / "wild.csv").open("w", newline="") as file:
         wild = list(wild_rows(TABLES[name], 1))
@@ -119,7 +119,7 @@ def test_c_gives_all_vectors_and_survives_any_arguments(name, folder):
 
 
 @pytest.mark.slow
-def test_the_check_of_vectors_sees_one_wrong_number(folder):
+def test_c_check_of_vectors_wrong_number_fails_and_names_row(folder):
     out = folder("every field", "c99")
     program = built(compilers()[0], out)
     right = (out / VECTORS).read_text().splitlines()
@@ -133,7 +133,7 @@ def test_the_check_of_vectors_sees_one_wrong_number(folder):
 
 
 @pytest.mark.slow
-def test_the_executor_is_small_and_needs_no_library(folder):
+def test_c_executor_is_small_and_needs_no_library(folder):
     out = folder("sixty nodes", "c99")
     header = (out / "squeezetree_table.h").read_text()
     assert re.findall(r"#include .*", header) == ["#include <stdint.h>"]
@@ -144,8 +144,8 @@ def test_the_executor_is_small_and_needs_no_library(folder):
 
 
 @pytest.mark.slow
-def test_the_guide_s_program_follows_the_tree(folder):
-    """Two squeezes of the small table: 30 mm, then 21 mm; and a reject, an unresolved leaf and a fault."""
+def test_guide_c_program_follows_tree_to_each_outcome(folder):
+    """The small table ends at two leaves, at an unresolved leaf, in a reject and in a fault."""
     out = folder("small", "c99", small_table())
     program = re.findall(r"```c\n(.*?)```", GUIDE, re.DOTALL)
     assert len(program) == 1
@@ -168,7 +168,7 @@ def test_the_guide_s_program_follows_the_tree(folder):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "every field", "wide"])
-def test_structured_text_gives_all_vectors(name, folder):
+def test_structured_text_export_reproduces_vectors(name, folder):
     table, out = TABLES[name], folder(name, "st")
     block = FunctionBlock((out / "squeezetree_table.st").read_text())
     assert block.names[INPUT] == ["restart", "node", "width_um", "object_flag"]
@@ -181,7 +181,7 @@ def test_structured_text_gives_all_vectors(name, folder):
 
 
 @pytest.mark.slow
-def test_the_parser_as_it_is_takes_the_guide_s_program(folder):
+def test_guide_structured_text_program_is_parsed_and_uses_outputs(folder):
     block = (folder("every field", "st") / "squeezetree_table.st").read_text()
     (program,) = re.findall(r"```text\n(.*?)```", GUIDE, re.DOTALL)
     assert parse_source_code(program).exception is None
@@ -207,7 +207,7 @@ END_FUNCTION_BLOCK
 """
 
 
-def test_the_interpreter_refuses_what_a_controller_would():
+def test_function_block_invalid_statement_raises():
     assert FunctionBlock(REFUSED.format("a := b[1];"))(n=1) == {}
     wrong = "a := b[2]; a := b[-1]; c := 1; n := 2; a := 2147483647 + a; a := TRUE; a := d;"
     for statement in wrong.split("; "):
@@ -232,8 +232,8 @@ int main(void)
 """
 
 
-def test_two_tables_in_one_program(tmp_path):
-    """Each under its own prefix; under one prefix the compiler says so instead of skipping the second."""
+def test_export_two_prefixes_share_a_program_and_equal_ones_fail(tmp_path):
+    """With one prefix for both tables the compiler must fail instead of skipping the second header."""
     tables = {"left": small_table(), "right": every_field_table()}
     for name, table in tables.items():
         dump(table, tmp_path / "t.msgpack")

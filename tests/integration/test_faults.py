@@ -1,4 +1,4 @@
-"""Every class of faults ends as drivers/sim/FAULTS.md says, whenever in a part's life it strikes."""
+"""A part with a fault of any class, at any moment, ends as drivers/sim/FAULTS.md states."""
 
 import re
 from functools import cache
@@ -24,7 +24,7 @@ ROWS = {
 DECIDED = {"leaf", "unresolved", "reject"}
 SEED, PART = 2, 1  # this part takes both squeezes of the table, and reaches leaf 1
 DEVICE = {Channel.LINE, Channel.GRIPPER}
-FINE = {"reply_late", "flag_late"}  # their values are seconds
+IN_SECONDS = {"reply_late", "flag_late"}  # their values are seconds
 REGULATED = RunOptions(handling=Handling(regulated=True))
 
 
@@ -32,9 +32,9 @@ class Cell(NamedTuple):
     """A gripper, and how parts are handled with it.
 
     Attributes:
-        table: for it, None for the small one.
-        moments: of a part at which faults of its line and itself strike.
-        spared: classes that it does not have; another test of arm and scene than Robotiq's would be the same.
+        table: the gripper's table; None: the small table.
+        moments: the moments of a part at which faults of the line and the gripper occur.
+        spared: fault classes that the gripper does not have, or that concern arm and scene alone.
     """
 
     table: Table | None
@@ -45,20 +45,21 @@ class Cell(NamedTuple):
 
 OTHERS = frozenset(kind.name for kind in KINDS.values() if kind.channel not in DEVICE)
 CELLS = {
-    # The moments of one lie between those of the other.
+    # The moments of these two cells interleave.
     "direct": Cell(None, RunOptions(), range(0, 116, 24)),
     "regulated": Cell(None, REGULATED, range(12, 116, 24)),
     "dh-ag95": Cell(
         table_for("dh-ag95"),
         REGULATED,
         range(4, 150, 11),
-        OTHERS | {name for name in KINDS if name.startswith("gflt_")},  # it has no fault register
+        # This gripper has no fault register.
+        OTHERS | {name for name in KINDS if name.startswith("gflt_")},
     ),
     "schunk-egu": Cell(
         table_for("schunk-egu"),
         REGULATED,
         range(12, 260, 31),
-        # It has neither Robotiq's lesser faults nor an automatic release.
+        # This gripper has neither Robotiq's lesser faults nor an automatic release.
         OTHERS | {f"gflt_{code}" for code in ("05", "07", "09", "0b", "0f")},
     ),
 }
@@ -71,7 +72,7 @@ def run(cell: Cell, faults: Listed, *, faulty: bool) -> object:
 
 
 def allowed(outcomes: str, result: PartResult, sound: PartResult) -> bool:
-    """Whether a part may end so."""
+    """Whether the end of a part is one of the allowed outcomes."""
     how = result.outcome.value
     ends = {how, f"{how} {result.exit_code}"}
     ends |= {"same"} if (result.outcome, result.leaf) == (sound.outcome, sound.leaf) else set()
@@ -81,14 +82,14 @@ def allowed(outcomes: str, result: PartResult, sound: PartResult) -> bool:
 
 @cache
 def sound(name: str) -> object:
-    """How the part ends when nothing goes wrong."""
+    """How the part ends without a fault."""
     return run(CELLS[name], Listed(), faulty=False).last
 
 
 def faults(kind, cell, every_moment):
-    """Faults of a kind; unless at every moment, the values and lengths take turns from moment to moment."""
+    """Faults of a kind at the cell's moments; values and lengths alternate, or all occur at every moment."""
     values = {kind.low, (kind.low + kind.high) / 2, kind.high}
-    if kind.name not in FINE:
+    if kind.name not in IN_SECONDS:
         values = {round(value) for value in values}
     if cell.table:
         values = {kind.low, kind.high}
@@ -106,17 +107,17 @@ def faults(kind, cell, every_moment):
             yield Fault(kind.name, PART, at, length, value)
 
 
-def test_every_class_has_a_row_that_tells_what_it_means():
+def test_faults_page_has_row_with_meaning_of_each_class():
     rows = {name: row[0] for name, row in ROWS.items()}
     assert rows == {kind.name: kind.meaning for kind in KINDS.values()}
     assert len(KINDS) >= 24
 
 
 @pytest.mark.parametrize(("name", "kind"), CASES, ids=lambda case: getattr(case, "name", case))
-def test_part_that_meets_a_fault_ends_as_its_class_says(name, kind, pytestconfig):
+def test_soak_run_part_with_fault_ends_as_faults_page_states(name, kind, pytestconfig):
     outcomes, met, cell = ROWS[kind.name][1], 0, CELLS[name]
     if (name, kind.name) == ("schunk-egu", "request_lost"):
-        outcomes += ", fault 20"  # four in a row are a silence that the gripper does not bear
+        outcomes += ", fault 20"  # this gripper does not tolerate the silence of four lost requests
     for fault in faults(kind, cell, pytestconfig.getoption("--every-moment")):
         counts = run(cell, Listed([fault]), faulty=True)
         assert counts.findings == [], fault
@@ -130,7 +131,7 @@ def test_part_that_meets_a_fault_ends_as_its_class_says(name, kind, pytestconfig
 
 
 @pytest.mark.parametrize("name", ["dh-ag95", "schunk-egu"])
-def test_run_of_random_faults_moves_nothing_without_a_look(name):
+def test_soak_run_other_make_under_random_faults_has_no_findings(name):
     for seed in range(6):
         soak = small_soak(6, faults=True, handled=(REGULATED,), table=CELLS[name].table)
         assert soak_run.run(soak, seed).findings == []

@@ -1,4 +1,4 @@
-"""What a table says of itself comes from trials that decided nothing."""
+"""The figures that a table states come from trials that were not used in planning."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ TRIALS = 1000
 
 @pytest.fixture
 def seeds(monkeypatch):
-    """The seeds of all trials that are run, in their order."""
+    """The seeds of all trials, in the order of the runs."""
     used = []
 
     def recorded(*arguments, **named):
@@ -36,11 +36,12 @@ def seeds(monkeypatch):
     return used
 
 
-def test_the_figures_are_those_of_trials_whose_seed_decided_nothing(seeds):
+def test_compile_job_figures_come_from_seed_not_used_in_planning(seeds):
     job = job_file.load(JOB, {"search": QUICK, "seed": 4})
     plan = planning.compile_job(job, workers=2, trials=TRIALS)
     assert seeds.count(plan.seed) == 1
-    assert plan.seed in seeds[-2:]  # doubted cells may follow, for leaves that no part came to
+    # Trials in cells with doubt may follow, for leaves that no part reached.
+    assert plan.seed in seeds[-2:]
     table = plan.table
     again = evaluate(table, job, ContactWorlds.of_job(job, plan.seed), TRIALS, plan.seed)
     assert again.summary() == plan.evaluation.summary()
@@ -53,10 +54,10 @@ def test_the_figures_are_those_of_trials_whose_seed_decided_nothing(seeds):
         if here.any():
             hits = int(np.sum(again.within[here]))
             assert (leaf.trials, leaf.success_ppm) == (here.sum(), round(PPM * hits / here.sum()))
-    dumps(table)  # and none of them refutes what the table claims
+    dumps(table)  # raises no error: no leaf contradicts its trials
 
 
-def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(seeds):
+def test_measured_refuted_leaf_is_unresolved_and_counts_as_failure(seeds):
     certain = {"friction": {"doubt": 0.0}, "doubt": {"chance": 0.0}, "part": {"tolerance_mm": 0.0}}
     job = job_file.load(JOB, certain)
     table = load(TABLE).table
@@ -74,7 +75,7 @@ def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(see
     dumps(plan.table)
 
 
-def test_the_command_names_the_seed_and_the_evaluation_repeats_the_figures(tmp_path):
+def test_plan_evaluate_with_seed_of_plan_compile_repeats_its_figures(tmp_path):
     path = quick_job(tmp_path / "job.toml", "particles = 300")
     words = (tmp_path / "table.msgpack", "--trials", "500", "--json")
     said = document(compile_.main, path, "--no-advice", "-o", *words)

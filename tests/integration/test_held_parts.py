@@ -1,4 +1,4 @@
-"""Starts upon what a stop or a crash left behind, and starts that fail: nothing falls, nothing is made up."""
+"""Starts after a stop or a crash that left a part in the fingers, and starts that fail."""
 
 import signal
 import sys
@@ -17,11 +17,10 @@ from runtime.journal.chain import records
 
 TIME_SCALE = 20.0
 RETREAT_MM, SQUEEZE_MM = 60.0, 10.0
-FORCE_AT = 5  # of rFR in the output block
 
 
 class Station:
-    """A cell in this process, with a rehearsal behind it; runs that are struck are processes of their own."""
+    """A simulated cell in this process; a run that gets a signal is a separate process."""
 
     def __init__(self, tree: Path) -> None:
         self.tree, self.journal = tree, tree.with_name("journal.jsonl")
@@ -38,7 +37,7 @@ class Station:
         return called(main, *self.words(*words))
 
     def strike(self, number: signal.Signals, when: Callable[[], bool], *words: str) -> Ended:
-        """Start, and send a signal while the gripper waits to answer in the state asked for."""
+        """Starts a run and sends it a signal as soon as `when` holds; returns how the run ended."""
         process = started([*RUNTIME, *self.words(*words)])
         deadline = time.monotonic() + WAIT_S
 
@@ -61,7 +60,7 @@ class Station:
         return [entry["kind"] for entry in records(self.journal)] if self.journal.exists() else []
 
     def stands(self) -> tuple[float, float, float, float]:
-        """Where the arm is, and the opening."""
+        """The position of the arm and the opening of the jaws [mm]."""
 
         def look() -> tuple[float, float, float, float]:
             now_s = self.cell.works.now()
@@ -80,7 +79,7 @@ def station(tree: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Station]:
 
 
 def is_refused(station: Station, code: int, *words: str) -> str:
-    """The one line of a start that moves nothing and records nothing."""
+    """Checks that a start is refused without motion or record; returns its one line."""
     before, kinds = station.stands(), station.kinds()
     ended, _, err = station.run(*words)
     assert (ended, err.count("\n")) == (code, 1), err
@@ -88,7 +87,7 @@ def is_refused(station: Station, code: int, *words: str) -> str:
     return err
 
 
-def test_a_part_that_a_stop_left_in_the_air_is_put_down_only_if_asked(station) -> None:
+def test_grasp_runtime_part_held_after_stop_is_refused_until_put_down(station) -> None:
     code, out, err = station.strike(signal.SIGINT, station.grips, "--activate", "--count", "9")
     assert code == 40, (out, err)
     assert station.grips()
@@ -108,7 +107,7 @@ def test_a_part_that_a_stop_left_in_the_air_is_put_down_only_if_asked(station) -
     assert_sound(station.journal)
 
 
-def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_drops_it(station):
+def test_grasp_runtime_part_held_after_aborted_run_is_not_dropped(station):
     station.strike(signal.SIGKILL, station.grips, "--activate")
     code, _, err = station.run()
     assert code == 24
@@ -122,7 +121,7 @@ def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_d
     assert_sound(station.journal)
 
 
-def test_a_gripper_that_lost_its_power_with_a_part_in_it_is_not_activated(station) -> None:
+def test_grasp_runtime_gripper_reset_with_part_is_not_activated(station) -> None:
     station.strike(signal.SIGINT, station.grips, "--activate")
     station.cell.call(lambda: station.gripper.power_cycle(station.cell.works.now()))
     said = is_refused(station, 20, "--activate")
@@ -132,7 +131,7 @@ def test_a_gripper_that_lost_its_power_with_a_part_in_it_is_not_activated(statio
     assert code in (0, 10), (out, err)
 
 
-def test_a_part_of_long_ago_is_not_gone_on_with(station) -> None:
+def test_resume_within_exceeded_is_refused_without_motion(station) -> None:
     station.strike(signal.SIGKILL, station.grips, "--activate")
     time.sleep(0.05)
     said = is_refused(station, 24, "--after-crash", "resume", "--resume-within", "0.01")
@@ -140,19 +139,19 @@ def test_a_part_of_long_ago_is_not_gone_on_with(station) -> None:
 
 
 HELLO = "input(); print('hello', flush=True); input()"
-NO_AUDITORS = ["/no/such/auditor", str(ROOT / "README.md"), f"{sys.executable} -c pass"]
-NO_AUDITORS.append(f'{sys.executable} -c "{HELLO}"')
+BAD_AUDITORS = ["/no/such/auditor", str(ROOT / "README.md"), f"{sys.executable} -c pass"]
+BAD_AUDITORS.append(f'{sys.executable} -c "{HELLO}"')
 
 
 @pytest.mark.parametrize(
     ("words", "code"),
     [
-        ((), 20),  # it is not activated
-        (("--activate", "--tips", "10,5"), 3),  # the table leaves no room for these
-        *((("--activate", "--audit", auditor), 2) for auditor in NO_AUDITORS),
+        ((), 20),  # the gripper is not activated
+        (("--activate", "--tips", "10,5"), 3),  # the table leaves no room for these tips
+        *((("--activate", "--audit", auditor), 2) for auditor in BAD_AUDITORS),
     ],
 )
-def test_a_start_that_fails_moves_and_writes_nothing(station, words, code) -> None:
+def test_grasp_runtime_failing_start_moves_and_writes_nothing(station, words, code) -> None:
     before = station.stands()
     ended, _, err = station.run(*words)
     assert (ended, err.splitlines()[-1].startswith("grasp-runtime: ")) == (code, True), err

@@ -1,4 +1,4 @@
-"""Devices, readers and names that do their worst: every command ends, and says which it was."""
+"""Failing devices, stopped ports, unread output and unknown grippers: each command ends with a reason."""
 
 import contextlib
 import fcntl
@@ -32,8 +32,8 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.device} {case.mode}")
-def test_run_whose_device_fails_ends_safely_and_in_the_journal(case: Case, bench: Bench) -> None:
-    """`tools/hostile devices` tries hundreds, and looks at the time: this machine may be busy."""
+def test_grasp_runtime_failing_device_ends_safely_and_journalled(case: Case, bench: Bench) -> None:
+    """`tools/hostile devices` tries hundreds of cases and checks times, which a busy machine may exceed."""
     end = bench.run(case)
     assert (end.reached, end.wrong) == (True, [])
     assert end.code in ("20", "21")
@@ -50,7 +50,7 @@ def stopped() -> Iterator[str]:
         os.close(end)
 
 
-def test_commands_that_look_at_a_stopped_serial_port_end(stopped, tree, tmp_path) -> None:
+def test_check_calibrate_and_doctor_stopped_port_end_with_reason(stopped, tree, tmp_path) -> None:
     check = ("--tree", tree, "--tips", "straight", "--check")
     width = ("width", "--gripper", "S/N", "-o", tmp_path / "g.json")
     for main, words in ((cli.main, check), (cli.calibrate, width)):
@@ -63,10 +63,10 @@ def test_commands_that_look_at_a_stopped_serial_port_end(stopped, tree, tmp_path
     assert "cannot be searched" in ended.out
 
 
-def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(tree, tmp_path) -> None:
+def test_grasp_runtime_unread_output_blocks_neither_run_nor_stop(tree, tmp_path) -> None:
     reader, writer = os.pipe()
     fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
-    os.write(writer, bytes(4096))  # it is full
+    os.write(writer, bytes(4096))  # the pipe is full
     journal = tmp_path / "journal.jsonl"
     words = [*RUNTIME, "--tree", tree, "--port", "sim", *REHEARSAL, "--time-scale", "40", "--json"]
     words += ["--count", "100000", "--journal", journal]
@@ -83,7 +83,7 @@ def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(tree, tm
     assert kinds.count("outcome") == kinds.count("part") >= 3
 
 
-def test_table_of_an_unknown_gripper_is_refused_before_a_port_is_opened(tree: Path) -> None:
+def test_grasp_runtime_unknown_gripper_is_refused_before_port_opens(tree: Path) -> None:
     table = small_table()
     dump(replace(table, gripper=replace(table.gripper, model="left-hand-effector")), tree)
     words = ("--tree", tree, "--journal", tree.with_name("j"), "--port", "/dev/nowhere")

@@ -1,4 +1,4 @@
-"""No command destroys a file: an input named as output, a device, a pipe, a link, or what is no journal."""
+"""No command destroys a file: an input, a device, a pipe, a link, or a file that is not its journal."""
 
 import csv
 import os
@@ -39,10 +39,10 @@ class Command(NamedTuple):
     """A command line.
 
     Attributes:
-        module: of its `main`.
-        suffix: of {out}.
-        words: its arguments; those of `READ` in braces are files that it reads, {out} is what it writes,
-            {json} and {svg} are the same with another suffix, {folder} is its folder.
+        module: the module with its `main`.
+        suffix: the suffix of {out}.
+        words: its arguments; names of `READ` in braces are files that it reads, {out} is the file that it
+            writes, {json} and {svg} are the same with another suffix, {folder} is its folder.
     """
 
     module: str
@@ -80,7 +80,7 @@ CLASHES = [(each, read) for each in COMMANDS for read in READ if f"{{{read}}}" i
 
 
 def named(value: object) -> str:
-    """The name of a test's argument."""
+    """The test id of an argument."""
     return str(value) if isinstance(value, str) else f"{value.module} {value.words}"
 
 
@@ -132,7 +132,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Desk:
 
 @pytest.fixture
 def refuses(desk: Desk, capfd: pytest.CaptureFixture[str]) -> Callable[[Command, Path], int]:
-    """A command refuses an output in one line and leaves all files as they are; returns its exit code."""
+    """Checks that a command refuses an output in one line and changes no file; returns its exit code."""
 
     def check(command: Command, out: Path) -> int:
         before = desk.seen()
@@ -148,7 +148,7 @@ def refuses(desk: Desk, capfd: pytest.CaptureFixture[str]) -> Callable[[Command,
 
 
 def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
-    """Things that no output may be, each in a folder of its own; a device only where root asks for it."""
+    """Paths that no output may have, each in a separate folder; a device only if the test runs as root."""
     kinds = ["pipe", "folder", "link", "dangling link", "socket"]
     kinds += ["device"] if os.geteuid() == 0 else []
     record = {kind: folder / kind / f"seed=1{suffix}" for kind in kinds}
@@ -166,7 +166,7 @@ def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize(("command", "read"), CLASHES, ids=named)
-def test_an_input_is_never_an_output(desk, refuses, command, read):
+def test_command_output_that_is_an_input_is_refused(desk, refuses, command, read):
     out = desk.files[read].rename(desk.folder / f"seed=1{command.suffix}")
     desk.files[read] = out
     other = desk.folder / "other" / out.name
@@ -181,7 +181,7 @@ def test_an_input_is_never_an_output(desk, refuses, command, read):
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=named)
-def test_only_a_regular_file_is_an_output(desk, refuses, command):
+def test_command_output_that_is_no_regular_file_is_refused(desk, refuses, command):
     odd = odd_files(desk.folder, command.suffix)
     codes = {refuses(command, path) for path in odd.values()}
     assert codes == {2}
@@ -189,8 +189,8 @@ def test_only_a_regular_file_is_an_output(desk, refuses, command):
         pytest.skip("all but the device, which only root can make")
 
 
-def test_a_file_that_the_job_names_is_an_input(desk, refuses):
-    """The surface that plan-identify measured; and a second output in the place of the first."""
+def test_command_output_named_by_job_or_named_twice_is_refused(desk, refuses):
+    """The job names the surface that plan-identify measured."""
     surface = desk.folder / "surface.msgpack"
     surface.write_text(SURFACE)
     stated = 'kind = "boundary"'
@@ -204,7 +204,7 @@ def test_a_file_that_the_job_names_is_an_input(desk, refuses):
 
 
 @pytest.mark.parametrize("kind", ["text", "json", "tree", "another journal", "no end", "odd"])
-def test_what_is_no_journal_is_not_written_to(desk, capfd, kind):
+def test_grasp_runtime_journal_path_of_other_file_is_not_written(desk, capfd, kind):
     contents = {
         "text": b"a note\nand one more, without an end",
         "json": b'{"host": "cell"}',
@@ -226,7 +226,7 @@ def test_what_is_no_journal_is_not_written_to(desk, capfd, kind):
         assert desk.seen() == before
 
 
-def test_a_torn_journal_is_gone_on_with(desk: Desk) -> None:
+def test_journal_with_torn_last_line_continues_if_number_follows(desk: Desk) -> None:
     path = desk.files["journal"]
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"seq":99')
@@ -240,7 +240,7 @@ def test_a_torn_journal_is_gone_on_with(desk: Desk) -> None:
     assert verify(path).runs == 2
 
 
-def test_gripper_calibration_is_refused_before_the_gripper_is_opened(desk: Desk) -> None:
+def test_calibrate_width_irregular_output_is_refused_before_port_opens(desk: Desk) -> None:
     for path in odd_files(desk.folder, ".json").values():
         before = desk.seen()
         words = ("width", "--port", "/dev/none", "--gripper", "S", "-o", path)
@@ -257,8 +257,10 @@ def test_gripper_calibration_is_refused_before_the_gripper_is_opened(desk: Desk)
         ("plan-simulate", "{job} --poses {poses} --nominal --mu 0.5 -o /dev/stdout"),
     ],
 )
-def test_rows_on_standard_output_are_nothing_but_rows(desk: Desk, program: str, words: str) -> None:
-    """As a process, and by the name of a link, which is not replaced."""
+def test_export_and_simulate_to_stdout_print_only_rows(
+    desk: Desk, program: str, words: str
+) -> None:
+    """The output is named by the link /dev/stdout, which must not be replaced."""
     before = what_is(Path("/dev/stdout"))
     command = [Path(sys.executable).with_name(program), *words.format(**desk.files).split()]
     code, out, err = ended(command, timeout=250)
@@ -270,8 +272,8 @@ def test_rows_on_standard_output_are_nothing_but_rows(desk: Desk, program: str, 
     assert what_is(Path("/dev/stdout")) == before
 
 
-def test_a_device_is_locked_under_all_its_names(desk, monkeypatch, capfd):
-    """Whatever the session's folder for such things is, and whatever was planted in it."""
+def test_port_lock_other_name_of_locked_port_is_refused(desk, monkeypatch, capfd):
+    """The lock does not depend on XDG_RUNTIME_DIR, nor on the files in it."""
     number = 10_000 + os.getpid() % 50_000
     with PortLock(f"tcp://127.0.0.1:{number}"):
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(desk.folder))

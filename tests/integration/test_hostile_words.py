@@ -1,4 +1,4 @@
-"""A wrong word: answers that are lost, arguments and files that are odd: no traceback, no false 0."""
+"""Lost output, wrong arguments and malformed files end without a traceback or a false exit code 0."""
 
 import hashlib
 import os
@@ -22,12 +22,12 @@ JOURNAL = ("runtime.commands.journal", "main")
 REPORT = ("runtime.spc.command", "main")
 EVALUATE = ("planner.cli.evaluate", "main")
 
-Tell = Callable[..., Ended]
+Execute = Callable[..., Ended]
 
 
 @pytest.fixture
-def tell(tmp_path: Path, monkeypatch) -> Tell:
-    """Runs a command in `tmp_path`, as a process where `shell` redirects, and checks what holds then."""
+def execute(tmp_path: Path, monkeypatch) -> Execute:
+    """Runs a command in `tmp_path`, as a process if `shell` redirects; checks its code and standard error."""
     monkeypatch.chdir(tmp_path)
 
     def run(entry: tuple[str, str], *words: object, code: int | None = None, shell="") -> Ended:
@@ -47,9 +47,9 @@ def tell(tmp_path: Path, monkeypatch) -> Tell:
     return run
 
 
-def refused(tell: Tell, entry: tuple[str, str], *words: object, **how: object) -> str:
-    """The one line that a command says, which answers nothing."""
-    seen = tell(entry, *words, **how)
+def refused(execute: Execute, entry: tuple[str, str], *words: object, **how: object) -> str:
+    """Checks that a command prints one line of error and nothing else; returns the line."""
+    seen = execute(entry, *words, **how)
     assert (seen.out, seen.one_line) == ("", True), seen
     return seen.err
 
@@ -73,10 +73,10 @@ CLOSED = "grasp-runtime: standard output is closed; send it to a file, or to /de
     ("shell", "code", "message"),
     [(">/dev/full", 2, NO_SPACE), ("| head -1", 0, ""), (">&-", 2, CLOSED)],
 )
-def test_a_run_whose_answers_are_lost_ends_in_order_or_does_not_begin(
-    tell: Tell, tmp_path: Path, shell: str, code: int, message: str
+def test_grasp_runtime_lost_output_closes_journal_or_starts_no_run(
+    execute: Execute, tmp_path: Path, shell: str, code: int, message: str
 ) -> None:
-    _, _, err = tell(RUNTIME, *simulated(tmp_path), code=code, shell=shell)
+    _, _, err = execute(RUNTIME, *simulated(tmp_path), code=code, shell=shell)
     assert "".join(err.splitlines()[-1:]).startswith(message)
     assert bool(err) == bool(message)
     journal = tmp_path / "squeezetree-journal.jsonl"
@@ -84,26 +84,30 @@ def test_a_run_whose_answers_are_lost_ends_in_order_or_does_not_begin(
 
 
 @pytest.mark.parametrize("stream", ["<&- 2>&-", "2>/dev/full"])
-def test_other_streams_may_be_closed(tell: Tell, journal: Path, stream: str) -> None:
+def test_grasp_journal_closed_stdin_or_stderr_keeps_exit_code(
+    execute: Execute, journal: Path, stream: str
+) -> None:
     before = journal.read_bytes()
-    tell(JOURNAL, "verify", journal, code=0, shell=stream)
-    tell(JOURNAL, "show", "none", code=24, shell=stream)
+    execute(JOURNAL, "verify", journal, code=0, shell=stream)
+    execute(JOURNAL, "show", "none", code=24, shell=stream)
     assert journal.read_bytes() == before
 
 
 @pytest.mark.parametrize(
     "words", [["verify", "j.jsonl"], ["show", "--help"], ["replay", "j.jsonl", "--json"]]
 )
-def test_an_answer_that_is_lost_is_no_success(tell: Tell, journal: Path, words: list[str]) -> None:
-    err = refused(tell, JOURNAL, *words, code=2, shell=">/dev/full")
+def test_grasp_journal_lost_output_exits_2(
+    execute: Execute, journal: Path, words: list[str]
+) -> None:
+    err = refused(execute, JOURNAL, *words, code=2, shell=">/dev/full")
     assert "output cannot be written: No space left" in err
 
 
-def test_report_keeps_its_code_and_its_peace_when_the_reader_goes(tell, journal) -> None:
-    code, _, err = tell(REPORT, journal, shell="| head -c 1 >/dev/null")
+def test_grasp_audit_report_closed_pipe_keeps_exit_code_and_is_silent(execute, journal) -> None:
+    code, _, err = execute(REPORT, journal, shell="| head -c 1 >/dev/null")
     assert err == ""
     assert code in (0, 11)
-    assert tell(REPORT, journal)[0] == code
+    assert execute(REPORT, journal)[0] == code
 
 
 @pytest.mark.parametrize(
@@ -115,13 +119,13 @@ def test_report_keeps_its_code_and_its_peace_when_the_reader_goes(tell, journal)
         (["--node", "x"], "'x' is not a whole number"),
     ],
 )
-def test_show_of_filters_that_no_record_could_pass_is_usage(tell, journal, words, message) -> None:
-    assert message in refused(tell, JOURNAL, "show", journal, *words, code=2)
+def test_grasp_journal_show_invalid_filter_is_usage_error(execute, journal, words, message) -> None:
+    assert message in refused(execute, JOURNAL, "show", journal, *words, code=2)
 
 
-def test_every_command_tells_wrong_arguments_in_one_line(capsys) -> None:
+def test_parsers_wrong_arguments_are_refused_in_one_line(capsys) -> None:
     every = [*parsers().values()]
-    for result in every:  # grows while it is walked
+    for result in every:  # the list grows in this loop
         every += subcommands(result).values()
     for result in every:
         for words in (["--no\nsuch\x1b[2J"], ["--debug=3", "\udcff"]):
@@ -134,15 +138,17 @@ def test_every_command_tells_wrong_arguments_in_one_line(capsys) -> None:
             assert "\x1b" not in err
 
 
-def test_an_odd_delivery_is_refused_before_a_part(tell: Tell, tmp_path: Path) -> None:
+def test_grasp_runtime_invalid_delivery_is_refused_before_journal(
+    execute: Execute, tmp_path: Path
+) -> None:
     (tmp_path / "d.toml").write_text("delivery = 3")
-    _, _, err = tell(RUNTIME, *simulated(tmp_path, "--deliver", "d.toml"), code=3)
+    _, _, err = execute(RUNTIME, *simulated(tmp_path, "--deliver", "d.toml"), code=3)
     assert err.splitlines()[-1].startswith("grasp-runtime: --deliver d.toml")
     assert not (tmp_path / "squeezetree-journal.jsonl").exists()
 
 
 def sealed(fields: dict[str, object], text: str = "") -> bytes:
-    """A journal line whose digest is right, whatever stands in it."""
+    """A journal line with a correct digest and any content."""
     if not text:
         return chained([{"kind": "part", **fields}])
     body = text.encode()
@@ -163,23 +169,25 @@ def sealed(fields: dict[str, object], text: str = "") -> bytes:
     ],
     ids=["seq-text", "seq-true", "kind-list", "kind-object", "time", "widths", "deep", "digits"],
 )
-def test_odd_journals_do_not_verify(tell: Tell, tmp_path: Path, line: bytes) -> None:
+def test_journal_malformed_record_is_refused_in_one_line(
+    execute: Execute, tmp_path: Path, line: bytes
+) -> None:
     path = tmp_path / "j.jsonl"
     path.write_bytes(line)
     for entry, words in ((JOURNAL, ["show", path]), (JOURNAL, ["replay", path]), (REPORT, [path])):
-        refused(tell, entry, *words, code=24)
+        refused(execute, entry, *words, code=24)
     assert path.read_bytes() == line
 
 
 @pytest.mark.parametrize("world", ["os:getcwd", "sys:exit", "this.is.no:module", "antigravity.:x"])
-def test_a_world_that_is_none_is_a_sentence(tell: Tell, world: str) -> None:
-    _, _, err = tell(EVALUATE, TABLE, "--trials", "10", "--world", world, code=2)
+def test_plan_evaluate_invalid_world_is_refused_in_one_line(execute: Execute, world: str) -> None:
+    _, _, err = execute(EVALUATE, TABLE, "--trials", "10", "--world", world, code=2)
     assert err.count("\n") == 1
     assert world.partition(":")[0] in err
 
 
 @pytest.mark.parametrize("missing", ["tree", "calibration", "tag"])
-def test_a_judge_without_its_files_ends_with_what_is_missing(tell: Tell, tmp_path, missing) -> None:
+def test_judge_missing_file_is_refused_by_name(execute: Execute, tmp_path, missing) -> None:
     pytest.importorskip("cv2")
     from cameras import camera, part_tag, true_calibration
 
@@ -193,10 +201,12 @@ def test_a_judge_without_its_files_ends_with_what_is_missing(tell: Tell, tmp_pat
     files = [word for name in ("tree", "calibration", "tag") for word in (f"--{name}", name)]
     words = ["judge", *files, "--camera", "/dev/video99"]
     audit = ("drivers.camera.commands", "audit")
-    assert missing in refused(tell, audit, *words, code=3, shell="</dev/null")
+    assert missing in refused(execute, audit, *words, code=3, shell="</dev/null")
 
 
-def test_the_unforeseen_is_one_broad_sentence(monkeypatch, tell: Tell) -> None:
+def test_grasp_runtime_internal_error_is_one_line_unless_debug(
+    monkeypatch, execute: Execute
+) -> None:
     from runtime import cli
     from runtime.commands import recipe
 
@@ -204,6 +214,6 @@ def test_the_unforeseen_is_one_broad_sentence(monkeypatch, tell: Tell) -> None:
         raise ZeroDivisionError("of\nnothing")
 
     monkeypatch.setattr(recipe, "load", broken)
-    err = refused(tell, RUNTIME, "--tree", "t", "--check", code=1)
+    err = refused(execute, RUNTIME, "--tree", "t", "--check", code=1)
     assert "internal error, please report it: ZeroDivisionError: of nothing" in err
     assert "Traceback" in called(cli.main, "--tree", "t", "--check", "--debug").err

@@ -1,4 +1,4 @@
-"""What an installation loads, lacks and takes for itself: no heavy library for a cell, no foreign folder."""
+"""An installation loads no heavy library for a cell, names missing extras and ignores foreign packages."""
 
 import sys
 from pathlib import Path
@@ -13,14 +13,14 @@ CHECK = f"import sys; print([name for name in {HEAVY} if name in sys.modules])"
 
 
 def loaded_after(code: str) -> str:
-    """What of HEAVY a fresh interpreter has loaded after some code; the last line it prints."""
+    """The modules of HEAVY that a new interpreter has loaded after some code, as the last line it prints."""
     done = ended([sys.executable, "-c", f"{code}\n{CHECK}"])
     assert done.code == 0, done.err
     assert "\x1b" not in done.out  # colours are for a terminal
     return done.out.splitlines()[-1]
 
 
-def test_a_run_that_nobody_watches_and_a_check_load_nothing_heavy(tree, tmp_path):
+def test_grasp_runtime_run_and_check_load_no_heavy_module(tree, tmp_path):
     words = ["--tree", str(tree), "--journal", str(tmp_path / "journal.jsonl")]
     real, virtual = (*words, "--port", "sim", "--time-scale", "60"), (*words, *VIRTUAL, *REHEARSAL)
     code = f"import runtime.cli\nfor words in {real!r}, {virtual!r}:\n"
@@ -29,13 +29,13 @@ def test_a_run_that_nobody_watches_and_a_check_load_nothing_heavy(tree, tmp_path
     assert loaded_after(code) == "[]"
 
 
-def test_modbus_loads_nothing_of_opc_ua() -> None:
+def test_plc_command_import_loads_no_opc_ua_library() -> None:
     code = "import runtime.commands.plc\nfrom sys import modules\n"
     code += "del modules['runtime.plc'], modules['runtime.monitoring.live']"
     assert loaded_after(code) == "[]"
 
 
-def test_the_check_would_see_it() -> None:
+def test_loaded_after_heavy_import_names_module() -> None:
     numpy = "import sys, types; sys.modules['numpy'] = types.ModuleType('numpy')"
     assert loaded_after(numpy) == "['numpy']"
 
@@ -71,14 +71,14 @@ for word in ("report", "study"):
 """
 
 
-def test_without_its_library_each_command_names_the_extra_in_one_line():
-    """Report and study of audits need neither numpy nor OpenCV."""
+def test_commands_without_library_name_extra_in_one_line():
+    """`grasp-audit report` and `grasp-audit study` need neither numpy nor OpenCV."""
     code, _, err = ended([sys.executable, "-c", f"CALLS = {CALLS!r}\n{EACH}"])
     assert code == 0, err
     assert err.count("none.jsonl") == 2
 
 
-def test_without_gymnasium_the_environment_names_its_extra():
+def test_planner_gym_without_gymnasium_names_extra():
     code = "import sys; sys.modules['gymnasium'] = None; import planner.gym"
     _, _, err = ended([sys.executable, "-c", code])
     assert "pip install 'squeezetree[gym]'" in err.splitlines()[-1]
@@ -94,11 +94,11 @@ RUN = "--tree small.msgpack --journal journal.jsonl --port sim --time-scale 20"
         ("plan-init", ["--help"]),
         ("grasp-audit", ["--help"]),
         (Path(sys.executable).name, ["-P", "-c", WORLD]),
-        # It starts a cell, too.
+        # This run starts a cell, too.
         ("grasp-runtime", [*RUN.split(), *REHEARSAL]),
     ],
 )
-def test_command_beside_foreign_folders_starts(program, words, tree, tmp_path):
+def test_command_beside_foreign_packages_starts(program, words, tree, tmp_path):
     for package in ("planner", "runtime", "drivers"):
         (tmp_path / package).mkdir()
         foreign = "raise SystemExit('a foreign module was imported')\n"

@@ -1,4 +1,4 @@
-"""What goes wrong on the way to the gripper is in the journal of the run it went wrong in, and only there."""
+"""Incidents on the link to the gripper are in the journal of the run in which they happened."""
 
 import pytest
 from soaking import small_setting
@@ -10,10 +10,10 @@ from runtime.commands.journal import main as grasp_journal
 from runtime.errors import JournalError
 from runtime.journal.chain import MOST_INCIDENTS, Incidents, Journal, records, verify
 
-SCALE = 20.0  # the runtime takes the cell for a real one, which is just fast
+SCALE = 20.0  # to the runtime the cell is a real one, only faster
 
 
-def test_retries_are_journalled_with_the_run(tree, tmp_path, monkeypatch):
+def test_grasp_runtime_link_retries_are_journalled(tree, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     lost = [Fault("reply_lost", 0, 0), Fault("request_lost", 0, 30)]
     faults = Listed([*lost, Fault("noise", 0, 40, value=9)])
@@ -31,7 +31,7 @@ def test_retries_are_journalled_with_the_run(tree, tmp_path, monkeypatch):
     assert grasp_journal(["replay", "j.jsonl"]) == 0
 
 
-def test_what_is_reported_before_there_is_a_journal_is_kept_and_not_without_end(tmp_path):
+def test_incidents_before_journal_are_kept_up_to_limit(tmp_path):
     incidents = Incidents()
     for number in range(MOST_INCIDENTS + 5):
         incidents.record("link", {"number": number})

@@ -1,4 +1,4 @@
-"""Watching a real run: the page follows it."""
+"""The live page of a run, by `--http`."""
 
 import contextlib
 import json
@@ -15,7 +15,7 @@ from programs import REHEARSAL, RUNTIME, WAIT_S, called, started
 from runtime.cli import main
 
 ENDED = {0, 10, 11, 20, 21, 22}
-"""A starved machine may make a simulated device late, which is a fault; what is seen of a run is the same."""
+"""Exit codes of a run; on a busy machine a simulated device may be late, which is a fault."""
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def words(tree: Path) -> list[str]:
     return [*words, "--time-scale", "20"]
 
 
-def test_the_page_follows_the_run(words: list[str]) -> None:
+def test_http_status_follows_run(words: list[str]) -> None:
     words = [*words, "--count", "100000", "--json", "--http", "0"]
     process = started([*RUNTIME, *words], stdout=subprocess.DEVNULL)
     assert process.stderr is not None
@@ -61,7 +61,7 @@ def test_the_page_follows_the_run(words: list[str]) -> None:
         (["--http", "0", "--dry-run"], "leave it out with --check and --dry-run"),
     ],
 )
-def test_what_cannot_be_shown_is_one_line_before_anything_starts(words, wrong, reason):
+def test_http_invalid_option_is_refused_before_start(words, wrong, reason):
     printed = called(main, *words, *wrong)
     assert (printed.code, printed.one_line) == (2, True)
     assert reason in printed.err

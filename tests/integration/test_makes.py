@@ -19,7 +19,7 @@ OTHER_MAKES = [model for model in SIMULATORS if profile_of(model).counts is None
 
 
 @pytest.mark.parametrize("model", OTHER_MAKES)
-def test_run_in_virtual_time_locates_parts_by_readings_of_the_gripper(tmp_path, model):
+def test_grasp_runtime_other_make_locates_parts_by_its_readings(tmp_path, model):
     profile, tree = profile_of(model), tmp_path / "small.msgpack"
     dump(table_for(model), tree)
     words = ("--tree", tree, "--seed", "3", "--journal", tmp_path / "j", "--count", "6", "--json")
@@ -36,14 +36,14 @@ WORDS = [["--faults", "seed:1"], ["--block", "20,0,0"], ["--middle", "1"], ["--c
 
 
 @pytest.mark.parametrize("words", WORDS, ids=lambda words: words[0])
-def test_grasp_cell_with_a_gripper_alone_refuses_what_only_a_cell_has(words, capsys):
+def test_grasp_cell_gripper_alone_refuses_options_of_whole_cell(words, capsys):
     assert sim.main(["--gripper", "dh-ag95", *words]) == ExitCode.USAGE
     (line,) = capsys.readouterr().err.splitlines()
     assert words[0] in line
 
 
 @pytest.mark.parametrize("model", ONE_OF_EACH_MAKE)
-def test_grasp_cell_serves_a_gripper_alone_and_connecting_leaves_it_as_it_is(model):
+def test_grasp_cell_gripper_alone_is_not_activated_by_connecting(model):
     words = [*CELL, "--gripper", model, "--json", "--until-stdin-closes"]
     with started(words, stdin=subprocess.PIPE, stderr=None) as cell:
         endpoints = json.loads(cell.stdout.readline())

@@ -1,4 +1,4 @@
-"""A person as arm, as gripper, or as both, at the end of a pipe and at a terminal."""
+"""A person acts as arm, as gripper or as both, through a pipe or at a terminal."""
 
 import json
 import os
@@ -28,12 +28,14 @@ def words(tree: Path) -> list[object]:
 
 
 def run(words: list[object], *said: str) -> tuple[int, list[dict[str, object]], list[str]]:
-    """A run whose person answers in lines and goes."""
+    """A run in which the person gives these answers, after which the input ends."""
     code, out, err = ended(words, input="".join(f"{line}\n" for line in said))
     return code, [json.loads(line) for line in out.splitlines()], err.splitlines()
 
 
-def test_a_person_with_calipers_locates_a_part(words: list[object], tmp_path: Path) -> None:
+def test_grasp_runtime_manual_arm_and_gripper_locate_part(
+    words: list[object], tmp_path: Path
+) -> None:
     said = ("", "", "29,9", "", "", "", "wide", "-3", "21.1", "", "")
     code, (part,), result = run(words, *said)
     assert (code, part["outcome"], part["leaf"], part["path"]) == (0, "leaf", 1, [0, 1])
@@ -48,7 +50,7 @@ def test_a_person_with_calipers_locates_a_part(words: list[object], tmp_path: Pa
     assert_sound(tmp_path / "j.jsonl")
 
 
-def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(words, tree):
+def test_grasp_runtime_manual_tips_on_arc_asks_for_level_drags(words, tree):
     table = small_table()
     dump(changed(table, {"nodes.0.release": Place(5_000, 0)}), tree)
     said = ("", "", "29,9", "", "", "", "", "", "21.1", "", "")
@@ -65,7 +67,7 @@ def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(words, tr
 
 @pytest.mark.parametrize("arm", ["manual", "manual+tcp://127.0.0.1:1", "tcp://127.0.0.1:1"])
 @pytest.mark.parametrize("port", ["manual", "/dev/x"])
-def test_person_who_holds_hand_or_jaws_follows_no_arc(arm: str, port: str) -> None:
+def test_arc_of_manual_port_or_arm_is_none(arm: str, port: str) -> None:
     words = f"--tree t --port {port} --arm {arm} --tips 57.15,5"
     arguments = parser().parse_args(words.split())
     arc = options.arc_of(arguments, small_table(), None)
@@ -76,13 +78,15 @@ def test_person_who_holds_hand_or_jaws_follows_no_arc(arm: str, port: str) -> No
 
 
 @pytest.mark.parametrize(("said", "code"), [([""], 20), ([], 21)])
-def test_the_end_of_input_is_a_fault(words: list[object], said: list[str], code: int) -> None:
+def test_grasp_runtime_manual_end_of_input_is_fault(
+    words: list[object], said: list[str], code: int
+) -> None:
     end, (part,), _ = run(words, *said)
     assert (end, part["outcome"]) == (code, "fault")
     assert "standard input ended" in part["reason"]
 
 
-def test_ctrl_c_at_a_question_stops_and_what_was_typed_before_it_answers_nothing(words, tmp_path):
+def test_grasp_runtime_manual_ctrl_c_stops_and_earlier_input_is_ignored(words, tmp_path):
     main, child = pty.openpty()
     os.write(main, b"\n\n\n29.9\n")
     process = started(words, stdin=child)
@@ -102,8 +106,8 @@ def test_ctrl_c_at_a_question_stops_and_what_was_typed_before_it_answers_nothing
     assert_sound(tmp_path / "j.jsonl")
 
 
-class Behind:
-    """A person who presses Enter, and is written down."""
+class Person:
+    """A person who gives the same answer to all questions, which are recorded."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, answer: str = "") -> None:
         self.heard: list[str] = []
@@ -117,8 +121,8 @@ class Behind:
         return self.answer
 
 
-def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(monkeypatch):
-    person, arm = Behind(monkeypatch), connect.arm("manual")
+def test_manual_arm_asks_for_placing_drag_and_lift_only(monkeypatch):
+    person, arm = Person(monkeypatch), connect.arm("manual")
     places = ((3, 4, 60), (3, 4, 10), (5, 4, 10), (5, 4, 60))
     for target in ((0, 0, 60, 0.0), *((*place, 2.0) for place in places)):
         arm.move_linear(target, 100.0)
@@ -135,8 +139,10 @@ def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(monkeypatch):
         connect.arm("manual", read_only=True).move_linear((0, 0, 60, 0.0), 100.0)
 
 
-def test_a_width_is_reported_on_the_grid_of_the_profile(monkeypatch: pytest.MonkeyPatch) -> None:
-    person, gripper = Behind(monkeypatch, "42.5"), connect.gripper("manual")
+def test_manual_gripper_width_is_rounded_to_step_of_profile(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    person, gripper = Person(monkeypatch, "42.5"), connect.gripper("manual")
     with pytest.raises(GripperFault, match="no move"):
         gripper.wait()
     gripper.move(-1, 20.0, 20.0)
@@ -162,6 +168,8 @@ def test_a_width_is_reported_on_the_grid_of_the_profile(monkeypatch: pytest.Monk
         (["--port", "manual", "--arm", "tcp://x:1", "--calibration", "f"], "you tell the width"),
     ],
 )
-def test_what_does_not_go_with_a_person(more: list[str], message: str) -> None:
+def test_check_usage_option_unfit_for_manual_device_is_refused(
+    more: list[str], message: str
+) -> None:
     with pytest.raises(UsageError, match=message):
         options.check_usage(parser().parse_args(["--tree", "t", *more]))

@@ -1,7 +1,7 @@
-"""A gripper whose fingers meet 1.5 mm off: wrong until that is measured, then right; over real bytes.
+"""A gripper whose fingers meet 1.5 mm off the middle: poses are wrong until the offset is calibrated.
 
-A leaf's claim lives in the arm's frame, where a camera would see the part and the next motion meets it. So
-fingers that meet elsewhere leave parts elsewhere, however alike all their squeezes are.
+A leaf states a pose in the arm's frame, where a camera sees the part and the next motion meets it. Fingers
+that meet elsewhere therefore shift the parts, although all readings stay the same.
 """
 
 import json
@@ -30,7 +30,7 @@ CERTAIN |= {"part": {"tolerance_mm": 0.0}, "search": {"particles": 800}}
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory):
-    """A table of the rectangle that doubts nothing, for a goal of less than the fingers are off."""
+    """A table of the rectangle without doubt about the cell, for a goal below the offset of the fingers."""
     job = job_file.load(JOB, CERTAIN)
     path = tmp_path_factory.mktemp("middle") / "tree.msgpack"
     dump(compile_job(job, workers=1, trials=500).table, path)
@@ -39,7 +39,7 @@ def tree(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def measured(tree):
-    """A calibration file with the middle, as the commands write it."""
+    """A calibration file with the middle, as the command writes it, and the record that it prints."""
     widths, result = linear(tree.with_name("gripper.json")), tree.with_name("gripper2.json")
     with RunningCell(tree, "--middle", f"{OFF_MM}", "--block", "30,4,-2", time_scale=100) as cell:
         words = ["middle", "--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
@@ -51,7 +51,7 @@ def measured(tree):
 
 
 def run_parts(tree, handling, delivery=None):
-    """Runs parts in a simulated cell whose fingers meet off the hand's middle; what is known in the end."""
+    """Runs parts with the offset of the fingers; returns result, sighting and true pose of each part."""
     ended = []
     setting = load_scene(tree, None, None)._replace(middle_mm=OFF_MM)
     virtual = VirtualCell(setting, SEED)
@@ -70,7 +70,7 @@ def handling_of(tree, path):
     return options.run_options(given, load(tree).table, measured.calibration).handling
 
 
-def test_the_command_measures_what_is_off_and_says_what_is_left_to_doubt(measured):
+def test_calibrate_middle_measures_offset_and_states_remaining_doubt(measured):
     result, record = measured
     assert abs(record["across_mm"] - OFF_MM) < 3.0 * record["across_error_mm"] < 0.3
     assert record["beside_mm"] == pytest.approx(record["across_mm"], abs=0.3)
@@ -80,9 +80,7 @@ def test_the_command_measures_what_is_off_and_says_what_is_left_to_doubt(measure
     assert calibration.load(result).calibration.middle.across_mm == record["across_mm"]
 
 
-def test_fingers_that_meet_elsewhere_are_wrong_where_a_camera_looks_and_right_once_they_are_measured(
-    tree, measured
-):
+def test_run_journalled_finger_offset_gives_wrong_poses_until_calibrated(tree, measured):
     within = (seen.within for _, seen, _ in run_parts(tree, PLAIN.handling))
     before = [each for each in within if each is not None]
     after = [seen.within for _, seen, _ in run_parts(tree, handling_of(tree, measured[0]))]
@@ -91,7 +89,7 @@ def test_fingers_that_meet_elsewhere_are_wrong_where_a_camera_looks_and_right_on
     assert after == [True] * PARTS
 
 
-def test_a_corrected_hand_puts_parts_down_where_the_job_says(tree, measured):
+def test_run_journalled_calibrated_offset_delivers_to_drop_off(tree, measured):
     drop = from_text("20,10,30")
     ended = run_parts(tree, handling_of(tree, measured[0]), drop)
     for result, _, truth in ended:

@@ -31,7 +31,7 @@ def identity(tmp_path_factory: pytest.TempPathFactory) -> Passport:
 
 
 class Program(threading.Thread):
-    """What a supervisor does, beside the command in the main thread."""
+    """The program of a supervisor, in a thread beside the command in the main thread."""
 
     def __init__(self, port: int, identity: Passport) -> None:
         super().__init__(daemon=True)
@@ -60,7 +60,7 @@ class Program(threading.Thread):
 
 
 @pytest.mark.slow
-def test_parts_by_a_supervisor_have_the_results_that_are_printed_and_journalled(
+def test_opcua_server_results_equal_printed_and_journalled_parts(
     identity: Passport, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     journal, port = tmp_path / "j", free_port()
@@ -101,7 +101,7 @@ def test_parts_by_a_supervisor_have_the_results_that_are_printed_and_journalled(
 
 
 @pytest.mark.slow
-def test_stop_request_ends_the_part_safely_and_the_server_within_its_deadline(tree, identity):
+def test_opcua_server_abort_stops_part_safely_and_ends_server(tree, identity):
     more = ("--time-scale", "12", *REHEARSAL, "--plc-trusted", str(identity.certificate.parent))
     with PlcServed(tree, more=more, plc="opc.tcp://127.0.0.1:0") as served:
         with Supervisor(served.port, identity) as line:
@@ -128,7 +128,7 @@ def test_stop_request_ends_the_part_safely_and_the_server_within_its_deadline(tr
 
 
 @pytest.mark.slow
-def test_bare_endpoint_is_there_only_when_asked_for(tree: Path) -> None:
+def test_opcua_server_insecure_has_bare_endpoint_and_keeps_result(tree: Path) -> None:
     more = ("--time-scale", "60", *REHEARSAL, "--plc-insecure")
     with PlcServed(tree, more=more, plc="opc.tcp://127.0.0.1:0") as served:
         with Supervisor(served.port) as line:

@@ -1,6 +1,6 @@
 """The commands of pages, run in an empty folder, print what the pages show.
 
-Plans are searched for with fewer particles, or tried with fewer parts, than a page shows.
+The tests plan with fewer particles, or try fewer parts, than a page shows.
 """
 
 import json
@@ -20,10 +20,10 @@ TIMED = re.compile(rf"^(?:({SAID})|limit).*")
 
 
 @pytest.mark.slow
-def test_the_readme_runs_as_written(work, environment):
-    """All but its two scripts: `tools/demo` runs the same commands, `tools/check` this test.
+def test_readme_commands_print_shown_output(work, environment):
+    """The scripts are left out: `tools/demo` runs the same commands, and `tools/check` runs this test.
 
-    What `squeezetree try` answers within its budget is up to the machine.
+    The answer of `squeezetree try` within its budget depends on the machine.
     """
     results = [
         block._replace(commands=[line for line in block.commands if not line.startswith("tools/")])
@@ -45,7 +45,7 @@ def test_the_readme_runs_as_written(work, environment):
         assert matches(shown, lines)
 
 
-def test_the_tutorial_runs_as_written(work, environment):
+def test_tutorial_commands_print_shown_output(work, environment):
     result = blocks(DOCS / "tutorial.md")
     assert len(result) >= 7
     shutil.copy(DOCS / "lever.dxf", work)
@@ -55,15 +55,13 @@ def test_the_tutorial_runs_as_written(work, environment):
     assert (work / "lever.html").stat().st_size < 3_000_000
 
 
-# The page's search ends with its budget; this one is over before, on a busy machine too.
+# The page's search ends with its budget; an easier one ends before it, on a busy machine too.
 EASIER = {"--radius 5": "--radius 2 --turn 5", "--budget 20s": "--budget 60s"}
 
 
 @pytest.mark.slow
-def test_a_solid_becomes_a_running_cell_as_written_where_less_is_unknown(
-    work, environment, tmp_path
-):
-    """Each located part is named rightly."""
+def test_from_a_solid_page_with_less_uncertainty_prints_shown_output(work, environment, tmp_path):
+    """The printed name of each located part is the true one."""
     python = tmp_path / "bin" / "python3"
     python.write_text(f"#!/bin/sh\nexec '{sys.executable}' \"$@\"\n")
     python.chmod(0o755)
@@ -71,14 +69,15 @@ def test_a_solid_becomes_a_running_cell_as_written_where_less_is_unknown(
     assert len(results) == 4
     results[1].commands.append(stated("bracket.toml", particles=1000))
     printed = run(results, work, environment)
-    for block, lines in zip(results, printed, strict=False):  # what follows the last mark is empty
+    # The text after the last mark is empty.
+    for block, lines in zip(results, printed, strict=False):
         assert matches(block.printed, lines)
     ends = re.findall(r"LEAF, leaf \d+, (.*?), \(.*; it is (.*)", "\n".join(printed[3]))
     assert ends
     assert all(said == true for said, true in ends)
 
 
-# What a page says of hundreds of parts, as a test tries it.
+# The page runs hundreds of parts, the test fewer.
 REJECT, ALARM = 10, 11  # exit codes of runs and reports that the page shows
 FEWER = {"--trials 2000": "--trials 300", "--trials 4000": "--trials 500"}
 
@@ -91,8 +90,8 @@ def interval(lines: list[str], quantity: str) -> tuple[float, float]:
 
 
 @pytest.mark.slow
-def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
-    """The blind cell of the page: what journals and audits tell is written, and mends nearly all answers."""
+def test_refit_page_with_fewer_parts_recovers_hidden_errors(work, environment):
+    """The refit of the page's blind cell recovers the hidden errors and removes nearly all wrong answers."""
     page = DOCS / "refit.md"
     hidden = re.search(r"```python\n(.*?)```", page.read_text(), re.DOTALL)[1]
     (work / "hidden.py").write_text(hidden)
@@ -114,7 +113,8 @@ def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
     assert any(line.startswith("  the fingers meet -") for line in printed[3])
     for quantity, truth in (("the upper finger makes", 54.0), ("the fingers meet", -2.84)):
         mean, half = interval(printed[3], quantity)
-        assert abs(mean - truth) < 2.0 * half + 0.05  # of 90 %: further off are 0.1 %
+        # The interval is one of 90 %: only 0.1 % lie beyond twice its half width.
+        assert abs(mean - truth) < 2.0 * half + 0.05
     low, high = tomllib.loads((work / "cell2.toml").read_text())["doubt"]["encoder_mm"]
     assert 0.0 < low < 0.6 < high < 1.2  # the preset's were -1.1 and 1.1
     before, after = (json.loads(line) for line in printed[4] if line.startswith("{"))

@@ -31,7 +31,7 @@ def within(plan):
 def singleton_share(plan):
     """Share of the parts that reach a leaf whose belief is a singleton under the learned models."""
     leaves = [node for node in breadth_first(plan.root) if not node.children]
-    standing = sum(leaf.share for leaf in leaves)  # branches that no trial took went with theirs
+    standing = sum(leaf.share for leaf in leaves)  # branches that no trial took are cut off
     return sum(leaf.share for leaf in leaves if leaf.mode.ratio > SINGLETON_SHARE) / standing
 
 
@@ -45,7 +45,7 @@ def test_paper_method_over_seeds_locates_most_parts():
     assert np.mean([singleton_share(plan) for plan in results]) > 0.75
 
 
-def test_no_open_loop_plan_exceeds_seventy_percent(plans):
+def test_sensorless_plan_locates_less_than_70_percent(plans):
     # Footnote 2, about columns 1 to 3 of Table I.
     plan = plans["sensorless"]
     assert len(plan.table.leaves) == 1
@@ -54,7 +54,7 @@ def test_no_open_loop_plan_exceeds_seventy_percent(plans):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_only_what_was_never_tried_is_rejected_and_hardly_anything_hit(plans, method):
+def test_compile_job_method_rejects_only_untried_and_rarely_crashes(plans, method):
     plan = plans[method]
     profile = plan.table.gripper.profile
     apart = [profile.reading_um(step) for step in range(1, profile.steps + 1)]
@@ -65,7 +65,7 @@ def test_only_what_was_never_tried_is_rejected_and_hardly_anything_hit(plans, me
     assert plan.evaluation.crashes <= 0.01 * TRIALS
 
 
-def test_a_leaf_that_the_evaluation_refutes_is_not_called_resolved(plans):
+def test_paper_method_resolved_leaves_are_within_goal(plans):
     evaluation, table = plans["paper"].evaluation, plans["paper"].table
     for index, leaf in enumerate(table.leaves):
         here = evaluation.leaf == index
@@ -73,6 +73,6 @@ def test_a_leaf_that_the_evaluation_refutes_is_not_called_resolved(plans):
             assert np.mean(evaluation.within[here]) > 0.97
 
 
-def test_the_same_bytes_on_one_worker_and_two(plans):
+def test_paper_method_one_and_two_workers_give_identical_tables(plans):
     again = compile_job(job_of("paper"), workers=1, trials=TRIALS)
     assert dumps(again.table) == dumps(plans["paper"].table)

@@ -15,11 +15,11 @@ from runtime.table import load
 
 @pytest.fixture
 def quick(tmp_path):
-    """The rectangle in a cell that is not doubted, with a rough search."""
+    """The rectangle without doubt about the cell, planned with few particles."""
     return quick_job(tmp_path / "quick.toml", "particles = 1500", *CERTAIN)
 
 
-def test_evaluate_prints_the_promised_keys_of_the_world_asked_for():
+def test_plan_evaluate_changed_world_prints_documented_figures():
     slippery = ("--world-set", "friction.finger_part_min=0.15")
     slippery += ("--world-set", "friction.finger_part_max=0.25")
     words = (TABLE, "--trials", 1000, "--encoder-offset-mm", 2.5)
@@ -39,7 +39,7 @@ def test_evaluate_prints_the_promised_keys_of_the_world_asked_for():
     assert "placement_mm 0.5" in out
 
 
-def test_evaluate_sweeps_a_standard_set_of_worlds():
+def test_plan_evaluate_sweep_covers_standard_worlds():
     worlds = document(evaluate.main, TABLE, "--trials", 200, "--sweep", "--json")["worlds"]
     assert worlds[0]["world"] == "as planned"
     assert worlds[0]["set"] == {}
@@ -47,9 +47,9 @@ def test_evaluate_sweeps_a_standard_set_of_worlds():
     assert all(world["trials"] == 200 for world in worlds)
 
 
-def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
+def test_plan_evaluate_ppm_counts_wrong_answers_and_resumes(tmp_path):
     kept = tmp_path / "study.json"
-    for _ in range(2):  # the second has nothing left to do
+    for _ in range(2):  # the second run has nothing left to do
         words = (TABLE, "--ppm", "--trials", 10_000, "--json", "--resume", kept)
         record = document(evaluate.main, *words)
         assert record["parts"] == 10_000
@@ -62,7 +62,7 @@ def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
     assert kept.read_bytes() == before
 
 
-def test_compile_says_what_limits_the_plan_and_how_near_the_best_it_is(quick, tmp_path):
+def test_plan_compile_bound_reports_advice_and_lower_bound(quick, tmp_path):
     path = tmp_path / "out.msgpack"
     words = (quick, "-o", path, "--trials", 1000, "--bound", 2000, "--json")
     figures = document(compile_.main, *words)
@@ -76,7 +76,7 @@ def test_compile_says_what_limits_the_plan_and_how_near_the_best_it_is(quick, tm
     assert set(bound["terms"]) == {"leaves", "overall"}
 
 
-def test_the_baseline_without_sensors_is_worse_than_any_plan():
+def test_plan_compile_sensorless_baseline_locates_less_than_70_percent():
     words = (JOB, "--baseline", "sensorless", "--trials", 2000, "--json")
     figures = document(compile_.main, *words)
     assert len(figures["angles_deg"]) == figures["squeezes"] <= figures["most_squeezes"]
@@ -94,7 +94,7 @@ def read_rows(path):
         return list(csv.DictReader(file))
 
 
-def test_simulate_repeats_its_inputs_and_adds_the_results(tmp_path):
+def test_plan_simulate_rows_repeat_inputs_and_add_results(tmp_path):
     write_poses(tmp_path / "in.csv", [(1, 2, 0.3), (100, 0, 0)])
     poses, out = ("--poses", tmp_path / "in.csv"), ("-o", tmp_path / "out.csv")
     code, _, _ = called(simulate.main, JOB, *poses, *out, "--nominal", "--mu", 0.5)
@@ -107,7 +107,7 @@ def test_simulate_repeats_its_inputs_and_adds_the_results(tmp_path):
     assert float(rows[1]["width_mm"]) == 0
 
 
-def test_a_full_disk_is_one_line_and_leaves_no_part_of_a_file(tmp_path, monkeypatch):
+def test_plan_simulate_full_disk_is_refused_and_leaves_no_file(tmp_path, monkeypatch):
     def full(_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -166,7 +166,7 @@ REFUSED = [
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
-    """A folder with files that are read, good and bad."""
+    """A folder with valid and invalid input files."""
     folder = tmp_path_factory.mktemp("desk")
     for name, change in BAD_JOBS.items():
         text = change(JOB.read_text())
@@ -183,7 +183,7 @@ def desk(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("command", "words", "code", "message"), REFUSED)
-def test_bad_input_of_a_command_is_refused_in_one_line_and_writes_nothing(
+def test_planner_command_bad_input_is_refused_and_writes_nothing(
     command, words, code, message, desk, monkeypatch
 ):
     monkeypatch.chdir(desk)

@@ -38,13 +38,13 @@ LADDER = SOURCE.with_name("plc.ladder.txt")
 
 @pytest.mark.slow
 @pytest.mark.parametrize("program", [by_pymodbus, in_structured_text])
-def test_parts_by_a_plc_have_the_results_that_are_printed_and_journalled(
+def test_modbus_server_results_equal_printed_and_journalled_parts(
     program: Callable[[int, int], list[dict[str, int]]],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(station, "HEARTBEAT_LIMIT_S", 1e6)  # of a machine that may be busy
+    monkeypatch.setattr(station, "HEARTBEAT_LIMIT_S", 1e6)  # the machine may be busy
     journal, port = tmp_path / "j", free_port()
     words = [*VIRTUAL, *REHEARSAL, "--tree", str(TABLE), "--json", "--journal", str(journal)]
     with ThreadPoolExecutor(1) as pool:
@@ -66,7 +66,7 @@ def test_parts_by_a_plc_have_the_results_that_are_printed_and_journalled(
     assert triggers == list(range(1, PARTS + 1))
 
 
-def test_structured_text_does_what_the_program_of_the_study_does() -> None:
+def test_plc_structured_text_behaves_as_study_program() -> None:
     block, twin, plc = FunctionBlock(SOURCE.read_text()), Program(), MemoryPlc()
     ends = 0
     for cycle in range(400):
@@ -89,11 +89,11 @@ def test_structured_text_does_what_the_program_of_the_study_does() -> None:
     assert ends > 20
 
 
-def test_ladder_takes_each_result_once_whatever_interrupts_it() -> None:
+def test_ladder_with_interruptions_takes_each_result_once() -> None:
     ladder, plc = Ladder(LADDER.read_text()), MemoryPlc()
     number, age, taken, begun = 1, 0, [], []
     for cycle in range(3000):
-        plc.now += 0.1 if cycle % 331 else 5.0  # it stands still for so long that enabling ends
+        plc.now += 0.1 if cycle % 331 else 5.0  # a pause so long that the PLC is no longer enabled
         if cycle % 37 == 0:
             plc.station.disconnect()
         values = {register.name: plc[register.name] for register in READ}
@@ -106,7 +106,8 @@ def test_ladder_takes_each_result_once_whatever_interrupts_it() -> None:
         age = age + 1 if plc.station.order is not None else 0
         if age > cycle % 7:
             begun.append(plc.station.order.trigger_id)
-            code = (0, 20)[begun[-1] % 10 == 0]  # of a fault, which leaves its error
+            # Every tenth part ends in a fault, which leaves its error.
+            code = (0, 20)[begun[-1] % 10 == 0]
             plc.end_part(outcome=4 if code else 1, x=-3 * begun[-1], exit_code=code)
     assert len(taken) > 200
     assert taken == [(each, 4 if each % 10 == 0 else 1, -3 * each) for each in begun[: len(taken)]]
@@ -114,7 +115,7 @@ def test_ladder_takes_each_result_once_whatever_interrupts_it() -> None:
 
 
 @pytest.mark.slow
-def test_lost_connection_and_stop_request_while_busy_end_in_the_result_of_that_id(tree):
+def test_modbus_server_disconnect_or_stop_keeps_result_of_busy_id(tree):
     with PlcServed(tree, more=("--time-scale", "12", *REHEARSAL)) as served:
         with served.plc() as plc:
             plc.begin(77)

@@ -1,4 +1,4 @@
-"""Parts that lie wider about than the jaws open: pushed together, squeezed, located, in a cell too."""
+"""Parts that may lie outside the open jaws are pushed first, then squeezed and located."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -56,18 +56,18 @@ class Still:
         return pose_hand, 20.0, "grasped"
 
 
-def test_without_pushes_there_is_no_first_squeeze(job: job_file.Job) -> None:
+def test_compile_job_wide_part_without_pushes_raises_no_plan(job: job_file.Job) -> None:
     with pytest.raises(NoPlanError, match="no first squeeze is free of collision"):
         compile_job(job.replaced(actions={"pushes": "none"}), trials=100)
 
 
-def test_pushed_parts_are_located_in_trials_and_in_a_cell(job, table, path, tmp_path):
+def test_pushing_table_locates_parts_in_trials_and_in_cell(job, table, path, tmp_path):
     result = evaluate(table, job, ContactWorlds.of_job(job, 77), 500, 77)
     assert table.nodes[0].pushes
     assert result.success.mean() >= 0.97
     assert result.crashes <= 5
     still = evaluate(without_pushes(table), job, ContactWorlds.of_job(job, 77), 300, 77)
-    assert still.success.mean() < 0.5  # else the pushes were for nothing
+    assert still.success.mean() < 0.5  # the pushes are needed
     journal = tmp_path / "run.jsonl"
     words = ("--tree", path, *VIRTUAL, "--count", "3", "--journal", journal)
     code, out, _ = called(cli.main, *words)
@@ -77,7 +77,7 @@ def test_pushed_parts_are_located_in_trials_and_in_a_cell(job, table, path, tmp_
     assert_sound(journal)
 
 
-def test_a_world_that_cannot_push_is_refused_by_evaluation_and_cell(job, table, path):
+def test_evaluate_and_scene_world_without_push_is_refused(job, table, path):
     with pytest.raises(UsageError, match=r"pushes parts, and the world Still has no push\(\)"):
         evaluate(table, job, Still(), 10, 1)
     setting = scene.load(path, None, "planner.world:make")
@@ -91,20 +91,23 @@ def without_pushes(table: Table) -> Table:
     return replace(table, nodes=tuple(node._replace(pushes=()) for node in table.nodes))
 
 
-def test_pushes_take_the_time_that_they_are_said_to(job: job_file.Job, table: Table) -> None:
+def test_schedule_pushes_take_time_of_their_paths(job: job_file.Job, table: Table) -> None:
     squeeze, pushes = table.nodes[0].squeeze, table.nodes[0].pushes
     ways = sum(push.length_um / push.speed_um_s for push in pushes)
     lifts = 2 * len(pushes) * (table.limits.retreat_height_um - table.limits.squeeze_height_um)
     schedule = Schedule.of(table, job_of(table))
     phases, *_ = schedule.squeeze(Squeezed(0, 10.0, 0), None, None, first=True)
     taken = phases.push_s
-    least = ways + lifts / table.limits.arm_speed_um_s  # and the jaws and the ways across
+    # Without the jaws and the ways between the pushes.
+    least = ways + lifts / table.limits.arm_speed_um_s
     assert least < taken < 2.0 * least + len(pushes) * 4 * squeeze.opening_um / squeeze.speed_um_s
     result = evaluate(table, job, ContactWorlds.of_job(job, 5), 200, 5)
     assert result.seconds[result.squeezes > 0].min() > taken
 
 
-def test_a_study_of_rare_answers_pushes_too(job: job_file.Job, table: Table) -> None:
+def test_ppm_study_of_pushing_table_has_few_wrong_answers_and_crashes(
+    job: job_file.Job, table: Table
+) -> None:
     study = Study(Program.of(table), job, ContactWorlds.of_job(job, 3), 3, copies_of(table), NONE)
     sums = study(0)
     assert sums.wrong.sum() / sums.parts < 0.01
@@ -119,7 +122,9 @@ def test_a_study_of_rare_answers_pushes_too(job: job_file.Job, table: Table) -> 
         (cli, "--tree TABLE --serve tcp://127.0.0.1:0", 3, "a robot that asks does not"),
     ],
 )
-def test_what_knows_no_pushes_says_so(command, words, code, message, path, tmp_path):
+def test_command_without_pushes_refuses_pushing_table(
+    command, words, code, message, path, tmp_path
+):
     at = {"TABLE": path, "OUT": tmp_path / "out", "OUT.html": tmp_path / "out.html"}
     refused = called(command.main, *(at.get(word, word) for word in words.split()))
     assert refused.code == code
@@ -128,7 +133,7 @@ def test_what_knows_no_pushes_says_so(command, words, code, message, path, tmp_p
     assert not list(tmp_path.iterdir())
 
 
-def test_a_dry_run_and_a_report_tell_of_pushes(path: Path, table: Table, tmp_path: Path) -> None:
+def test_dry_run_and_plan_report_list_pushes(path: Path, table: Table, tmp_path: Path) -> None:
     dry = called(cli.main, "--tree", path, "--port", "sim", "--dry-run")
     assert dry.code == 0
     push = table.nodes[0].pushes[0]

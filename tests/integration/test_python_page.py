@@ -19,6 +19,7 @@ from planner.api import ContactWorld, Job, Limit
 from runtime.shell.errors import UsageError
 
 NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
+EACH_NOTEBOOK = pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 QUICK = {"search": {"particles": 200}}
 PAGE = (DOCS / "python.md").read_text()
 CALLS = {
@@ -51,7 +52,7 @@ CALLS = {
 }
 
 
-def test_the_examples_print_what_the_page_says(tmp_path, monkeypatch):
+def test_python_page_examples_print_shown_output(tmp_path, monkeypatch):
     for file in (JOB, TABLE):
         shutil.copy(file, tmp_path)
     monkeypatch.chdir(tmp_path)
@@ -62,7 +63,7 @@ def test_the_examples_print_what_the_page_says(tmp_path, monkeypatch):
     assert len(examples.examples) > 40
 
 
-def test_the_names_and_their_arguments_stay():
+def test_planner_api_names_and_arguments_are_stable():
     names = {name.partition(".")[0] for name in CALLS} | {"Plan"}
     assert sorted(planner.api.__all__) == sorted(names)
     for name, arguments in CALLS.items():
@@ -72,11 +73,11 @@ def test_the_names_and_their_arguments_stay():
         assert ", ".join(inspect.signature(result).parameters) == arguments, name
 
 
-def test_every_name_is_on_the_page():
+def test_python_page_contains_all_names_of_planner_api():
     assert [name for name in planner.api.__all__ if not re.search(rf"`{name}\b", PAGE)] == []
 
 
-def test_a_report_may_end_the_work_with_what_there_is_or_with_nothing():
+def test_planner_api_compile_report_may_cut_short_or_abort():
     job = Job.load(JOB, QUICK)
     limit = Limit()
 
@@ -95,16 +96,16 @@ def test_a_report_may_end_the_work_with_what_there_is_or_with_nothing():
         planner.api.compile(job, trials=100, report=enough)
 
 
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+@EACH_NOTEBOOK
 def test_notebooks_are_stored_without_output(notebook):
     for cell in json.loads(notebook.read_text())["cells"]:
         if cell["cell_type"] == "code":
             assert (cell["outputs"], cell["execution_count"]) == ([], None)
 
 
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebooks_run(notebook, monkeypatch, capsys):
-    """Their cells, in their folder; `tools/site` runs them as its reader would."""
+@EACH_NOTEBOOK
+def test_notebooks_run_without_error(notebook, monkeypatch, capsys):
+    """The test executes the cells in the notebook's folder; `tools/site` runs notebooks as a reader does."""
     matplotlib.use("Agg")
     monkeypatch.chdir(notebook.parent)
     monkeypatch.setattr(pyplot, "show", lambda: pyplot.close("all"))
@@ -114,8 +115,8 @@ def test_notebooks_run(notebook, monkeypatch, capsys):
             exec(compile("".join(cell["source"]), notebook.name, "exec"), names)
 
 
-def test_the_world_of_the_notebook_is_found_by_its_name_by_each_program(tmp_path):
-    """The notebook's command evaluates its world; that of the page runs parts in a cell."""
+def test_notebook_world_is_loaded_by_plan_evaluate_and_grasp_runtime(tmp_path):
+    """The notebook's command evaluates the world, and grasp-runtime runs a part in it."""
     cells = ["".join(cell["source"]) for cell in json.loads(NOTEBOOKS[-1].read_text())["cells"]]
     (tmp_path / "worn.py").write_text(documented_worlds()["notebook"])
     (tmp_path / "page.md").write_text(cells[-1])
@@ -132,7 +133,7 @@ def test_the_world_of_the_notebook_is_found_by_its_name_by_each_program(tmp_path
 
 
 def documented_worlds():
-    """The class of the page and that of the notebook; and one whose batch knows of no traits."""
+    """The world of the page, that of the notebook, and that of the page without the argument `traits`."""
     page = re.search(r"^>>> class Worn.*?(?=^>>> worn)", PAGE, re.DOTALL | re.MULTILINE)[0]
     of_page = "\n".join(line[4:] for line in page.splitlines())
     cells = ["".join(cell["source"]) for cell in json.loads(NOTEBOOKS[-1].read_text())["cells"]]

@@ -1,6 +1,6 @@
-"""SIGKILL before, in and after journal writes and device frames: the same leaf, or a declared end.
+"""Runs killed before, in or after journal writes and device frames reach the same leaf or a declared end.
 
-At a sample of the moments; `pytest --every-moment tests/integration/test_resume.py` takes each.
+The tests take a sample of the moments; `pytest --every-moment tests/integration/test_resume.py` takes each.
 """
 
 import itertools
@@ -41,7 +41,7 @@ def dragging_table() -> Table:
 
 @pytest.fixture(autouse=True)
 def _quick_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a killed process has written stays written; only a power cut asks for the sync."""
+    """Omits the syncs: they protect from a power cut, not from the kill of a process."""
     monkeypatch.setattr(os, "fsync", lambda file: None)
 
 
@@ -50,15 +50,15 @@ Some = Callable[[int, int], range]
 
 @pytest.fixture
 def some(request: pytest.FixtureRequest) -> Some:
-    """Some of so many moments: one in each step, or every one if that is asked for."""
+    """Selects some of a number of moments: one in each step, or all with `--every-moment`."""
     every = request.config.getoption("--every-moment")
     return lambda moments, step: range(0, moments, 1 if every else step)
 
 
 class Killed(NamedTuple):
-    """A run that was killed, and the kinds of its whole records."""
+    """A run that was killed, and the kinds of its complete records."""
 
-    last: int  # moment of its process
+    last: int  # the moment at which its process was killed
     world: World
     path: Path
     kinds: list[str]
@@ -69,7 +69,7 @@ Runs = Callable[[Table, int], Iterator[Killed]]
 
 @pytest.fixture
 def killed(some: Some, tmp_path: Path) -> Runs:
-    """Runs of a table that are killed at some moments, one in each step; motions have ended since."""
+    """Runs of a table, killed at one moment in each step; their motions have ended since."""
 
     def runs(table: Table, step: int) -> Iterator[Killed]:
         for last in some(moments_of(table, PLAIN, tmp_path / "whole.jsonl"), step):
@@ -91,7 +91,7 @@ def moments_of(table: Table, plan: RunOptions, path: Path) -> int:
 
 
 def survive(table: Table, plan: RunOptions, path: Path, deaths: tuple, after_crash: str) -> tuple:
-    """Processes that die at the given moments, one after the other, and one that lives; the part's end."""
+    """Runs processes killed at these moments and one that survives; returns the part's outcome and leaf."""
     world = World(table, PATH)
     for last in (*deaths, None):
         try:
@@ -100,7 +100,7 @@ def survive(table: Table, plan: RunOptions, path: Path, deaths: tuple, after_cra
         except KilledError:
             restart_takes_a_while(world)
             if "end" in whole_kinds(path):
-                break  # it was killed when all was done
+                break  # it was killed after its work was done
     assert world.wrongs == []
     assert_sound(path)
     ended = [entry for entry in records(path) if entry["kind"] == "outcome"]
@@ -113,7 +113,7 @@ BOTH = pytest.mark.parametrize("table", [small_table(), dragging_table()], ids=[
 
 @BOTH
 @pytest.mark.parametrize("plan", [PLAIN, CAREFUL], ids=["direct", "regulated, level tips"])
-def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(table, plan, tmp_path, some):
+def test_resume_run_killed_at_any_moment_reaches_same_leaf(table, plan, tmp_path, some):
     moments = moments_of(table, plan, tmp_path / "whole.jsonl")
     assert moments > 200
     for last in some(moments, 23):
@@ -122,7 +122,7 @@ def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(table, pla
 
 
 @BOTH
-def test_a_resumed_run_may_be_killed_again(table: Table, tmp_path: Path) -> None:
+def test_resume_run_killed_twice_reaches_same_leaf(table: Table, tmp_path: Path) -> None:
     moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
     for first, second in itertools.product(range(3, moments, 97), range(2, moments, 89)):
         path = tmp_path / f"{first}-{second}.jsonl"
@@ -130,14 +130,14 @@ def test_a_resumed_run_may_be_killed_again(table: Table, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("table", [small_table(), pushing_table()], ids=["plain", "pushing"])
-def test_a_part_that_is_started_over_reaches_the_same_leaf(table, tmp_path, some):
+def test_restart_part_killed_at_any_moment_reaches_same_leaf(table, tmp_path, some):
     for last in some(moments_of(table, PLAIN, tmp_path / "whole.jsonl"), 29):
         path = tmp_path / f"{last}.jsonl"
         assert survive(table, PLAIN, path, (last,), "restart") == ("leaf", 1), last
 
 
-def test_a_run_killed_while_it_pushed_is_not_resumed_and_no_push_is_repeated(killed):
-    """What it broke off at may be started over."""
+def test_resume_run_killed_while_pushing_is_refused_and_repeats_no_push(killed):
+    """After a kill at other moments the run reaches its leaf, with each push made once."""
     refused = 0
     for last, _, path, kinds in killed(pushing_table(), 23):
         path.unlink(missing_ok=True)
@@ -148,12 +148,12 @@ def test_a_run_killed_while_it_pushed_is_not_resumed_and_no_push_is_repeated(kil
                 survive(pushing_table(), PLAIN, path, (last,), "resume")
             continue
         assert survive(pushing_table(), PLAIN, path, (last,), "resume") == ("leaf", 1), last
-        if kinds[-1:] == ["placed"]:  # once the first node's pushes, once both of the second's
+        if kinds[-1:] == ["placed"]:  # the first node's push and both of the second's
             assert whole_kinds(path).count("pushing") == 3
     assert refused > 2
 
 
-def test_a_run_that_is_given_up_says_so_and_moves_nothing(killed):
+def test_abort_after_kill_ends_run_in_journal_and_moves_nothing(killed):
     for _, world, path, begun in killed(small_table(), 23):
         stood = (world.at_mm, world.model.read_output())
         if not begun or "end" in begun or "outcome" in begun:
@@ -176,8 +176,8 @@ def whole_kinds(path: Path) -> list[str]:
 
 @BOTH
 @pytest.mark.parametrize("height_mm", [10.0, 60.0])
-def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(table, height_mm, killed):
-    """Once a reading is believed, the part is gone on with only where the hand was left, held or let go."""
+def test_resume_hand_moved_since_kill_aborts_part(table, height_mm, killed):
+    """Once the hand has been placed, the part continues only if the hand is where the run left it."""
     for last, world, path, kinds in killed(table, 29):
         world._grip_mm = None
         world.at_mm = (40.0, 30.0, height_mm, 0.0)
@@ -192,8 +192,8 @@ def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(table, height_mm, kil
         assert tally.exit_code in ({24} if touched else {0, 10})
 
 
-def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one(killed):
-    """The fingers closed on as the part went: count and journal differ."""
+def test_resume_part_removed_from_fingers_aborts_part(killed):
+    """The fingers closed further when the part was removed, so that the count differs from the journal."""
     refused = 0
     for _, world, path, kinds in killed(small_table(), 7):
         if kinds[-1:] != ["squeeze"] or world.model.read_output()[3] != 255:
@@ -206,7 +206,7 @@ def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one
     assert refused
 
 
-def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(killed):
+def test_resume_gripper_reset_since_kill_ends_with_code_and_no_motion(killed):
     codes = set()
     for _, world, path, _ in killed(small_table(), 17):
         world.model.write_output(0, bytes(6), world.time.now())

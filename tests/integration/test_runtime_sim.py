@@ -30,7 +30,7 @@ def finish(process: subprocess.Popen[str]) -> Ended:
 
 
 def squeezing(tree: Path, scale: str) -> subprocess.Popen[str]:
-    """A run that has squeezed a part, at so many times life's speed."""
+    """Starts a run at a time scale and waits until it has squeezed a part."""
     process = start(tree, "--count", "1000", "--time-scale", scale)
     assert process.stdout is not None
     while "squeeze 1" not in process.stdout.readline():
@@ -55,7 +55,7 @@ def wait_until_no_cell(tree: Path) -> None:
     until(lambda: not cells(tree), "cell processes are left behind")
 
 
-def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: Path) -> None:
+def test_grasp_runtime_decisions_follow_table_and_are_journalled(tree: Path) -> None:
     """In virtual time the same seed gives the same parts."""
     more = ("--count", "6", "--seed", "3", "--time-scale")
     code, out, err = finish(start(tree, *more, "60", "--json"))
@@ -94,7 +94,7 @@ def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: P
     assert str(journal) in last
 
 
-def test_a_killed_runtime_leaves_no_cell_and_a_journal_that_says_so(tree: Path) -> None:
+def test_grasp_runtime_killed_leaves_no_cell_and_open_journal(tree: Path) -> None:
     process = squeezing(tree, "30")
     assert len(cells(tree)) == 1
     process.kill()
@@ -103,7 +103,7 @@ def test_a_killed_runtime_leaves_no_cell_and_a_journal_that_says_so(tree: Path) 
     assert not verify(tree.with_name("journal.jsonl")).closed
 
 
-def test_a_cell_that_dies_is_a_fault_with_its_code(tree: Path) -> None:
+def test_grasp_runtime_killed_cell_is_fault_with_its_code(tree: Path) -> None:
     process = squeezing(tree, "20")
     (cell,) = cells(tree)
     os.kill(cell, signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""`grasp-runtime --serve`: a robot that asks is answered as a driven run is, and as the page says."""
+"""`grasp-runtime --serve` answers an asking robot as a driven run decides, and as the page says."""
 
 import re
 import shutil
@@ -26,7 +26,7 @@ POSE = ("x_mm", "y_mm", "theta_rad")
 
 
 def asked(locate: Callable[..., object], robot: SimulatedRobot, parts: int) -> list[object]:
-    """What a client is told of so many parts."""
+    """The answers that a client gets for a number of parts."""
     lines = []
     for _ in range(parts):
         robot.cell.scene.next_part()
@@ -35,7 +35,7 @@ def asked(locate: Callable[..., object], robot: SimulatedRobot, parts: int) -> l
 
 
 def asked_in_python(served: Served, robot: SimulatedRobot, parts: int) -> list[object]:
-    """By the documented client in Python; of a leaf its number, too, comes first."""
+    """The answers of the documented client in Python; for a leaf, its number comes first."""
     module = client()
     connection = module.Connection("127.0.0.1", served.port)
     with connection.lines:
@@ -43,7 +43,7 @@ def asked_in_python(served: Served, robot: SimulatedRobot, parts: int) -> list[o
 
 
 def asked_in_structured_text(served: Served, robot: SimulatedRobot, parts: int) -> list[object]:
-    """By the documented client in structured text."""
+    """The answers of the documented client in structured text."""
     with Line(served) as line:
         return asked(Controller(line).locate, robot, parts)
 
@@ -56,7 +56,7 @@ def asked_in_structured_text(served: Served, robot: SimulatedRobot, parts: int) 
     ],
     ids=["in Python", "in structured text with drags"],
 )
-def test_a_robot_that_asks_gets_the_answers_of_a_driven_run(ask, table, outcomes, tmp_path):
+def test_serve_asking_robot_gets_answers_of_driven_run(ask, table, outcomes, tmp_path):
     tree = tmp_path / "t.msgpack"
     dump(table, tree)
     with Journal(tmp_path / "driven.jsonl", lambda: "") as journal:
@@ -128,18 +128,18 @@ def hung_up(line: Line, random: Random) -> None:
 MISBEHAVIOURS = (half_line, wrong_order, two_at_once, silence, noise, endless, impossible, hung_up)
 
 
-def test_misbehaving_robots_get_no_wrong_answer_and_a_stop_request_ends_the_part(tree):
+def test_serve_misbehaving_robots_get_errors_and_stop_ends_part(tree):
     random = Random(1)
     with Served(tree) as served:
         for number in range(2 * len(MISBEHAVIOURS)):
             with good(served) as line:
                 if number % 5 == 0:
-                    with Line(served) as second:  # told, and closed, whatever it says
+                    with Line(served) as second:  # gets an error, and is closed
                         second.send(b"NEXT\n")
                         assert second.read() == "ERROR 30 " + ERRORS[30]
                         assert second.read() == ""
                 MISBEHAVIOURS[number % len(MISBEHAVIOURS)](line, random)
-            # Whoever comes next is not held up by what was left, and begins a part of its own.
+            # The next connection is not blocked by the last one and begins a new part.
             with good(served) as line:
                 assert line.ask("NEXT").startswith("SQUEEZE 0 ")
                 assert line.ask("WIDTH 30.0").startswith("SQUEEZE 1 1.000 -2.000 89.99998 ")
@@ -157,7 +157,7 @@ def test_misbehaving_robots_get_no_wrong_answer_and_a_stop_request_ends_the_part
 
 
 def good(served: Served) -> Line:
-    """A connection, once the one before is noticed to be gone."""
+    """A connection, once the server has noticed the end of the previous one."""
     until = time.monotonic() + WAIT_S
     while time.monotonic() < until:
         line = Line(served)
@@ -169,7 +169,7 @@ def good(served: Served) -> Line:
     raise TimeoutError
 
 
-def test_what_is_held_is_dragged_and_let_go_before_the_answer(tmp_path: Path) -> None:
+def test_serve_held_part_is_dragged_before_answer(tmp_path: Path) -> None:
     table = every_field_table()
     dump(table, tmp_path / "t.msgpack")
     with Served(tmp_path / "t.msgpack", "--count", "1", "--on-unresolved", "restart") as served:
@@ -189,7 +189,7 @@ def test_what_is_held_is_dragged_and_let_go_before_the_answer(tmp_path: Path) ->
     assert_sound(tmp_path / "journal.jsonl")
 
 
-def test_a_part_of_a_server_that_was_killed_is_given_up_first(tree: Path) -> None:
+def test_serve_after_kill_is_refused_once_and_then_starts_new_part(tree: Path) -> None:
     with Served(tree) as served, Line(served) as line:
         assert line.ask("NEXT").startswith("SQUEEZE 0 ")
         served.process.kill()
@@ -216,7 +216,7 @@ BLOCKS = {
 }
 
 
-def test_the_session_is_what_the_server_says(tmp_path: Path) -> None:
+def test_serve_page_session_equals_answers_of_server(tmp_path: Path) -> None:
     shutil.copy(TABLE, tmp_path / "t.msgpack")
     (session,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
     pairs = re.findall(r"^> (.*)\n< (.*)$", session, re.MULTILINE)
@@ -227,7 +227,7 @@ def test_the_session_is_what_the_server_says(tmp_path: Path) -> None:
     assert {request.split()[0] for request, _ in pairs} <= REQUESTS
 
 
-def test_the_errors_and_words_are_those_of_the_protocol() -> None:
+def test_serve_page_errors_and_words_equal_protocol() -> None:
     record = dict(re.findall(r"^\| (\d+) \| (.*) \|$", PAGE, re.MULTILINE))
     assert record == {str(number): sentence for number, sentence in ERRORS.items()}
     first = re.findall(r"^\| `([A-Z]+)", PAGE, re.MULTILINE)
@@ -237,7 +237,7 @@ def test_the_errors_and_words_are_those_of_the_protocol() -> None:
 
 
 @pytest.mark.parametrize("name", ["robot.py", "robot.mod", "robot.script", "robot.st"])
-def test_a_program_speaks_the_protocol_s_words(name: str) -> None:
+def test_client_program_uses_only_words_of_protocol(name: str) -> None:
     text = (CLIENTS / name).read_text()
     quoted = " ".join(re.findall(r"'([^'\n]*)'" if name.endswith("st") else r'"([^"\n]*)"', text))
     words = set(re.findall(r"\b[A-Z]{4,}\b", quoted))
@@ -246,7 +246,7 @@ def test_a_program_speaks_the_protocol_s_words(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BLOCKS)
-def test_the_blocks_of_a_program_are_closed(name: str) -> None:
+def test_client_program_blocks_are_closed(name: str) -> None:
     pairs, closed = BLOCKS[name], []
     for line in (CLIENTS / name).read_text().splitlines():
         words = re.findall(r"[A-Za-z_]+", re.split(r"[!#]", line)[0])

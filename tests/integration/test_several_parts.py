@@ -1,4 +1,4 @@
-"""From a job with several parts to a run: two squares are sorted by their size, wherever they lie."""
+"""A job with several parts, from its plan to a run: two squares are sorted by their size."""
 
 import json
 import re
@@ -58,7 +58,7 @@ particles = 400
 
 
 def squares(small: float, large: float) -> str:
-    """The two parts."""
+    """The entries of two squares with these sides [mm]."""
     one = SQUARE.format(name="small", share=0.3, side=small)
     return one + SQUARE.format(name="large", share=0.7, side=large)
 
@@ -73,28 +73,28 @@ def plan(job):
     return compile_job(job, workers=2, trials=1000)
 
 
-def test_two_squares_are_sorted_by_one_squeeze(plan):
+def test_compile_job_two_squares_are_sorted_by_one_squeeze(plan):
     assert plan.evaluation.squeezes.max() == 1
     assert plan.evaluation.success.mean() > 0.99
     assert loads(dumps(plan.table)) == plan.table
 
 
-def test_figures_count_who_was_named_what(job, plan):
+def test_identities_count_parts_by_true_and_stated_name(job, plan):
     result = evaluate(plan.table, job, ContactWorlds.of_job(job, 5), 2000, 5)
     named = identities(plan.table, result)
     assert named.named.sum() == 2000
     assert named.named[0].sum() / 2000 == pytest.approx(0.3, abs=0.04)
     assert named.right > 0.99
-    assert np.trace(named.named) == result.success.sum()  # nothing else is asked for
+    assert np.trace(named.named) == result.success.sum()  # the goal is the name alone
 
 
-def test_a_part_taken_for_the_other_is_a_wrong_answer(plan):
+def test_evaluate_exchanged_names_are_wrong_answers(plan):
     real = job_file.parse(COMMON + squares(34, 20))
     result = evaluate(plan.table, real, ContactWorlds.of_job(real, 5), 500, 5)
     assert result.wrong.mean() > 0.99
 
 
-def test_foreign_parts_are_counted_by_what_becomes_of_them(plan):
+def test_tried_foreign_parts_are_counted_by_outcome(plan):
     entries = "".join(rectangle("stranger", side, side, side) for side in (20.2, 50, 57))
     job = job_file.parse(COMMON + squares(20, 34) + entries)
 
@@ -108,7 +108,7 @@ def test_foreign_parts_are_counted_by_what_becomes_of_them(plan):
     assert (answer.part, answer.share) == ("small", alike.answered)
     assert 20.0 < answer.widths_mm[0] < 20.2 * 2**0.5 + 0.4  # from side to diagonal
     assert answer.apart_mm == pytest.approx(abs(answer.widths_mm[0] - answer.ours_mm[0]), abs=0.006)
-    # No more than the parts differ, and a reading's rounding.
+    # At most the difference of the parts and the rounding of a reading.
     assert answer.apart_mm < 0.2 * 2**0.5 + COUNT_MM
     assert alike.lines()[1:] == [answer.line()]
     assert "as small" in answer.line()
@@ -122,8 +122,8 @@ def test_foreign_parts_are_counted_by_what_becomes_of_them(plan):
     assert [(len(other.lines()), other.answers) for other in others] == [(1, ()), (1, ())]
 
 
-def test_foreign_parts_may_be_generated(plan, tmp_path):
-    """Squares of 20 and 34 mm: of each a smaller and a larger one, a disc, and a rectangle."""
+def test_plan_evaluate_foreign_parts_are_generated_for_each_part(plan, tmp_path):
+    """For each of the two squares: a smaller one, a larger one, a disc and a rectangle."""
     tree = tmp_path / "squares.msgpack"
     dump(plan.table, tree)
     words = (tree, "--foreign-parts", "--trials", "200", "--json")
@@ -142,8 +142,8 @@ def rectangle(key, name, length, width):
     return f'[[{key}]]\nname = "{name}"\n[{key}.part]\noutline_mm = [{corners}]\n'
 
 
-def test_a_foreign_part_that_differs_where_no_squeeze_measures_is_explained_by_that():
-    """Plates squeezed across alone: a shorter one reads like ours."""
+def test_tried_foreign_part_alike_at_all_squeezes_states_difference():
+    """Plates are squeezed only across, where a shorter plate reads like the job's plate."""
     common = COMMON.replace('orientation = "unknown"', "orientation_halfwidth_deg = 10")
     common = common.replace("[0, 45, 90, 135]", "[0]\nproposals = 'none'")
     ours = rectangle("hypothesis", "plate", 40, 20) + rectangle("hypothesis", "broad plate", 40, 30)
@@ -163,7 +163,7 @@ def test_a_foreign_part_that_differs_where_no_squeeze_measures_is_explained_by_t
 
 
 def simulated(table, folder, *more):
-    """Parts of a run in virtual time, as `--json` prints them, and its journal."""
+    """Runs parts in virtual time; returns the exit code, the parts that `--json` prints, and the journal."""
     tree, journal = folder / "t.msgpack", folder / "journal"
     dump(table, tree)
     words = ("--tree", tree, *VIRTUAL, "--seed", "5", "--json", "--journal", journal)
@@ -178,7 +178,7 @@ def ran(plan, tmp_path_factory):
     return result, journal
 
 
-def test_a_run_names_the_part_and_its_truth(ran):
+def test_grasp_runtime_several_parts_states_name_and_true_name(ran):
     result, journal = ran
     assert {part["hypothesis"] for part in result} == {"small", "large"}
     assert all(part["hypothesis"] == part["true_hypothesis"] for part in result)
@@ -199,7 +199,9 @@ def test_a_run_names_the_part_and_its_truth(ran):
         (evaluate_command, "TREE --foreign-parts --sweep", "leave out --ppm and --sweep"),
     ],
 )
-def test_what_is_for_one_part_is_refused_in_one_line(program, words, message, plan, tmp_path):
+def test_command_option_for_one_part_is_refused_for_several(
+    program, words, message, plan, tmp_path
+):
     dump(plan.table, tmp_path / "TREE")
     places = {"TREE": tmp_path / "TREE", "page.html": tmp_path / "page.html"}
     refused = called(program.main, *(places.get(word, word) for word in words.split()))
@@ -225,7 +227,7 @@ def posed():
     return compile_job(job_file.parse(goal + entries), workers=2, trials=500)
 
 
-def test_an_auditor_is_asked_which_part_it_is_said_to_be(posed, tmp_path):
+def test_grasp_runtime_asks_auditor_with_name_of_part(posed, tmp_path):
     (tmp_path / "judge.py").write_text(JUDGE)
     audit = f"{sys.executable} {tmp_path / 'judge.py'} small"
     _, result, journal = simulated(posed.table, tmp_path, "--count", "6", "--audit", audit)
@@ -236,7 +238,7 @@ def test_an_auditor_is_asked_which_part_it_is_said_to_be(posed, tmp_path):
     assert [r["hypothesis"] for r in recorded if r["kind"] == "audit"] == ["seen"] * len(result)
 
 
-def test_the_camera_judges_each_part_by_its_own_goal_and_tag(posed, tmp_path):
+def test_from_table_several_parts_have_their_outlines_and_goals(posed, tmp_path):
     dump(posed.table, tmp_path / "t.msgpack")
     tags = [PartTag("small", 7, 22.0), PartTag(EVIL, 8, 22.0)]
     small, large = from_table(tmp_path / "t.msgpack", tags)
@@ -248,7 +250,7 @@ def test_the_camera_judges_each_part_by_its_own_goal_and_tag(posed, tmp_path):
 
 
 def report_of(table, folder, *more):
-    """The page of a table, as a browser would find it, and its data."""
+    """The report of a table: its text, its elements and its data."""
     tree, output = folder / "t.msgpack", folder / "page.html"
     dump(table, tree)
     assert report.main([str(tree), "-o", str(output), "--trials", "400", *more]) == 0
@@ -263,13 +265,13 @@ def report_of(table, folder, *more):
 
 
 def named_in(text):
-    """The rows of the table of names, the last column of parts without a name."""
+    """The rows of the page's table of names; the last column counts parts without a name."""
     body = text.split('<table id="names">')[1].split("<tbody>")[1].split("</tbody>")[0]
     rows_of = re.findall(r"<tr>(.*?)</tr>", body)
     return [[int(count) for count in re.findall(r"<td>(?:<strong>)?(\d+)", row)] for row in rows_of]
 
 
-def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
+def test_plan_report_several_parts_draws_and_counts_each(posed, tmp_path):
     text, page, data = report_of(posed.table, tmp_path)
     assert not [tag for tag, _ in page.elements if tag == "i"]
     assert "finds and names a part (small or large &lt;i&gt;&amp;)" in text
@@ -302,7 +304,7 @@ def polygons(page):
     ]
 
 
-def test_report_of_several_parts_shows_their_names_and_those_of_a_journal(plan, ran, tmp_path):
+def test_plan_report_identity_goal_shows_names_of_parts_and_journal(plan, ran, tmp_path):
     parts, journal = ran
     lines = [part["hypothesis"] for part in parts]
     text, _, data = report_of(plan.table, tmp_path, "--journal", str(journal))

@@ -1,4 +1,4 @@
-"""A real process that is killed, or its journal moved, against a cell that outlives it; and the next one."""
+"""Real processes are killed, or their journal is truncated, while the cell runs on; then others follow."""
 
 import os
 import shutil
@@ -20,7 +20,7 @@ def start(tree: Path, cell: RunningCell, *arguments: str) -> "subprocess.Popen[s
 
 
 def killed(tree: Path, cell: RunningCell, kind: str, number: int, *arguments: str) -> None:
-    """A run that is killed once its journal holds so many records of a kind."""
+    """Starts a run and kills it once its journal holds a number of records of a kind."""
     process = start(tree, cell, *arguments)
     wait_for(tree.with_name("journal.jsonl"), kind, number)
     process.kill()
@@ -28,7 +28,7 @@ def killed(tree: Path, cell: RunningCell, kind: str, number: int, *arguments: st
 
 
 def run(tree: Path, cell: RunningCell, *arguments: str) -> Ended:
-    """A run that nobody kills, in this process."""
+    """A run to its end, in this process."""
     journal = tree.with_name("journal.jsonl")
     return called(main, *runtime_command(tree, cell, journal, *arguments)[3:])
 
@@ -43,7 +43,7 @@ def wait_for(journal: Path, kind: str, number: int) -> None:
     until(lambda: journal.exists() and journal.read_bytes().count(text) >= number, kind)
 
 
-def test_a_killed_process_is_taken_over_by_the_next_one(tree: Path) -> None:
+def test_grasp_runtime_killed_three_times_resumes_to_same_path(tree: Path) -> None:
     journal = tree.with_name("journal.jsonl")
     with RunningCell(tree, time_scale=20) as cell:
         _, out, err = run(tree, cell)
@@ -59,7 +59,7 @@ def test_a_killed_process_is_taken_over_by_the_next_one(tree: Path) -> None:
     assert_sound(journal)
 
 
-def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path) -> None:
+def test_grasp_runtime_restart_ends_interrupted_part_beyond_count(tree: Path) -> None:
     journal = tree.with_name("journal.jsonl")
     with RunningCell(tree, time_scale=40) as cell:
         killed(tree, cell, "part", 3, "--count", "5")
@@ -71,8 +71,8 @@ def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path) ->
     assert code in (0, 10)
 
 
-def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refused(tree):
-    """Copied and truncated, as `logrotate` does it; the tests of the journal displace it otherwise."""
+def test_grasp_runtime_truncated_journal_stops_run_and_refuses_next(tree):
+    """The journal is copied and truncated, as `logrotate` does; unit tests displace it in other ways."""
     journal, old = (tree.with_name(name) for name in ("journal.jsonl", "journal.jsonl.old"))
     with RunningCell(tree, time_scale=40) as cell:
         process = start(tree, cell, "--count", "1000")
@@ -98,7 +98,7 @@ def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refus
     assert any("retreat height" in sentence for sentence in outcome["safe_state"])
 
 
-def test_two_processes_do_not_share_a_gripper(tree: Path) -> None:
+def test_grasp_runtime_second_process_on_gripper_is_refused(tree: Path) -> None:
     with RunningCell(tree, time_scale=20) as cell:
         one = start(tree, cell, "--count", "1000")
         wait_for(tree.with_name("journal.jsonl"), "part", 1)

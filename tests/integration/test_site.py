@@ -1,4 +1,4 @@
-"""The site is built with warnings as errors, every link in it leads somewhere, and it loads nothing."""
+"""The site is built with warnings as errors, its links resolve, and it loads nothing external."""
 
 import json
 import os
@@ -32,16 +32,16 @@ def site(tmp_path_factory):
 
 
 def words_of(text):
-    """Letters and digits alone, without what Markdown and HTML make of the rest."""
+    """The letters and digits of a text, which Markdown and HTML leave unchanged."""
     return re.sub(r"\W", "", text)
 
 
 def text_of(page):
-    """What a reader sees of a page."""
+    """The visible text of a page."""
     return unescape(re.sub(r"<[^>]+>", "", page.read_text()))
 
 
-def test_the_start_page_is_the_readme(site):
+def test_site_start_page_is_readme(site):
     start = site / re.search(r"url=(\S+)\"", (site / "index.html").read_text())[1]
     assert "A parallel-jaw gripper locates a planar part" in text_of(start)
 
@@ -54,7 +54,7 @@ SOURCES = [
 ]
 
 
-def test_every_document_is_a_page(site):
+def test_site_has_page_with_title_of_each_document(site):
     for source in SOURCES:
         page = (site / source).with_suffix(".html").read_text()
         title = re.search(r"^# (.+)$", (ROOT / source).read_text(), re.MULTILINE)[1]
@@ -63,13 +63,13 @@ def test_every_document_is_a_page(site):
         assert words_of(title.replace("`", "")) == words_of(shown), source
 
 
-def test_every_link_leads_somewhere_and_nothing_is_loaded_from_elsewhere(site):
+def test_site_links_resolve_and_pages_load_nothing_external(site):
     result = links.check(site)
     assert result.faults == []
     assert all(address.startswith("https://") for address in result.outside)
 
 
-def test_formulas_are_drawn(site):
+def test_site_formulas_are_drawn(site):
     page = (site / "tools/docs/how-it-works.html").read_text()
     drawn = re.findall(r'<svg role="img" aria-label="([^"]*)"', page)
     text = (DOCS / "how-it-works.md").read_text()
@@ -81,7 +81,7 @@ def test_formulas_are_drawn(site):
     assert "\\mathbf" not in text_of(site / "tools/docs/how-it-works.html")
 
 
-def test_what_scrolls_is_reached_by_key_and_what_is_there_has_a_name(site):
+def test_site_scrolling_elements_are_focusable_and_images_labelled(site):
     for page in site.rglob("*.html"):
         text = page.read_text()
         for tag in re.findall(r"<pre[^>]*>|<div[^>]*table-wrapper[^>]*>|<p[^>]*>(?=<img)", text):
@@ -92,7 +92,7 @@ def test_what_scrolls_is_reached_by_key_and_what_is_there_has_a_name(site):
         assert all("aria-label" in tag for tag in boxes)
 
 
-def test_every_command_is_in_the_reference(site):
+def test_site_reference_has_usage_of_all_commands(site):
     usage = "".join(path.read_text() for path in site.glob("tools/docs/commands-*.html"))
     for name in COMMANDS:
         assert re.search(rf"<h[12]>{name}<", usage), name
@@ -100,7 +100,7 @@ def test_every_command_is_in_the_reference(site):
         assert f"usage: {name}" in usage or shown, name
 
 
-def test_the_performance_page_holds_what_is_kept():
+def test_readme_and_performance_page_equal_stored_results():
     for page in (kept.README.read_text(), kept.PAGE.read_text()):
         assert kept.filled(page) == page, "run python tools/docs/site/kept.py"
     for row in json.loads((RESULTS / "table1.json").read_text())["rows"]:
@@ -108,7 +108,7 @@ def test_the_performance_page_holds_what_is_kept():
             assert f"| {100 * row['success_rate']:.2f} % | {row['mean_squeezes']:.2f} |" in page
 
 
-def test_the_results_are_filled_in_when_the_site_is_built(site):
+def test_site_results_page_contains_all_tables(site):
     written = kept.LISTING.read_text()
     names = [result[1] for result in kept.PLACE.finditer(written)]
     assert len(names) == len(set(names)) > 30
@@ -118,7 +118,7 @@ def test_the_results_are_filled_in_when_the_site_is_built(site):
             assert words_of(line) in page, f"{name}: {line}"
 
 
-def test_every_file_of_figures_is_on_the_page_with_its_command():
+def test_results_page_lists_all_result_files_benches_and_commands():
     page = kept.LISTING.read_text()
     shown = {result[1].partition("-")[0] for result in kept.PLACE.finditer(page)}
     assert {path.stem for path in RESULTS.iterdir()} <= shown
@@ -130,7 +130,7 @@ def test_every_file_of_figures_is_on_the_page_with_its_command():
         assert "```console" in section, section.splitlines()[0]
 
 
-def test_tables_are_filled_in_where_the_page_says(monkeypatch, tmp_path):
+def test_filled_replaces_tables_between_marks(monkeypatch, tmp_path):
     monkeypatch.setattr(kept, "RESULTS", tmp_path)
     page = "a\n\n<!-- table push_actions -->\nold\n<!-- end -->\n\nb\n"
     assert kept.filled(page) == page.replace("old", "\nNot measured in this version.\n")
@@ -147,7 +147,7 @@ def test_tables_are_filled_in_where_the_page_says(monkeypatch, tmp_path):
         kept.table_of("nothing")
 
 
-def test_figures_over_seeds_are_reported_as_mean_least_and_most(monkeypatch, tmp_path):
+def test_table_of_several_seeds_states_mean_least_and_most(monkeypatch, tmp_path):
     monkeypatch.setattr(kept, "RESULTS", tmp_path)
     plan = {"planner": "now", "part": "rectangle-25", "wrong": 0.001, "cpu_s": 30.0}
     plans = [plan | {"success": 0.99 + 0.001 * k, "squeezes": 2.8 + 0.1 * k} for k in range(4)]

@@ -1,4 +1,4 @@
-"""Slices of `tools/soak` and `tools/hostile displaced`, and proof that they find what they look for."""
+"""Short runs of `tools/soak` and `tools/hostile displaced`, and checks that both detect faulty code."""
 
 import json
 import sys
@@ -23,7 +23,7 @@ def script(*arguments):
     return code, json.loads(out.splitlines()[-1]), out
 
 
-def test_a_slice_under_random_faults_finds_nothing():
+def test_soak_under_random_faults_has_no_findings():
     code, result, out = script("--transactions", "8000")
     assert (code, result["findings"]) == (0, 0), out
     assert result["transactions"] >= 8_000
@@ -31,8 +31,8 @@ def test_a_slice_under_random_faults_finds_nothing():
     assert set(result["outcomes"]) <= {"leaf", "unresolved", "reject", "fault", "not connected"}
 
 
-def test_the_same_seed_gives_the_same_run_on_any_number_of_workers():
-    """Without faults no part ends in one."""
+def test_soak_same_seed_and_other_workers_is_identical():
+    """Without injected faults no part ends in a fault."""
     words = ("--runs", "3", "--parts-per-run", "10", "--no-faults", "--seed")
     code, alone, out = script(*words, "40")
     assert (code, alone["crashes"], alone["runs"]) == (0, 0, 3), out
@@ -47,7 +47,7 @@ def runs(count=12):
     return " / ".join(findings)
 
 
-def test_a_driver_that_moves_without_looking_is_found(monkeypatch):
+def test_soak_driver_that_moves_without_look_is_reported(monkeypatch):
     look = Gripper.state
     seen = {}
 
@@ -60,7 +60,7 @@ def test_a_driver_that_moves_without_looking_is_found(monkeypatch):
     assert "without a look" in runs()
 
 
-def test_a_leaf_that_the_records_do_not_lead_to_is_found(monkeypatch):
+def test_soak_leaf_that_contradicts_records_is_reported(monkeypatch):
     sound = PartResult.of
 
     def careless(part, outcome, *more, **fields):
@@ -71,7 +71,7 @@ def test_a_leaf_that_the_records_do_not_lead_to_is_found(monkeypatch):
     assert "the path leads to" in runs(20)
 
 
-def test_random_schedules_depend_on_seed_and_part_alone_and_reach_every_class():
+def test_seeded_faults_depend_on_seed_and_part_and_reach_all_kinds():
     met = Counter()
     for part in range(400):
         assert Seeded(3).of_part(part) == Seeded(3).of_part(part)
@@ -80,7 +80,7 @@ def test_random_schedules_depend_on_seed_and_part_alone_and_reach_every_class():
     assert [Seeded(3).of_part(k) for k in range(50)] != [Seeded(4).of_part(k) for k in range(50)]
 
 
-def test_a_virtual_cell_says_the_same_bytes_again():
+def test_virtual_cell_same_seed_exchanges_same_bytes():
     def transcript():
         cell = VirtualCell(small_setting(), 1, Seeded(1))
         said = []
@@ -109,14 +109,14 @@ def displaced(reports: list[str]) -> dict[str, int]:
     return dict(campaign(setting, setting.subject, PARTS, 1, reports.append))
 
 
-def test_displaced_arm_above_tolerance_is_a_fault_and_below_it_none() -> None:
+def test_hostile_displaced_arm_is_fault_only_above_tolerance() -> None:
     reports: list[str] = []
     ends = displaced(reports)
     assert reports == []
     assert ends == {"above the tolerance: a fault": 27, "below the tolerance: no fault": 3}
 
 
-def test_displaced_arm_without_the_check_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hostile_displaced_arm_without_check_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     where = Hand.where
 
     def believing(hand: Hand) -> tuple[float, float, float, float]:

@@ -1,4 +1,4 @@
-"""One way in: `squeezetree COMMAND` is the program of its name, and `squeezetree try` answers unattended."""
+"""`squeezetree COMMAND` starts the program of that name, and `squeezetree try` answers unattended."""
 
 import json
 import sys
@@ -33,7 +33,7 @@ Calls = list[list[str]]
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
-    """The arguments that programs are called with, in place of the programs."""
+    """Replaces the installed programs; collects the arguments of their calls."""
     result: Calls = []
 
     entry = SimpleNamespace(load=lambda: lambda: result.append(sys.argv) or 7)
@@ -45,19 +45,19 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     return result
 
 
-def test_a_subcommand_is_an_installed_program() -> None:
+def test_squeezetree_programs_equal_installed_commands() -> None:
     assert {"squeezetree", *(program.name for program in PROGRAMS.values())} == set(COMMANDS)
     assert parsers().keys() == COMMANDS.keys()
 
 
-def test_the_order_is_that_of_a_users_day() -> None:
+def test_squeezetree_help_lists_programs_in_order_of_use() -> None:
     assert " ".join(PROGRAMS).startswith(ORDER)
     result = called(squeezetree.main, "--help").out
     places = [result.index(f"\n  {word} ") for word in PROGRAMS]
     assert places == sorted(places)
 
 
-def test_a_program_gets_its_arguments_and_its_exit_code_is_ours(calls: Calls) -> None:
+def test_squeezetree_passes_arguments_and_returns_exit_code(calls: Calls) -> None:
     assert squeezetree.main(["journal", "show", "--json", "J"]) == 7
     assert squeezetree.main(["serve", "tcp://127.0.0.1:0", "--tree", "T"]) == 7
     assert squeezetree.main(["serve", "--help"]) == 7
@@ -68,13 +68,13 @@ def test_a_program_gets_its_arguments_and_its_exit_code_is_ours(calls: Calls) ->
     ]
 
 
-def test_the_version_is_the_distributions() -> None:
+def test_squeezetree_version_equals_distribution() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert project["version"] == VERSION
     assert called(squeezetree.main, "--version").out == f"squeezetree {VERSION}\n"
 
 
-def test_a_command_that_cannot_run_is_one_line_and_one_of_the_cell_needs_no_numpy() -> None:
+def test_squeezetree_without_numpy_refuses_in_one_line_with_code() -> None:
     for words, code, said in (
         (("journal", "show", "none.jsonl"), 24, "none.jsonl"),
         (("try", "part.dxf"), 2, "squeezetree[planner]"),
@@ -97,7 +97,7 @@ QUICK = ["--radius", "2", "--turn", "8", "--budget", "2s"]
 
 
 @pytest.mark.slow
-def test_a_first_look_answers_and_writes_what_to_go_on_with(plate, monkeypatch):
+def test_try_answers_and_writes_files_even_if_extras_fail(plate, monkeypatch):
     code, out, _ = called(first_look.main, plate, *QUICK, "--json")
     assert code == 0
     record = json.loads(out)
@@ -114,8 +114,7 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(plate, monkeypatch):
     rates = [record[f"{how}_rate"] for how in ("success", "wrong", "unresolved", "reject")]
     assert sum(rates) + record["crashes"] / record["trials"] == pytest.approx(1.0)
     assert record["notes"] == []
-    # Another job of the same name is not overwritten, the same one is.
-    # No picture, advice or sweep costs the answer.
+    # Neither a picture nor advice nor a sweep that fails prevents the answer; another job is not overwritten.
 
     def fail(*_: object, **__: object) -> None:
         raise ValueError("no path of 1, 2, 3 squeezes")
@@ -134,7 +133,7 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(plate, monkeypatch):
     assert Path("plate.toml").read_text() != Path("plate-2.toml").read_text()
 
 
-def test_a_part_that_no_gripper_takes_is_an_answer_too(plate: Path) -> None:
+def test_try_part_too_large_for_grippers_answers_no(plate: Path) -> None:
     plate.write_text("0,0\n300,0\n300,200\n0,200\n")
     code, out, _ = called(first_look.main, plate, "--units", "mm")
     assert code == 0
@@ -154,7 +153,7 @@ LARGER = "with a robotiq-2f-140"
         (140, 110, [LARGER, "within 1 mm of the expected place"]),
     ],
 )
-def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
+def test_setting_of_large_part_restricts_gripper_and_radius_in_answer(
     length: int, width: int, restrictions: list[str], tmp_path: Path
 ) -> None:
     path = tmp_path / "plate.csv"
@@ -173,7 +172,7 @@ def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
     assert answer._replace(short="unknown").short_text().startswith("Not known yet")
 
 
-def test_try_of_a_sheet_too_thin_for_finger_tips_is_answered(plate, monkeypatch) -> None:
+def test_try_sheet_too_thin_for_finger_tips_answers_no(plate, monkeypatch) -> None:
     read = first_plan.read_outline
     thin = lambda *words: read(*words)._replace(height_mm=0.5)  # noqa: E731
     monkeypatch.setattr(first_plan, "read_outline", thin)

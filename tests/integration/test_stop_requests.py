@@ -1,4 +1,4 @@
-"""Stop means stop: each way to end a command that moves something, and what its gripper ends in."""
+"""Each way to stop a command that moves something, and the state in which its gripper ends."""
 
 import contextlib
 import fcntl
@@ -41,13 +41,13 @@ def faulty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_stop(name: str, sound: Bench, faulty: Bench) -> None:
+def test_stop_request_ends_command_safely(name: str, sound: Bench, faulty: Bench) -> None:
     bench = faulty if CASES[name].kind == "fault" else sound
     assert bench.run(CASES[name])[1] == []
 
 
-def test_a_terminal_that_is_gone(sound: Bench, tmp_path: Path) -> None:
-    """An SSH session drops: SIGHUP, and what is read and written fails from then on."""
+def test_grasp_runtime_lost_terminal_stops_safely(sound: Bench, tmp_path: Path) -> None:
+    """As at the loss of an SSH session: SIGHUP arrives, and later reads and writes fail."""
     sound.prepare(active=True)
     journal = tmp_path / "journal.jsonl"
     ours, theirs = pty.openpty()
@@ -71,8 +71,10 @@ def test_a_terminal_that_is_gone(sound: Bench, tmp_path: Path) -> None:
     assert list(sound._low(Ended(code, "", "", journal))) == []
 
 
-def test_the_end_of_standard_input(sound: Bench, tmp_path: Path) -> None:
-    """Nobody can press Enter any more: between two blocks, the fingers at rest."""
+def test_calibrate_end_of_stdin_stops_fingers_and_writes_nothing(
+    sound: Bench, tmp_path: Path
+) -> None:
+    """The input ends between two gauge blocks, while the fingers are at rest."""
     sound.prepare(active=True)
     output = tmp_path / "gripper.json"
     words = calibrate_command(sound.cell, output, "--blocks", "0,20,40", "--grips", "1")
@@ -83,6 +85,6 @@ def test_the_end_of_standard_input(sound: Bench, tmp_path: Path) -> None:
     assert list(sound._moving(Ended(code, out, err, output))) == []
 
 
-def test_the_campaign_itself() -> None:
-    """Two cases of it; `tools/hostile signals` sends as many as one likes."""
+def test_campaign_of_two_cases_has_no_failures() -> None:
+    """`tools/hostile signals` runs any number of cases."""
     assert campaign(2, 16) == 0

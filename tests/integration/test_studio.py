@@ -1,4 +1,4 @@
-"""The studio as a user meets it: from a drawing over HTTP to a table and simulated parts, through a kill."""
+"""The studio over HTTP: from a drawing to a table and simulated parts, though the studio is killed."""
 
 import json
 import sys
@@ -41,7 +41,7 @@ def plan_of(studio):
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-def test_from_a_drawing_to_a_table_and_parts_though_the_studio_is_killed(tmp_path):
+def test_studio_killed_while_planning_still_gives_table_and_parts(tmp_path):
     studio = Studio(tmp_path)
     try:
         Page(studio.ask("/").decode())
@@ -68,7 +68,7 @@ def test_from_a_drawing_to_a_table_and_parts_though_the_studio_is_killed(tmp_pat
         table = studio.ask(f"/files/{plan['files']['table']}")
         assert table == (tmp_path / "plate.msgpack").read_bytes()
         assert load(tmp_path / "plate.msgpack").table.nodes
-        # Nothing hidden, no draft left.
+        # No hidden file or draft is left.
         assert {path.name[0] for path in tmp_path.iterdir()} == {"p"}
     finally:
         studio.kill()

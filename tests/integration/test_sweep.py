@@ -17,7 +17,7 @@ RADII = "uncertainty.radius_mm=4,6"
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory):
-    """The rectangle's job, planned hastily."""
+    """The rectangle's job, planned with few particles."""
     folder = tmp_path_factory.mktemp("job")
     return quick_job(folder / "job.toml", "particles = 200\nmax_depth = 3", *CERTAIN)
 
@@ -27,7 +27,7 @@ def compiled(job, output, *options):
     return called(plan_compile.main, *words)
 
 
-def test_each_table_is_the_one_its_job_alone_compiles_to(job, tmp_path):
+def test_plan_compile_vary_tables_equal_those_compiled_alone(job, tmp_path):
     assert compiled(job, tmp_path / "all", "--vary", RADII, "--vary", "seed=3").code == 0
     for radius in ("4", "6"):
         text = job.read_text(encoding="utf-8")
@@ -40,7 +40,7 @@ def test_each_table_is_the_one_its_job_alone_compiles_to(job, tmp_path):
         assert swept.read_bytes() == (tmp_path / "alone.msgpack").read_bytes()
 
 
-def test_a_bad_value_and_a_hopeless_one_leave_the_others_alone(job, tmp_path):
+def test_plan_compile_vary_bad_values_leave_other_jobs(job, tmp_path):
     values = "uncertainty.radius_mm=-1,4,45"
     code, out, err = compiled(job, tmp_path, "--vary", values, "--json")
     assert code == 3
@@ -55,7 +55,7 @@ def test_a_bad_value_and_a_hopeless_one_leave_the_others_alone(job, tmp_path):
     assert len(list(tmp_path.glob("*.msgpack"))) == 1
 
 
-def test_a_pipe_gets_a_line_for_each_job_and_a_terminal_a_table(job, tmp_path, monkeypatch):
+def test_plan_compile_vary_prints_lines_to_pipe_and_table_to_terminal(job, tmp_path, monkeypatch):
     words = job, tmp_path, "--vary"
     code, out, _ = compiled(*words, "uncertainty.radius_mm=4,wide")
     assert code == 3
@@ -72,7 +72,7 @@ def test_a_pipe_gets_a_line_for_each_job_and_a_terminal_a_table(job, tmp_path, m
     assert "│" in out
 
 
-def test_an_interrupt_keeps_the_tables_that_are_done(job, tmp_path, monkeypatch):
+def test_plan_compile_vary_interrupt_keeps_finished_tables(job, tmp_path, monkeypatch):
     all_outcomes = sweep_cli.outcomes
 
     def interrupted(*arguments):
@@ -98,7 +98,7 @@ def test_an_interrupt_keeps_the_tables_that_are_done(job, tmp_path, monkeypatch)
         ),
     ],
 )
-def test_a_sweep_that_makes_no_sense_is_refused_in_one_line(job, tmp_path, sweeps, words):
+def test_plan_compile_vary_invalid_sweep_is_refused_in_one_line(job, tmp_path, sweeps, words):
     options = [word for text in sweeps for word in ("--vary", text)]
     refused = compiled(job, tmp_path / "none", *options)
     assert (refused.code, refused.one_line) == (2, True)
@@ -106,7 +106,7 @@ def test_a_sweep_that_makes_no_sense_is_refused_in_one_line(job, tmp_path, sweep
     assert not (tmp_path / "none").exists()
 
 
-def test_combinations_come_in_the_order_of_the_command_line(job):
+def test_orders_of_combinations_follow_command_line(job):
     orders = orders_of(job, ["seed=1,2", "goal.distance_mm=3,4,3"])
     pairs = ((1, 3), (1, 4), (2, 3), (2, 4))
     labels = [f"seed={seed}, goal.distance_mm={distance}" for seed, distance in pairs]
@@ -117,14 +117,14 @@ def order(**values):
     return Order(tuple(values.items()), "{}")
 
 
-def test_files_are_named_after_the_values_and_stay_in_their_folder():
+def test_paths_of_names_files_by_values_within_folder():
     orders = [order(a="[0, 90]", b='"../x"'), order(a="1e-3", b="/etc")]
     names = [path.name for path in sweep_cli.paths_of(orders, Path("out"))]
     assert names == ["a=_0,_90_,b=_.._x.msgpack", "a=1e-3,b=_etc.msgpack"]
     assert {path.parent for path in sweep_cli.paths_of(orders, Path("out"))} == {Path("out")}
 
 
-def test_long_values_make_short_names_that_still_differ():
+def test_paths_of_long_values_are_short_and_distinct():
     outline = "[" + ", ".join(f"[{x}, 0]" for x in range(100))
     orders = [order(a=outline + end) for end in ("]", ", [0, 9]]")]
     paths = sweep_cli.paths_of(orders, Path("out"))
@@ -132,7 +132,7 @@ def test_long_values_make_short_names_that_still_differ():
     assert max(len(path.name) for path in paths) < 140
 
 
-def test_files_that_cannot_be_read_or_written_are_one_error(job, tmp_path):
+def test_plan_compile_vary_unusable_file_is_refused_in_one_line(job, tmp_path):
     path = tmp_path / "file.toml"
     path.write_text("seed = ")
     none, out = tmp_path / "none.toml", tmp_path / "out"
@@ -145,6 +145,6 @@ def test_files_that_cannot_be_read_or_written_are_one_error(job, tmp_path):
     ("folder", "values", "words"),
     [("x.msgpack", ("1", "2"), "name a folder"), ("out", ("{", "}"), "2 jobs would be written")],
 )
-def test_tables_that_would_have_one_name_are_refused(folder, values, words):
+def test_paths_of_equal_names_are_refused(folder, values, words):
     with pytest.raises(UsageError, match=words):
         sweep_cli.paths_of([order(a=value) for value in values], Path(folder))
