@@ -52,18 +52,18 @@ def test_write_json_holds_the_whole_table(tmp_path):
         validator.validate(result)
 
 
-def test_write_hostile_texts_cannot_end_a_comment(tmp_path):
+@pytest.mark.parametrize("form", ["c99", "st"])
+def test_write_hostile_texts_cannot_end_a_comment(form, tmp_path):
     hostile = "*/ int a; /* (* *) ??/\n\\ \u00e9"
     gripper = replace(small_table().gripper, model=hostile)
     table = replace(small_table(), tool=hostile, gripper=gripper)
-    for form in ("c99", "st"):
-        writer.write(TableFile(table, b"", "0" * 64), form, tmp_path / form)
-        text = (tmp_path / form / FORMS[form][0]).read_text()
-        assert "int a" in text
-        assert "*/ int a" not in text
-        assert "??" not in text
-        assert "\\" not in text
-        assert text.count("(*") == text.count("*)")
+    writer.write(TableFile(table, b"", "0" * 64), form, tmp_path)
+    text = (tmp_path / FORMS[form][0]).read_text()
+    assert "int a" in text
+    assert "*/ int a" not in text
+    assert "??" not in text
+    assert "\\" not in text
+    assert text.count("(*") == text.count("*)")
 
 
 def test_export_wrong_input_is_refused_in_one_line(tree, tmp_path):

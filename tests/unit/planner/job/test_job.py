@@ -105,7 +105,7 @@ WIDTH_AND_AREA = {"width_mm": 21, "area_mm": [-60, -60, 90, 60]}
 DELIVERY = "[delivery]\ndrop = [50, 0, 180]\n"
 
 
-def test_from_job_reads_the_delivery_that_the_job_states():
+def test_delivery_from_job_reads_what_the_job_states():
     result = job.parse(TEXT + DELIVERY + "width_mm = 21\narea_mm = [-60, -60, 90, 60]\n")
     assert job.from_canonical(result.canonical()) == result
     keys = {"drop": [50, 0, 180]} | WIDTH_AND_AREA

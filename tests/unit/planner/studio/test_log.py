@@ -80,6 +80,5 @@ def test_log_of_part_has_the_squeezes_before_its_outcome_once():
     warm = {"squeezed": {"before": {"x_mm": 0.0}, "after": {"x_mm": 0.0}, "width_mm": 21.0}}
     (shown,) = read(warm, first, again, other, part).parts
     assert [squeeze["width_mm"] for squeeze in shown["squeezes"]] == [21.0, 30.0]
-    assert read(first, part).parts[0]["squeezes"] == [
-        first["squeezed"]
-    ]  # too few, which `film` refuses
+    (lacking,) = read(first, part).parts
+    assert lacking["squeezes"] == [first["squeezed"]]  # too few, which `film` refuses

@@ -177,8 +177,8 @@ def test_plan_button_while_another_tab_plans_is_disabled_with_a_reason(
   return {{during, after: await settled(false), error: byId("error").textContent}};
 """
     seen = seen_in(script, running, read)
-    reason = "plate is being planned; stop it, or wait for it."
-    assert seen["during"] == {"disabled": True, "reason": reason}
+    assert seen["during"]["disabled"]
+    assert "plate is being planned" in seen["during"]["reason"]
     assert seen["after"] == {"disabled": False, "reason": ""}
     assert seen["error"] == ""
 

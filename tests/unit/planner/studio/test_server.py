@@ -150,9 +150,8 @@ def test_get_from_a_tab_closed_before_its_answer_prints_nothing(studio, capsys):
     ended = threading.Event()
     studio.shutdown_request = lambda request: (handled(request), ended.set())
     with socket.create_connection(("127.0.0.1", studio.server_port)) as tab:
-        tab.setsockopt(
-            socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0)
-        )  # closes with a reset
+        reset_when_closed = struct.pack("ii", 1, 0)
+        tab.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset_when_closed)
         host = f"127.0.0.1:{studio.server_port}"
         tab.sendall(f"GET /folder.json HTTP/1.0\r\nHost: {host}\r\n\r\n".encode())
         assert asked.wait(60)

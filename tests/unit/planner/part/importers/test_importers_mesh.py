@@ -14,7 +14,7 @@ from planner.part.tips import tips_height_mm
 from runtime.shell.errors import ExpectedError
 from runtime.table import PROFILES
 
-COUNT_MM = 0.001 * PROFILES["robotiq-2f-85"].stroke_um / 230  # one count of the encoder
+COUNT_MM = 0.001 * PROFILES["robotiq-2f-85"].stroke_um / 230  # of the encoder
 
 
 def solid(tmp_path, mesh, **how):

@@ -10,9 +10,8 @@ from runtime.shell.errors import ExpectedError
 
 L_AREA = 40 * 25 - 25 * 15
 L_PATH = "M5 5 H45 V15 H20 V30 H5 Z"
-JIG = (
-    '<rect width="90" height="70"/>'  # surrounds the part: it is the outline unless it is left out
-)
+# A rectangle about the part, which is the outline unless it is left out.
+JIG = '<rect width="90" height="70"/>'
 USE = '<use href="#s" width="40" height="20"/>'
 PLATE = '<rect width="400" height="200"/>'
 
@@ -89,7 +88,7 @@ NOTED = {
     "another sheet": ('<style>@import "x.css";</style>', 'not read.*: @import "x.css"'),
     "wide stroke": (
         '<g transform="scale(2)"><path stroke-width="3" stroke="red" d="M9 4h1"/></g>',
-        "strokes up to 6 mm wide; the outline runs along their middle",
+        "strokes up to 6 mm wide",
     ),
     "text and pictures": ("<text>a</text><text>b</text><image/>", "ignored: 1 image, 2 text"),
     "a copy of nothing": (
